@@ -1,0 +1,82 @@
+# make demo       set up the core (no torch) and run the main job on a scripted policy
+# make test       set up everything and run the tests
+# make help       the other targets
+SHELL := /bin/sh
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+VENV ?= .venv
+LATEST := .venv-latest
+BIN := $(VENV)/bin
+PYTEST = -m pytest -q
+# Extra arguments: make test ARGS="-k controller"
+ARGS ?=
+
+.PHONY: help demo setup setup-core lint format test regression regression-update test-latest bench lock clean
+
+help: ## List the targets
+	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
+
+demo: setup-core ## Run the main job on a scripted policy (core packages only)
+	$(BIN)/wholebody run lissajous --duration 10 $(ARGS)
+
+setup-core: $(VENV)/.core-installed ## Make .venv with the core packages
+
+setup: $(VENV)/.all-installed ## Make .venv with everything: lerobot, torch and the development tools
+
+lint: $(VENV)/.all-installed ## Check style and formatting
+	$(BIN)/ruff check $(ARGS)
+	$(BIN)/ruff format --check
+
+format: $(VENV)/.all-installed ## Fix style and formatting
+	$(BIN)/ruff check --fix $(ARGS)
+	$(BIN)/ruff format
+
+test: $(VENV)/.all-installed ## Run the tests
+	$(BIN)/python $(PYTEST) -m "not regression and not latest" $(ARGS)
+
+regression: $(VENV)/.all-installed ## Run the long studies against their stored values
+	$(BIN)/python $(PYTEST) -m regression $(ARGS)
+
+regression-update: $(VENV)/.all-installed ## Run the long studies and store their values, stamped with the versions used
+	$(BIN)/python $(PYTEST) -m regression --regression-update $(ARGS)
+
+test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
+	$(LATEST)/bin/python $(PYTEST) -m "not regression" $(ARGS)
+
+bench: $(VENV)/.all-installed ## Time one controller tick
+	$(BIN)/wholebody bench tick $(ARGS)
+
+lock: $(VENV)/.core-installed ## Resolve the two locks again (make lock ARGS=--upgrade for newer versions)
+	$(call compile,--all-extras --constraint requirements/pins.txt,all)
+	$(call compile,--constraint requirements/all.txt,core)
+	@! grep -nE '://|^-' requirements/all.txt requirements/core.txt || { echo "a lock names a host or a path" >&2; exit 1; }
+
+# The core lock is constrained by the other one: a package has the same version in both.
+define compile
+$(BIN)/uv pip compile --quiet --generate-hashes --universal --python-version 3.12 --no-header --no-annotate \
+	$(1) $(ARGS) pyproject.toml requirements/setup.in --output-file requirements/$(2).txt
+endef
+
+clean: ## Remove the environments and caches
+	rm -rf $(VENV) $(LATEST) build dist .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Environments. A stamp is older than its lock when the lock changed: set-up runs again.
+$(VENV)/bin/python:
+	@python=$$(requirements/find-python) && echo "making $(VENV) with $$python" && "$$python" -m venv $(VENV)
+
+$(VENV)/.core-installed: requirements/core.txt pyproject.toml | $(VENV)/bin/python
+	requirements/install $(VENV) requirements/core.txt
+	@touch $@
+
+$(VENV)/.all-installed: requirements/all.txt pyproject.toml | $(VENV)/bin/python
+	requirements/install $(VENV) requirements/all.txt
+	@touch $@ $(VENV)/.core-installed
+
+# Unlocked on purpose: the newest placo, and the pin it asks for.
+$(LATEST)/.installed: pyproject.toml requirements/setup.in
+	@python=$$(requirements/find-python) && "$$python" -m venv --clear $(LATEST)
+	$(LATEST)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/setup.in
+	$(LATEST)/bin/uv pip install --quiet --python $(LATEST)/bin/python --upgrade --editable '.[dev]' 'placo>=0.10.2'
+	@touch $@
