@@ -1,0 +1,89 @@
+"""The robot in Pinocchio: free-flyer base, armature and limits of the spec, tool frames, collision hulls."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from models.spec import RobotSpec, SpecError
+
+# Position and speed limits of the free flyer are this in Pinocchio: neither infinite nor usable.
+_HUGE = 1e300
+
+
+def load_pinocchio(spec: RobotSpec) -> pin.Model:
+    """The robot with a free-flyer base; joint limits, armature, dry friction and damping are the spec's.
+
+    Limits of the base entries are infinite (Pinocchio has +-1.8e308 there). Frames named ``*_palm_point`` are added.
+
+    Raises:
+        SpecError: If the URDF lacks a joint or frame of the spec, or has a joint more.
+    """
+    model = pin.buildModelFromUrdf(str(spec.urdf), pin.JointModelFreeFlyer())
+    model.name = spec.name
+    _check_joints(spec, model)
+    _set_joint_numbers(spec, model)
+    add_tool_frames(spec, model)
+    return model
+
+
+def add_tool_frames(spec: RobotSpec, model: pin.Model) -> None:
+    """Add the palm points as operational frames fixed to the wrists; frames that exist already are left alone.
+
+    Raises:
+        SpecError: If the model lacks a wrist frame.
+    """
+    for tool in spec.tools:
+        if model.existFrame(tool.palm_frame):
+            continue
+        parent = frame_id(model, tool.wrist_frame)
+        wrist = model.frames[parent]
+        placement = wrist.placement * pin.SE3(np.eye(3), np.array(tool.palm_offset))
+        model.addFrame(pin.Frame(tool.palm_frame, wrist.parentJoint, parent, placement, pin.FrameType.OP_FRAME))
+
+
+def palm_frame_ids(spec: RobotSpec, model: pin.Model) -> tuple[int, ...]:
+    """Frame indices of the palm points, left then right.
+
+    Raises:
+        SpecError: If the model lacks them; `add_tool_frames` adds them.
+    """
+    return tuple(frame_id(model, tool.palm_frame) for tool in spec.tools)
+
+
+def frame_id(model: pin.Model, name: str) -> int:
+    """Index of a frame; Pinocchio's own look-up answers ``nframes`` for a name it does not know.
+
+    Raises:
+        SpecError: If there is no such frame.
+    """
+    index = model.getFrameId(name)
+    if index >= model.nframes:
+        bodies = sorted(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)
+        raise SpecError(f"model '{model.name}' has no frame '{name}'; bodies: {', '.join(bodies)}")
+    return index
+
+
+def _check_joints(spec: RobotSpec, model: pin.Model) -> None:
+    in_model = set(list(model.names)[2:])
+    missing, extra = sorted(set(spec.joint_names) - in_model), sorted(in_model - set(spec.joint_names))
+    if missing or extra:
+        raise SpecError(f"{spec.urdf.name} and spec '{spec.name}' differ: missing {missing}, not in the spec {extra}")
+    for frame in [*(foot.frame for foot in spec.feet), spec.torso_body, spec.imu_frame]:
+        frame_id(model, frame)
+
+
+def _set_joint_numbers(spec: RobotSpec, model: pin.Model) -> None:
+    for joint in spec.joints:
+        entry = model.joints[model.getJointId(joint.name)]
+        v, q = entry.idx_v, entry.idx_q
+        model.armature[v] = joint.armature
+        model.damping[v] = joint.damping
+        model.friction[v] = joint.friction_loss
+        model.effortLimit[v] = joint.effort_max
+        model.velocityLimit[v] = joint.velocity_max
+        model.lowerPositionLimit[q] = joint.position_min
+        model.upperPositionLimit[q] = joint.position_max
+    for limit in (model.effortLimit, model.velocityLimit, model.upperPositionLimit):
+        limit[limit > _HUGE] = np.inf
+    model.lowerPositionLimit[model.lowerPositionLimit < -_HUGE] = -np.inf
