@@ -1,0 +1,51 @@
+"""Exceptions of the package: one base, each class also the builtin that fits.
+
+*Infeasible* is never an exception: it is a status in a result. These are for misuse and for things that broke.
+A message says what, the value with its unit, the bound, and what would work; the fields are kept as attributes.
+"""
+
+from __future__ import annotations
+
+
+class WholebodyError(Exception):
+    """Base of everything that `wholebody` raises on purpose.
+
+    Attributes:
+        fields: What the message was made of, by name (for reports); empty if there is nothing to add.
+    """
+
+    def __init__(self, message: str, **fields: object) -> None:
+        super().__init__(message)
+        self.fields = fields
+
+
+class InputError(WholebodyError, ValueError):
+    """An argument or a file has a wrong value, shape, unit or format."""
+
+
+class NameLookupError(WholebodyError, KeyError):
+    """A body, frame, joint, solver or option of that name does not exist; the message lists those that do."""
+
+    def __str__(self) -> str:
+        """The message itself: `KeyError` would show it in quotes."""
+        return str(self.args[0])
+
+
+class ConfigError(WholebodyError, ValueError):
+    """A configuration has an unknown key or a value out of range."""
+
+
+class StateError(WholebodyError, RuntimeError):
+    """A call came at a wrong time, for example `step` before `reset`."""
+
+
+class SolverError(WholebodyError, RuntimeError):
+    """No solver could be run on a problem (an infeasible problem is a status, not this)."""
+
+
+class SimulationError(WholebodyError, RuntimeError):
+    """The physics became non-finite or lost its model."""
+
+
+class RenderError(WholebodyError, RuntimeError):
+    """No picture could be made, for example because no OpenGL library is installed."""
