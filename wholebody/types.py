@@ -98,7 +98,8 @@ def check_state(state: RobotState, n_joints: int) -> RobotState:
     norm = float(np.linalg.norm(state.q[3:7]))
     if not abs(norm - 1.0) <= _QUATERNION_TOLERANCE:
         raise InputError(
-            f"state.q[3:7], the base quaternion xyzw, has norm {norm:.6g}; it must be 1 within {_QUATERNION_TOLERANCE:g}",
+            f"state.q[3:7], the base quaternion xyzw, has norm {norm:.6g}; "
+            f"it must be 1 within {_QUATERNION_TOLERANCE:g}",
             field="state.q",
             value=norm,
         )
