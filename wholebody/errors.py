@@ -20,15 +20,7 @@ class WholebodyError(Exception):
 
 
 class InputError(WholebodyError, ValueError):
-    """An argument or a file has a wrong value, shape, unit or format."""
-
-
-class NameLookupError(WholebodyError, KeyError):
-    """A body, frame, joint, solver or option of that name does not exist; the message lists those that do."""
-
-    def __str__(self) -> str:
-        """The message itself: `KeyError` would show it in quotes."""
-        return str(self.args[0])
+    """An argument or a file has a wrong value, name, shape, unit or format."""
 
 
 class ConfigError(WholebodyError, ValueError):
