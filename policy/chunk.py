@@ -1,0 +1,126 @@
+"""The action chunk: where both wrists and all fingers should be over the next second or two, in world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from policy.errors import ChunkError
+from policy.rotations import rotation_residual
+
+ROTATION_TOLERANCE = 1e-6
+"""Largest residual of a pose's rotation: decoding orthonormalises, so more than rounding is a mistake."""
+
+_POSES = ("T_world_lhand", "T_world_rhand")
+_OPTIONAL = {"q_larm": 7, "q_rarm": 7, "q_waist": 3, "base_height": 0, "base_velocity": 3}
+
+
+@dataclass(frozen=True)
+class ActionChunk:
+    """``H`` steps of targets at ``times``, anchored in time and in world.
+
+    Legend: lhand and rhand are the frames ``left_wrist_yaw_link`` and ``right_wrist_yaw_link`` (a tool offset of the
+    spec is already taken off), joints are in motor order (`policy.joints`), H is the number of steps.
+
+    Attributes:
+        spec_id: `ActionSpec.id` of the layout that it was decoded from.
+        seq: Number of the chunk within the episode, from 0.
+        t_obs: Time of the observation that it answers; step 0 is meant for this time [s].
+        fps: Steps per second [Hz].
+        T_world_lhand, T_world_rhand: Wrist poses, shape (H, 4, 4).
+        q_lhand, q_rhand: Dex3 joints, shape (H, 7), [rad]; the right hand lists index before middle.
+        q_larm, q_rarm: Arm joints that the source had in mind, shape (H, 7), [rad]; a hint, the poses rule.
+        q_waist: Waist yaw, roll, pitch as in motor order, shape (H, 3), [rad]; a hint.
+        base_height: Pelvis height above the floor, shape (H,), [m]; a hint.
+        base_velocity: Planar velocity of the pelvis x, y [m/s] and yaw rate [rad/s], shape (H, 3).
+    """
+
+    spec_id: str
+    seq: int
+    t_obs: float
+    fps: float
+    T_world_lhand: np.ndarray
+    T_world_rhand: np.ndarray
+    q_lhand: np.ndarray
+    q_rhand: np.ndarray
+    q_larm: np.ndarray | None = None
+    q_rarm: np.ndarray | None = None
+    q_waist: np.ndarray | None = None
+    base_height: np.ndarray | None = None
+    base_velocity: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        """Number of steps H."""
+        return len(self.T_world_lhand)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Time of each step, shape (H,), [s]."""
+        return self.t_obs + np.arange(len(self)) / self.fps
+
+    def validate(self, *, after: ActionChunk | None = None) -> None:
+        """Check everything that can be checked without a robot.
+
+        Args:
+            after: The chunk before it in the same episode: number and time must increase from it.
+
+        Raises:
+            ChunkError: With the offending step and field.
+        """
+        self._check_clock()
+        steps = np.asarray(self.T_world_lhand).shape[0] if np.ndim(self.T_world_lhand) else 0
+        if steps < 1:
+            raise ChunkError("the chunk has no step; at least one is expected", slot="T_world_lhand")
+        for name in _POSES:
+            self._check_array(name, (steps, 4, 4))
+            self._check_poses(name)
+        for name in ("q_lhand", "q_rhand"):
+            self._check_array(name, (steps, 7))
+        for name, width in _OPTIONAL.items():
+            if getattr(self, name) is not None:
+                self._check_array(name, (steps, width) if width else (steps,))
+        if after is not None:
+            self._check_order(after)
+
+    def _check_clock(self) -> None:
+        if not np.isfinite(self.t_obs):
+            raise ChunkError(f"t_obs is {self.t_obs}; a finite time in seconds is expected", slot="t_obs")
+        if not (np.isfinite(self.fps) and self.fps > 0.0):
+            raise ChunkError(f"fps is {self.fps}; a positive rate in Hz is expected, so that time increases", slot="fps")
+        if not np.all(np.diff(self.times) > 0.0):
+            raise ChunkError(f"times do not increase at t_obs {self.t_obs} s and {self.fps} Hz", slot="t_obs")
+
+    def _check_array(self, name: str, shape: tuple[int, ...]) -> None:
+        value = np.asarray(getattr(self, name))
+        if value.shape != shape:
+            raise ChunkError(f"{name} has shape {value.shape}; {shape} is expected", slot=name)
+        if not np.issubdtype(value.dtype, np.floating):
+            raise ChunkError(f"{name} has the type {value.dtype}; floating point is expected", slot=name)
+        bad = ~np.isfinite(value)
+        if bad.any():
+            index = [int(i) for i in np.argwhere(bad)[0]]
+            raise ChunkError(f"{name} is {value[tuple(index)]} at step {index[0]}", step=index[0], slot=name)
+
+    def _check_poses(self, name: str) -> None:
+        T = np.asarray(getattr(self, name))
+        residual = rotation_residual(T[:, :3, :3])
+        bad = ~(residual <= ROTATION_TOLERANCE) | (np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]) > ROTATION_TOLERANCE).any(1)
+        if bad.any():
+            step = int(np.flatnonzero(bad)[0])
+            raise ChunkError(
+                f"{name} is no rigid transform at step {step}: rotation residual {residual[step]:.2g}, "
+                f"allowed {ROTATION_TOLERANCE}, last row {T[step, 3].tolist()}",
+                step=step,
+                slot=name,
+            )
+
+    def _check_order(self, before: ActionChunk) -> None:
+        if self.t_obs <= before.t_obs:
+            raise ChunkError(
+                f"t_obs {self.t_obs:.4f} s is not after that of the chunk before it, {before.t_obs:.4f} s: "
+                "a repeated or late chunk",
+                slot="t_obs",
+            )
+        if self.seq <= before.seq:
+            raise ChunkError(f"seq {self.seq} is not after {before.seq}: a chunk from before a reset?", slot="seq")

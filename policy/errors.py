@@ -1,0 +1,45 @@
+"""What can go wrong at the policy boundary, as exceptions that are also ``ValueError``."""
+
+from __future__ import annotations
+
+
+class PolicyError(Exception):
+    """Base of every exception of this package."""
+
+
+class RotationError(PolicyError, ValueError):
+    """Numbers that are no rotation."""
+
+
+class ObservationError(PolicyError, ValueError):
+    """An observation with a wrong shape or a value that is not finite."""
+
+
+class SpecError(PolicyError, ValueError):
+    """An action spec that is malformed, or two specs that differ."""
+
+
+class ChunkError(PolicyError, ValueError):
+    """An action chunk, or raw actions, that cannot be executed.
+
+    Attributes:
+        step: Offending step, or None where the chunk as a whole is wrong.
+        slot: Offending slot or field, or None.
+    """
+
+    def __init__(self, message: str, *, step: int | None = None, slot: str | None = None) -> None:
+        super().__init__(message)
+        self.step = step
+        self.slot = slot
+
+
+class FileFormatError(PolicyError, ValueError):
+    """A chunk or motion file that is malformed.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, message: str, *, path: str = "") -> None:
+        super().__init__(f"{path}: {message}" if path else message)
+        self.path = path

@@ -1,0 +1,58 @@
+"""What a policy sees of the robot at one instant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from policy.errors import ObservationError
+from policy.rotations import rotation_residual
+
+
+@dataclass(frozen=True)
+class Observation:
+    """State, images and task at one time.
+
+    Attributes:
+        time: Time of the measurement on the robot's clock [s].
+        q_body: The 29 body joints in motor order (`policy.joints.BODY_JOINTS`), shape (29,), [rad].
+        q_lhand: Left Dex3 joints (`LEFT_HAND_JOINTS`), shape (7,), [rad].
+        q_rhand: Right Dex3 joints (`RIGHT_HAND_JOINTS`: index before middle), shape (7,), [rad].
+        T_world_base: Measured pelvis in world, shape (4, 4).
+        images: Camera name to image, uint8, shape (height, width, 3), RGB.
+        task: What to do, in words.
+    """
+
+    time: float
+    q_body: np.ndarray
+    q_lhand: np.ndarray
+    q_rhand: np.ndarray
+    T_world_base: np.ndarray
+    images: Mapping[str, np.ndarray] = field(default_factory=lambda: MappingProxyType({}))
+    task: str = ""
+
+    def validate(self) -> None:
+        """Check shapes, finiteness and the pelvis rotation.
+
+        Raises:
+            ObservationError: Naming the field.
+        """
+        if not np.isfinite(self.time):
+            raise ObservationError(f"time is {self.time}; a finite number of seconds is expected")
+        for name, shape in {"q_body": (29,), "q_lhand": (7,), "q_rhand": (7,), "T_world_base": (4, 4)}.items():
+            value = np.asarray(getattr(self, name))
+            if value.shape != shape:
+                raise ObservationError(f"{name} has shape {value.shape}; {shape} is expected")
+            if not np.isfinite(value).all():
+                raise ObservationError(f"{name} is not finite at {np.argwhere(~np.isfinite(value))[0].tolist()}")
+        residual = rotation_residual(self.T_world_base[:3, :3])
+        if not residual <= 1e-6:
+            raise ObservationError(f"T_world_base has no rotation (residual {residual:.2g} > 1e-6)")
+        for name, image in self.images.items():
+            if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+                raise ObservationError(
+                    f"image '{name}' is {image.dtype} of shape {image.shape}; uint8 (height, width, 3) is expected"
+                )

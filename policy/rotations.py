@@ -1,0 +1,216 @@
+"""Rotations between the forms that policies speak and 3x3 matrices, vectorised over leading axes.
+
+Conventions, once: ``rot6d`` ``cols`` is the first column followed by the second, ``rows`` the first row followed by
+the second (a transpose, that is the inverse rotation); ``rpy`` is roll, pitch, yaw about fixed x, y, z axes, so
+``R = Rz(yaw) Ry(pitch) Rx(roll)`` as in URDF; quaternions always name their order.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+
+from policy.errors import RotationError
+
+Rot6dLayout = Literal["rows", "cols"]
+QuaternionOrder = Literal["xyzw", "wxyz"]
+
+ROT6D_NORM_MIN = 0.1
+"""Shortest rot6d vector accepted: below it, its direction is noise."""
+ROT6D_SINE_MIN = 0.1
+"""Least sine of the angle between both rot6d vectors: below it, they are near-parallel (6 degrees)."""
+QUATERNION_TOLERANCE = 1e-3
+"""Largest distance of a quaternion's norm from 1 in files and states (float32 and six printed digits pass)."""
+
+
+def rot6d_to_matrix(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
+    """Rotation from two vectors by Gram-Schmidt.
+
+    Args:
+        rot6d: Shape ``(..., 6)``.
+        layout: ``cols`` or ``rows``; there is no default because guessing it wrong is silent.
+
+    Returns:
+        Rotation matrices, shape ``(..., 3, 3)``.
+
+    Raises:
+        RotationError: If a vector is too short or both are near-parallel.
+
+    Source:
+        Zhou et al. 2019, "On the Continuity of Rotation Representations in Neural Networks".
+    """
+    _check_layout(layout)
+    rot6d = _finite(rot6d, 6, "rot6d")
+    first, second = rot6d[..., :3], rot6d[..., 3:]
+    norms = np.linalg.norm(rot6d.reshape(*rot6d.shape[:-1], 2, 3), axis=-1)
+    if (norms < ROT6D_NORM_MIN).any():
+        where = _first(norms.min(axis=-1) < ROT6D_NORM_MIN)
+        raise RotationError(
+            f"rot6d{where} has a vector of norm {norms.min():.3g}, below {ROT6D_NORM_MIN}: its direction is noise; "
+            "unit vectors are expected"
+        )
+    x = first / norms[..., :1]
+    rest = second - np.sum(x * second, axis=-1, keepdims=True) * x
+    sine = np.linalg.norm(rest, axis=-1) / norms[..., 1]
+    if (sine < ROT6D_SINE_MIN).any():
+        where = _first(sine < ROT6D_SINE_MIN)
+        raise RotationError(
+            f"rot6d{where} has two near-parallel vectors (sine {sine.min():.3g} < {ROT6D_SINE_MIN}): "
+            "they must be two different axes"
+        )
+    y = rest / np.linalg.norm(rest, axis=-1, keepdims=True)
+    rows = np.stack([x, y, np.cross(x, y)], axis=-2)
+    return rows if layout == "rows" else np.swapaxes(rows, -1, -2)
+
+
+def matrix_to_rot6d(R: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
+    """First two columns or rows of rotation matrices ``(..., 3, 3)``, shape ``(..., 6)``."""
+    _check_layout(layout)
+    R = np.asarray(R, dtype=float)
+    pair = R[..., :2, :] if layout == "rows" else np.swapaxes(R, -1, -2)[..., :2, :]
+    return pair.reshape(*R.shape[:-2], 6)
+
+
+def quaternion_to_matrix(
+    quat: np.ndarray, order: QuaternionOrder, *, tolerance: float = QUATERNION_TOLERANCE
+) -> np.ndarray:
+    """Rotation matrices from unit quaternions.
+
+    Args:
+        quat: Shape ``(..., 4)``.
+        order: ``xyzw`` or ``wxyz``.
+        tolerance: Largest distance of the norm from 1; within it the quaternion is normalised.
+
+    Returns:
+        Shape ``(..., 3, 3)``.
+
+    Raises:
+        RotationError: If a norm is too far from 1.
+    """
+    _check_order(order)
+    quat = _finite(quat, 4, "quaternion")
+    norm = np.linalg.norm(quat, axis=-1, keepdims=True)
+    bad = np.abs(norm[..., 0] - 1.0) > tolerance
+    if bad.any():
+        raise RotationError(
+            f"quaternion{_first(bad)} has norm {norm[..., 0][bad].flat[0]:.4g}, not 1 within {tolerance}; "
+            f"a unit quaternion in the order {order} is expected"
+        )
+    quat = quat / norm
+    x, y, z, w = np.moveaxis(quat if order == "xyzw" else np.roll(quat, -1, axis=-1), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quaternion(R: np.ndarray, order: QuaternionOrder) -> np.ndarray:
+    """Unit quaternions with ``w >= 0``, shape ``(..., 4)``, from rotation matrices ``(..., 3, 3)``.
+
+    Source:
+        Shepperd 1978, "Quaternion from rotation matrix": divides by the largest component, so it is exact near pi.
+    """
+    _check_order(order)
+    R = np.asarray(R, dtype=float)
+    xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
+    # The four candidates are the quaternion times 4x, 4y, 4z, 4w.
+    skew = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
+    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
+    candidates = np.stack(
+        [
+            np.stack([1 + xx - yy - zz, xy, xz, skew[..., 0]], axis=-1),
+            np.stack([xy, 1 - xx + yy - zz, yz, skew[..., 1]], axis=-1),
+            np.stack([xz, yz, 1 - xx - yy + zz, skew[..., 2]], axis=-1),
+            np.concatenate([skew, (1 + xx + yy + zz)[..., None]], axis=-1),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
+    quat = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+    quat = np.where(quat[..., 3:] < 0.0, -quat, quat)
+    return quat if order == "xyzw" else np.roll(quat, 1, axis=-1)
+
+
+def rotvec_to_matrix(rotvec: np.ndarray) -> np.ndarray:
+    """Exponential map: axis times angle [rad], shape ``(..., 3)``, to matrices ``(..., 3, 3)``."""
+    rotvec = _finite(rotvec, 3, "rotation vector")
+    half = 0.5 * np.linalg.norm(rotvec, axis=-1, keepdims=True)
+    # np.sinc(x) = sin(pi x) / (pi x), so this is sin(angle / 2) / angle without a division by zero.
+    quat = np.concatenate([0.5 * np.sinc(half / np.pi) * rotvec, np.cos(half)], axis=-1)
+    return quaternion_to_matrix(quat, "xyzw")
+
+
+def matrix_to_rotvec(R: np.ndarray) -> np.ndarray:
+    """Logarithm: matrices ``(..., 3, 3)`` to axis times angle, shape ``(..., 3)`` [rad], angle in [0, pi]."""
+    quat = matrix_to_quaternion(R, "xyzw")
+    vector, w = quat[..., :3], quat[..., 3:]
+    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, w)
+    # angle / sine tends to 2 at the identity, where w = 1.
+    small = sine < 1e-12
+    return np.where(small, 2.0, angle / np.where(small, 1.0, sine)) * vector
+
+
+def rpy_to_matrix(rpy: np.ndarray) -> np.ndarray:
+    """``Rz(yaw) Ry(pitch) Rx(roll)`` from roll, pitch, yaw ``(..., 3)`` [rad]."""
+    rpy = _finite(rpy, 3, "rpy")
+    (cr, cp, cy), (sr, sp, sy) = np.moveaxis(np.cos(rpy), -1, 0), np.moveaxis(np.sin(rpy), -1, 0)
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_rpy(R: np.ndarray) -> np.ndarray:
+    """Roll, pitch, yaw ``(..., 3)`` [rad]; at pitch ±pi/2, where roll and yaw are one, roll is 0."""
+    R = np.asarray(R, dtype=float)
+    cos_pitch = np.hypot(R[..., 0, 0], R[..., 1, 0])
+    pitch = np.arctan2(-R[..., 2, 0], cos_pitch)
+    locked = cos_pitch < 1e-9
+    roll = np.where(locked, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2]))
+    yaw = np.where(locked, np.arctan2(-R[..., 0, 1], R[..., 1, 1]), np.arctan2(R[..., 1, 0], R[..., 0, 0]))
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def rotation_residual(R: np.ndarray) -> np.ndarray:
+    """How far matrices ``(..., 3, 3)`` are from rotations, shape ``(...,)``; NaN where not finite, 2 for mirrors."""
+    R = np.asarray(R, dtype=float)
+    gram = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-2, -1))
+    return np.maximum(gram, np.abs(np.linalg.det(R) - 1.0))
+
+
+def angle_between(R_a: np.ndarray, R_b: np.ndarray) -> np.ndarray:
+    """Angle of the rotation from one matrix to another [rad], over leading axes."""
+    return np.linalg.norm(matrix_to_rotvec(np.swapaxes(R_a, -1, -2) @ R_b), axis=-1)
+
+
+def _check_layout(layout: str) -> None:
+    if layout not in get_args(Rot6dLayout):
+        raise RotationError(f"unknown rot6d layout {layout!r}; it is 'rows' or 'cols'")
+
+
+def _check_order(order: str) -> None:
+    if order not in get_args(QuaternionOrder):
+        raise RotationError(f"unknown quaternion order {order!r}; it is 'xyzw' or 'wxyz'")
+
+
+def _finite(values: np.ndarray, width: int, what: str) -> np.ndarray:
+    values = np.asarray(values, dtype=float)
+    if values.shape[-1:] != (width,):
+        raise RotationError(f"{what} has shape {values.shape}; its last axis must be {width}")
+    bad = ~np.isfinite(values).all(axis=-1)
+    if bad.any():
+        raise RotationError(f"{what}{_first(bad)} is not finite")
+    return values
+
+
+def _first(bad: np.ndarray) -> str:
+    """Index of the first bad element as text, empty for a single one."""
+    bad = np.asarray(bad)
+    return "" if bad.ndim == 0 else f" {tuple(int(i) for i in np.argwhere(bad)[0])}"
