@@ -1,0 +1,53 @@
+"""The store behind `make regression`: what is written is found again, what changed is reported with its versions."""
+
+import pytest
+from stored import StoredValues, current_versions
+
+
+def store(tmp_path, value=1.5):
+    values = StoredValues(tmp_path / "regression" / "test_x.json", "test_a", update=True)
+    values.check("rms_mm", value, tolerance=0.1)
+    values.save()
+    return values.path
+
+
+def test_a_stored_value_is_compared_within_its_tolerance(tmp_path):
+    path = store(tmp_path)
+    StoredValues(path, "test_a", update=False).check("rms_mm", 1.6, tolerance=0.11)
+    with pytest.raises(AssertionError, match=r"rms_mm = 1\.7, stored 1\.5.*mujoco.*regression-update"):
+        StoredValues(path, "test_a", update=False).check("rms_mm", 1.7, tolerance=0.11)
+
+
+def test_a_value_that_was_never_stored_fails(tmp_path):
+    path = store(tmp_path)
+    with pytest.raises(AssertionError, match="no stored value"):
+        StoredValues(path, "test_a", update=False).check("max_mm", 1.0, tolerance=1.0)
+    with pytest.raises(AssertionError, match="no stored value"):
+        StoredValues(path, "test_b", update=False).check("rms_mm", 1.5, tolerance=1.0)
+
+
+@pytest.mark.parametrize("update", [True, False])
+def test_nan_is_never_stored_and_never_passes(tmp_path, update):
+    path = store(tmp_path)
+    with pytest.raises(AssertionError, match="nan"):
+        StoredValues(path, "test_a", update=update).check("rms_mm", float("nan"), tolerance=1.0)
+
+
+def test_storing_one_test_keeps_the_others_and_their_stamps(tmp_path):
+    path = store(tmp_path)
+    other = StoredValues(path, "test_b", update=True)
+    other.check("falls", 0, tolerance=0.0)
+    other.save()
+    kept = StoredValues(path, "test_a", update=False)
+    kept.check("rms_mm", 1.5, tolerance=0.0)
+    assert kept.entry["versions"] == current_versions()
+    assert kept.entry["versions"]["mujoco"] != "not installed"
+
+
+def test_comparing_writes_nothing(tmp_path):
+    path = store(tmp_path)
+    before = path.read_text()
+    values = StoredValues(path, "test_a", update=False)
+    values.check("rms_mm", 1.55, tolerance=0.1)
+    values.save()
+    assert path.read_text() == before
