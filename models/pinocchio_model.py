@@ -2,29 +2,58 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pinocchio as pin
 
-from models.spec import RobotSpec, SpecError
+from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, RobotSpec, SpecError
+from models.urdf import light_urdf
 
 # Position and speed limits of the free flyer are this in Pinocchio: neither infinite nor usable.
 _HUGE = 1e300
 
 
-def load_pinocchio(spec: RobotSpec) -> pin.Model:
+def load_pinocchio(spec: RobotSpec, *, payload_kg: tuple[float, float] = (0.0, 0.0)) -> pin.Model:
     """The robot with a free-flyer base; joint limits, armature, dry friction and damping are the spec's.
 
     Limits of the base entries are infinite (Pinocchio has +-1.8e308 there). Frames named ``*_palm_point`` are added.
 
+    Args:
+        spec: The robot.
+        payload_kg: Mass held by the left and right hand [kg], where `load_mujoco` puts it.
+
     Raises:
-        SpecError: If the URDF lacks a joint or frame of the spec, or has a joint more.
+        SpecError: If the URDF lacks a joint or frame of the spec, or has a joint more, or a payload is negative.
     """
     model = pin.buildModelFromUrdf(str(spec.urdf), pin.JointModelFreeFlyer())
     model.name = spec.name
     _check_joints(spec, model)
     _set_joint_numbers(spec, model)
     add_tool_frames(spec, model)
+    _add_payload(spec, model, payload_kg)
     return model
+
+
+def load_collision(spec: RobotSpec, model: pin.Model) -> pin.GeometryModel:
+    """Convex collision shapes of the robot with the pairs whose distance matters.
+
+    Pairs within two joints and within one hand are left out. Shapes are named ``<link>_<n>``.
+
+    Args:
+        spec: The robot.
+        model: Made by `load_pinocchio` from the same spec.
+
+    Raises:
+        SpecError: If a mesh is missing or the cache of hulls cannot be written.
+    """
+    urdf = light_urdf(spec)
+    geometry = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION)
+    geometry.removeAllCollisionPairs()
+    ids = {shape.name: index for index, shape in enumerate(geometry.geometryObjects)}
+    for first, second in json.loads((urdf.parent / "collisions.json").read_text()):
+        geometry.addCollisionPair(pin.CollisionPair(ids[first], ids[second]))
+    return geometry
 
 
 def add_tool_frames(spec: RobotSpec, model: pin.Model) -> None:
@@ -87,3 +116,13 @@ def _set_joint_numbers(spec: RobotSpec, model: pin.Model) -> None:
     for limit in (model.effortLimit, model.velocityLimit, model.upperPositionLimit):
         limit[limit > _HUGE] = np.inf
     model.lowerPositionLimit[model.lowerPositionLimit < -_HUGE] = -np.inf
+
+
+def _add_payload(spec: RobotSpec, model: pin.Model, payload_kg: tuple[float, float]) -> None:
+    for tool, mass in zip(spec.tools, payload_kg, strict=True):
+        if not 0.0 <= mass < np.inf:
+            raise SpecError(f"payload of the {tool.side} hand is {mass} kg, must be finite and at least 0")
+        if mass > 0.0:
+            palm = model.frames[frame_id(model, tool.palm_body)]
+            placement = palm.placement * pin.SE3(np.eye(3), np.array([PAYLOAD_AHEAD, 0.0, 0.0]))
+            model.appendBodyToJoint(palm.parentJoint, pin.Inertia.FromSphere(mass, PAYLOAD_RADIUS), placement)

@@ -17,6 +17,12 @@ import numpy as np
 
 Vector3 = tuple[float, float, float]
 
+PAYLOAD_AHEAD = 0.10
+"""A payload is a solid ball fixed this far ahead of the palm body's origin, along its x axis [m]."""
+
+PAYLOAD_RADIUS = 0.04
+"""Radius of the payload ball, for its inertia only [m]."""
+
 
 class SpecError(ValueError):
     """A robot description was asked for something it does not contain, or was given values that make no sense."""

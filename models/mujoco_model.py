@@ -1,0 +1,190 @@
+"""The robot in MuJoCo: the same physics as in Pinocchio, torque motors, whole-body collision, and a scene around it."""
+
+from __future__ import annotations
+
+import re
+from itertools import combinations
+
+import mujoco
+import numpy as np
+
+from models.scenes import add_scene
+from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, FootSpec, RobotSpec, SpecError
+from models.urdf import JointTree, light_urdf, parse
+
+STANCE_KEY = "stance"
+"""Keyframe with the robot in its default stance and everything else where the scene puts it."""
+
+IMU_SITE = "imu"
+BASE_JOINT = "base"
+
+_VISUAL_GROUP, _COLLISION_GROUP = 2, 3  # the viewer shows groups 0-2
+
+# How MuJoCo must read a URDF: keep paths, keep every link as a body, leave inertias alone.
+_COMPILER = (
+    '<mujoco><compiler strippath="false" fusestatic="false" balanceinertia="false" discardvisual="{}"/></mujoco>'
+)
+
+
+def load_mujoco(
+    spec: RobotSpec,
+    *,
+    scene: str = "floor",
+    timestep: float = 0.002,
+    visuals: bool = False,
+    payload_kg: tuple[float, float] = (0.0, 0.0),
+    friction: float = 0.8,
+) -> mujoco.MjModel:
+    """The robot in a scene, ready to be driven by joint torques.
+
+    Actuators are motors in motor order, named like their joints, with the effort limits as control range. The
+    keyframe ``stance`` holds the default stance. Sensors of the IMU: ``imu_quat``, ``imu_gyro``, ``imu_accelerometer``.
+
+    Args:
+        spec: The robot.
+        scene: One of `models.scenes.SCENES`.
+        timestep: Physics step [s].
+        visuals: Load the visual meshes too, for rendering (hundreds of MB); without them the hulls are drawn.
+        payload_kg: Mass fixed `PAYLOAD_AHEAD` ahead of the left and right palm [kg].
+        friction: Coulomb coefficient between the feet and everything they touch.
+
+    Raises:
+        SpecError: If the scene does not exist or a number makes no sense.
+    """
+    return build_mujoco(
+        spec, scene=scene, timestep=timestep, visuals=visuals, payload_kg=payload_kg, friction=friction
+    ).compile()
+
+
+def build_mujoco(
+    spec: RobotSpec,
+    *,
+    scene: str = "floor",
+    timestep: float = 0.002,
+    visuals: bool = False,
+    payload_kg: tuple[float, float] = (0.0, 0.0),
+    friction: float = 0.8,
+) -> mujoco.MjSpec:
+    """The model of `load_mujoco` before it is compiled, for those who add to it."""
+    _check_number("timestep", timestep, "s", positive=True)
+    _check_number("friction", friction, "", positive=True)
+    mj = _read_urdf(spec, visuals)
+    _set_options(mj, timestep)
+    _free_base(spec, mj)
+    _set_joints(spec, mj)
+    _set_collisions(spec, mj, friction)
+    _add_sites(spec, mj)
+    _add_payload(spec, mj, payload_kg)
+    add_scene(mj, scene, friction)
+    _add_stance_key(spec, mj)
+    return mj
+
+
+def _check_number(name: str, value: float, unit: str, *, positive: bool) -> None:
+    low_enough = value > 0.0 if positive else value >= 0.0
+    if not (low_enough and np.isfinite(value)):
+        raise SpecError(f"{name} is {value} {unit}, must be finite and {'above' if positive else 'at least'} 0".strip())
+
+
+def _read_urdf(spec: RobotSpec, visuals: bool) -> mujoco.MjSpec:
+    text = light_urdf(spec, visuals=visuals).read_text()
+    compiler = _COMPILER.format("false" if visuals else "true")
+    mj = mujoco.MjSpec.from_string(re.sub(r"(<robot[^>]*>)", lambda found: found[1] + compiler, text, count=1))
+    mj.modelname = spec.name
+    for geom in mj.geoms:
+        seen_only = geom.contype == 0 and geom.conaffinity == 0
+        geom.group = _VISUAL_GROUP if seen_only or not visuals else _COLLISION_GROUP
+    return mj
+
+
+def _set_options(mj: mujoco.MjSpec, timestep: float) -> None:
+    mj.option.timestep = timestep
+    mj.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    mj.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    mj.option.impratio = 10.0  # friction ten times stiffer than the normal direction: less creep of the feet
+
+
+def _free_base(spec: RobotSpec, mj: mujoco.MjSpec) -> None:
+    base = mj.body(spec.base_body)
+    x, y, z, w = spec.stance.base_quat_xyzw
+    base.pos, base.quat = spec.stance.base_position, (w, x, y, z)
+    joint = base.add_freejoint()
+    joint.name = BASE_JOINT
+
+
+def _set_joints(spec: RobotSpec, mj: mujoco.MjSpec) -> None:
+    for joint in spec.joints:
+        hinge = mj.joint(joint.name)
+        if hinge is None:
+            raise SpecError(f"{spec.urdf.name} has no joint '{joint.name}' of spec '{spec.name}'")
+        hinge.range = (joint.position_min, joint.position_max)
+        hinge.actfrcrange = (-joint.effort_max, joint.effort_max)
+        hinge.armature = joint.armature
+        hinge.damping = [joint.damping, 0.0, 0.0]
+        hinge.frictionloss = joint.friction_loss
+        motor = mj.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.set_to_motor()
+        motor.ctrlrange = (-joint.effort_max, joint.effort_max)
+        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+
+
+def _set_collisions(spec: RobotSpec, mj: mujoco.MjSpec, friction: float) -> None:
+    """Every part collides with every other beyond two joints; the feet decide the friction of their own contacts."""
+    solid = [body for body in mj.bodies if any(geom.contype for geom in body.geoms)]
+    tree = JointTree(parse(light_urdf(spec)))
+    for first, second in combinations([body.name for body in solid], 2):
+        if tree.joints_between(first, second) <= 2:
+            mj.add_exclude(bodyname1=first, bodyname2=second)
+    for foot in spec.feet:
+        soles = [geom for geom in mj.body(foot.frame).geoms if geom.contype]
+        _check_soles(foot, soles)
+        for geom in soles:
+            geom.friction[0] = friction
+            geom.priority = 1
+
+
+def _check_soles(foot: FootSpec, geoms: list) -> None:
+    """The spec's contact points are where the URDF's spheres touch the floor.
+
+    Raises:
+        SpecError: If they are not.
+    """
+    lowest = sorted(tuple(np.round(geom.pos - [0.0, 0.0, geom.size[0]], 9)) for geom in geoms)
+    expected = sorted(tuple(np.round(point, 9)) for point in foot.contact_points)
+    if not np.allclose(lowest, expected, atol=1e-6):
+        raise SpecError(f"foot '{foot.frame}': the spec's contact points {expected} are not the URDF's {lowest}")
+
+
+def _add_sites(spec: RobotSpec, mj: mujoco.MjSpec) -> None:
+    mj.body(spec.imu_frame).add_site(name=IMU_SITE)
+    for sensor, kind in (
+        ("imu_quat", mujoco.mjtSensor.mjSENS_FRAMEQUAT),
+        ("imu_gyro", mujoco.mjtSensor.mjSENS_GYRO),
+        ("imu_accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
+    ):
+        mj.add_sensor(name=sensor, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=IMU_SITE)
+    for tool in spec.tools:
+        mj.body(tool.wrist_frame).add_site(name=tool.palm_frame, pos=tool.palm_offset)
+    for foot in spec.feet:
+        mj.body(foot.frame).add_site(name=f"{foot.side}_sole", pos=foot.sole_center)
+
+
+def _add_payload(spec: RobotSpec, mj: mujoco.MjSpec, payload_kg: tuple[float, float]) -> None:
+    for tool, mass in zip(spec.tools, payload_kg, strict=True):
+        _check_number(f"payload of the {tool.side} hand", mass, "kg", positive=False)
+        if mass > 0.0:
+            ball = mj.body(tool.palm_body).add_body(name=f"{tool.side}_payload", pos=(PAYLOAD_AHEAD, 0.0, 0.0))
+            ball.mass = mass
+            ball.inertia = [0.4 * mass * PAYLOAD_RADIUS**2] * 3
+            ball.explicitinertial = True
+
+
+def _add_stance_key(spec: RobotSpec, mj: mujoco.MjSpec) -> None:
+    stance = dict(zip(spec.joint_names, spec.stance.joint_positions, strict=True))
+    qpos: list[float] = []
+    for joint in mj.joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+            qpos += [*joint.parent.pos, *joint.parent.quat]
+        else:
+            qpos.append(stance.get(joint.name, 0.0))
+    mj.add_key(name=STANCE_KEY, qpos=qpos)

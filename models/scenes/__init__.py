@@ -1,0 +1,5 @@
+"""Scenes for MuJoCo: floor, table or shelf, with or without an object to grasp, by name."""
+
+from models.scenes.registry import SCENES, add_scene
+
+__all__ = ["SCENES", "add_scene"]

@@ -1,0 +1,45 @@
+"""Scenes by name. A scene is what stands around the robot: ``<furniture>`` or ``<furniture>_<object>``."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from models.scenes.furniture import FURNITURE, add_floor
+from models.scenes.objects import OBJECTS
+from models.spec import SpecError
+
+if TYPE_CHECKING:
+    import mujoco
+
+SCENES: tuple[str, ...] = (
+    "floor",
+    *FURNITURE,
+    *(f"{furniture}_{thing}" for furniture in FURNITURE for thing in OBJECTS),
+)
+"""Names of all scenes."""
+
+
+def add_scene(mj: mujoco.MjSpec, scene: str, friction: float) -> None:
+    """Put a scene around the robot.
+
+    Args:
+        mj: Model with the robot already in it, so that the robot's joints come first.
+        scene: One of `SCENES`.
+        friction: Coulomb coefficient of the floor.
+
+    Raises:
+        SpecError: If there is no such scene.
+    """
+    if scene not in SCENES:
+        near = difflib.get_close_matches(scene, SCENES, n=3)
+        hint = f"did you mean {near}?" if near else f"scenes: {', '.join(SCENES)}"
+        raise SpecError(f"no scene '{scene}'; {hint}")
+    add_floor(mj, friction)
+    furniture, _, thing = scene.partition("_")
+    if furniture in FURNITURE:
+        build: Callable[[mujoco.MjSpec], tuple[float, float, float]] = FURNITURE[furniture]
+        place = build(mj)
+        if thing:
+            OBJECTS[thing](mj, place)

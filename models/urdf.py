@@ -1,0 +1,149 @@
+"""The robot's URDF made light: hulls instead of meshes, absolute paths, no visuals unless wanted.
+
+The physics (inertias, joints, limits) is copied untouched. Pinocchio, placo and MuJoCo read the same file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import xml.etree.ElementTree as ET
+from itertools import combinations
+from pathlib import Path
+
+from models.cache import cache_dir, write_atomically
+from models.hulls import hull_file
+from models.spec import RobotSpec, SpecError
+
+_LAYOUT = 1  # raise when the files written here change, so that old ones are left behind
+_PACKAGE = "package://example-robot-data/"
+
+
+def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
+    """Path of the light URDF, from the cache or written now; without visuals ``collisions.json`` lies beside it.
+
+    Every collision has the name ``<link>_<n>``, Pinocchio's own name for it. Palms without a collision shape get the
+    hull of what they look like.
+
+    Raises:
+        SpecError: If a mesh is missing or the cache cannot be written.
+    """
+    source = spec.urdf.read_bytes()
+    root = ET.fromstring(source)
+    hulls = {mesh: hull_file(_mesh_path(spec, mesh)) for mesh in _collision_meshes(spec, root)}
+    digest = hashlib.sha256(source)
+    digest.update(json.dumps([_LAYOUT, visuals, str(spec.urdf), {m: str(p) for m, p in hulls.items()}]).encode())
+    folder = cache_dir() / "urdf" / f"{spec.name}{'_visual' if visuals else ''}-{digest.hexdigest()[:16]}"
+    path = folder / "robot.urdf"
+    if path.is_file():
+        return path
+    _add_palm_collisions(spec, root)
+    _rewrite(spec, root, hulls, visuals)
+    if not visuals:
+        write_atomically(folder / "collisions.json", json.dumps(collision_pairs(spec, root), indent=0).encode())
+    return write_atomically(path, ET.tostring(root))
+
+
+def parse(path: Path) -> ET.Element:
+    """Root element of a URDF."""
+    return ET.parse(path).getroot()
+
+
+def collision_pairs(spec: RobotSpec, root: ET.Element) -> list[tuple[str, str]]:
+    """Names of collision shapes whose distance matters: not within two joints, not within one hand.
+
+    Args:
+        spec: The robot.
+        root: Its light URDF, parsed.
+    """
+    chain = JointTree(root)
+    shapes = [
+        (collision.get("name", ""), link.get("name", ""))
+        for link in root.iter("link")
+        for collision in link.iter("collision")
+    ]
+    hands = [{tool.wrist_frame, *chain.below(tool.palm_body)} for tool in spec.tools]
+    return [
+        (name_a, name_b)
+        for (name_a, link_a), (name_b, link_b) in combinations(shapes, 2)
+        if chain.joints_between(link_a, link_b) > 2 and not any({link_a, link_b} <= hand for hand in hands)
+    ]
+
+
+class JointTree:
+    """Which moving joints lie between two links of a URDF."""
+
+    def __init__(self, root: ET.Element) -> None:
+        self._parent: dict[str, tuple[str, bool]] = {}
+        for joint in root.iter("joint"):
+            child, parent = joint.find("child"), joint.find("parent")
+            if child is not None and parent is not None:
+                moves = joint.get("type") != "fixed"
+                self._parent[child.get("link", "")] = (parent.get("link", ""), moves)
+
+    def path(self, link: str) -> list[str]:
+        """Links that begin a moving part, from the link's own up to the root."""
+        found = []
+        while link in self._parent:
+            parent, moves = self._parent[link]
+            if moves:
+                found.append(link)
+            link = parent
+        return [*found, link]
+
+    def joints_between(self, link_a: str, link_b: str) -> int:
+        """Number of moving joints on the way from one link to the other."""
+        path_a, path_b = self.path(link_a), self.path(link_b)
+        common = len(set(path_a) & set(path_b))
+        return len(path_a) + len(path_b) - 2 * common
+
+    def below(self, link: str) -> set[str]:
+        """The link and everything that hangs on it."""
+        found = {link}
+        for child, (parent, _) in self._parent.items():
+            if parent == link:
+                found |= self.below(child)
+        return found
+
+
+def _mesh_path(spec: RobotSpec, name: str) -> Path:
+    if not name.startswith(_PACKAGE):
+        raise SpecError(f"mesh '{name}' of {spec.urdf.name} is outside {_PACKAGE}; only that package is known")
+    # <package>/robots/<robot>/urdf/<file>
+    return spec.urdf.parents[3] / name.removeprefix(_PACKAGE)
+
+
+def _collision_meshes(spec: RobotSpec, root: ET.Element) -> list[str]:
+    palms = {tool.palm_body for tool in spec.tools}
+    names = set()
+    for link in root.iter("link"):
+        shapes = list(link.iter("collision")) or (list(link.iter("visual")) if link.get("name") in palms else [])
+        names |= {mesh.get("filename", "") for shape in shapes for mesh in shape.iter("mesh")}
+    return sorted(names)
+
+
+def _add_palm_collisions(spec: RobotSpec, root: ET.Element) -> None:
+    palms = {tool.palm_body for tool in spec.tools}
+    for link in root.iter("link"):
+        if link.get("name") in palms and link.find("collision") is None:
+            for visual in link.findall("visual"):
+                collision = ET.SubElement(link, "collision")
+                collision.extend(part for tag in ("origin", "geometry") for part in visual.findall(tag))
+
+
+def _rewrite(spec: RobotSpec, root: ET.Element, hulls: dict[str, Path], visuals: bool) -> None:
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            if not visuals:
+                link.remove(visual)
+            for mesh in visual.iter("mesh"):
+                mesh.set("filename", str(_mesh_path(spec, mesh.get("filename", ""))))
+        convex = ET.Element("collision_checking")
+        for number, collision in enumerate(link.findall("collision")):
+            collision.set("name", f"{link.get('name')}_{number}")
+            for mesh in collision.iter("mesh"):
+                mesh.set("filename", str(hulls[mesh.get("filename", "")]))
+                # Pinocchio reads this and makes a convex shape of the mesh instead of a triangle tree.
+                ET.SubElement(convex, "convex", name=collision.get("name", ""))
+        if len(convex):
+            link.append(convex)
