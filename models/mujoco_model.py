@@ -176,6 +176,7 @@ def _add_payload(spec: RobotSpec, mj: mujoco.MjSpec, payload_kg: tuple[float, fl
             ball = mj.body(tool.palm_body).add_body(name=f"{tool.side}_payload", pos=(PAYLOAD_AHEAD, 0.0, 0.0))
             ball.mass = mass
             ball.inertia = [0.4 * mass * PAYLOAD_RADIUS**2] * 3
+            ball.ipos = (0.0, 0.0, 0.0)  # unset, it would be taken from pos
             ball.explicitinertial = True
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import xml.etree.ElementTree as ET
+from copy import deepcopy
 from itertools import combinations
 from pathlib import Path
 
@@ -128,7 +129,7 @@ def _add_palm_collisions(spec: RobotSpec, root: ET.Element) -> None:
         if link.get("name") in palms and link.find("collision") is None:
             for visual in link.findall("visual"):
                 collision = ET.SubElement(link, "collision")
-                collision.extend(part for tag in ("origin", "geometry") for part in visual.findall(tag))
+                collision.extend(deepcopy(part) for tag in ("origin", "geometry") for part in visual.findall(tag))
 
 
 def _rewrite(spec: RobotSpec, root: ET.Element, hulls: dict[str, Path], visuals: bool) -> None:
