@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import platformdirs
@@ -20,25 +22,32 @@ def cache_dir() -> Path:
     return Path(chosen).resolve() if chosen else Path(platformdirs.user_cache_dir("g1-wholebody"))
 
 
-def write_atomically(path: Path, content: bytes) -> Path:
-    """Write a file so that other processes see all of it or nothing.
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """A path to write to that becomes `path` at the end, so that other processes see all of it or nothing.
 
     Raises:
         SpecError: If the folder cannot be written to.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+        temporary = Path(name)
         try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(content)
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(path)
-        except OSError:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+            yield temporary
+            temporary.chmod(0o644)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         raise SpecError(
             f"cannot write {path}: {error.strerror}; set {CACHE_VARIABLE} to a folder that can be written to"
         ) from error
+
+
+def write_whole(path: Path, content: bytes) -> Path:
+    """Write a file through `whole_file`; returns its path."""
+    with whole_file(path) as temporary:
+        temporary.write_bytes(content)
     return path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import xml.etree.ElementTree as ET
 from itertools import combinations
 
 import mujoco
@@ -10,7 +10,7 @@ import numpy as np
 
 from models.scenes import add_scene
 from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, FootSpec, RobotSpec, SpecError
-from models.urdf import JointTree, light_urdf, parse
+from models.urdf import NEIGHBOUR_JOINTS, JointTree, light_urdf, parse
 
 STANCE_KEY = "stance"
 """Keyframe with the robot in its default stance and everything else where the scene puts it."""
@@ -19,11 +19,6 @@ IMU_SITE = "imu"
 BASE_JOINT = "base"
 
 _VISUAL_GROUP, _COLLISION_GROUP = 2, 3  # the viewer shows groups 0-2
-
-# How MuJoCo must read a URDF: keep paths, keep every link as a body, leave inertias alone.
-_COMPILER = (
-    '<mujoco><compiler strippath="false" fusestatic="false" balanceinertia="false" discardvisual="{}"/></mujoco>'
-)
 
 
 def load_mujoco(
@@ -87,13 +82,22 @@ def _check_number(name: str, value: float, unit: str, *, positive: bool) -> None
 
 
 def _read_urdf(spec: RobotSpec, visuals: bool) -> mujoco.MjSpec:
-    text = light_urdf(spec, visuals=visuals).read_text()
-    compiler = _COMPILER.format("false" if visuals else "true")
-    mj = mujoco.MjSpec.from_string(re.sub(r"(<robot[^>]*>)", lambda found: found[1] + compiler, text, count=1))
+    root = parse(light_urdf(spec, visuals=visuals))
+    palm_points = {tool.palm_frame for tool in spec.tools}  # sites here, bodies would slow the simulation down
+    for element in root.findall("link") + root.findall("joint"):
+        if element.get("name", "").removesuffix("_joint") in palm_points:
+            root.remove(element)
+    # Keep paths, keep every link as a body, leave inertias alone.
+    settings = {"strippath": "false", "fusestatic": "false", "balanceinertia": "false"}
+    compiler = ET.Element("compiler", settings | {"discardvisual": "false" if visuals else "true"})
+    extension = ET.Element("mujoco")
+    extension.append(compiler)
+    root.insert(0, extension)
+    mj = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     mj.modelname = spec.name
     for geom in mj.geoms:
-        seen_only = geom.contype == 0 and geom.conaffinity == 0
-        geom.group = _VISUAL_GROUP if seen_only or not visuals else _COLLISION_GROUP
+        only_seen = geom.contype == 0 and geom.conaffinity == 0
+        geom.group = _VISUAL_GROUP if only_seen or not visuals else _COLLISION_GROUP
     return mj
 
 
@@ -133,7 +137,7 @@ def _set_collisions(spec: RobotSpec, mj: mujoco.MjSpec, friction: float) -> None
     solid = [body for body in mj.bodies if any(geom.contype for geom in body.geoms)]
     tree = JointTree(parse(light_urdf(spec)))
     for first, second in combinations([body.name for body in solid], 2):
-        if tree.joints_between(first, second) <= 2:
+        if tree.joints_between(first, second) <= NEIGHBOUR_JOINTS:
             mj.add_exclude(bodyname1=first, bodyname2=second)
     for foot in spec.feet:
         soles = [geom for geom in mj.body(foot.frame).geoms if geom.contype]

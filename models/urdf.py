@@ -1,10 +1,12 @@
 """The robot's URDF made light: hulls instead of meshes, absolute paths, no visuals unless wanted.
 
-The physics (inertias, joints, limits) is copied untouched. Pinocchio, placo and MuJoCo read the same file.
+The physics (inertias, joints, limits) is copied untouched; the palm points are added as links without mass.
+Pinocchio's collision model, placo and MuJoCo read the same file.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import xml.etree.ElementTree as ET
@@ -12,19 +14,22 @@ from copy import deepcopy
 from itertools import combinations
 from pathlib import Path
 
-from models.cache import cache_dir, write_atomically
+from models.cache import cache_dir, write_whole
 from models.hulls import hull_file
 from models.spec import RobotSpec, SpecError
 
-_LAYOUT = 1  # raise when the files written here change, so that old ones are left behind
+_LAYOUT = 2  # raise when the files written here change, so that old ones are left behind
+NEIGHBOUR_JOINTS = 2
+"""Links with at most this many joints between them touch by design and are not tested for collision."""
+
 _PACKAGE = "package://example-robot-data/"
 
 
 def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
-    """Path of the light URDF, from the cache or written now; without visuals ``collisions.json`` lies beside it.
+    """Path of the light URDF ``robot.urdf``, from the cache or written now, with ``collisions.json`` beside it.
 
-    Every collision has the name ``<link>_<n>``, Pinocchio's own name for it. Palms without a collision shape get the
-    hull of what they look like.
+    Collision shapes are named ``<link>_<n>``, which is Pinocchio's name for them. Palms without a collision shape get
+    the hull of what they look like. ``collisions.json`` lists the pairs of `collision_pairs`, as placo reads them.
 
     Raises:
         SpecError: If a mesh is missing or the cache cannot be written.
@@ -33,16 +38,18 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
     root = ET.fromstring(source)
     hulls = {mesh: hull_file(_mesh_path(spec, mesh)) for mesh in _collision_meshes(spec, root)}
     digest = hashlib.sha256(source)
-    digest.update(json.dumps([_LAYOUT, visuals, str(spec.urdf), {m: str(p) for m, p in hulls.items()}]).encode())
+    tools = [dataclasses.astuple(tool) for tool in spec.tools]
+    described = [_LAYOUT, visuals, str(spec.urdf), tools, {mesh: str(hull) for mesh, hull in hulls.items()}]
+    digest.update(json.dumps(described).encode())
     folder = cache_dir() / "urdf" / f"{spec.name}{'_visual' if visuals else ''}-{digest.hexdigest()[:16]}"
     path = folder / "robot.urdf"
     if path.is_file():
         return path
     _add_palm_collisions(spec, root)
+    _add_palm_points(spec, root)
     _rewrite(spec, root, hulls, visuals)
-    if not visuals:
-        write_atomically(folder / "collisions.json", json.dumps(collision_pairs(spec, root), indent=0).encode())
-    return write_atomically(path, ET.tostring(root))
+    write_whole(folder / "collisions.json", json.dumps(collision_pairs(spec, root), indent=0).encode())
+    return write_whole(path, ET.tostring(root))
 
 
 def parse(path: Path) -> ET.Element:
@@ -51,23 +58,19 @@ def parse(path: Path) -> ET.Element:
 
 
 def collision_pairs(spec: RobotSpec, root: ET.Element) -> list[tuple[str, str]]:
-    """Names of collision shapes whose distance matters: not within two joints, not within one hand.
+    """Links whose distance matters: not within two joints, not within one hand.
 
     Args:
         spec: The robot.
         root: Its light URDF, parsed.
     """
-    chain = JointTree(root)
-    shapes = [
-        (collision.get("name", ""), link.get("name", ""))
-        for link in root.iter("link")
-        for collision in link.iter("collision")
-    ]
-    hands = [{tool.wrist_frame, *chain.below(tool.palm_body)} for tool in spec.tools]
+    tree = JointTree(root)
+    solid = [link.get("name", "") for link in root.iter("link") if link.find("collision") is not None]
+    hands = [{tool.wrist_frame, *tree.below(tool.palm_body)} for tool in spec.tools]
     return [
-        (name_a, name_b)
-        for (name_a, link_a), (name_b, link_b) in combinations(shapes, 2)
-        if chain.joints_between(link_a, link_b) > 2 and not any({link_a, link_b} <= hand for hand in hands)
+        (first, second)
+        for first, second in combinations(solid, 2)
+        if tree.joints_between(first, second) > NEIGHBOUR_JOINTS and not any({first, second} <= hand for hand in hands)
     ]
 
 
@@ -130,6 +133,15 @@ def _add_palm_collisions(spec: RobotSpec, root: ET.Element) -> None:
             for visual in link.findall("visual"):
                 collision = ET.SubElement(link, "collision")
                 collision.extend(deepcopy(part) for tag in ("origin", "geometry") for part in visual.findall(tag))
+
+
+def _add_palm_points(spec: RobotSpec, root: ET.Element) -> None:
+    for tool in spec.tools:
+        ET.SubElement(root, "link", name=tool.palm_frame)
+        joint = ET.SubElement(root, "joint", name=f"{tool.palm_frame}_joint", type="fixed")
+        ET.SubElement(joint, "origin", xyz=" ".join(repr(value) for value in tool.palm_offset), rpy="0 0 0")
+        ET.SubElement(joint, "parent", link=tool.wrist_frame)
+        ET.SubElement(joint, "child", link=tool.palm_frame)
 
 
 def _rewrite(spec: RobotSpec, root: ET.Element, hulls: dict[str, Path], visuals: bool) -> None:
