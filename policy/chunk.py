@@ -59,6 +59,11 @@ class ActionChunk:
         """Time of each step, shape (H,), [s]."""
         return self.t_obs + np.arange(len(self)) / self.fps
 
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Everything that has one entry a step, by name; optional parts only where they are there."""
+        names = (*_POSES, "q_lhand", "q_rhand", *_OPTIONAL)
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+
     def validate(self, *, after: ActionChunk | None = None) -> None:
         """Check everything that can be checked without a robot.
 
@@ -87,7 +92,9 @@ class ActionChunk:
         if not np.isfinite(self.t_obs):
             raise ChunkError(f"t_obs is {self.t_obs}; a finite time in seconds is expected", slot="t_obs")
         if not (np.isfinite(self.fps) and self.fps > 0.0):
-            raise ChunkError(f"fps is {self.fps}; a positive rate in Hz is expected, so that time increases", slot="fps")
+            raise ChunkError(
+                f"fps is {self.fps}; a positive rate in Hz is expected, so that time increases", slot="fps"
+            )
         if not np.all(np.diff(self.times) > 0.0):
             raise ChunkError(f"times do not increase at t_obs {self.t_obs} s and {self.fps} Hz", slot="t_obs")
 

@@ -1,9 +1,7 @@
-"""Names of the joints that a chunk and an observation carry, in motor order.
+"""Names of the joints that chunks and observations carry, in motor order.
 
 Motor order is Unitree's: G1 DDS for the body, Dex3 DDS for the hands. The right Dex3 hand lists its index finger
 before its middle finger, the left one after it, so hands are always mapped by name (`permutation`).
-
-Source: unitree_sdk2 ``g1_joint_index``; xr_teleoperate ``robot_hand_unitree.py`` (Dex3 joint index enumerations).
 """
 
 from __future__ import annotations
@@ -12,33 +10,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from models.g1 import GROUPS, HAND_GROUPS
 from policy.errors import SpecError
 
-_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
-
-WAIST_JOINTS = ("waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint")
-LEFT_ARM_JOINTS = tuple(f"left_{name}_joint" for name in _ARM)
-RIGHT_ARM_JOINTS = tuple(f"right_{name}_joint" for name in _ARM)
-BODY_JOINTS = (
-    *(f"left_{name}_joint" for name in _LEG),
-    *(f"right_{name}_joint" for name in _LEG),
-    *WAIST_JOINTS,
-    *LEFT_ARM_JOINTS,
-    *RIGHT_ARM_JOINTS,
-)
+BODY_JOINTS = tuple(name for names in GROUPS.values() for name in names)
 """The 29 body joints."""
+WAIST_JOINTS = GROUPS["waist"]
+LEFT_ARM_JOINTS = GROUPS["left_arm"]
+RIGHT_ARM_JOINTS = GROUPS["right_arm"]
+LEFT_HAND_JOINTS = HAND_GROUPS["left_hand"]
+RIGHT_HAND_JOINTS = HAND_GROUPS["right_hand"]
 
-LEFT_HAND_JOINTS = tuple(
-    f"left_hand_{name}_joint" for name in ("thumb_0", "thumb_1", "thumb_2", "middle_0", "middle_1", "index_0", "index_1")
-)
-RIGHT_HAND_JOINTS = tuple(
-    f"right_hand_{name}_joint"
-    for name in ("thumb_0", "thumb_1", "thumb_2", "index_0", "index_1", "middle_0", "middle_1")
-)
-
-LEFT_WRIST_FRAME, RIGHT_WRIST_FRAME = "left_wrist_yaw_link", "right_wrist_yaw_link"
-TORSO_FRAME = "torso_link"
+WAIST = slice(BODY_JOINTS.index(WAIST_JOINTS[0]), BODY_JOINTS.index(WAIST_JOINTS[-1]) + 1)
+"""The waist within the 29 body joints."""
+LEFT_ARM = slice(BODY_JOINTS.index(LEFT_ARM_JOINTS[0]), BODY_JOINTS.index(LEFT_ARM_JOINTS[-1]) + 1)
+RIGHT_ARM = slice(BODY_JOINTS.index(RIGHT_ARM_JOINTS[0]), BODY_JOINTS.index(RIGHT_ARM_JOINTS[-1]) + 1)
 
 
 def permutation(source: Sequence[str], target: Sequence[str]) -> np.ndarray:
