@@ -62,23 +62,23 @@ def add_table(mj: mujoco.MjSpec) -> Place:
             rgba=_WOOD,
             friction=_FRICTION,
         )
-    return (0.30, 0.15, TABLE_HEIGHT)
+    return (0.42, 0.15, TABLE_HEIGHT)
 
 
 def add_shelf(mj: mujoco.MjSpec) -> Place:
-    """Three boards, 0.35, 0.80 and 1.20 m high, between two side walls, 0.32 m ahead of the world origin."""
+    """Three boards, 0.35, 0.80 and 1.20 m high, between two side walls, 0.40 m ahead of the world origin."""
     for i, height in enumerate(SHELF_HEIGHTS):
-        _board(mj, f"shelf_{i}", center=(0.47, 0.0), half_size=(0.15, 0.45), height=height)
+        _board(mj, f"shelf_{i}", center=(0.55, 0.0), half_size=(0.15, 0.45), height=height)
     for side, y in (("left", 0.47), ("right", -0.47)):
         mj.worldbody.add_geom(
             name=f"shelf_{side}",
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=(0.15, _TOP, 0.75),
-            pos=(0.47, y, 0.75),
+            pos=(0.55, y, 0.75),
             rgba=_WOOD,
             friction=_FRICTION,
         )
-    return (0.38, 0.15, SHELF_HEIGHTS[1])
+    return (0.46, 0.15, SHELF_HEIGHTS[1])
 
 
 FURNITURE: dict[str, Callable[[mujoco.MjSpec], Place]] = {"table": add_table, "shelf": add_shelf}

@@ -1,0 +1,230 @@
+"""The MuJoCo model: actuators, contacts, sensors, payload, scenes, and what loading costs."""
+
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+
+from models import SpecError, g1
+from models.mujoco_model import STANCE_KEY, load_mujoco
+from models.scenes import SCENES
+
+
+@pytest.fixture(scope="module")
+def spec():
+    return g1()
+
+
+@pytest.fixture(scope="module")
+def model(spec):
+    return load_mujoco(spec)
+
+
+def in_stance(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(STANCE_KEY).id)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def contact_pairs(model, data):
+    return [{model.geom(contact.geom1).name, model.geom(contact.geom2).name} for contact in data.contact]
+
+
+def hold(model, data, spec, target, seconds, watch):
+    """Step with the spec's PD gains around joint angles in motor order."""
+    joints = [model.joint(name) for name in spec.joint_names]
+    qpos, qvel = [joint.qposadr[0] for joint in joints], [joint.dofadr[0] for joint in joints]
+    for _ in range(round(seconds / model.opt.timestep)):
+        data.ctrl[:] = spec.kp * (target - data.qpos[qpos]) - spec.kd * data.qvel[qvel]
+        mujoco.mj_step(model, data)
+        watch(data)
+    return data.qpos[qpos] - target
+
+
+def test_physics_settings_are_those_every_bar_is_measured_with(model):
+    assert model.opt.timestep == 0.002
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    assert model.opt.impratio == 10.0
+    assert load_mujoco(g1(hands=False), timestep=0.001).opt.timestep == 0.001
+
+
+def test_motors_are_in_motor_order_with_effort_as_range(spec, model):
+    assert [model.actuator(i).name for i in range(model.nu)] == list(spec.joint_names)
+    np.testing.assert_array_equal(model.actuator_ctrlrange[:, 1], spec.effort_max)
+    np.testing.assert_array_equal(model.actuator_ctrlrange[:, 0], -spec.effort_max)
+    assert model.actuator_ctrllimited.all()
+
+
+def test_a_command_is_the_torque_at_the_joint_and_is_clipped(spec, model):
+    data = in_stance(model)
+    data.ctrl[:] = np.where(np.arange(model.nu) % 2, 1e6, 0.25)
+    mujoco.mj_forward(model, data)
+    for i, name in enumerate(spec.joint_names):
+        assert data.joint(name).qfrc_actuator[0] == (spec.effort_max[i] if i % 2 else 0.25)
+
+
+def test_damping_and_dry_friction_are_zero_unless_wanted(model):
+    assert not model.dof_damping.any()
+    assert not model.dof_frictionloss.any()
+    changed = load_mujoco(g1(hands=False).with_joints({".*": {"damping": 0.05, "friction_loss": 0.2}}))
+    assert set(changed.dof_damping[6:]) == {0.05}
+    assert set(changed.dof_frictionloss[6:]) == {0.2}
+    assert not changed.dof_damping[:6].any()
+
+
+@pytest.mark.parametrize("hands", [True, False])
+def test_in_the_stance_only_the_soles_touch_the_floor(hands):
+    model = load_mujoco(g1(hands))
+    data = in_stance(model)
+    data.qpos[2] -= 1e-5
+    mujoco.mj_forward(model, data)
+    pairs = contact_pairs(model, data)
+    assert len(pairs) == 8
+    assert all("floor" in pair and any("ankle_roll" in name for name in pair) for pair in pairs)
+    np.testing.assert_allclose(data.subtree_com[1][:2], 0, atol=1e-3)
+    for side, y in (("left", 0.119), ("right", -0.119)):
+        np.testing.assert_allclose(data.site(f"{side}_sole").xpos, [0, y, -1e-5], atol=1e-6)
+
+
+def test_friction_of_the_feet_is_the_one_asked_for(spec):
+    model = load_mujoco(g1(hands=False), friction=0.3)
+    data = in_stance(model)
+    data.qpos[2] -= 1e-4
+    mujoco.mj_forward(model, data)
+    assert {contact.friction[0] for contact in data.contact} == {0.3}
+    for wrong in (0.0, -0.1, float("nan")):
+        with pytest.raises(SpecError, match="friction"):
+            load_mujoco(spec, friction=wrong)
+        with pytest.raises(SpecError, match="timestep"):
+            load_mujoco(spec, timestep=wrong)
+
+
+@pytest.mark.parametrize(
+    ("change", "first", "second"),
+    [
+        ({"left_shoulder_roll_joint": -0.4}, "left", "torso"),
+        ({"right_hip_roll_joint": 0.4, "left_hip_roll_joint": -0.4}, "left", "right"),
+        (
+            {"left_elbow_joint": -1.0, "left_shoulder_pitch_joint": -1.9, "left_shoulder_yaw_joint": -0.7},
+            "hand",
+            "head",
+        ),
+    ],
+)
+def test_the_robot_collides_with_itself(model, change, first, second):
+    data = in_stance(model)
+    for name, angle in change.items():
+        data.joint(name).qpos[0] = angle
+    mujoco.mj_forward(model, data)
+    pairs = [pair for pair in contact_pairs(model, data) if "floor" not in pair]
+    assert any(any(first in name for name in pair) and any(second in name for name in pair) for pair in pairs), pairs
+
+
+@pytest.mark.parametrize("closed", [0.0, 0.5, 1.0])
+def test_fingers_may_touch_each_other_without_shaking(spec, model, closed):
+    model.opt.gravity[:] = 0.0
+    data = in_stance(model)
+    target = spec.stance.joints.copy()
+    bounds = np.where(np.abs(spec.position_max) > np.abs(spec.position_min), spec.position_max, spec.position_min)
+    fingers = [i for i, name in enumerate(spec.joint_names) if "_hand_" in name and "thumb_0" not in name]
+    target[fingers] = closed * bounds[fingers]
+    deepest = [0.0]
+    hold(model, data, spec, target, 1.5, lambda d: deepest.append(min((c.dist for c in d.contact), default=0.0)))
+    model.opt.gravity[:] = (0.0, 0.0, -9.81)
+    assert np.abs(data.qvel).max() < 0.05
+    assert min(deepest) > -0.005
+
+
+def test_imu_measures_gravity_and_turning(model):
+    data = in_stance(model)
+    data.qvel[3:6] = (0.1, -0.2, 0.3)
+    data.qacc[:] = 0.0
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.sensor("imu_gyro").data, [0.1, -0.2, 0.3], atol=1e-12)
+    np.testing.assert_allclose(data.sensor("imu_quat").data, [1, 0, 0, 0], atol=1e-12)
+    assert data.sensor("imu_accelerometer").data.shape == (3,)
+
+
+def test_payload_is_refused_when_senseless(spec):
+    for wrong in (-1.0, float("nan")):
+        with pytest.raises(SpecError, match="payload of the left hand"):
+            load_mujoco(spec, payload_kg=(wrong, 0.0))
+
+
+def test_linkage_effort_reaches_motors_and_joints():
+    model = load_mujoco(g1(hands=False, linkage_effort=50.0))
+    assert model.actuator("waist_pitch_joint").ctrlrange[1] == 50.0
+    assert model.jnt_actfrcrange[model.joint("left_ankle_roll_joint").id][1] == 50.0
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_scene_stays_still_for_two_seconds_around_a_robot_that_does(spec, scene):
+    model = load_mujoco(spec, scene=scene)
+    data = in_stance(model)
+    assert not [pair for pair in contact_pairs(model, data) if not pair & {"floor", "object"}]
+    start, robot_qpos, robot_qvel = data.qpos.copy(), 7 + spec.n_joints, 6 + spec.n_joints
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+        data.qpos[:robot_qpos], data.qvel[:robot_qvel] = start[:robot_qpos], 0.0
+    assert np.isfinite(data.qpos).all()
+    np.testing.assert_allclose(data.qpos, start, atol=1e-3)
+    assert np.abs(data.qvel).max(initial=0.0) < 0.02  # a round rim rocks by a few mrad/s
+    assert not any(warning.number for warning in data.warning)
+    if "_" in scene:
+        assert not [pair for pair in contact_pairs(model, data) if "object" in pair and any("hand" in n for n in pair)]
+
+
+def test_the_object_decides_how_its_contacts_grip():
+    model = load_mujoco(g1(hands=False), scene="table_box", friction=0.3)
+    data = in_stance(model)
+    mujoco.mj_step(model, data, 100)
+    on_table = [c for c in data.contact if {model.geom(c.geom1).name, model.geom(c.geom2).name} == {"table", "object"}]
+    assert on_table
+    assert {(contact.friction[0], contact.dim) for contact in on_table} == {(1.0, 4)}
+
+
+def test_the_cylinder_is_the_one_of_the_grasp_bar():
+    model = load_mujoco(g1(hands=False), scene="table_cylinder")
+    assert model.body("object").mass[0] == pytest.approx(0.3)
+    assert model.geom("object").size[0] == pytest.approx(0.03)
+    data = in_stance(model)
+    bottom = data.body("object").xpos[2] - model.geom("object").size[1]
+    assert bottom == pytest.approx(0.75)
+    assert data.geom("table").xpos[2] + model.geom("table").size[2] == pytest.approx(0.75)
+
+
+def test_an_unknown_scene_is_answered_with_near_names(spec):
+    with pytest.raises(SpecError, match="table_cylinder"):
+        load_mujoco(spec, scene="table_cilinder")
+
+
+_COST = """
+import time
+from pathlib import Path
+import pinocchio, mujoco, coal
+from models import g1
+from models.pinocchio_model import load_pinocchio, load_collision
+from models.mujoco_model import load_mujoco
+load_collision(g1(), load_pinocchio(g1()))
+times = []
+for _ in range(3):
+    start = time.perf_counter()
+    model = load_pinocchio(g1())
+    load_collision(g1(), model)
+    load_mujoco(g1())
+    times.append(time.perf_counter() - start)
+peak = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM"))
+print(min(times), int(peak.split()[1]) / 1024)
+"""
+
+
+def test_loading_everything_warm_is_quick_and_small():
+    """Raw meshes took 706 MB; the bar is 1.5 s, best of three on a shared machine."""
+    done = subprocess.run([sys.executable, "-c", _COST], capture_output=True, text=True, check=True)
+    seconds, megabytes = map(float, done.stdout.split())
+    assert seconds < 1.5
+    assert megabytes < 300
