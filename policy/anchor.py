@@ -11,7 +11,7 @@ from models.g1 import g1
 from policy.joints import BODY_JOINTS
 from policy.kinematics import kinematics
 from policy.observation import Observation
-from policy.rotations import quaternion_to_matrix
+from policy.rotations import matrix_to_quaternion, quaternion_to_matrix
 from policy.se3 import make_transform, yaw_frame
 
 
@@ -42,8 +42,11 @@ class Anchor:
             ObservationError: If the observation is malformed.
         """
         observation.validate()
+        T = np.asarray(observation.T_world_base, dtype=float)
+        # Through a unit quaternion: the measured rotation may carry rounding that a chunk must not inherit.
+        R = quaternion_to_matrix(matrix_to_quaternion(T[:3, :3], "xyzw"), "xyzw")
         return cls(
-            np.asarray(observation.T_world_base, dtype=float),
+            make_transform(R, T[:3, 3]),
             np.asarray(observation.q_body, dtype=float),
             np.asarray(observation.q_lhand, dtype=float),
             np.asarray(observation.q_rhand, dtype=float),

@@ -34,6 +34,7 @@ class ActionChunk:
         q_waist: Waist yaw, roll, pitch as in motor order, shape (H, 3), [rad]; a hint.
         base_height: Pelvis height above the floor, shape (H,), [m]; a hint.
         base_velocity: Planar velocity of the pelvis x, y [m/s] and yaw rate [rad/s], shape (H, 3).
+        notes: What decoding changed, one sentence each (values clipped to the spec's limits).
     """
 
     spec_id: str
@@ -49,6 +50,7 @@ class ActionChunk:
     q_waist: np.ndarray | None = None
     base_height: np.ndarray | None = None
     base_velocity: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of steps H."""

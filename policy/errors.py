@@ -8,7 +8,15 @@ class PolicyError(Exception):
 
 
 class RotationError(PolicyError, ValueError):
-    """Numbers that are no rotation."""
+    """Numbers that are no rotation.
+
+    Attributes:
+        index: Which of several, flattened; 0 for a single one.
+    """
+
+    def __init__(self, message: str, *, index: int = 0) -> None:
+        super().__init__(message)
+        self.index = index
 
 
 class ObservationError(PolicyError, ValueError):

@@ -10,6 +10,14 @@ from models.g1 import g1
 from policy.errors import PolicyError
 from policy.joints import BODY_JOINTS
 
+IK_TOLERANCE = 1e-7
+"""Largest pose error of a solved arm, metres and radians in one norm."""
+_IK_ITERATIONS = 200
+_DAMPING_MAX = 1e4
+"""Steps are shorter than a microradian by then: a local minimum."""
+_IK_STEP_MAX = 0.3
+"""Largest joint step of an iteration [rad]: the linearisation does not reach further."""
+
 
 class Kinematics:
     """Forward kinematics of the G1 with its pelvis at the origin.
@@ -18,9 +26,9 @@ class Kinematics:
     """
 
     def __init__(self) -> None:
-        import pinocchio as pin  # noqa: PLC0415 - the policy package imports numpy only
+        import pinocchio as pin
 
-        from models.pinocchio_model import frame_id, load_pinocchio  # noqa: PLC0415
+        from models.pinocchio_model import frame_id, load_pinocchio
 
         spec = g1()
         self._pin = pin
@@ -60,10 +68,58 @@ class Kinematics:
                 found[name][i] = self._pin.updateFramePlacement(self.model, self.data, frame).homogeneous
         return {name: T.reshape(*q_body.shape[:-1], 4, 4) for name, T in found.items()}
 
-    def _forward(self, q_body: np.ndarray) -> None:
+    def solve(self, goals: dict[str, np.ndarray], joints: np.ndarray, q_body: np.ndarray) -> tuple[np.ndarray, float]:
+        """Posture in which frames are at their goals, by moving some of the joints.
+
+        Levenberg-Marquardt on the pose errors in the frames' own axes, joints clipped to their limits.
+
+        Args:
+            goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
+            joints: Which of the 29 body joints may move.
+            q_body: Posture to start from, shape (29,), [rad].
+
+        Returns:
+            Posture, shape (29,), [rad], and the norm of the remaining error [m and rad].
+        """
+        pin = self._pin
+        wanted = [(self.frames[name], pin.SE3(T)) for name, T in goals.items()]
+        low, high = (x[self.idx_q[joints]] for x in (self.model.lowerPositionLimit, self.model.upperPositionLimit))
+
+        def errors(q_body: np.ndarray) -> np.ndarray:
+            self._forward(q_body)
+            placements = [pin.updateFramePlacement(self.model, self.data, frame) for frame, _ in wanted]
+            return np.concatenate(
+                [pin.log6(T.actInv(goal)).vector for T, (_, goal) in zip(placements, wanted, strict=True)]
+            )
+
+        q, damping = np.array(q_body, dtype=float), 1e-4
+        error = errors(q)
+        for _ in range(_IK_ITERATIONS):
+            if np.linalg.norm(error) <= IK_TOLERANCE or damping > _DAMPING_MAX:
+                break
+            configuration = self._configuration(q)
+            jacobians = [
+                pin.computeFrameJacobian(self.model, self.data, configuration, frame, pin.LOCAL) for frame, _ in wanted
+            ]
+            J = np.vstack(jacobians)[:, self.idx_v[joints]]
+            step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(len(error)), error)
+            step *= min(1.0, _IK_STEP_MAX / max(np.abs(step).max(), 1e-12))
+            trial = q.copy()
+            trial[joints] = np.clip(q[joints] + step, low, high)
+            trial_error = errors(trial)
+            if np.linalg.norm(trial_error) < np.linalg.norm(error):
+                q, error, damping = trial, trial_error, max(0.2 * damping, 1e-12)
+            else:
+                damping *= 10.0
+        return q, float(np.linalg.norm(error))
+
+    def _configuration(self, q_body: np.ndarray) -> np.ndarray:
         q = self._neutral.copy()
         q[self.idx_q] = q_body
-        self._pin.forwardKinematics(self.model, self.data, q)
+        return q
+
+    def _forward(self, q_body: np.ndarray) -> None:
+        self._pin.forwardKinematics(self.model, self.data, self._configuration(q_body))
 
 
 @lru_cache(maxsize=1)

@@ -116,7 +116,9 @@ def motion_chunk(motion: Motion, *, anchor: Anchor | None = None, fps: float = C
     at = np.arange(int(np.floor(motion.duration * fps + 1e-9)) + 1) / fps
     T_l, T_r = (anchor.T_world_base @ interpolate(poses[hand], times, at) for hand in ("lhand", "rhand"))
     fingers = [np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand)]
-    return ActionChunk(builtin("wbc32").id, 0, 0.0, fps, T_l, T_r, *fingers)
+    chunk = ActionChunk(builtin("wbc32").id, 0, 0.0, float(fps), T_l, T_r, *fingers)
+    chunk.validate()
+    return chunk
 
 
 def _read_table(path: Path) -> np.ndarray:

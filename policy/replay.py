@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from policy.chunk import ActionChunk
+from policy.chunk_file import read_chunk_file
 from policy.clock import EpisodeClock
+from policy.errors import FileFormatError
 from policy.layouts import builtin
 from policy.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
 from policy.observation import Observation
@@ -49,6 +51,17 @@ class ReplayPolicy:
         """
         return cls(motion_chunk(read_motion_csv(path, fps)), name=Path(path).stem, horizon=horizon)
 
+    @classmethod
+    def from_npz(cls, path: str | Path, *, assume: ActionSpec | None = None, horizon: int = 50) -> ReplayPolicy:
+        """Play a chunk file, anchored once where the file says, or at the nominal stance.
+
+        Raises:
+            FileFormatError: If the file is malformed.
+            ChunkError: If its actions are.
+        """
+        file = read_chunk_file(path, assume=assume)
+        return cls(file.chunk(), name=Path(path).stem, spec=file.spec, horizon=horizon)
+
     def reset(self, task: str = "") -> None:
         """Begin the recording anew at the next observation."""
         self._clock.reset()
@@ -66,3 +79,19 @@ class ReplayPolicy:
         t_obs = observation.time - elapsed + first / self.episode.fps
         window = {name: value[steps] for name, value in self.episode.arrays().items()}
         return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, **window)
+
+
+def open_recording(
+    path: str | Path, *, csv_fps: float = DEFAULT_FPS, assume: ActionSpec | None = None, horizon: int = 50
+) -> ReplayPolicy:
+    """Policy that plays a file, by its suffix: chunk ``.npz`` or motion ``.csv``.
+
+    Raises:
+        FileFormatError: If the suffix is another, or the file is malformed.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".csv":
+        return ReplayPolicy.from_csv(path, fps=csv_fps, horizon=horizon)
+    if suffix == ".npz":
+        return ReplayPolicy.from_npz(path, assume=assume, horizon=horizon)
+    raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))

@@ -44,21 +44,19 @@ def rot6d_to_matrix(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
     rot6d = _finite(rot6d, 6, "rot6d")
     first, second = rot6d[..., :3], rot6d[..., 3:]
     norms = np.linalg.norm(rot6d.reshape(*rot6d.shape[:-1], 2, 3), axis=-1)
-    if (norms < ROT6D_NORM_MIN).any():
-        where = _first(norms.min(axis=-1) < ROT6D_NORM_MIN)
-        raise RotationError(
-            f"rot6d{where} has a vector of norm {norms.min():.3g}, below {ROT6D_NORM_MIN}: its direction is noise; "
-            "unit vectors are expected"
-        )
+    _reject(
+        norms.min(axis=-1) < ROT6D_NORM_MIN,
+        f"rot6d has a vector of norm {norms.min():.3g}, below {ROT6D_NORM_MIN}: its direction is noise; "
+        "unit vectors are expected",
+    )
     x = first / norms[..., :1]
     rest = second - np.sum(x * second, axis=-1, keepdims=True) * x
     sine = np.linalg.norm(rest, axis=-1) / norms[..., 1]
-    if (sine < ROT6D_SINE_MIN).any():
-        where = _first(sine < ROT6D_SINE_MIN)
-        raise RotationError(
-            f"rot6d{where} has two near-parallel vectors (sine {sine.min():.3g} < {ROT6D_SINE_MIN}): "
-            "they must be two different axes"
-        )
+    _reject(
+        sine < ROT6D_SINE_MIN,
+        f"rot6d has two near-parallel vectors (sine {sine.min():.3g} < {ROT6D_SINE_MIN}): "
+        "they must be two different axes",
+    )
     y = rest / np.linalg.norm(rest, axis=-1, keepdims=True)
     rows = np.stack([x, y, np.cross(x, y)], axis=-2)
     return rows if layout == "rows" else np.swapaxes(rows, -1, -2)
@@ -92,11 +90,11 @@ def quaternion_to_matrix(
     quat = _finite(quat, 4, "quaternion")
     norm = np.linalg.norm(quat, axis=-1, keepdims=True)
     bad = np.abs(norm[..., 0] - 1.0) > tolerance
-    if bad.any():
-        raise RotationError(
-            f"quaternion{_first(bad)} has norm {norm[..., 0][bad].flat[0]:.4g}, not 1 within {tolerance}; "
-            f"a unit quaternion in the order {order} is expected"
-        )
+    _reject(
+        bad,
+        f"quaternion has norm {norm.flat[int(np.argmax(bad))]:.4g}, not 1 within {tolerance}; "
+        f"a unit quaternion in the order {order} is expected",
+    )
     quat = quat / norm
     x, y, z, w = np.moveaxis(quat if order == "xyzw" else np.roll(quat, -1, axis=-1), -1, 0)
     rows = [
@@ -204,13 +202,10 @@ def _finite(values: np.ndarray, width: int, what: str) -> np.ndarray:
     values = np.asarray(values, dtype=float)
     if values.shape[-1:] != (width,):
         raise RotationError(f"{what} has shape {values.shape}; its last axis must be {width}")
-    bad = ~np.isfinite(values).all(axis=-1)
-    if bad.any():
-        raise RotationError(f"{what}{_first(bad)} is not finite")
+    _reject(~np.isfinite(values).all(axis=-1), f"{what} is not finite")
     return values
 
 
-def _first(bad: np.ndarray) -> str:
-    """Index of the first bad element as text, empty for a single one."""
-    bad = np.asarray(bad)
-    return "" if bad.ndim == 0 else f" {tuple(int(i) for i in np.argwhere(bad)[0])}"
+def _reject(bad: np.ndarray, message: str) -> None:
+    if np.any(bad):
+        raise RotationError(message, index=int(np.argmax(bad)))
