@@ -56,7 +56,8 @@ def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body
     """Postures along two paths of wrist poses: by the arms alone where they can, else with the waist.
 
     Args:
-        T_base_lhand, T_base_rhand: Wrists in the pelvis, shape (H, 4, 4).
+        T_base_lhand: Left wrist in the pelvis, shape (H, 4, 4).
+        T_base_rhand: Right wrist in the pelvis, shape (H, 4, 4).
         q_body: Posture at the start, shape (29,), [rad]; legs stay in it.
 
     Returns:
@@ -71,7 +72,7 @@ def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body
     for step, (T_l, T_r) in enumerate(zip(T_base_lhand, T_base_rhand, strict=True)):
         goals = {"lhand": T_l, "rhand": T_r}
         before = q
-        q, error = _best(goals, both, before, _starts(before, q_body, both))
+        q, error = _best(goals, both, before, [before[both]])
         if not error <= IK_TOLERANCE:
             q, error = _best(goals, upper, before, _starts(before, q_body, upper))
         if not error <= IK_TOLERANCE:

@@ -15,6 +15,8 @@ IK_TOLERANCE = 1e-7
 _IK_ITERATIONS = 200
 _DAMPING_MAX = 1e4
 """Steps are shorter than a microradian by then: a local minimum."""
+_STALLED_MAX = 15
+"""Iterations in a row that gain less than 1 %: out of reach."""
 _IK_STEP_MAX = 0.3
 """Largest joint step of an iteration [rad]: the linearisation does not reach further."""
 
@@ -92,10 +94,10 @@ class Kinematics:
                 [pin.log6(T.actInv(goal)).vector for T, (_, goal) in zip(placements, wanted, strict=True)]
             )
 
-        q, damping = np.array(q_body, dtype=float), 1e-4
+        q, damping, stalled = np.array(q_body, dtype=float), 1e-4, 0
         error = errors(q)
         for _ in range(_IK_ITERATIONS):
-            if np.linalg.norm(error) <= IK_TOLERANCE or damping > _DAMPING_MAX:
+            if np.linalg.norm(error) <= IK_TOLERANCE or damping > _DAMPING_MAX or stalled > _STALLED_MAX:
                 break
             configuration = self._configuration(q)
             jacobians = [
@@ -107,6 +109,7 @@ class Kinematics:
             trial = q.copy()
             trial[joints] = np.clip(q[joints] + step, low, high)
             trial_error = errors(trial)
+            stalled = stalled + 1 if np.linalg.norm(trial_error) > 0.99 * np.linalg.norm(error) else 0
             if np.linalg.norm(trial_error) < np.linalg.norm(error):
                 q, error, damping = trial, trial_error, max(0.2 * damping, 1e-12)
             else:
