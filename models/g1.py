@@ -115,8 +115,13 @@ _STANCE_RUBBER = {
     "arm": (0.1606031, 0.2111994, 0.0, -0.0050783, -0.2145478, -0.1494213, -0.0433466),
 }
 
-# Fingers slightly bent: zero is a position limit of ten of the fourteen. Left hand; every sign flips on the right.
-_NEUTRAL = {"thumb_0": 0.0, "thumb_1": 0.1, "thumb_2": 0.3, "middle": -0.3, "index": -0.3}
+# Left hand; every sign flips on the right.
+# Slightly bent: zero is a position limit of ten of the fourteen joints.
+_NEUTRAL = {"thumb_0": 0.0, "thumb_1": 0.1, "thumb_2": 0.3, "proximal": -0.3, "distal": -0.3}
+_OPEN = {"thumb_0": 0.0, "thumb_1": -0.55, "thumb_2": 0.05, "proximal": -0.3, "distal": -0.2}
+# Inside the limits, but more than any object of 40 to 80 mm allows: with the gains above, the rest is grip (about 1 N m
+# at thumb and knuckles on the 60 mm cylinder, below the effort limits).
+_CLOSED = {"thumb_0": 0.0, "thumb_1": 0.6, "thumb_2": 1.7, "proximal": -1.5, "distal": -1.7}
 
 
 @lru_cache(maxsize=4)
@@ -144,7 +149,9 @@ def g1(hands: bool = True, *, linkage_effort: float = 35.0) -> RobotSpec:
         feet=tuple(_foot(side) for side in ("left", "right")),
         tools=tuple(_tool(side, hands) for side in ("left", "right")),
         stance=_stance(hands),
-        hand_neutral=_hand_neutral() if hands else (),
+        hand_neutral=_both_hands(_NEUTRAL) if hands else (),
+        hand_open=_both_hands(_OPEN) if hands else (),
+        hand_closed=_both_hands(_CLOSED) if hands else (),
     )
 
 
@@ -225,7 +232,7 @@ def _stance(hands: bool) -> Stance:
     return Stance(
         base_position=solved["base"],
         base_quat_xyzw=(0.0, 0.0, 0.0, 1.0),
-        joint_positions=body + (_hand_neutral() if hands else ()),
+        joint_positions=body + (_both_hands(_NEUTRAL) if hands else ()),
     )
 
 
@@ -233,11 +240,12 @@ def _mirrored(names: tuple[str, ...], angles: tuple[float, ...]) -> tuple[float,
     return tuple(-a if n.endswith(("roll", "yaw")) else a for n, a in zip(names, angles, strict=True))
 
 
-def _hand_neutral() -> tuple[float, ...]:
+def _both_hands(left: dict[str, float]) -> tuple[float, ...]:
     angles = []
     for side, names in HAND_GROUPS.items():
         sign = 1.0 if side == "left_hand" else -1.0
         for name in names:
-            found = [value for key, value in _NEUTRAL.items() if f"_{key}_" in name]
-            angles.append(sign * found[0])
+            _, finger, number, _ = name.split("_", 1)[1].split("_")
+            key = f"thumb_{number}" if finger == "thumb" else ("proximal", "distal")[int(number)]
+            angles.append(sign * left[key])
     return tuple(angles)

@@ -40,7 +40,7 @@ def convex_hull(triangles: np.ndarray) -> np.ndarray:
     Returns:
         Hull triangles, shape (m, 3, 3); every corner is a corner of the input.
     """
-    from scipy.spatial import ConvexHull  # noqa: PLC0415 - slow to import, needed only when the cache is cold
+    from scipy.spatial import ConvexHull  # slow to import, needed only when the cache is cold
 
     points = np.unique(triangles.reshape(-1, 3), axis=0)
     hull = ConvexHull(points, qhull_options="Qt")

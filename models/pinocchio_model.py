@@ -80,6 +80,15 @@ def _read_shapes(urdf: Path, model: pin.Model) -> pin.GeometryModel:
     return geometry
 
 
+def stance_q(spec: RobotSpec, model: pin.Model) -> np.ndarray:
+    """The default stance as a configuration of the model, shape (nq,)."""
+    q = pin.neutral(model)
+    q[:7] = spec.stance.base
+    for name, angle in zip(spec.joint_names, spec.stance.joint_positions, strict=True):
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    return q
+
+
 def add_tool_frames(spec: RobotSpec, model: pin.Model) -> None:
     """Add the palm points as operational frames fixed to the wrists; frames that exist already are left alone.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio
 import placo
 
+from models.pinocchio_model import stance_q
 from models.spec import RobotSpec, SpecError
 from models.urdf import light_urdf
 
@@ -37,12 +37,7 @@ def load_placo(spec: RobotSpec) -> placo.RobotWrapper:
 
 
 def put_in_stance(spec: RobotSpec, robot: placo.RobotWrapper) -> None:
-    """Set base and joints to the default stance."""
-    for name, angle in zip(spec.joint_names, spec.stance.joint_positions, strict=True):
-        robot.set_joint(name, angle)
-    x, y, z, w = spec.stance.base_quat_xyzw
-    T_world_base = np.eye(4)
-    T_world_base[:3, :3] = pinocchio.Quaternion(w, x, y, z).toRotationMatrix()
-    T_world_base[:3, 3] = spec.stance.base_position
-    robot.set_T_world_fbase(T_world_base)
+    """Set base and joints to the default stance, at rest."""
+    robot.state.q = stance_q(spec, robot.model)
+    robot.state.qd = np.zeros(robot.model.nv)
     robot.update_kinematics()

@@ -163,6 +163,10 @@ class RobotSpec:
     """Default stance."""
     hand_neutral: tuple[float, ...]
     """Relaxed fingers, left then right, in motor order [rad]; empty without fingers."""
+    hand_open: tuple[float, ...] = ()
+    """Fingers spread to receive an object, like `hand_neutral`."""
+    hand_closed: tuple[float, ...] = ()
+    """Command that wraps the fingers around an object and presses on it, like `hand_neutral`."""
 
     def __post_init__(self) -> None:
         names = [joint.name for joint in self.joints]

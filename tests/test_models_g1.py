@@ -10,7 +10,7 @@ import pytest
 
 from models import SpecError, g1
 from models.g1 import ACCELERATION, ARMATURE, GAINS, VELOCITY_SHARE
-from models.pinocchio_model import load_pinocchio
+from models.pinocchio_model import load_pinocchio, stance_q
 
 VARIANTS = pytest.mark.parametrize("hands", [True, False])
 
@@ -18,10 +18,7 @@ VARIANTS = pytest.mark.parametrize("hands", [True, False])
 def stance_state(spec):
     model = load_pinocchio(spec)
     data = model.createData()
-    q = pin.neutral(model)
-    q[:7] = spec.stance.base
-    for name, angle in zip(spec.joint_names, spec.stance.joints, strict=True):
-        q[model.joints[model.getJointId(name)].idx_q] = angle
+    q = stance_q(spec, model)
     pin.framesForwardKinematics(model, data, q)
     return model, data, q
 
@@ -134,6 +131,16 @@ def test_relaxed_fingers_bend_the_same_way_on_both_hands():
     for i in right:
         assert spec.stance.joints[i] == -by_name[spec.joint_names[i].split("hand_")[1]]
     assert spec.hand_neutral == tuple(spec.stance.joints[29:])
+
+
+@pytest.mark.parametrize("pose", ["hand_neutral", "hand_open", "hand_closed"])
+def test_hand_poses_are_inside_the_limits(pose):
+    spec = g1()
+    angles = np.array(getattr(spec, pose))
+    assert angles.shape == (14,)
+    assert (angles >= spec.position_min[29:]).all()
+    assert (angles <= spec.position_max[29:]).all()
+    assert getattr(g1(hands=False), pose) == ()
 
 
 def test_foot_support_is_centred_ahead_of_the_ankle():

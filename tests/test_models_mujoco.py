@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from models import SpecError, g1
-from models.mujoco_model import STANCE_KEY, load_mujoco
+from models.mujoco_model import BASE_JOINT, STANCE_KEY, build_mujoco, load_mujoco
 from models.scenes import SCENES
 
 
@@ -195,6 +195,62 @@ def test_the_cylinder_is_the_one_of_the_grasp_bar():
     bottom = data.body("object").xpos[2] - model.geom("object").size[1]
     assert bottom == pytest.approx(0.75)
     assert data.geom("table").xpos[2] + model.geom("table").size[2] == pytest.approx(0.75)
+
+
+def body_on_a_lift(spec):
+    """The robot with stiff joints on a vertical slide: only the left fingers are driven, in real contact."""
+    mj = build_mujoco(spec, scene="table_cylinder")
+    mj.delete(mj.keys[0])
+    mj.delete(mj.joint(BASE_JOINT))
+    mj.body(spec.base_body).add_joint(name="lift", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(0, 0, 1))
+    lift = mj.add_actuator(name="lift", target="lift", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    lift.set_to_position(kp=1e6, kv=2e4)
+    for body in mj.bodies:
+        body.gravcomp = 0.0 if body.name in ("world", "object") else 1.0
+    for name, angle in zip(spec.joint_names, spec.stance.joints, strict=True):
+        if not name.startswith("left_hand"):
+            joint = mj.joint(name)
+            joint.stiffness, joint.damping, joint.springref = [5000, 0, 0], [200, 0, 0], angle
+    return mj.compile()
+
+
+def test_a_closed_hand_lifts_the_cylinder(spec):
+    model = body_on_a_lift(spec)
+    data = mujoco.MjData(model)
+    joints = [model.joint(name) for name in spec.joint_names]
+    qpos, qvel = np.array([j.qposadr[0] for j in joints]), np.array([j.dofadr[0] for j in joints])
+    fingers = spec.group_indices("left_hand")
+    opened, closed = np.array(spec.hand_open[:7]), np.array(spec.hand_closed[:7])
+    data.qpos[qpos] = spec.stance.joints
+    data.qpos[qpos[fingers]] = opened
+    mujoco.mj_forward(model, data)
+    # In the pocket between thumb, palm and fingers.
+    data.joint("object_free").qpos[:2] = data.site("left_palm_point").xpos[:2] + np.array([-0.025, -0.055])
+    start, held = data.joint("object_free").qpos[2], None
+    for step in range(2500):
+        time = step * model.opt.timestep
+        target = opened + min(time, 1.0) * (closed - opened)
+        error = target - data.qpos[qpos[fingers]]
+        data.ctrl[fingers] = spec.kp[fingers] * error - spec.kd[fingers] * data.qvel[qvel[fingers]]
+        phase = np.clip((time - 1.5) / 1.5, 0, 1)
+        data.actuator("lift").ctrl[0] = 0.1 * phase**3 * (10 - 15 * phase + 6 * phase**2)
+        mujoco.mj_step(model, data)
+        in_hand = data.body("object").xpos - data.site("left_palm_point").xpos
+        if time > 3.2 and held is None:
+            held = in_hand.copy()
+    assert data.body("object").xpos[2] - start > 0.095
+    assert np.linalg.norm(in_hand - held) < 0.01
+
+
+def test_visual_meshes_are_seen_but_not_felt():
+    spec = g1(hands=False)
+    plain, dressed = load_mujoco(spec), load_mujoco(spec, visuals=True)
+    felt = (dressed.geom_contype != 0) | (dressed.geom_conaffinity != 0)
+    assert dressed.ngeom > plain.ngeom == felt.sum()
+    assert set(dressed.geom_group[~felt]) == {2}
+    assert set(dressed.geom_group[felt]) == {0, 3}
+    np.testing.assert_array_equal(dressed.body_mass, plain.body_mass)
+    np.testing.assert_array_equal(dressed.body_inertia, plain.body_inertia)
 
 
 def test_an_unknown_scene_is_answered_with_near_names(spec):

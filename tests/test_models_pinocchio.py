@@ -8,7 +8,14 @@ import pinocchio as pin
 import pytest
 
 from models import SpecError, g1
-from models.pinocchio_model import add_tool_frames, frame_id, load_collision, load_pinocchio, palm_frame_ids
+from models.pinocchio_model import (
+    add_tool_frames,
+    frame_id,
+    load_collision,
+    load_pinocchio,
+    palm_frame_ids,
+    stance_q,
+)
 from models.urdf import JointTree, light_urdf, parse
 
 
@@ -107,10 +114,7 @@ def test_the_stance_is_clear_of_itself(hands):
     spec = g1(hands)
     model = load_pinocchio(spec)
     geometry = load_collision(spec, model)
-    q = pin.neutral(model)
-    q[:7] = spec.stance.base
-    for name, angle in zip(spec.joint_names, spec.stance.joints, strict=True):
-        q[model.joints[model.getJointId(name)].idx_q] = angle
+    q = stance_q(spec, model)
     data = geometry.createData()
     pin.computeDistances(model, model.createData(), geometry, data, q)
     assert min(result.min_distance for result in data.distanceResults) > 0.015
