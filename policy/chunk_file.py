@@ -15,7 +15,6 @@ Without ``q0_base`` the actions are anchored at the nominal stance; joints that 
 
 from __future__ import annotations
 
-import difflib
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +25,7 @@ from models.g1 import g1
 from policy.anchor import Anchor
 from policy.chunk import ActionChunk
 from policy.codec import decode
-from policy.errors import FileFormatError, RotationError, SpecError
+from policy.errors import FileFormatError, RotationError, SpecError, did_you_mean
 from policy.joints import BODY_JOINTS
 from policy.layouts import builtin
 from policy.rotations import quaternion_to_matrix
@@ -69,9 +68,10 @@ class ChunkFile:
         q = np.concatenate([nominal.q_body, nominal.q_lhand, nominal.q_rhand])
         for name, angle in (self.q0_joints or {}).items():
             if name not in spec.joint_names:
-                near = difflib.get_close_matches(name, spec.joint_names, n=1)
+                known = ", ".join(spec.joint_names)
                 raise SpecError(
-                    f"q0_names has the joint '{name}', which the G1 lacks{near and f'; did you mean {near}?'}"
+                    f"q0_names has the joint '{name}', which the G1 lacks; "
+                    f"{did_you_mean(name, spec.joint_names)}joints: {known}"
                 )
             q[spec.joint_names.index(name)] = angle
         T = nominal.T_world_base
@@ -104,9 +104,10 @@ def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None) -> Ch
     arrays = _read_arrays(path)
     unknown = [key for key in arrays if key not in KEYS]
     if unknown:
-        near = difflib.get_close_matches(unknown[0], KEYS, n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ""
-        raise FileFormatError(f"has the unknown array '{unknown[0]}'; {hint}known: {', '.join(KEYS)}", path=str(path))
+        raise FileFormatError(
+            f"has the unknown array '{unknown[0]}'; {did_you_mean(unknown[0], KEYS)}known: {', '.join(KEYS)}",
+            path=str(path),
+        )
     needed = ("actions", "fps") if assume else ("actions", "fps", "spec")
     missing = [key for key in needed if key not in arrays]
     if missing:

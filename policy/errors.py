@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 class PolicyError(Exception):
     """Base of every exception of this package."""
@@ -51,3 +54,9 @@ class FileFormatError(PolicyError, ValueError):
     def __init__(self, message: str, *, path: str = "") -> None:
         super().__init__(f"{path}: {message}" if path else message)
         self.path = path
+
+
+def did_you_mean(given: object, known: Iterable[str]) -> str:
+    """``did you mean 'x'? `` with the nearest known name, empty if none is near."""
+    near = difflib.get_close_matches(str(given), list(known), n=1)
+    return f"did you mean '{near[0]}'? " if near else ""

@@ -12,6 +12,8 @@ from policy.joints import BODY_JOINTS, LEFT_ARM, RIGHT_ARM, WAIST
 from policy.kinematics import IK_TOLERANCE, kinematics
 
 _ALL = np.arange(len(BODY_JOINTS))
+MOTION_TOLERANCE = 1e-3
+"""Largest pose error of a written motion, metres and radians in one norm: recordings are not better."""
 ARMS = {"lhand": _ALL[LEFT_ARM], "rhand": _ALL[RIGHT_ARM]}
 """Joints of each arm within the 29 body joints."""
 _SIDES = {"lhand": "left", "rhand": "right"}
@@ -75,10 +77,11 @@ def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body
         q, error = _best(goals, both, before, [before[both]])
         if not error <= IK_TOLERANCE:
             q, error = _best(goals, upper, before, _starts(before, q_body, upper))
-        if not error <= IK_TOLERANCE:
+        if not error <= MOTION_TOLERANCE:
             raise ChunkError(
                 f"waist and arms cannot reach the wrist poses at step {step}: {error:.3g} (m and rad) remain, "
-                f"{IK_TOLERANCE:g} is allowed, with the pelvis where it is; a chunk file can say it, a motion cannot",
+                f"{MOTION_TOLERANCE:g} is allowed, with the pelvis where it is; "
+                "a chunk file can say such poses, a motion cannot",
                 step=step,
             )
         solved[step] = q

@@ -10,7 +10,7 @@ from models.g1 import g1
 from policy.errors import PolicyError
 from policy.joints import BODY_JOINTS
 
-IK_TOLERANCE = 1e-7
+IK_TOLERANCE = 1e-6
 """Largest pose error of a solved arm, metres and radians in one norm."""
 _IK_ITERATIONS = 200
 _DAMPING_MAX = 1e4

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from functools import lru_cache
 
-from policy.errors import SpecError
+from policy.errors import SpecError, did_you_mean
 from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST_JOINTS
 from policy.slot import Slot
 from policy.spec import ActionSpec
@@ -169,7 +168,5 @@ def builtin(name: str) -> ActionSpec:
         SpecError: If there is none of that name.
     """
     if name not in LAYOUTS:
-        near = difflib.get_close_matches(name, LAYOUTS, n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ""
-        raise SpecError(f"no layout is called '{name}'; {hint}built in: {', '.join(LAYOUTS)}")
+        raise SpecError(f"no layout is called '{name}'; {did_you_mean(name, LAYOUTS)}built in: {', '.join(LAYOUTS)}")
     return LAYOUTS[name]()

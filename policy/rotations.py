@@ -180,7 +180,8 @@ def rotation_residual(R: np.ndarray) -> np.ndarray:
     """How far matrices ``(..., 3, 3)`` are from rotations, shape ``(...,)``; NaN where not finite, 2 for mirrors."""
     R = np.asarray(R, dtype=float)
     gram = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(axis=(-2, -1))
-    return np.maximum(gram, np.abs(np.linalg.det(R) - 1.0))
+    with np.errstate(invalid="ignore"):  # the answer for NaN is NaN
+        return np.maximum(gram, np.abs(np.linalg.det(R) - 1.0))
 
 
 def angle_between(R_a: np.ndarray, R_b: np.ndarray) -> np.ndarray:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
 
-from policy.errors import PolicyError
+from policy.errors import PolicyError, did_you_mean
 from policy.hands import Side
 from policy.scripted import HandMotion, ScriptedPolicy, minimum_jerk, stance_pose
 from policy.waypoints import Waypoint, waypoint_policy
@@ -209,9 +208,7 @@ def scripted(name: str, **settings: object) -> ScriptedPolicy:
         PolicyError: If there is none of that name, or a setting is unknown.
     """
     if name not in SCRIPTS:
-        near = difflib.get_close_matches(name, SCRIPTS, n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ""
-        raise PolicyError(f"no script is called '{name}'; {hint}there are: {', '.join(SCRIPTS)}")
+        raise PolicyError(f"no script is called '{name}'; {did_you_mean(name, SCRIPTS)}there are: {', '.join(SCRIPTS)}")
     try:
         return SCRIPTS[name](**settings)
     except TypeError as error:

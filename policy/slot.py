@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
-from policy.errors import SpecError
+from policy.errors import SpecError, did_you_mean
 from policy.joints import (
     LEFT_ARM_JOINTS,
     LEFT_HAND_JOINTS,
@@ -202,6 +201,4 @@ def one_of(what: str, value: object, allowed: Iterable[str]) -> None:
         SpecError: If it is not.
     """
     if value not in allowed:
-        near = difflib.get_close_matches(str(value), list(allowed), n=1)
-        hint = f"did you mean '{near[0]}'? " if near else ""
-        raise SpecError(f"{what} {value!r} is unknown; {hint}possible: {', '.join(allowed)}")
+        raise SpecError(f"{what} {value!r} is unknown; {did_you_mean(value, allowed)}possible: {', '.join(allowed)}")
