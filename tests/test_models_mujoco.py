@@ -10,6 +10,7 @@ import pytest
 from models import SpecError, g1
 from models.mujoco_model import BASE_JOINT, STANCE_KEY, build_mujoco, load_mujoco
 from models.scenes import SCENES
+from models.urdf import JointTree, light_urdf, parse
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +123,21 @@ def test_the_robot_collides_with_itself(model, change, first, second):
     mujoco.mj_forward(model, data)
     pairs = [pair for pair in contact_pairs(model, data) if "floor" not in pair]
     assert any(any(first in name for name in pair) and any(second in name for name in pair) for pair in pairs), pairs
+
+
+def test_neighbours_never_collide(spec, model):
+    """Shells of links within two joints overlap by design; contact forces there would lock the joints."""
+    tree = JointTree(parse(light_urdf(spec)))
+    data = in_stance(model)
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(100):
+        data.qpos[7:] = rng.uniform(model.jnt_range[1:, 0], model.jnt_range[1:, 1])
+        mujoco.mj_forward(model, data)
+        bodies = [sorted(model.body(model.geom_bodyid[geom]).name for geom in c.geom) for c in data.contact]
+        seen |= {tree.joints_between(*pair) for pair in bodies if "world" not in pair}
+    assert min(seen) == 3
+    assert max(seen) > 10
 
 
 @pytest.mark.parametrize("closed", [0.0, 0.5, 1.0])
