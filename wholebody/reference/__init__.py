@@ -1,0 +1,28 @@
+"""References: from the poses of a chunk, at its rate, to a C2 motion at the control rate.
+
+`HandPath` goes through the knots and continues what is being commanded, `PathClock` slows down along it,
+`ReferenceSmoother` guarantees the caps whatever it is given, `seam` measures where pieces meet.
+"""
+
+from wholebody.reference.caps import HandCaps, MotionCaps
+from wholebody.reference.hand_path import HandPath
+from wholebody.reference.join import Join
+from wholebody.reference.layout import HandMotion, rest_row
+from wholebody.reference.path_clock import PathClock, time_scaled
+from wholebody.reference.seam import Seam, path_seam, seam
+from wholebody.reference.smoother import ReferenceSmoother
+
+__all__ = [
+    "HandCaps",
+    "HandMotion",
+    "HandPath",
+    "Join",
+    "MotionCaps",
+    "PathClock",
+    "ReferenceSmoother",
+    "Seam",
+    "path_seam",
+    "rest_row",
+    "seam",
+    "time_scaled",
+]

@@ -1,0 +1,83 @@
+"""How fast a reference may be: caps on speed, acceleration and jerk of the hands and the fingers."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, field, fields, replace
+from math import inf, isfinite
+
+import numpy as np
+
+from wholebody.errors import InputError
+from wholebody.reference.layout import FINGERS
+
+
+@dataclass(frozen=True)
+class MotionCaps:
+    """Caps on the norm of one motion; units are m or rad."""
+
+    speed: float
+    """[m/s] or [rad/s]"""
+    acceleration: float
+    """[m/s^2] or [rad/s^2]"""
+    jerk: float
+    """[m/s^3] or [rad/s^3]"""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not (isfinite(value) and value > 0.0):
+                raise InputError(f"{item.name} cap is {value}; a positive finite number is expected", field=item.name)
+
+    def scaled(self, factor: float) -> MotionCaps:
+        """Every cap times a factor."""
+        return MotionCaps(self.speed * factor, self.acceleration * factor, self.jerk * factor)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandCaps:
+    """Caps of one hand and of its fingers.
+
+    The defaults of the position are what a fast but demandable motion needs several times over: the 1.1 m/s lissajous
+    peaks at 5.8 m/s^2 and 32 m/s^3. Those of the orientation are as far above a brisk turn of the wrist (180 degrees in
+    half a second: 12 rad/s, 72 rad/s^2), those of the fingers let a 1 Hz sine over the whole range of a joint pass
+    (5.4 rad/s, 34 rad/s^2, 213 rad/s^3).
+    """
+
+    position: MotionCaps = field(default_factory=lambda: MotionCaps(2.5, 20.0, 400.0))
+    orientation: MotionCaps = field(default_factory=lambda: MotionCaps(12.0, 80.0, 2000.0))
+    finger: MotionCaps = field(default_factory=lambda: MotionCaps(10.0, 100.0, 3000.0))
+    finger_lower: tuple[float, ...] = (-inf,) * FINGERS
+    """Lower limits of the joints in motor order [rad]."""
+    finger_upper: tuple[float, ...] = (inf,) * FINGERS
+    """Upper limits of the joints in motor order [rad]."""
+
+    def __post_init__(self) -> None:
+        lower, upper = np.asarray(self.finger_lower, dtype=float), np.asarray(self.finger_upper, dtype=float)
+        if lower.shape != (FINGERS,) or upper.shape != (FINGERS,):
+            raise InputError(
+                f"finger limits have shapes {lower.shape} and {upper.shape}; ({FINGERS},) is expected",
+                field="finger_lower",
+            )
+        if not np.all(lower <= upper):
+            joint = int(np.flatnonzero(~(lower <= upper))[0])
+            raise InputError(
+                f"finger joint {joint}: lower limit {lower[joint]} rad is not below the upper {upper[joint]} rad",
+                field="finger_lower",
+            )
+
+    @property
+    def motions(self) -> tuple[MotionCaps, MotionCaps, MotionCaps]:
+        """Caps of position, orientation and fingers."""
+        return self.position, self.orientation, self.finger
+
+    def scaled(self, factor: float) -> HandCaps:
+        """Every speed, acceleration and jerk times a factor; the range of the fingers is kept."""
+        motions = {name: getattr(self, name).scaled(factor) for name in ("position", "orientation", "finger")}
+        return replace(self, **motions)
+
+    def array(self) -> np.ndarray:
+        """What `smoother_core` reads, shape ``(41,)``: 9 times (speed, acceleration, jerk), lower and upper limits."""
+        fingers = np.tile(astuple(self.finger), FINGERS)
+        return np.concatenate(
+            [astuple(self.position), astuple(self.orientation), fingers, self.finger_lower, self.finger_upper]
+        )

@@ -1,0 +1,130 @@
+"""Path of one hand from knots at the chunk rate: C2 in position, orientation and fingers, defined at every parameter.
+
+The path is one curve in R^14 (position 3, quaternion 4, fingers 7), piecewise quintic. Dividing the quaternion by its
+length keeps the curve C2, meets the knots exactly and has the accuracy of the cubic spline. Before the first knot the
+hand starts from rest, after the last one it brakes to rest. The parameter ``s`` [s] is the chunk's own time; who slows
+down along the path maps time to it with a `PathClock`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+
+import numpy as np
+
+from wholebody.errors import InputError
+from wholebody.reference import path_core
+from wholebody.reference.caps import HandCaps
+from wholebody.reference.compiled import compiled
+from wholebody.reference.join import Join, join_curve
+from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
+from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P, V, W
+from wholebody.reference.rotation import angular_rates, unit_quaternion
+from wholebody.reference.spline import PiecewiseQuintic
+
+CELL = 0.002
+"""Width of a look-up cell [s]: one control tick at 500 Hz."""
+
+
+@dataclass(frozen=True)
+class HandPath:
+    """C2 path of one hand; a value, never changed. Make it with `from_knots`, continue a motion with `joined`.
+
+    Attributes:
+        curve: The 14 channels of `wholebody.reference.knots` over ``s``.
+        start, end: First and last knot, or the join and the last knot [s]; outside the hand starts and stops.
+        caps: What start, stop and joins keep to; the knots are met whatever they demand.
+        wild: Indices of knots whose slope was limited because the motion around them is far beyond the caps.
+        join: How the path continues an earlier motion, or None.
+    """
+
+    curve: PiecewiseQuintic
+    start: float
+    end: float
+    caps: HandCaps
+    wild: tuple[int, ...] = ()
+    join: Join | None = None
+
+    @classmethod
+    def from_knots(
+        cls, times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray, *, caps: HandCaps | None = None
+    ) -> HandPath:
+        """Path through knots.
+
+        Args:
+            times: Parameters of the knots, increasing, shape ``(H,)``, [s].
+            T_world_hand: Poses, shape ``(H, 4, 4)``.
+            q_hand: Finger joints in motor order, shape ``(H, 7)``, [rad].
+            caps: Caps of the hand; `HandCaps()` if not given.
+
+        Raises:
+            InputError: If a shape is wrong, a value is not finite, times do not increase, or a rotation is none.
+        """
+        caps = HandCaps() if caps is None else caps
+        times, T, q = check_knots(times, T_world_hand, q_hand)
+        curve, wild = curve_through(times, T, q, caps)
+        return cls(curve, float(times[0]), float(times[-1]), caps, tuple(np.flatnonzero(wild).tolist()))
+
+    def joined(self, motion: HandMotion, s: float, *, caps: HandCaps | None = None) -> HandPath:
+        """The path from ``s`` on, beginning with ``motion`` (position, velocity, acceleration) instead of its own.
+
+        Args:
+            motion: What is commanded at ``s``, one row.
+            s: Parameter of the join [s]; it may lie before the first or after the last knot.
+            caps: Caps of the joining motion, half of which it uses; those of the path if not given.
+
+        Raises:
+            InputError: If the motion is not one finite row, or ``s`` is not finite.
+        """
+        if motion.rows.shape != (ROW,) or not np.isfinite(motion.rows).all() or not np.isfinite(s):
+            raise InputError(
+                f"a path joins one finite row of {ROW} values at a finite s; got shape {motion.rows.shape} at s {s}",
+                field="motion",
+            )
+        curve, join = join_curve(self.curve, motion, float(s), self.caps if caps is None else caps)
+        return replace(self, curve=curve, start=float(s), join=join)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Where the hand leaves rest and where it is at rest again [s]."""
+        return float(self.curve.breaks[0]), float(self.curve.breaks[-1])
+
+    def sample(self, s: np.ndarray) -> HandMotion:
+        """Motion at parameters ``s`` (n,) [s]; its derivatives are with respect to ``s``."""
+        s = np.asarray(s, dtype=float)
+        y, dy, ddy = self.curve(np.atleast_1d(s).ravel())
+        rows = np.empty((y.shape[0], ROW))
+        rows[:, P], rows[:, V], rows[:, A] = y[:, POSITION], dy[:, POSITION], ddy[:, POSITION]
+        rows[:, QUAT] = unit_quaternion(y[:, ROTATION])
+        rows[:, W], rows[:, ALPHA] = angular_rates(y[:, ROTATION], dy[:, ROTATION], ddy[:, ROTATION])
+        rows[:, Q_FINGER], rows[:, DQ_FINGER], rows[:, DDQ_FINGER] = y[:, FINGER], dy[:, FINGER], ddy[:, FINGER]
+        return HandMotion(rows.reshape(*s.shape, ROW))
+
+    def at(self, s: float, row: np.ndarray | None = None) -> np.ndarray:
+        """Row at one parameter, in constant time and compiled: for the control tick.
+
+        Args:
+            s: Parameter [s].
+            row: Where to write, shape ``(40,)``, C-contiguous; a new array if not given.
+        """
+        if row is None:
+            row = np.empty(ROW)
+        look_up()(self.flat, s, row)
+        return row
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """The path as one array, as `wholebody.reference.path_core` reads it."""
+        breaks, coefficients = self.curve.breaks, self.curve.coefficients
+        cells = np.arange(breaks[0], breaks[-1], CELL)
+        segment = np.clip(np.searchsorted(breaks, cells, side="right") - 1, 0, len(coefficients) - 1)
+        header = [len(coefficients), coefficients.shape[2], breaks[0], 1.0 / CELL, len(cells)]
+        return np.concatenate([header, segment, breaks, coefficients.ravel()])
+
+
+@cache
+def look_up() -> Callable[[np.ndarray, float, np.ndarray], None]:
+    """The compiled `path_core.path_row`."""
+    return compiled(path_core, "path_row")

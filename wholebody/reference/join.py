@@ -1,0 +1,130 @@
+"""Continue from what is being commanded: add to a path the quintic that takes the difference to zero.
+
+The sum begins with exactly the commanded position, velocity and acceleration, is C2, and after the join it is the path
+itself. Where both agree the difference is zero and nothing is added: replaying a smooth motion in chunks loses nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wholebody.reference.caps import HandCaps
+from wholebody.reference.knots import FINGER, PARTS, POSITION, ROTATION, brake_time, part_size
+from wholebody.reference.layout import HandMotion
+from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_quaternion
+from wholebody.reference.spline import PiecewiseQuintic, quintic, shift
+
+JOIN_SHARE = 0.5
+"""Share of the caps that the motion may use while it joins, unless the path needs more anyway."""
+DURATIONS = np.geomspace(0.1, 4.0, 17)
+"""Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
+
+_S = np.linspace(0.0, 1.0, 33)
+_UNIT = PiecewiseQuintic(
+    np.array([0.0, 1.0]), quintic(np.ones(1), np.eye(3)[:, None], np.zeros((3, 1, 3)))
+)  # the quintics to zero of the three unit jets
+_BASIS = _UNIT(_S, 3)
+"""They and their derivatives at `_S`, (33, 3) each."""
+
+
+@dataclass(frozen=True)
+class Join:
+    """How a path was joined to the motion that it continues.
+
+    Attributes:
+        s: Where it was joined [s].
+        duration: Until the chunk's own path is reached [s].
+        distance: Between the motion and the chunk's own path at ``s`` [m].
+        angle: The same for the orientation [rad].
+        finger: Largest difference of a finger joint at ``s`` [rad].
+    """
+
+    s: float
+    duration: float
+    distance: float
+    angle: float
+    finger: float
+
+
+def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandCaps) -> tuple[PiecewiseQuintic, Join]:
+    """The curve from ``s`` on, corrected to begin with ``motion``, with a start from rest before it.
+
+    Args:
+        curve: Curve in the 14 channels of `knots`.
+        motion: One row: what is commanded at ``s``.
+        s: Parameter of the join [s].
+        caps: The joining motion uses `JOIN_SHARE` of them.
+    """
+    own = np.stack(curve(np.array([s])))[:, 0]
+    start = commanded_jet(motion, own[:, ROTATION])
+    error = start - own
+    duration = join_duration(curve, error, s, caps.scaled(JOIN_SHARE))
+    joined = _add(curve, error, s, duration)
+    before = brake_time(start, caps)
+    rest = np.zeros_like(start)
+    rest[0] = start[0] - before * (start[1] / 2.0 - before * start[2] / 12.0)
+    lead = quintic(np.array([before]), rest[:, None], start[:, None])
+    whole = PiecewiseQuintic(np.concatenate([[s - before], joined.breaks]), np.concatenate([lead, joined.coefficients]))
+    angle = float(rotation_angle(unit_quaternion(own[0, ROTATION]), motion.quat))
+    return whole, Join(s, duration, float(part_size(error[0], POSITION)), angle, float(part_size(error[0], FINGER)))
+
+
+def commanded_jet(motion: HandMotion, quat_own: np.ndarray) -> np.ndarray:
+    """Value and two derivatives, shape ``(3, 14)``, of a motion in the channels.
+
+    The quaternion takes the side and the length of the path's own, ``quat_own`` (3, 4), so that it differs from it only
+    where the rotations do.
+    """
+    quat, dquat, ddquat = motion.quat, *quaternion_rates(motion.quat, motion.w, motion.alpha)
+    size = np.linalg.norm(quat_own[0])
+    rate = quat_own[0] @ quat_own[1] / size
+    bend = (quat_own[1] @ quat_own[1] + quat_own[0] @ quat_own[2] - rate**2) / size
+    side = -1.0 if quat @ quat_own[0] < 0.0 else 1.0
+    jet = np.empty((3, 14))
+    jet[:, POSITION] = motion.p, motion.v, motion.a
+    jet[0, ROTATION] = side * size * quat
+    jet[1, ROTATION] = side * (rate * quat + size * dquat)
+    jet[2, ROTATION] = side * (bend * quat + 2.0 * rate * dquat + size * ddquat)
+    jet[:, FINGER] = motion.q_finger, motion.dq_finger, motion.ddq_finger
+    return jet
+
+
+def join_duration(curve: PiecewiseQuintic, error: np.ndarray, s: float, caps: HandCaps) -> float:
+    """Shortest of `DURATIONS` in which the joined motion stays inside the caps, or the one that comes nearest, [s].
+
+    Where the path itself, or the motion that it continues, exceeds a cap, that counts instead of the cap.
+    """
+    best, best_excess = DURATIONS[0], np.inf
+    for duration in DURATIONS:
+        excess = _join_excess(curve, error, s, duration, caps)
+        if excess <= 1.0:
+            return float(duration)
+        if excess < best_excess:
+            best, best_excess = duration, excess
+    return float(best)
+
+
+def _join_excess(curve: PiecewiseQuintic, error: np.ndarray, s: float, duration: float, caps: HandCaps) -> float:
+    """Largest ratio of speed, acceleration and jerk of the joined motion to what they may be."""
+    own = curve(s + duration * _S, 3)
+    scaled = error * np.array([[1.0], [duration], [duration**2]])
+    worst = 0.0
+    for order in (1, 2, 3):
+        rates = own[order] + (_BASIS[order] @ scaled) / duration**order
+        for part, cap in zip(PARTS, caps.motions, strict=True):
+            size, bound = part_size(rates, part), (cap.speed, cap.acceleration, cap.jerk)[order - 1]
+            bound = max(bound, part_size(own[order], part).max(), size[0] if order < 3 else 0.0)
+            worst = max(worst, size.max() / bound)
+    return float(worst)
+
+
+def _add(curve: PiecewiseQuintic, error: np.ndarray, s: float, duration: float) -> PiecewiseQuintic:
+    """The curve from ``s`` on, plus the quintic that takes ``error`` to zero in ``duration``."""
+    curve = curve.split(np.array([s, s + duration])).after(s)
+    count = int(np.searchsorted(curve.breaks, s + duration))
+    correction = quintic(np.array([duration]), error[:, None], np.zeros_like(error)[:, None])
+    coefficients = curve.coefficients.copy()
+    coefficients[:count] += shift(np.repeat(correction, count, axis=0), curve.breaks[:count] - s)
+    return PiecewiseQuintic(curve.breaks, coefficients)

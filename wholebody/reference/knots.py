@@ -1,0 +1,144 @@
+"""From the knots of a chunk to one C2 curve in R^14: which knots are wild, and how the hand starts and stops.
+
+Channels: position 3 [m], quaternion xyzw 4, fingers 7 [rad].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy.rotations import rotation_residual
+from wholebody.errors import InputError
+from wholebody.reference.caps import HandCaps, MotionCaps
+from wholebody.reference.layout import FINGERS
+from wholebody.reference.rotation import continuous_quaternions
+from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
+
+POSITION, ROTATION, FINGER = slice(0, 3), slice(3, 7), slice(7, 14)
+PARTS = (POSITION, ROTATION, FINGER)
+
+WILD_SPEED = 2.0
+"""Knots are wild where the hand would need more than this many times its speed cap between them."""
+WILD_ACCELERATION = 3.0
+"""A knot is wild where its second difference is more than this many times the acceleration cap."""
+BRAKE_MIN = 0.05
+"""Shortest start from rest and shortest stop [s]."""
+ROTATION_TOLERANCE = 1e-3
+"""Largest residual of a knot's rotation matrix: above float32 rounding, below any real fault."""
+
+
+def part_size(values: np.ndarray, part: slice) -> np.ndarray:
+    """Size of a change of one part of the channels ``(..., 14)``: distance [m], angle [rad], largest joint [rad].
+
+    The angle is twice the change of the quaternion, exact where that is small and of unit length.
+    """
+    x = values[..., part]
+    if part == FINGER:
+        return np.abs(x).max(axis=-1)
+    return np.linalg.norm(x, axis=-1) * (2.0 if part == ROTATION else 1.0)
+
+
+def check_knots(
+    times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The knots as float arrays.
+
+    Raises:
+        InputError: If a shape is wrong, a value is not finite, times do not increase, or a rotation is none.
+    """
+    times, T, q = (np.array(x, dtype=float) for x in (times, T_world_hand, q_hand))
+    count = times.size
+    for name, x, shape in (
+        ("times", times, (max(count, 1),)),
+        ("T_world_hand", T, (count, 4, 4)),
+        ("q_hand", q, (count, FINGERS)),
+    ):
+        if x.shape != shape:
+            raise InputError(f"{name} has shape {x.shape}; {shape} is expected", field=name)
+        if not np.isfinite(x).all():
+            knot = int(np.argwhere(~np.isfinite(x))[0][0])
+            raise InputError(f"{name} is not finite at knot {knot}; finite values are expected", field=name, knot=knot)
+    if not np.all(np.diff(times) > 0.0):
+        knot = int(np.flatnonzero(~(np.diff(times) > 0.0))[0]) + 1
+        raise InputError(
+            f"times[{knot}] = {times[knot]:.6g} s is not after {times[knot - 1]:.6g} s; knots must increase in time",
+            field="times",
+            knot=knot,
+        )
+    residual = rotation_residual(T[:, :3, :3])
+    if not np.all(residual <= ROTATION_TOLERANCE):
+        knot = int(np.argmax(residual))
+        raise InputError(
+            f"T_world_hand[{knot}] has no rotation: residual {residual[knot]:.2g}, at most {ROTATION_TOLERANCE} is "
+            "expected",
+            field="T_world_hand",
+            knot=knot,
+        )
+    return times, T, q
+
+
+def curve_through(
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps
+) -> tuple[PiecewiseQuintic, np.ndarray]:
+    """The C2 curve through checked knots, with its start from rest and its stop; and which knots are wild, ``(H,)``."""
+    y = np.concatenate([T[:, :3, 3], continuous_quaternions(T[:, :3, :3]), q], axis=1)
+    wild = np.zeros(len(times), dtype=bool)
+    jets = np.stack([y, *knot_derivatives(times, y, wild)])
+    for part, cap in zip(PARTS, caps.motions, strict=True):
+        limited = wild_knots(times, y, part, cap)
+        wild |= limited
+        if limited.any():
+            jets[1:, :, part] = knot_derivatives(times, y[:, part], limited)
+        _slow_ends(jets, part, cap)
+    times, jets = _start_and_stop(times, jets, caps)
+    return PiecewiseQuintic(times, quintic(np.diff(times), jets[:, :-1], jets[:, 1:])), wild
+
+
+def wild_knots(times: np.ndarray, y: np.ndarray, part: slice, cap: MotionCaps) -> np.ndarray:
+    """Knots next to a motion far beyond the caps, shape ``(H,)``: there a spline would ring into its neighbours."""
+    wild = np.zeros(len(times), dtype=bool)
+    h = np.diff(times)
+    secant = np.diff(y, axis=0) / h[:, None]
+    fast = part_size(secant, part) > WILD_SPEED * cap.speed
+    wild[:-1] |= fast
+    wild[1:] |= fast
+    bend = np.diff(secant, axis=0) / (0.5 * (h[1:] + h[:-1]))[:, None]
+    wild[1:-1] |= part_size(bend, part) > WILD_ACCELERATION * cap.acceleration
+    if len(wild) > 1:  # not-a-knot would carry what is wild beyond the second knot to the end
+        wild[[0, -1]] |= wild[[1, -2]]
+    return wild
+
+
+def _slow_ends(jets: np.ndarray, part: slice, cap: MotionCaps) -> None:
+    """Bring velocity and acceleration of the end knots inside the caps, in place, so that start and stop are short.
+
+    Segments are quintics, so any jet at a knot leaves the curve C2.
+    """
+    for knot in (0, -1):
+        for order, bound in ((1, cap.speed), (2, cap.acceleration)):
+            size = float(part_size(jets[order, knot], part))
+            if size > bound:
+                jets[order, knot, part] *= bound / size
+
+
+def _start_and_stop(times: np.ndarray, jets: np.ndarray, caps: HandCaps) -> tuple[np.ndarray, np.ndarray]:
+    """Knots and jets with a knot at rest before the first and one after the last."""
+    before, after = brake_time(jets[:, 0], caps), brake_time(jets[:, -1], caps)
+    rest = np.zeros((3, 2, jets.shape[2]))
+    rest[0, 0] = jets[0, 0] - before * (jets[1, 0] / 2.0 - before * jets[2, 0] / 12.0)
+    rest[0, 1] = jets[0, -1] + after * (jets[1, -1] / 2.0 + after * jets[2, -1] / 12.0)
+    times = np.concatenate([[times[0] - before], times, [times[-1] + after]])
+    return times, np.concatenate([rest[:, :1], jets, rest[:, 1:]], axis=1)
+
+
+def brake_time(jet: np.ndarray, caps: HandCaps) -> float:
+    """Time in which the jet ``(3, 14)`` comes to rest with a cubic velocity inside half of the caps, [s].
+
+    The velocity ``v (1 - 3 s^2 + 2 s^3) + a T (s - 2 s^2 + s^3)`` has the peak acceleration ``1.5 v / T`` and the
+    peak jerks ``6 v / T^2`` and ``4 a / T``. The displacement is ``v T / 2 + a T^2 / 12``.
+    """
+    time = BRAKE_MIN
+    for part, cap in zip(PARTS, caps.motions, strict=True):
+        v, a = float(part_size(jet[1], part)), float(part_size(jet[2], part))
+        time = max(time, 3.0 * v / cap.acceleration, (12.0 * v / cap.jerk) ** 0.5, 8.0 * a / cap.jerk)
+    return time

@@ -1,0 +1,79 @@
+"""Motion of one hand as a flat row: what paths produce, the smoother filters and compiled code reads.
+
+A row holds the motion of the hand frame (the wrist yaw link) and of its 7 Dex3 joints at one instant:
+
+====== ============ =================================================================
+0:9    p, v, a      position in world and its derivatives [m, m/s, m/s^2]
+9:13   quat         quaternion of ``R_world_hand``, xyzw
+13:19  w, alpha     angular velocity and acceleration in world axes [rad/s, rad/s^2]
+19:40  q, dq, ddq   finger joints in motor order [rad, rad/s, rad/s^2]
+====== ============ =================================================================
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy.rotations import matrix_to_quaternion, quaternion_to_matrix
+
+FINGERS = 7
+ROW = 40
+
+P, V, A = slice(0, 3), slice(3, 6), slice(6, 9)
+QUAT, W, ALPHA = slice(9, 13), slice(13, 16), slice(16, 19)
+Q_FINGER, DQ_FINGER, DDQ_FINGER = slice(19, 26), slice(26, 33), slice(33, 40)
+
+
+class HandMotion:
+    """Named views on rows, shape ``(..., 40)``; writing through them changes the rows."""
+
+    __slots__ = ("rows",)
+
+    def __init__(self, rows: np.ndarray) -> None:
+        self.rows = rows
+
+    p = property(lambda self: self.rows[..., P], doc="Position in world (..., 3) [m].")
+    v = property(lambda self: self.rows[..., V], doc="Velocity (..., 3) [m/s].")
+    a = property(lambda self: self.rows[..., A], doc="Acceleration (..., 3) [m/s^2].")
+    quat = property(lambda self: self.rows[..., QUAT], doc="Quaternion of R_world_hand, xyzw (..., 4).")
+    w = property(lambda self: self.rows[..., W], doc="Angular velocity, world axes (..., 3) [rad/s].")
+    alpha = property(lambda self: self.rows[..., ALPHA], doc="Angular acceleration (..., 3) [rad/s^2].")
+    q_finger = property(lambda self: self.rows[..., Q_FINGER], doc="Finger joints (..., 7) [rad].")
+    dq_finger = property(lambda self: self.rows[..., DQ_FINGER], doc="Finger speeds (..., 7) [rad/s].")
+    ddq_finger = property(lambda self: self.rows[..., DDQ_FINGER], doc="Finger accelerations (..., 7) [rad/s^2].")
+
+    @property
+    def R(self) -> np.ndarray:
+        """R_world_hand (..., 3, 3)."""
+        return quaternion_to_matrix(self.quat, "xyzw")
+
+    @property
+    def T_world_hand(self) -> np.ndarray:
+        """Pose (..., 4, 4)."""
+        T = np.zeros((*self.rows.shape[:-1], 4, 4))
+        T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = self.R, self.p, 1.0
+        return T
+
+    @property
+    def twist(self) -> np.ndarray:
+        """Linear then angular velocity in world axes at the hand's origin (..., 6)."""
+        return np.concatenate([self.v, self.w], axis=-1)
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """Linear then angular acceleration in world axes at the hand's origin (..., 6)."""
+        return np.concatenate([self.a, self.alpha], axis=-1)
+
+
+def rest_row(T_world_hand: np.ndarray, q_finger: np.ndarray | None = None) -> np.ndarray:
+    """Row of a hand at rest, shape ``(40,)``.
+
+    Args:
+        T_world_hand: Pose, shape ``(4, 4)``.
+        q_finger: Finger joints, shape ``(7,)``, [rad]; zero where none are given.
+    """
+    row = np.zeros(ROW)
+    row[P], row[QUAT] = T_world_hand[:3, 3], matrix_to_quaternion(T_world_hand[:3, :3], "xyzw")
+    if q_finger is not None:
+        row[Q_FINGER] = q_finger
+    return row
