@@ -246,7 +246,9 @@ def keep_range(g, x, lower, upper, caps, c, dt):
     A joint that is outside already, or too fast to stop inside, gets no worse.
     """
     moved = False
-    cap_a, cap_j = STOP_SHARE * caps[c + 1], STOP_SHARE * caps[c + 2]
+    # Long ticks follow the fastest stop less closely.
+    share = STOP_SHARE / (1.0 + caps[c + 2] * dt / caps[c + 1])
+    cap_a, cap_j = share * caps[c + 1], share * caps[c + 2]
     for side in range(2):
         sign = 1.0 - 2.0 * side
         v, a, wanted = sign * g[NOW_V, 0], sign * g[NOW_A, 0], sign * g[JERK, 0]
@@ -349,11 +351,10 @@ def rotate(g, quat, dt):
 def accept(state, target, goal):
     """Copy the target to ``goal``; where it is not finite, the last good pose at rest instead."""
     size = math.sqrt(target[9] ** 2 + target[10] ** 2 + target[11] ** 2 + target[12] ** 2)
-    total = size if size > 0.5 else math.nan
+    good = math.isfinite(size) and size > 0.5
     for i in range(ROW):
-        total += target[i] - target[i]  # NaN where an entry is NaN or infinite
+        good = good and math.isfinite(target[i])
         goal[i] = target[i]
-    good = math.isfinite(total)
     state[REJECTED] = 0.0 if good else 1.0
     if not good:
         goal[:] = 0.0

@@ -1,0 +1,368 @@
+"""Smoother. Strategy: the compiled and the interpreted arithmetic are the same function; caps are checked on every tick
+of long runs with anything as target; tracking is checked against motions whose derivatives are known.
+"""
+
+import subprocess
+import sys
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from reference_motions import angle_between, chunk, lissajous_rows, wild_knots
+from scipy.spatial.transform import Rotation
+
+from wholebody.errors import InputError
+from wholebody.reference import (
+    HandCaps,
+    HandMotion,
+    HandPath,
+    MotionCaps,
+    PathClock,
+    ReferenceSmoother,
+    rest_row,
+)
+from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, P, V, W
+
+DT = 0.002
+RANGE = HandCaps(finger_lower=(-1.5,) * 7, finger_upper=(1.5,) * 7)
+REST = rest_row(np.eye(4))
+
+
+def run(smoother, targets, dt=DT):
+    """Commanded rows (ticks + 1, hands, 40), the start included."""
+    rows = [smoother.motion.rows.copy()]
+    for target in targets:
+        rows.append(smoother.step(np.atleast_2d(target), dt).rows.copy())
+    return np.array(rows)
+
+
+def excess(rows, caps, dt=DT):
+    """Largest ratio to its cap of speed, acceleration and jerk of position, orientation and fingers."""
+    worst = 0.0
+    for first, second, cap in (
+        (V, A, caps.position),
+        (W, ALPHA, caps.orientation),
+        (DQ_FINGER, DDQ_FINGER, caps.finger),
+    ):
+        changes = (rows[..., first], rows[..., second], np.diff(rows[..., second], axis=0) / dt)
+        for change, bound in zip(changes, astuple(cap), strict=True):
+            size = np.abs(change) if cap is caps.finger else np.linalg.norm(change, axis=-1)
+            worst = max(worst, size.max() / bound)
+    return worst
+
+
+def assert_consistent(rows, dt=DT):
+    """Every tick is one of constant jerk: position and velocity follow from the accelerations."""
+    before, after = rows[:-1], rows[1:]
+    for x, v, a in ((P, V, A), (Q_FINGER, DQ_FINGER, DDQ_FINGER)):
+        jerk = (after[..., a] - before[..., a]) / dt
+        speed = before[..., v] + dt * before[..., a] + 0.5 * dt**2 * jerk
+        place = before[..., x] + dt * before[..., v] + 0.5 * dt**2 * before[..., a] + dt**3 / 6 * jerk
+        np.testing.assert_allclose(after[..., v], speed, atol=1e-10)
+        np.testing.assert_allclose(after[..., x], place, atol=1e-10)
+    w, alpha = before[..., W], before[..., ALPHA]
+    mean = 0.5 * (w + after[..., W]) - dt / 12 * (after[..., ALPHA] - alpha) + dt**2 / 12 * np.cross(alpha, w)
+    old, new = (Rotation.from_quat(rows[..., QUAT].reshape(-1, 4)) for rows in (before, after))
+    np.testing.assert_allclose((new * old.inv()).as_rotvec() / dt, mean.reshape(-1, 3), atol=1e-5)
+
+
+def wild_targets(rng, ticks, hands, hold):
+    """Targets that jump with probability ``1 / hold`` a tick: some consistent, some absurd, some not finite."""
+    targets, target = np.empty((ticks, hands, ROW)), np.tile(REST, (hands, 1))
+    for k in range(ticks):
+        if rng.random() < 1.0 / hold:
+            target = np.zeros((hands, ROW))
+            target[:, P] = rng.normal(size=(hands, 3)) * rng.choice([0.01, 0.3, 1.0, 10.0])
+            target[:, QUAT] = Rotation.random(hands, random_state=rng).as_quat() * rng.choice([-1.0, 1.0])
+            target[:, V.start : A.stop] = rng.normal(size=(hands, 6)) * rng.choice([0.0, 1.0, 30.0])
+            target[:, W.start : ALPHA.stop] = rng.normal(size=(hands, 6)) * rng.choice([0.0, 10.0, 300.0])
+            target[:, Q_FINGER] = rng.normal(size=(hands, 7)) * rng.choice([0.5, 5.0])
+            target[:, DQ_FINGER.start :] = rng.normal(size=(hands, 14)) * rng.choice([0.0, 3.0, 100.0])
+            if rng.random() < 0.1:
+                target[rng.integers(hands), rng.integers(ROW)] = rng.choice([np.nan, np.inf, -np.inf])
+        targets[k] = target
+    return targets
+
+
+@pytest.mark.parametrize(("seed", "hold"), [(0, 1), (1, 1), (2, 20), (3, 20), (4, 300)])
+def test_caps_hold_at_every_one_of_20000_ticks_with_wild_targets(seed, hold):
+    smoother = ReferenceSmoother(np.tile(REST, (2, 1)), RANGE)
+    rows = run(smoother, wild_targets(np.random.default_rng(seed), 20_000, 2, hold))
+    assert np.isfinite(rows).all()
+    assert excess(rows, RANGE) <= 1.0 + 1e-9
+    assert np.abs(rows[..., Q_FINGER]).max() <= 1.5 + 1e-9
+    assert smoother.rejections > 0
+    assert_consistent(rows)
+
+
+@pytest.mark.parametrize("dt", [0.0005, 0.001, 0.004, 0.01, 0.02])
+def test_caps_hold_at_other_rates(dt):
+    smoother = ReferenceSmoother(np.tile(REST, (2, 1)), RANGE)
+    rows = run(smoother, wild_targets(np.random.default_rng(7), 2000, 2, 10), dt)
+    assert np.isfinite(rows).all()
+    assert excess(rows, RANGE, dt) <= 1.0 + 1e-9
+    assert np.abs(rows[..., Q_FINGER]).max() <= 1.5 + 1e-9
+
+
+def test_caps_hold_for_unusual_caps():
+    caps = HandCaps(
+        position=MotionCaps(0.2, 0.5, 2.0),
+        orientation=MotionCaps(30.0, 20.0, 5000.0),
+        finger=MotionCaps(1.0, 100.0, 50.0),
+    )
+    smoother = ReferenceSmoother(np.tile(REST, (2, 1)), caps)
+    rows = run(smoother, wild_targets(np.random.default_rng(8), 5000, 2, 100))
+    assert excess(rows, caps) <= 1.0 + 1e-9
+
+
+def test_after_any_wildness_a_constant_target_is_reached():
+    smoother = ReferenceSmoother(np.tile(REST, (2, 1)), RANGE)
+    rng = np.random.default_rng(9)
+    for _ in range(10):
+        run(smoother, wild_targets(rng, 500, 2, 5))
+        goal = np.tile(REST, (2, 1))
+        goal[:, P] = rng.uniform(-1.0, 1.0, (2, 3))
+        goal[:, QUAT] = Rotation.random(2, random_state=rng).as_quat()
+        goal[:, Q_FINGER] = rng.uniform(-1.5, 1.5, (2, 7))
+        rows = run(smoother, [goal] * 2500)
+        np.testing.assert_allclose(rows[-1][:, P], goal[:, P], atol=1e-9)
+        assert angle_between(rows[-1][:, QUAT], goal[:, QUAT]).max() < 1e-7
+        np.testing.assert_allclose(rows[-1][:, Q_FINGER], goal[:, Q_FINGER], atol=1e-9)
+        assert not smoother.limited.any()
+
+
+@pytest.mark.parametrize("step", [1e-4, 1e-3, 0.01, 0.1, 0.3, 1.0, 3.0])
+def test_a_step_overshoots_by_less_than_two_percent(step):
+    goal = REST.copy()
+    direction = np.array([1.0, -2.0, 2.0]) / 3.0
+    goal[P] = step * direction
+    rows = run(ReferenceSmoother(REST[None]), [goal] * 2500)[:, 0]
+    along = rows[:, P] @ direction
+    assert along.max() <= 1.02 * step
+    assert np.abs(rows[:, P] - np.outer(along, direction)).max() < 1e-9
+    assert along[-1] == pytest.approx(step, rel=1e-9)
+    assert excess(rows, HandCaps()) <= 1.0
+
+
+def test_a_step_of_one_metre_settles_within_seven_tenths_of_a_second():
+    goal = REST.copy()
+    goal[0] = 1.0
+    rows = run(ReferenceSmoother(REST[None]), [goal] * 500)[:, 0]
+    assert np.flatnonzero(np.abs(rows[:, 0] - 1.0) > 0.01)[-1] * DT < 0.7
+    assert rows[:, 0].max() < 1.001
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.1, 1.0, 3.0, np.pi])
+def test_a_turn_overshoots_by_less_than_two_percent(angle):
+    goal = REST.copy()
+    axis = np.array([2.0, 2.0, -1.0]) / 3.0
+    goal[QUAT] = -Rotation.from_rotvec(angle * axis).as_quat()
+    rows = run(ReferenceSmoother(REST[None]), [goal] * 1500)[:, 0]
+    turned = np.unwrap(2.0 * np.arctan2(rows[:, QUAT][:, :3] @ axis, rows[:, QUAT][:, 3]))
+    assert np.abs(turned).max() <= 1.02 * angle
+    assert angle_between(rows[-1:, QUAT], goal[None, QUAT])[0] < 1e-7
+    assert excess(rows, HandCaps()) <= 1.0
+
+
+def test_a_sign_flip_of_the_quaternion_changes_nothing():
+    t = DT * np.arange(1, 800)
+    targets = lissajous_rows(t)
+    flipped = targets.copy()
+    flipped[::3, QUAT] *= -1.0
+    start = lissajous_rows(0.0)
+    np.testing.assert_allclose(
+        run(ReferenceSmoother(start), flipped), run(ReferenceSmoother(start), targets), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.002, 0.004])
+def test_the_lissajous_is_followed_without_lag(dt):
+    t = dt * np.arange(1, int(4.0 / dt))
+    truth = lissajous_rows(t)
+    smoother = ReferenceSmoother(lissajous_rows(0.0))
+    rows = run(smoother, truth, dt)[1:, 0]
+    assert np.linalg.norm(rows[:, P] - truth[:, P], axis=1).max() < 1e-6
+    assert np.linalg.norm(rows[:, V] - truth[:, V], axis=1).max() < 1e-4
+    assert np.linalg.norm(rows[:, A] - truth[:, A], axis=1).max() < 1e-2
+    assert angle_between(rows[:, QUAT], truth[:, QUAT]).max() < 1e-6
+    assert np.abs(rows[:, Q_FINGER] - truth[:, Q_FINGER]).max() < 1e-6
+    assert not smoother.limited.any()
+
+
+def test_a_circle_just_inside_the_caps_is_followed_without_lag():
+    t = DT * np.arange(2000)
+    rows = np.tile(REST, (2000, 1))
+    for row, phase in ((0, 0.0), (1, -np.pi / 2)):
+        rows[:, row] = 0.22 * np.cos(9 * t + phase)
+        rows[:, 3 + row] = -0.22 * 9 * np.sin(9 * t + phase)
+        rows[:, 6 + row] = -0.22 * 81 * np.cos(9 * t + phase)  # 2.0 m/s, 17.8 m/s^2, 160 m/s^3
+    got = run(ReferenceSmoother(rows[:1]), rows[1:])[:, 0]
+    assert np.linalg.norm(got[:, P] - rows[:, P], axis=1).max() < 1e-6
+
+
+def test_a_lissajous_in_replaced_chunks_is_followed_to_a_hundredth_of_a_millimetre():
+    path = HandPath.from_knots(*chunk(0.0))
+    smoother = ReferenceSmoother(path.at(0.1)[None])
+    seq, rows, t = 1, [], 0.1 + DT
+    while t < 5.0:
+        if t > seq * 25 / 30 + 0.12:
+            path = HandPath.from_knots(*chunk(seq * 25 / 30)).joined(path.sample(t - DT), t - DT)
+            seq += 1
+        smoother.step(path.at(t)[None], DT)
+        rows.append((t, smoother.motion.rows[0].copy()))
+        t += DT
+    times, rows = np.array([r[0] for r in rows]), np.array([r[1] for r in rows])
+    truth = lissajous_rows(times)
+    assert np.linalg.norm(rows[:, P] - truth[:, P], axis=1).max() < 1e-5
+    assert np.linalg.norm(rows[:, V] - truth[:, V], axis=1).max() < 2e-3
+    assert angle_between(rows[:, QUAT], truth[:, QUAT]).max() < 1e-5
+
+
+def test_a_path_slowed_along_itself_is_followed_without_leaving_it():
+    path, clock = HandPath.from_knots(*chunk(0.0)), PathClock(0.2)
+    smoother = ReferenceSmoother(path.at(0.2)[None])
+    for k in range(900):
+        clock = clock.advance(DT, 0.0 if 100 < k < 300 else 0.6)
+        smoother.step(clock.motion(HandMotion(path.at(clock.s))).rows[None], DT)
+        assert smoother.error[0, 0] < 1e-5
+        assert np.linalg.norm(smoother.motion.p[0] - lissajous_rows(clock.s)[0, P]) < 3e-5
+
+
+def test_wild_chunks_replaced_at_any_time_stay_inside_the_caps():
+    rng = np.random.default_rng(4)
+    smoother, rows = ReferenceSmoother(REST[None], RANGE), []
+    for _ in range(12):
+        path = HandPath.from_knots(*wild_knots(rng), caps=RANGE)
+        if rng.random() < 0.5:
+            path = path.joined(HandMotion(smoother.motion.rows[0].copy()), 0.0)
+        s = DT * np.arange(1, rng.integers(50, 1000))
+        rows.append(run(smoother, path.sample(s).rows)[1:])
+    rows = np.concatenate(rows)
+    assert excess(rows, RANGE) <= 1.0 + 1e-9
+    assert_consistent(rows)
+
+
+def test_a_target_beyond_the_caps_is_caught_when_it_slows_down():
+    t = DT * np.arange(1, 1500)
+    x = np.minimum(4.0 * t, 4.0)  # 4 m/s for a second, then it stands
+    targets = np.tile(REST, (len(t), 1))
+    targets[:, 0], targets[:, 3] = x, np.where(t < 1.0, 4.0, 0.0)
+    rows = run(ReferenceSmoother(REST[None]), targets)[:, 0]
+    assert excess(rows, HandCaps()) <= 1.0 + 1e-9
+    assert rows[500, 0] > 1.9
+    assert rows[:, 0].max() < 4.02
+    assert rows[-1, 0] == pytest.approx(4.0, abs=1e-3)
+
+
+def test_a_start_above_the_caps_comes_down_to_them():
+    row = REST.copy()
+    row[3:9] = [4.0, 0.0, 0.0, 30.0, 0.0, 0.0]
+    goal = REST.copy()
+    rows = run(ReferenceSmoother(row[None]), [goal] * 3000)[:, 0]
+    speed = np.linalg.norm(rows[:, V], axis=1)
+    assert speed.max() < 4.0 + 30.0**2 / (2 * 400.0) + 0.1
+    assert np.all(speed[300:] <= 2.5)
+    assert np.linalg.norm(rows[-1, P]) < 1e-6
+    jerk = np.linalg.norm(np.diff(rows[:, A], axis=0), axis=1) / DT
+    assert jerk.max() <= 400.0 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("entry", [0, 5, 9, 14, 20, 39])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_target_that_is_not_finite_is_ignored_and_reported(entry, value):
+    targets = np.stack([lissajous_rows(DT * np.arange(1, 600))] * 2, axis=1)
+    targets[300:, 1, entry] = value
+    smoother = ReferenceSmoother(np.tile(lissajous_rows(0.0), (2, 1)))
+    rows = run(smoother, targets)
+    assert np.isfinite(rows).all()
+    assert smoother.rejected.tolist() == [False, True]
+    assert smoother.rejections == 299
+    held = targets[299, 1]
+    np.testing.assert_allclose(rows[-1, 1, P], held[P], atol=2e-3)
+    assert np.linalg.norm(rows[-1, 0, P] - targets[-1, 0, P]) < 1e-6
+    assert excess(rows, HandCaps()) <= 1.0 + 1e-9
+
+
+def test_a_zero_quaternion_is_rejected():
+    target = REST.copy()
+    target[QUAT] = 0.0
+    smoother = ReferenceSmoother(REST[None])
+    smoother.step(target[None], DT)
+    assert smoother.rejected[0]
+    np.testing.assert_array_equal(smoother.motion.rows[0], REST)
+
+
+def test_fingers_stop_at_their_limits_and_say_so():
+    target = REST.copy()
+    target[Q_FINGER] = 9.0
+    smoother = ReferenceSmoother(REST[None], RANGE)
+    rows = run(smoother, [target] * 500)[:, 0]
+    assert rows[:, Q_FINGER].max() <= 1.5 + 1e-9
+    np.testing.assert_allclose(rows[-1, Q_FINGER], 1.5, atol=1e-5)
+    assert smoother.limited[0]
+
+
+def test_compiled_and_interpreted_arithmetic_agree():
+    rng = np.random.default_rng(11)
+    fast = ReferenceSmoother(np.tile(REST, (2, 1)), RANGE)
+    slow = ReferenceSmoother(np.tile(REST, (2, 1)), RANGE, interpret=True)
+    targets = np.concatenate(
+        [wild_targets(rng, 600, 2, 15), np.stack([lissajous_rows(DT * np.arange(300))] * 2, axis=1)]
+    )
+    for k, target in enumerate(targets):
+        if k % 6 == 0:
+            slow.state = fast.state.copy()
+        fast.step(target, DT)
+        if k % 6 == 0:
+            slow.step(target, DT)
+            scale = np.maximum(1.0, np.abs(slow.state))
+            np.testing.assert_allclose(fast.state / scale, slow.state / scale, atol=1e-12, rtol=0.0)
+
+
+def test_state_is_everything():
+    targets = wild_targets(np.random.default_rng(12), 400, 1, 20)
+    smoother = ReferenceSmoother(REST[None])
+    run(smoother, targets[:200])
+    kept = smoother.state.copy()
+    first = run(smoother, targets[200:])
+    smoother.state = kept
+    np.testing.assert_array_equal(run(smoother, targets[200:]), first)
+
+
+def test_reset_starts_from_the_given_motion():
+    smoother = ReferenceSmoother(REST[None])
+    run(smoother, wild_targets(np.random.default_rng(13), 50, 1, 10))
+    smoother.reset(lissajous_rows(1.0))
+    np.testing.assert_array_equal(smoother.motion.rows, lissajous_rows(1.0))
+    with pytest.raises(InputError, match="2 rows; 1"):
+        smoother.reset(lissajous_rows([1.0, 2.0]))
+
+
+def test_misuse_is_refused():
+    with pytest.raises(InputError, match=r"rows have shape \(40,\)"):
+        ReferenceSmoother(REST)
+    with pytest.raises(InputError, match="unit length"):
+        ReferenceSmoother(np.zeros((1, ROW)))
+    with pytest.raises(InputError, match="caps for 3 hands; 2"):
+        ReferenceSmoother(np.tile(REST, (2, 1)), [HandCaps()] * 3)
+    with pytest.raises(InputError, match="target has shape"):
+        ReferenceSmoother(REST[None]).step(REST, DT)
+    with pytest.raises(InputError, match="dt is 0"):
+        ReferenceSmoother(REST[None]).step(REST[None], 0.0)
+    with pytest.raises(InputError, match="jerk cap is 0"):
+        MotionCaps(1.0, 1.0, 0.0)
+    with pytest.raises(InputError, match="finger joint 2: lower limit"):
+        HandCaps(finger_lower=(0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 0.0), finger_upper=(1.0,) * 7)
+    with pytest.raises(InputError, match=r"\(3,\) and \(7,\)"):
+        HandCaps(finger_lower=(0.0, 0.0, 0.0))
+
+
+def test_caps_scale_without_the_range():
+    caps = RANGE.scaled(0.5)
+    assert astuple(caps.position) == (1.25, 10.0, 200.0)
+    assert caps.finger_upper == RANGE.finger_upper
+
+
+def test_importing_the_package_loads_neither_numba_nor_scipy():
+    code = "import sys, wholebody.reference; sys.exit('numba' in sys.modules or 'scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
