@@ -21,11 +21,9 @@ LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
 LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 """Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
 
-OBJECT_IN_PALM = np.array([-0.0165, -0.058, 0.0])
-"""Centre of a 60 mm cylinder that touches the left palm, from the palm point in hand axes [m]; right: mirrored in y.
-
-From the URDF: the thumb is rooted 57 mm behind the palm point, the fingers bend 2 mm behind it, towards -y.
-"""
+OBJECT_IN_PALM = np.array([-0.025, -0.055, 0.0])
+"""Centre of a 60 mm cylinder in the pocket between thumb, palm and fingers of the left hand, from the palm point in
+hand axes [m]; right: mirrored in y. Found by closing the hand on it in MuJoCo."""
 
 
 def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
@@ -141,16 +139,17 @@ def wave(*, side: Side = "right", swings: int = 4) -> ScriptedPolicy:
 
 
 def grasp(
-    p_world_object: tuple[float, float, float] = (0.36, -0.10, 0.83),
+    p_world_object: tuple[float, float, float] = (0.42, 0.15, 0.83),
     *,
-    side: Side = "right",
+    side: Side = "left",
     lift: float = 0.10,
     p_palm_object: np.ndarray = OBJECT_IN_PALM,
 ) -> ScriptedPolicy:
     """One hand closes on an upright cylinder from its side, lifts it and holds it for 5 s.
 
     Args:
-        p_world_object: Axis of the cylinder at the height to grasp it [m]; the default stands on a 0.75 m table.
+        p_world_object: Axis of the cylinder at the height to grasp it [m]; the default is the middle of
+            the object of the scene ``table_cylinder``.
         side: Which hand.
         lift: How far up [m].
         p_palm_object: Object centre from the left palm point in hand axes, (3,), [m]; mirrored for the right hand.

@@ -16,7 +16,7 @@ from policy_cases import anchor_somewhere, observation, rotation_vectors, wander
 from policy import LAYOUTS, ActionSpec, Anchor, ChunkError, builtin, decode, encode
 from policy.codec import HINT_TOLERANCE
 from policy.hands import closing_of, grasp_posture
-from policy.joints import LEFT_HAND_JOINTS, RIGHT_ARM, RIGHT_HAND_JOINTS, WAIST
+from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST
 from policy.kinematics import kinematics
 from policy.layouts import joints, stack
 from policy.rotations import angle_between, matrix_to_rot6d, rotvec_to_matrix
@@ -181,6 +181,21 @@ def test_joint_layouts_decode_by_forward_kinematics_with_the_measured_waist():
     assert np.allclose(chunk.T_world_rhand[2], ANCHOR.T_world_base @ kinematics().poses(q)["rhand"])
     q[WAIST] = 0.0
     assert not np.allclose(chunk.T_world_rhand[2], ANCHOR.T_world_base @ kinematics().poses(q)["rhand"])
+
+
+def test_a_waist_in_the_layout_moves_the_arms_with_it():
+    parts = [
+        joints("waist", ("waist_pitch_joint", "waist_roll_joint", "waist_yaw_joint")),
+        joints("left_arm", LEFT_ARM_JOINTS),
+        joints("right_arm", RIGHT_ARM_JOINTS),
+    ]
+    spec = ActionSpec(name="x", slots=stack(*parts))
+    actions = np.zeros((1, 17))
+    actions[0, :3] = [0.3, 0.2, 0.1]
+    chunk = decode(spec, actions, ANCHOR)
+    q = np.concatenate([np.zeros(12), [0.1, 0.2, 0.3], np.zeros(14)])
+    assert np.allclose(chunk.T_world_lhand[0], ANCHOR.T_world_base @ kinematics().poses(q)["lhand"])
+    assert np.allclose(encode(spec, chunk, ANCHOR), actions)
 
 
 def test_fingers_are_mapped_by_name():
