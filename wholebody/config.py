@@ -1,0 +1,168 @@
+"""Configuration: frozen dataclasses hold the defaults, YAML files only override them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandConfig:
+    """Tracking of the two wrists."""
+
+    kp: float = 900.0
+    """Stiffness [1/s^2]."""
+    kd: float = 60.0
+    """Damping [1/s]."""
+    position_weight: float = 1000.0
+    """[1/(m/s^2)^2]"""
+    orientation_weight: float = 100.0
+    """[1/(rad/s^2)^2]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyConfig:
+    """Tracking of the centre of mass, the trunk and the joints."""
+
+    com_kp: float = 50.0
+    """[1/s^2]"""
+    com_kd: float = 14.0
+    """[1/s]"""
+    com_weight: tuple[float, float, float] = (1000.0, 1000.0, 1.0)
+    """Per world axis [1/(m/s^2)^2]."""
+    momentum_kd: float = 5.0
+    """[1/s]"""
+    momentum_weight: float = 0.1
+    """[1/(N m)^2]"""
+    torso_weight: float = 10.0
+    """[1/(rad/s^2)^2]"""
+    pelvis_weight: float = 10.0
+    """[1/(rad/s^2)^2]"""
+    height_weight: float = 50.0
+    """Pelvis height [1/(m/s^2)^2]."""
+    trunk_kp: float = 50.0
+    """[1/s^2]"""
+    trunk_kd: float = 14.0
+    """[1/s]"""
+    posture_kp: float = 50.0
+    """[1/s^2]"""
+    posture_kd: float = 14.0
+    """[1/s]"""
+    posture_weight: float = 2.0
+    """Body joints [1/(rad/s^2)^2]."""
+    finger_kp: float = 900.0
+    """[1/s^2]"""
+    finger_kd: float = 60.0
+    """[1/s]"""
+    finger_weight: float = 1.0
+    """[1/(rad/s^2)^2]"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyConfig:
+    """Bounds that stand above the hands."""
+
+    balance_margin: float = 0.02
+    """Distance of the capture point from the edge of the support [m]."""
+    balance_gain: float = 5.0
+    """[1/s]"""
+    pelvis_angle: float = 0.35
+    """Largest rotation of the pelvis away from the plan, per axis [rad]."""
+    torso_angle: float = 0.35
+    """Largest rotation of the torso away from the plan, per axis [rad]."""
+    joint_brake: float = 50.0
+    """Deceleration that a body joint is trusted to find when it nears a position limit [rad/s^2]."""
+    joint_horizon: float = 0.01
+    """Time over which joint bounds are kept viable [s]."""
+    error_slow: float = 0.03
+    """Palm error at which the chunk is slowed [m]."""
+    error_stop: float = 0.08
+    """Palm error at which it is held [m]."""
+    balance_slow: float = 0.02
+    """Distance of the capture point from the edge below which the chunk is slowed [m]."""
+    trunk_rate: float = 3.0
+    """Largest angular rate of pelvis and torso, per axis [rad/s]."""
+    trunk_brake: float = 10.0
+    """[rad/s^2]"""
+    height_band: float = 0.10
+    """Largest distance of the pelvis from the planned height [m]."""
+    height_lowest: float = 0.28
+    """Pelvis height never gone below [m]."""
+    height_brake: float = 3.0
+    """[m/s^2]"""
+    torque_share: float = 0.95
+    """Share of the effort limit that the program may plan with; the rest is for the position loop."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosturePlanConfig:
+    """Weights and margins of the posture plan."""
+
+    com_margin: float = 0.045
+    """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
+    self_distance: float = 0.012
+    """Least distance between bodies that are not neighbours [m]."""
+    joint_margin: float = 0.06
+    """Distance kept from joint position limits [rad]."""
+    knee_min: float = 0.12
+    """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""
+    speed_share: float = 0.5
+    """Share of the joint speed limits that the plan uses."""
+    position_weight: float = 100.0
+    """Palm positions [1/m^2]."""
+    orientation_weight: float = 1.0
+    """Palm orientations [1/rad^2]."""
+    com_weight: float = 3.0
+    """[1/m^2]"""
+    trunk_weight: float = 3e-3
+    """[1/rad^2]"""
+    height_weight: float = 1e-2
+    """[1/m^2]"""
+    posture_weight: float = 2e-4
+    """[1/rad^2]"""
+    damping: float = 1e-5
+    """[1/rad^2]"""
+    iterations: int = 2
+    """Solver iterations per step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlannerConfig:
+    """From a chunk to a feasible plan."""
+
+    posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
+    clamp_tolerance: float = 0.004
+    """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
+    turn_tolerance: float = 0.05
+    """The same for orientation [rad]."""
+    zmp_margin: float = 0.012
+    """Distance that the planned zero-moment point keeps from the edge of the support [m]."""
+    slowest: float = 8.0
+    """Largest factor by which the plan slows a chunk down."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerConfig:
+    """The whole-body controller."""
+
+    dt: float = 0.002
+    """Control period [s]."""
+    solver: str = "daqp"
+    """Name of the QP solver."""
+    fallback: str = "quadprog"
+    """Second solver, asked when the first one's answer fails the residual check; 'none' to do without."""
+    hand: HandConfig = field(default_factory=HandConfig)
+    body: BodyConfig = field(default_factory=BodyConfig)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
+    planner: PlannerConfig = field(default_factory=PlannerConfig)
+    leak: float = 0.3
+    """Time constant with which the desired state forgets its difference from the measured one [s]."""
+    friction: float = 0.6
+    """Friction coefficient that the controller counts on."""
+    force_min: float = 5.0
+    """Least normal force of one contact point [N]."""
+    force_max: float = 500.0
+    """Largest normal force of one contact point [N]."""
+    foot_kp: float = 0.0
+    """Stiffness with which a foot that moved is pulled back [1/s^2]."""
+    foot_kd: float = 20.0
+    """[1/s]"""

@@ -1,0 +1,232 @@
+"""The whole-body controller: state and reference in, joint command out, once per tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from models.spec import RobotSpec
+from wholebody.config import ControllerConfig
+from wholebody.contacts.foot import FootContact
+from wholebody.limits.balance import BalanceLimit
+from wholebody.limits.body import HeightLimit, OrientationLimit
+from wholebody.limits.joint import viable_acceleration_bounds
+from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
+from wholebody.qp.problem import QPSolution, QuadraticProgram
+from wholebody.qp.solvers import solve
+from wholebody.robot import Robot
+from wholebody.support import convex_polygon
+from wholebody.tasks.com import ComTask
+from wholebody.tasks.hand import HandTask
+from wholebody.tasks.height import HeightTask
+from wholebody.tasks.momentum import AngularMomentumTask
+from wholebody.tasks.orientation import OrientationTask
+from wholebody.tasks.posture import PostureTask
+from wholebody.types import JointCommand, RobotState
+
+
+@dataclass(frozen=True, kw_only=True)
+class PalmReference:
+    """Reference of one palm point: pose, twist and acceleration in world axes [m, rad; per s; per s^2]."""
+
+    T_world: pin.SE3
+    twist: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyReference:
+    """Everything the controller follows at one tick.
+
+    Attributes:
+        palms: Left and right palm.
+        q: Posture plan, shape (nq,), Pinocchio convention; the finger entries are the finger references.
+        dq, ddq: Joint speeds and accelerations of it, shape (n_joints,), Pinocchio order.
+        R_pelvis, R_torso: Planned orientations, shape (3, 3).
+        com, com_velocity, com_acceleration: Planned centre of mass, shape (3,).
+    """
+
+    palms: tuple[PalmReference, PalmReference]
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    R_pelvis: np.ndarray
+    R_torso: np.ndarray
+    com: np.ndarray
+    com_velocity: np.ndarray
+    com_acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class TickReport:
+    """What one tick did.
+
+    Attributes:
+        solution: Accelerations, forces and torques; None if no program had an acceptable solution.
+        qp: The last solver answer.
+        level: 0 the full program, 1 without hands and with free joint bounds, 2 no solution: last torques held.
+    """
+
+    solution: WholeBodySolution | None
+    qp: QPSolution
+    level: int
+
+
+class WholeBodyController:
+    """Inverse-dynamics QP with an integrated desired state.
+
+    The QP sees the measured state; its accelerations are integrated into a desired state that leaks towards the
+    measured one, and the joints' position loops act around that: integrating from the measured state instead would
+    make them useless.
+    """
+
+    def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
+        self.spec, self.config = spec, config or ControllerConfig()
+        self.robot = Robot(spec)
+        self._make_tasks()
+        self._make_limits()
+        self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
+        order = self.robot.motor_to_pin
+        self._q_min, self._q_max = spec.position_min[order], spec.position_max[order]
+        self._dq_max, self._ddq_max = spec.velocity_max[order], spec.acceleration_max[order]
+        self._tau_max = spec.effort_max[order]
+        fingers = np.isin(np.arange(self.robot.n_joints), self.finger_indices)
+        self._brake = np.minimum(self._ddq_max, np.where(fingers, np.inf, self.config.safety.joint_brake))
+        self._tau = np.zeros(self.robot.n_joints)
+
+    def _make_tasks(self) -> None:
+        hand, body, spec = self.config.hand, self.config.body, self.spec
+        self.palms = tuple(
+            HandTask(
+                tool.palm_frame,
+                kp=hand.kp,
+                kd=hand.kd,
+                position_weight=hand.position_weight,
+                orientation_weight=hand.orientation_weight,
+            )
+            for tool in spec.tools
+        )
+        trunk = {"kp": body.trunk_kp, "kd": body.trunk_kd}
+        self.pelvis = OrientationTask(spec.base_body, weight=body.pelvis_weight, **trunk)
+        self.torso = OrientationTask(spec.torso_body, weight=body.torso_weight, **trunk)
+        self.height = HeightTask(spec.base_body, weight=body.height_weight, **trunk)
+        self.com = ComTask(kp=body.com_kp, kd=body.com_kd, weight=body.com_weight)
+        self.momentum = AngularMomentumTask(kd=body.momentum_kd, weight=body.momentum_weight)
+        names = self.robot.joint_names
+        self.finger_indices = np.array([i for i, name in enumerate(names) if "_hand_" in name], dtype=int)
+        kp, kd, weight = (
+            np.full(len(names), value) for value in (body.posture_kp, body.posture_kd, body.posture_weight)
+        )
+        for array, value in ((kp, body.finger_kp), (kd, body.finger_kd), (weight, body.finger_weight)):
+            array[self.finger_indices] = value
+        self.posture = PostureTask(kp=kp, kd=kd, weight=weight)
+        self.body_tasks = (self.com, self.momentum, self.torso, self.pelvis, self.height, self.posture)
+
+    def _make_limits(self) -> None:
+        c, safety, spec = self.config, self.config.safety, self.spec
+        self.feet = tuple(
+            FootContact(
+                foot.frame,
+                foot.points,
+                friction=c.friction,
+                force_min=c.force_min,
+                force_max=c.force_max,
+                kp=c.foot_kp,
+                kd=c.foot_kd,
+            )
+            for foot in spec.feet
+        )
+        self.balance = BalanceLimit(margin=safety.balance_margin, gain=safety.balance_gain)
+        bound = {"rate_max": safety.trunk_rate, "brake": safety.trunk_brake}
+        self.pelvis_limit = OrientationLimit(spec.base_body, angle_max=safety.pelvis_angle, **bound)
+        self.torso_limit = OrientationLimit(spec.torso_body, angle_max=safety.torso_angle, **bound)
+        self.height_limit = HeightLimit(
+            spec.base_body, band=safety.height_band, lowest=safety.height_lowest, brake=safety.height_brake
+        )
+        self.limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
+
+    def reset(self, state: RobotState) -> None:
+        """Start from a measured state: the feet stay where they are."""
+        self.robot.update(state.q, state.v)
+        self.q_des, self.dq_des = state.q[7:].copy(), state.v[6:].copy()
+        self._tau = self.robot.nle[6:].copy()
+        points = np.vstack([foot.points_world(self.robot) for foot in self.feet])
+        self.balance.support = convex_polygon(points[:, :2])
+        for foot in self.feet:
+            foot.T_world_ref = self.robot.pose(foot.frame).copy()
+
+    def step(self, state: RobotState, reference: BodyReference) -> tuple[JointCommand, TickReport]:
+        """One tick.
+
+        Args:
+            state: Measured state; finite.
+            reference: What to follow.
+        """
+        self.robot.update(state.q, state.v)
+        self.set_reference(reference)
+        report = self._solve()
+        return self._command(state, report.solution), report
+
+    def set_reference(self, r: BodyReference) -> None:
+        """Hand the reference to tasks and limits."""
+        for task, palm in zip(self.palms, r.palms, strict=True):
+            task.set_reference(palm.T_world, palm.twist, palm.acceleration)
+        self.com.set_reference(r.com, r.com_velocity, r.com_acceleration)
+        self.pelvis.set_reference(r.R_pelvis, np.zeros(3))
+        self.torso.set_reference(r.R_torso, np.zeros(3))
+        self.pelvis_limit.R_world_ref, self.torso_limit.R_world_ref = r.R_pelvis, r.R_torso
+        self.height_limit.z_ref = self.height.z_ref = float(r.q[2])
+        self.posture.set_reference(r.q[7:], r.dq, r.ddq)
+
+    def build(self, *, hands: bool = True) -> QuadraticProgram:
+        """The program at the present state; without hands also the joint bounds are wide: the arms give way."""
+        robot = self.robot
+        low, high = viable_acceleration_bounds(
+            robot.q[7:],
+            robot.v[6:],
+            q_min=self._q_min,
+            q_max=self._q_max,
+            dq_max=self._dq_max,
+            ddq_max=self._ddq_max,
+            brake=self._brake,
+            dt=self.config.safety.joint_horizon,
+        )
+        tau_max = self.config.safety.torque_share * self._tau_max
+        objectives = [task.objective(robot) for task in self.body_tasks]
+        if hands:
+            objectives += [task.objective(robot) for task in self.palms]
+        else:
+            low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self._tau_max
+            slowed = self.posture.objective(robot)
+            objectives[-1] = replace(slowed, target=-10.0 * robot.v[6:])
+        rows = [limit.rows(robot) for limit in self.limits]
+        return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, [])
+
+    def _solve(self) -> TickReport:
+        for level, hands in enumerate((True, False)):
+            program = self.build(hands=hands)
+            answer = solve(program, self.config.solver)
+            if not answer.ok and self.config.fallback != "none":
+                answer = solve(program, self.config.fallback)
+            if answer.ok:
+                return TickReport(self.dynamics.read(answer), answer, level)
+        return TickReport(None, answer, 2)
+
+    def _command(self, state: RobotState, solution: WholeBodySolution | None) -> JointCommand:
+        dt, leak = self.config.dt, self.config.dt / self.config.leak
+        if solution is None:
+            ddq = -self.dq_des / 0.1
+        else:
+            ddq, self._tau = solution.dv[6:], solution.tau
+        self.q_des = self.q_des + dt * self.dq_des + 0.5 * dt**2 * ddq + leak * (state.q[7:] - self.q_des)
+        self.dq_des = self.dq_des + dt * ddq + leak * (state.v[6:] - self.dq_des)
+        # Fingers press on what they hold: their position loop acts around the reference, not the leaking state.
+        i = self.finger_indices
+        self.q_des[i], self.dq_des[i] = self.posture.q_ref[i], self.posture.dq_ref[i]
+        self.q_des = np.clip(self.q_des, self._q_min, self._q_max)
+        order = self.robot.pin_to_motor
+        return JointCommand(
+            state.time, self.q_des[order], self.dq_des[order], self._tau[order], self.spec.kp, self.spec.kd
+        )

@@ -1,0 +1,50 @@
+"""Keep the divergent component of motion and the centre of mass inside the support."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.support import SupportPolygon
+from wholebody.limits.base import Rows
+from wholebody.robot import Robot
+
+GRAVITY = 9.81
+"""[m/s^2]"""
+
+
+class BalanceLimit:
+    r"""The divergent component of motion (capture point) stays inside the shrunk support polygon.
+
+    With ``xi = c + dc / omega`` and outward edge normal n: ``n . dxi <= gain (offset - margin - n . xi)``, a row in
+    acceleration units through ``dxi = dc + ddc / omega``. While the centre of pressure can reach the edge itself, a
+    point inside can always be kept inside.
+
+    Args:
+        margin: Distance kept from the support's edge [m].
+        gain: Rate of approach allowed per metre of distance left [1/s].
+
+    Source:
+        Englsberger, Ott, Albu-Schaeffer 2015, "Three-Dimensional Bipedal Walking Control Based on Divergent Component
+        of Motion", T-RO.
+    """
+
+    def __init__(self, *, margin: float, gain: float) -> None:
+        self.margin, self.gain = margin, gain
+        self.support: SupportPolygon | None = None
+
+    def rows(self, robot: Robot) -> Rows:
+        """One row per edge of the support."""
+        if self.support is None:
+            return Rows(np.zeros((0, robot.nv)), np.zeros(0), ())
+        normals = self.support.normals
+        omega = natural_frequency(robot)
+        xi = robot.com[:2] + robot.com_velocity[:2] / omega
+        left = self.support.offsets - self.margin - normals @ xi
+        upper = omega * (self.gain * left - normals @ robot.com_velocity[:2]) - normals @ robot.drift_com[:2]
+        labels = tuple(f"balance.edge{i}" for i in range(len(left)))
+        return Rows(normals @ robot.J_com[:2], upper, labels)
+
+
+def natural_frequency(robot: Robot) -> float:
+    """``sqrt(g / z)`` of the linear inverted pendulum at the present height [1/s]."""
+    return float(np.sqrt(GRAVITY / max(robot.com[2], 0.2)))

@@ -1,0 +1,242 @@
+"""Between chunk and joint command: refuse, contain, slow down, hold, and stay on one's feet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from models.spec import RobotSpec
+from policy.chunk import ActionChunk
+from policy.errors import ChunkError
+from wholebody.config import ControllerConfig
+from wholebody.controller import BodyReference, PalmReference, TickReport, WholeBodyController
+from wholebody.errors import InputError
+from wholebody.limits.balance import natural_frequency
+from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport, PostureTrack
+from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
+from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
+
+DAMPING_KD = 8.0
+"""Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
+FALL_TILT = np.deg2rad(60.0)
+"""Pelvis tilt past which standing is lost [rad]."""
+FALL_HEIGHT = 0.20
+"""Pelvis height below which standing is lost [m]."""
+
+
+class Supervisor:
+    """Owns planner and controller; the only thing a runtime talks to.
+
+    `accept` takes chunks as they come, `step` answers every control period. Neither raises on bad input: a chunk that
+    cannot be used is refused with a reason code and the robot goes on, or holds.
+    """
+
+    def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
+        self.spec, self.config = spec, config or ControllerConfig()
+        self.controller = WholeBodyController(spec, self.config)
+        self.robot = self.controller.robot
+        self.planner = ChunkPlanner(spec, self.robot, self.config.planner)
+        self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
+        self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
+        self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+        self.plan_report: PlanReport | None = None
+        self.last_tick: TickReport | None = None
+        self._plan: ChunkPlan | None = None
+        self._smoother: ReferenceSmoother | None = None
+
+    def reset(self, state: RobotState) -> None:
+        """Start an episode from a measured state of standing.
+
+        Raises:
+            InputError: If the state is not a finite state of this robot.
+        """
+        check_state(state, self.robot.n_joints)
+        self.controller.reset(state)
+        self._hold_plan(state.q)
+        rows = np.stack([self._rest_row(side, state.q) for side in (0, 1)])
+        self._smoother = ReferenceSmoother(rows, self.planner.caps)
+        self._clock, self._plan, self._chunk = PathClock(0.0), None, None
+        self._q_plan = state.q.copy()
+        self._elapsed = self._travelled = 0.0
+        self._fallen = False
+        self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+        self._refused: StatusReport | None = None
+        self._last_state = state
+
+    @property
+    def time_factor(self) -> float:
+        """Time spent on chunks over chunk time covered; 1 is unslowed."""
+        return self._elapsed / self._travelled if self._travelled > 1e-6 else 1.0
+
+    def palm_reference(self) -> dict[str, np.ndarray]:
+        """Commanded palm poses in world, 4x4, by side."""
+        poses = self._smoother.motion.T_world_hand.copy()
+        for i, offset in enumerate(self._offsets):
+            poses[i, :3, 3] += poses[i, :3, :3] @ offset
+        return {"left": poses[0], "right": poses[1]}
+
+    def accept(self, chunk: ActionChunk) -> StatusReport:
+        """Take a chunk, or refuse it with a reason; a refused chunk changes nothing."""
+        now = self._last_state.time
+        try:
+            chunk.validate(after=self._chunk)
+        except (ChunkError, ValueError) as error:
+            return self._refuse("chunk_invalid", str(error))
+        if chunk.times[-1] <= now:
+            age = now - chunk.t_obs
+            return self._refuse("chunk_stale", f"the chunk's last step is over: it is {age:.2f} s old")
+        if chunk.t_obs > now + 1.0 / chunk.fps:
+            return self._refuse("chunk_from_future", f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
+        try:
+            plan = self.planner.plan(chunk, now, self._q_plan, HandMotion(self._smoother.motion.rows.copy()))
+        except (InputError, RuntimeError, ValueError) as error:
+            return self._refuse("planning_failed", str(error))
+        self._plan, self._chunk, self._refused = plan, chunk, None
+        self.plan_report = plan.report
+        self._clock = PathClock(now - chunk.t_obs, self._clock.rate, self._clock.change)
+        return self._report_plan()
+
+    def step(self, state: RobotState) -> JointCommand:
+        """Command for one control period."""
+        try:
+            check_state(state, self.robot.n_joints)
+        except InputError as error:
+            self.status = StatusReport(Status.HOLD, "state_invalid", str(error))
+            return self._blind_command(self._last_state)
+        self._last_state = state
+        if self._fallen or self._has_fallen(state):
+            self._fallen = True
+            self.status = StatusReport(Status.DAMPING, "standing_lost", "the robot is no longer standing: joints damped")
+            return self._damping_command(state)
+        reference = self._reference(state)
+        command, self.last_tick = self.controller.step(state, reference)
+        self._judge()
+        return command
+
+    def _reference(self, state: RobotState) -> BodyReference:
+        dt = self.config.dt
+        rows = self._smoother.motion.rows
+        if self._plan is None:
+            target = self._smoother_target_rest
+        else:
+            wanted = self._plan.rate(self._clock.s) * self._governor(state)
+            self._clock = self._clock.advance(dt, wanted)
+            target = np.stack([path.at(self._clock.s) for path in self._plan.paths])
+            target = time_scaled(HandMotion(target), self._clock.rate, self._clock.change).rows
+            if self._clock.s < self._chunk.times[-1] - self._chunk.t_obs:
+                self._elapsed += dt
+                self._travelled += dt * self._clock.rate
+        rows = self._smoother.step(target, dt).rows
+        return self._body_reference(rows)
+
+    def _body_reference(self, rows: np.ndarray) -> BodyReference:
+        motion = HandMotion(rows)
+        track, rate = self._track, 0.0
+        if self._plan is not None:
+            track, rate = self._plan.posture, self._clock.rate
+        k = track.row(self._clock.s)
+        q, dq = track.q[k].copy(), rate * track.v[k]
+        ddq = np.zeros_like(dq)
+        self._q_plan = track.q[k].copy()
+        for i, joints in enumerate(self._fingers):
+            q[7 + joints], dq[joints], ddq[joints] = motion.q_finger[i], motion.dq_finger[i], motion.ddq_finger[i]
+        return BodyReference(
+            palms=tuple(self._palm(motion, i) for i in (0, 1)),
+            q=q,
+            dq=dq,
+            ddq=ddq,
+            R_pelvis=track.R_pelvis[k],
+            R_torso=track.R_torso[k],
+            com=track.com[k],
+            com_velocity=rate * track.com_velocity[k],
+            com_acceleration=rate**2 * track.com_acceleration[k],
+        )
+
+    def _palm(self, motion: HandMotion, i: int) -> PalmReference:
+        """The wrist's motion, seen at the palm point."""
+        R = motion.R[i]
+        arm = R @ self._offsets[i]
+        w, alpha = motion.w[i], motion.alpha[i]
+        twist = np.concatenate([motion.v[i] + np.cross(w, arm), w])
+        acceleration = np.concatenate([motion.a[i] + np.cross(alpha, arm) + np.cross(w, np.cross(w, arm)), alpha])
+        return PalmReference(T_world=pin.SE3(R, motion.p[i] + arm), twist=twist, acceleration=acceleration)
+
+    def _governor(self, state: RobotState) -> float:
+        """Share of the planned speed that tracking and balance allow, 0 to 1."""
+        safety = self.config.safety
+        error = max(np.linalg.norm(task.error(self.robot)[:3]) for task in self.controller.palms)
+        share = np.clip((safety.error_stop - error) / (safety.error_stop - safety.error_slow), 0.0, 1.0)
+        capture = self.robot.com[:2] + self.robot.com_velocity[:2] / natural_frequency(self.robot)
+        margin = self.controller.balance.support.margin(capture)
+        return float(min(share, np.clip(margin / safety.balance_slow, 0.0, 1.0)))
+
+    def _judge(self) -> None:
+        """Status after a tick, worst first."""
+        if self.last_tick.level == 2:
+            self.status = StatusReport(Status.STOP, "qp_failed", "no program had a solution: last torques held")
+        elif self.last_tick.level == 1:
+            self.status = StatusReport(Status.STOP, "hands_dropped", "balance needs everything: hands give way")
+        elif self._plan is None:
+            self.status = self._refused or StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+        elif self._clock.s > self._plan.steps[-1] or self._last_state.time > self._chunk.times[-1] + 0.5:
+            self.status = self._refused or StatusReport(Status.HOLD, "starved", "the chunk is over: holding its end")
+        else:
+            self._report_plan()
+
+    def _report_plan(self) -> StatusReport:
+        if self._refused is not None:
+            self.status = self._refused
+        elif self._plan.report.reasons:
+            report = self._plan.report
+            detail = f"targets moved by up to {report.clamped.max():.3f} m, slowed up to {report.slowdown.max():.2f} times"
+            self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
+        elif self._clock.rate < 0.98:
+            self.status = StatusReport(Status.SLOWED, "tracking", f"slowed to {self._clock.rate:.2f} of chunk speed")
+        else:
+            self.status = StatusReport(Status.TRACKING, "", "")
+        return self.status
+
+    def _refuse(self, reason: str, detail: str) -> StatusReport:
+        self._refused = self.status = StatusReport(Status.HOLD, reason, detail)
+        return self.status
+
+    def _has_fallen(self, state: RobotState) -> bool:
+        x, y = state.q[3], state.q[4]
+        tilt = np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+        return bool(tilt > FALL_TILT or state.q[2] < FALL_HEIGHT)
+
+    def _damping_command(self, state: RobotState) -> JointCommand:
+        zero = np.zeros(self.spec.n_joints)
+        kd = np.minimum(np.full(self.spec.n_joints, DAMPING_KD), np.maximum(self.spec.kd, DAMPING_KD * 0.0) + 5.0)
+        return JointCommand(state.time, state.q[7:][self.robot.pin_to_motor], zero, zero, zero, kd)
+
+    def _blind_command(self, state: RobotState) -> JointCommand:
+        """Without a usable state: the last command again, at rest."""
+        c, order = self.controller, self.robot.pin_to_motor
+        return JointCommand(
+            state.time, c.q_des[order], np.zeros(self.spec.n_joints), c._tau[order], self.spec.kp, self.spec.kd
+        )
+
+    def _hold_plan(self, q: np.ndarray) -> None:
+        """A posture track of one row: stay as you are."""
+        robot = self.robot
+        n = robot.n_joints
+        one = np.zeros((1, 3))
+        self._track = PostureTrack(
+            0.0,
+            q[None].copy(),
+            np.zeros((1, n)),
+            robot.com[None].copy(),
+            one,
+            one,
+            robot.pose(self.spec.base_body).rotation[None].copy(),
+            robot.pose(self.spec.torso_body).rotation[None].copy(),
+        )
+
+    def _rest_row(self, side: int, q: np.ndarray) -> np.ndarray:
+        T = self.robot.pose(self.spec.tools[side].wrist_frame).homogeneous
+        row = rest_row(T, q[7 + self._fingers[side]])
+        self._smoother_target_rest = (
+            row[None] if side == 0 else np.vstack([self._smoother_target_rest, row[None]])
+        )
+        return row

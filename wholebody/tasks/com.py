@@ -1,0 +1,35 @@
+"""Keep the centre of mass at its reference."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.robot import Robot
+from wholebody.tasks.base import Objective, limited
+
+
+class ComTask:
+    """Position of the centre of mass in world.
+
+    Args:
+        kp: Stiffness [1/s^2]. kd: Damping [1/s].
+        weight: Per axis x, y, z, shape (3,), [1/(m/s^2)^2].
+        pull: Largest kp * error [m/s^2].
+    """
+
+    def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float], pull: float = 5.0) -> None:
+        self.kp, self.kd, self.pull = kp, kd, pull
+        self.weight = np.array(weight)
+        self.position_ref = np.zeros(3)
+        self.velocity_ref = np.zeros(3)
+        self.acceleration_ref = np.zeros(3)
+
+    def set_reference(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> None:
+        """Set position [m], velocity [m/s] and acceleration [m/s^2], each (3,), in world."""
+        self.position_ref, self.velocity_ref, self.acceleration_ref = position, velocity, acceleration
+
+    def objective(self, robot: Robot) -> Objective:
+        """Objective with three rows."""
+        pull = limited(self.kp * (self.position_ref - robot.com), self.pull)
+        wanted = self.acceleration_ref + self.kd * (self.velocity_ref - robot.com_velocity) + pull
+        return Objective(robot.J_com, wanted - robot.drift_com, self.weight)

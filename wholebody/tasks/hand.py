@@ -1,0 +1,59 @@
+"""Track the pose of one hand's tool frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wholebody.robot import Robot
+from wholebody.tasks.base import Objective, limited
+
+
+class HandTask:
+    """Pose of one tool frame, position and orientation weighted apart.
+
+    ``target = a_ref + kd (twist_ref - twist) + kp error - drift``, world-aligned axes at the frame's origin.
+    The proportional part is limited so that a far reference pulls with a finite acceleration.
+
+    Args:
+        frame: Name of the tool frame.
+        kp: Stiffness [1/s^2]. kd: Damping [1/s].
+        position_weight: [1/(m/s^2)^2]. orientation_weight: [1/(rad/s^2)^2].
+        pull: Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2].
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        *,
+        kp: float,
+        kd: float,
+        position_weight: float,
+        orientation_weight: float,
+        pull: tuple[float, float] = (30.0, 60.0),
+    ) -> None:
+        self.frame = frame
+        self.kp, self.kd, self.pull = kp, kd, pull
+        self.weight = np.array([position_weight] * 3 + [orientation_weight] * 3)
+        self.T_world_ref = pin.SE3.Identity()
+        self.twist_ref = np.zeros(6)
+        self.acceleration_ref = np.zeros(6)
+
+    def set_reference(self, T_world_ref: pin.SE3, twist: np.ndarray, acceleration: np.ndarray) -> None:
+        """Set pose, twist (6,) and acceleration (6,), both ``_lwa`` [m/s, rad/s; m/s^2, rad/s^2]."""
+        self.T_world_ref, self.twist_ref, self.acceleration_ref = T_world_ref, twist, acceleration
+
+    def error(self, robot: Robot) -> np.ndarray:
+        """Reference minus present pose: world translation [m] and world rotation vector [rad], shape (6,)."""
+        T = robot.pose(self.frame)
+        rotation = pin.log3(self.T_world_ref.rotation @ T.rotation.T)
+        return np.concatenate([self.T_world_ref.translation - T.translation, rotation])
+
+    def objective(self, robot: Robot) -> Objective:
+        """Objective with six rows, linear first."""
+        error = self.error(robot)
+        pull = np.concatenate(
+            [limited(self.kp * error[:3], self.pull[0]), limited(self.kp * error[3:], self.pull[1])]
+        )
+        wanted = self.acceleration_ref + self.kd * (self.twist_ref - robot.velocity(self.frame)) + pull
+        return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.weight)

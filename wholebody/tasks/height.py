@@ -1,0 +1,30 @@
+"""Keep a body (the pelvis) near a reference height."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.robot import Robot
+from wholebody.tasks.base import Objective
+
+
+class HeightTask:
+    """Height of one body above the floor.
+
+    Args:
+        frame: Body frame.
+        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(m/s^2)^2]. pull: Largest |kp * error| [m/s^2].
+    """
+
+    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 5.0) -> None:
+        self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
+        self.weight = np.array([weight])
+        self.z_ref = 0.0
+        self.dz_ref = 0.0
+
+    def objective(self, robot: Robot) -> Objective:
+        """Objective with one row."""
+        error = self.z_ref - robot.pose(self.frame).translation[2]
+        pull = np.clip(self.kp * error, -self.pull, self.pull)
+        wanted = pull + self.kd * (self.dz_ref - robot.velocity(self.frame)[2])
+        return Objective(robot.jacobian(self.frame)[2:3], np.array([wanted - robot.drift(self.frame)[2]]), self.weight)

@@ -1,0 +1,35 @@
+"""Keep a body (pelvis, torso) near a reference orientation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wholebody.robot import Robot
+from wholebody.tasks.base import Objective, limited
+
+
+class OrientationTask:
+    """Orientation of one body, in world axes.
+
+    Args:
+        frame: Name of the body frame.
+        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(rad/s^2)^2]. pull: Largest kp * error [rad/s^2].
+    """
+
+    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 20.0) -> None:
+        self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
+        self.weight = np.full(3, weight)
+        self.R_world_ref = np.eye(3)
+        self.rate_ref = np.zeros(3)
+
+    def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray) -> None:
+        """Set orientation (3, 3) and angular rate (3,) in world axes [rad/s]."""
+        self.R_world_ref, self.rate_ref = R_world_ref, rate
+
+    def objective(self, robot: Robot) -> Objective:
+        """Objective with three rows."""
+        error = pin.log3(self.R_world_ref @ robot.pose(self.frame).rotation.T)
+        rate = robot.velocity(self.frame)[3:]
+        wanted = limited(self.kp * error, self.pull) + self.kd * (self.rate_ref - rate)
+        return Objective(robot.jacobian(self.frame)[3:], wanted - robot.drift(self.frame)[3:], self.weight)

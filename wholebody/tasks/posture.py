@@ -1,0 +1,33 @@
+"""Keep the joints near the posture plan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.robot import Robot
+from wholebody.tasks.base import Objective
+
+
+class PostureTask:
+    """Joint positions, each joint with its own gain and weight.
+
+    Args:
+        kp: Stiffness per joint, shape (n_joints,), [1/s^2]. kd: Damping, shape (n_joints,), [1/s].
+        weight: Shape (n_joints,), [1/(rad/s^2)^2]. All in Pinocchio joint order.
+        pull: Largest |kp * error| per joint [rad/s^2].
+    """
+
+    def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray, pull: float = 100.0) -> None:
+        self.kp, self.kd, self.weight, self.pull = kp, kd, weight, pull
+        n = len(weight)
+        self.q_ref, self.dq_ref, self.ddq_ref = np.zeros(n), np.zeros(n), np.zeros(n)
+        self._J = np.hstack([np.zeros((n, 6)), np.eye(n)])
+
+    def set_reference(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
+        """Set joint positions [rad], velocities [rad/s], accelerations [rad/s^2], each (n_joints,)."""
+        self.q_ref, self.dq_ref, self.ddq_ref = q, dq, ddq
+
+    def objective(self, robot: Robot) -> Objective:
+        """Objective with one row a joint."""
+        pull = np.clip(self.kp * (self.q_ref - robot.q[7:]), -self.pull, self.pull)
+        return Objective(self._J, self.ddq_ref + self.kd * (self.dq_ref - robot.v[6:]) + pull, self.weight)
