@@ -104,6 +104,15 @@ def test_hand_starts_from_rest_and_brakes_to_rest_within_the_caps():
     assert np.linalg.norm(stop.p[-1] - stop.p[0]) < 0.15  # v T / 2
 
 
+def test_a_hand_that_leaves_the_chunk_too_fast_stops_within_a_stride():
+    times, T, q = chunk(0.0)
+    T[:, 0, 3] = 4.0 * times  # above the cap, not wild
+    path = HandPath.from_knots(times, T, q)
+    assert path.wild == ()
+    assert path.sample(path.span[1]).p[0] - T[-1, 0, 3] < 0.55  # 2.5 m/s over 0.375 s, and the acceleration's share
+    assert T[0, 0, 3] - path.sample(path.span[0]).p[0] < 0.55
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_short_chunks_make_paths(count):
     times, T, q = chunk(0.2, steps=count)
@@ -175,6 +184,17 @@ def test_a_join_begins_with_the_commanded_motion_and_ends_on_the_path(seed, s):
     got, expected = path.sample(after), own.sample(after)
     np.testing.assert_allclose(got.rows[:, without_quat], expected.rows[:, without_quat], atol=1e-7)
     assert angle_between(got.quat, expected.quat).max() < 1e-7
+
+
+def test_the_sign_of_the_commanded_quaternion_changes_nothing():
+    own = lissajous_path(0.0)
+    row = own.at(0.6)
+    flipped = row.copy()
+    flipped[9:13] *= -1.0
+    s = np.linspace(0.6, 1.6, 200)
+    a, b = (own.joined(HandMotion(r), 0.6).sample(s) for r in (row, flipped))
+    np.testing.assert_allclose(a.w, b.w, atol=1e-9)
+    assert angle_between(b.quat, own.sample(s).quat).max() < 1e-6
 
 
 def test_a_join_from_rest_keeps_to_half_of_the_caps():

@@ -20,8 +20,11 @@ from wholebody.reference import (
     PathClock,
     ReferenceSmoother,
     rest_row,
+    warm_up,
 )
+from wholebody.reference.hand_path import look_up
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, P, V, W
+from wholebody.reference.smoother import smoother_step
 
 DT = 0.002
 RANGE = HandCaps(finger_lower=(-1.5,) * 7, finger_upper=(1.5,) * 7)
@@ -68,20 +71,24 @@ def assert_consistent(rows, dt=DT):
 
 def wild_targets(rng, ticks, hands, hold):
     """Targets that jump with probability ``1 / hold`` a tick: some consistent, some absurd, some not finite."""
-    targets, target = np.empty((ticks, hands, ROW)), np.tile(REST, (hands, 1))
-    for k in range(ticks):
-        if rng.random() < 1.0 / hold:
-            target = np.zeros((hands, ROW))
-            target[:, P] = rng.normal(size=(hands, 3)) * rng.choice([0.01, 0.3, 1.0, 10.0])
-            target[:, QUAT] = Rotation.random(hands, random_state=rng).as_quat() * rng.choice([-1.0, 1.0])
-            target[:, V.start : A.stop] = rng.normal(size=(hands, 6)) * rng.choice([0.0, 1.0, 30.0])
-            target[:, W.start : ALPHA.stop] = rng.normal(size=(hands, 6)) * rng.choice([0.0, 10.0, 300.0])
-            target[:, Q_FINGER] = rng.normal(size=(hands, 7)) * rng.choice([0.5, 5.0])
-            target[:, DQ_FINGER.start :] = rng.normal(size=(hands, 14)) * rng.choice([0.0, 3.0, 100.0])
-            if rng.random() < 0.1:
-                target[rng.integers(hands), rng.integers(ROW)] = rng.choice([np.nan, np.inf, -np.inf])
-        targets[k] = target
-    return targets
+    jumps = rng.random(ticks) < 1.0 / hold
+    count = int(jumps.sum())
+
+    def scaled(width, *scales):
+        return rng.normal(size=(count, hands, width)) * rng.choice(scales, (count, 1, 1))
+
+    new = np.zeros((count, hands, ROW))
+    new[..., P] = scaled(3, 0.01, 0.3, 1.0, 10.0)
+    new[..., V.start : A.stop] = scaled(6, 0.0, 1.0, 30.0)
+    new[..., QUAT] = Rotation.random(count * hands, random_state=rng).as_quat().reshape(count, hands, 4)
+    new[..., QUAT] *= rng.choice([-1.0, 1.0], (count, hands, 1))
+    new[..., W.start : ALPHA.stop] = scaled(6, 0.0, 10.0, 300.0)
+    new[..., Q_FINGER] = scaled(7, 0.5, 5.0)
+    new[..., DQ_FINGER.start :] = scaled(14, 0.0, 3.0, 100.0)
+    broken = np.flatnonzero(rng.random(count) < 0.1)
+    spoilt = rng.choice([np.nan, np.inf, -np.inf], len(broken))
+    new[broken, rng.integers(hands, size=len(broken)), rng.integers(ROW, size=len(broken))] = spoilt
+    return np.concatenate([np.tile(REST, (1, hands, 1)), new])[np.cumsum(jumps)]
 
 
 @pytest.mark.parametrize(("seed", "hold"), [(0, 1), (1, 1), (2, 20), (3, 20), (4, 300)])
@@ -150,6 +157,36 @@ def test_a_step_of_one_metre_settles_within_seven_tenths_of_a_second():
     rows = run(ReferenceSmoother(REST[None]), [goal] * 500)[:, 0]
     assert np.flatnonzero(np.abs(rows[:, 0] - 1.0) > 0.01)[-1] * DT < 0.7
     assert rows[:, 0].max() < 1.001
+
+
+def test_a_target_far_away_is_approached_near_the_speed_cap():
+    goal = REST.copy()
+    goal[0] = 10.0
+    rows = run(ReferenceSmoother(REST[None]), [goal] * 2600)[:, 0]
+    assert np.all(rows[250:1700, 3] > 0.85 * 2.5)
+    assert np.flatnonzero(np.abs(rows[:, 0] - 10.0) > 0.01)[-1] * DT < 5.0
+    assert rows[:, 0].max() < 10.01
+
+
+def test_a_far_target_that_moves_across_is_met_without_overshoot():
+    t = DT * np.arange(1, 1600)
+    targets = np.tile(REST, (len(t), 1))
+    targets[:, 0], targets[:, 1], targets[:, 4] = 3.0, 1.5 * t, 1.5
+    rows = run(ReferenceSmoother(REST[None]), targets)[1:, 0]
+    assert rows[:, 0].max() < 3.001
+    assert np.linalg.norm(rows[:, P] - targets[:, P], axis=1)[1050:].max() < 0.01
+
+
+def test_noise_as_target_does_not_drive_the_hand_away():
+    rng = np.random.default_rng(14)
+    targets = np.tile(REST, (10_000, 1))
+    targets[:, P] = rng.normal(size=(10_000, 3)) * 0.3
+    targets[:, V.start : A.stop] = rng.normal(size=(10_000, 6)) * 30.0
+    targets[:, Q_FINGER] = rng.normal(size=(10_000, 7)) * 0.3
+    targets[:, DQ_FINGER.start :] = rng.normal(size=(10_000, 14)) * 100.0
+    rows = run(ReferenceSmoother(REST[None]), targets)
+    assert np.abs(rows[..., P]).max() < 1.0
+    assert np.abs(rows[..., Q_FINGER]).max() < 3.0
 
 
 @pytest.mark.parametrize("angle", [1e-3, 0.1, 1.0, 3.0, np.pi])
@@ -361,6 +398,14 @@ def test_caps_scale_without_the_range():
     caps = RANGE.scaled(0.5)
     assert astuple(caps.position) == (1.25, 10.0, 200.0)
     assert caps.finger_upper == RANGE.finger_upper
+
+
+def test_after_warming_up_a_tick_compiles_nothing():
+    warm_up()
+    before = len(smoother_step().signatures), len(look_up().signatures)
+    path = HandPath.from_knots(*chunk(0.0))
+    ReferenceSmoother(lissajous_rows([0.0, 1.0])).step(np.stack([path.at(0.1), path.at(np.float64(0.2))]), DT)
+    assert (len(smoother_step().signatures), len(look_up().signatures)) == before
 
 
 def test_importing_the_package_loads_neither_numba_nor_scipy():

@@ -11,6 +11,7 @@ from wholebody.reference.layout import HandMotion, rest_row
 from wholebody.reference.path_clock import PathClock, time_scaled
 from wholebody.reference.seam import Seam, path_seam, seam
 from wholebody.reference.smoother import ReferenceSmoother
+from wholebody.reference.warm_up import warm_up
 
 __all__ = [
     "HandCaps",
@@ -25,4 +26,5 @@ __all__ = [
     "rest_row",
     "seam",
     "time_scaled",
+    "warm_up",
 ]

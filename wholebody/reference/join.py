@@ -21,12 +21,12 @@ JOIN_SHARE = 0.5
 DURATIONS = np.geomspace(0.1, 4.0, 17)
 """Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
 
-_S = np.linspace(0.0, 1.0, 33)
+_S = np.linspace(0.0, 1.0, 25)
 _UNIT = PiecewiseQuintic(
     np.array([0.0, 1.0]), quintic(np.ones(1), np.eye(3)[:, None], np.zeros((3, 1, 3)))
 )  # the quintics to zero of the three unit jets
 _BASIS = _UNIT(_S, 3)
-"""They and their derivatives at `_S`, (33, 3) each."""
+"""They and their derivatives at `_S`, (25, 3) each."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
         caps: The joining motion uses `JOIN_SHARE` of them.
     """
     own = np.stack(curve(np.array([s])))[:, 0]
-    start = commanded_jet(motion, own[:, ROTATION])
+    start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
     duration = join_duration(curve, error, s, caps.scaled(JOIN_SHARE))
     joined = _add(curve, error, s, duration)
@@ -71,22 +71,13 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
     return whole, Join(s, duration, float(part_size(error[0], POSITION)), angle, float(part_size(error[0], FINGER)))
 
 
-def commanded_jet(motion: HandMotion, quat_own: np.ndarray) -> np.ndarray:
-    """Value and two derivatives, shape ``(3, 14)``, of a motion in the channels.
-
-    The quaternion takes the side and the length of the path's own, ``quat_own`` (3, 4), so that it differs from it only
-    where the rotations do.
-    """
-    quat, dquat, ddquat = motion.quat, *quaternion_rates(motion.quat, motion.w, motion.alpha)
-    size = np.linalg.norm(quat_own[0])
-    rate = quat_own[0] @ quat_own[1] / size
-    bend = (quat_own[1] @ quat_own[1] + quat_own[0] @ quat_own[2] - rate**2) / size
-    side = -1.0 if quat @ quat_own[0] < 0.0 else 1.0
+def commanded_jet(motion: HandMotion, near: np.ndarray) -> np.ndarray:
+    """Value and two derivatives of a motion in the channels, (3, 14); the quaternion on the side of ``near`` (4,)."""
+    side = -1.0 if motion.quat @ near < 0.0 else 1.0
     jet = np.empty((3, 14))
     jet[:, POSITION] = motion.p, motion.v, motion.a
-    jet[0, ROTATION] = side * size * quat
-    jet[1, ROTATION] = side * (rate * quat + size * dquat)
-    jet[2, ROTATION] = side * (bend * quat + 2.0 * rate * dquat + size * ddquat)
+    jet[:, ROTATION] = motion.quat, *quaternion_rates(motion.quat, motion.w, motion.alpha)
+    jet[:, ROTATION] *= side
     jet[:, FINGER] = motion.q_finger, motion.dq_finger, motion.ddq_finger
     return jet
 
@@ -96,14 +87,29 @@ def join_duration(curve: PiecewiseQuintic, error: np.ndarray, s: float, caps: Ha
 
     Where the path itself, or the motion that it continues, exceeds a cap, that counts instead of the cap.
     """
-    best, best_excess = DURATIONS[0], np.inf
-    for duration in DURATIONS:
+    best, best_excess = DURATIONS[-1], np.inf
+    first = min(int(np.searchsorted(DURATIONS, _least_duration(error, caps))), len(DURATIONS) - 1)
+    for duration in DURATIONS[first:]:
         excess = _join_excess(curve, error, s, duration, caps)
         if excess <= 1.0:
             return float(duration)
         if excess < best_excess:
             best, best_excess = duration, excess
     return float(best)
+
+
+def _least_duration(error: np.ndarray, caps: HandCaps) -> float:
+    """Half of what a minimum-jerk move over the distance takes from rest to rest: anything shorter is not worth trying.
+
+    Its peaks are 1.875 d / T, 5.77 d / T^2 and 60 d / T^3.
+    """
+    least = 0.0
+    for part, cap in zip(PARTS, caps.motions, strict=True):
+        d = float(part_size(error[0], part))
+        least = max(
+            least, 1.875 * d / cap.speed, (5.77 * d / cap.acceleration) ** 0.5, (60.0 * d / cap.jerk) ** (1 / 3)
+        )
+    return 0.5 * least
 
 
 def _join_excess(curve: PiecewiseQuintic, error: np.ndarray, s: float, duration: float, caps: HandCaps) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 DEGREE = 5
 _SHIFT = np.array([[comb(j, i) if j >= i else 0 for j in range(DEGREE + 1)] for i in range(DEGREE + 1)], dtype=float)
+_FACTOR = np.array([[np.prod(np.arange(k, k - d, -1.0)) for k in range(DEGREE + 1)] for d in range(DEGREE + 1)])
 _POWER = np.array([[max(j - i, 0) for j in range(DEGREE + 1)] for i in range(DEGREE + 1)])
 
 
@@ -33,13 +34,13 @@ class PiecewiseQuintic:
         """Value and derivatives at ``s`` (n,), each shape ``(n, C)``; a break belongs to the segment after it."""
         s = np.clip(s, self.breaks[0], self.breaks[-1])
         i = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.coefficients) - 1)
-        x, c = (s - self.breaks[i])[:, None], self.coefficients[i]
+        x, c = (s - self.breaks[i])[:, None], self.coefficients[i].swapaxes(0, 1)
         out = []
         for d in range(derivatives + 1):
-            factor = np.array([np.prod(np.arange(k, k - d, -1.0)) for k in range(DEGREE + 1)])
-            y = np.zeros((len(s), c.shape[2]))
-            for k in range(DEGREE, d - 1, -1):
-                y = y * x + factor[k] * c[:, k]
+            y = _FACTOR[d, DEGREE] * c[DEGREE]
+            for k in range(DEGREE - 1, d - 1, -1):
+                y *= x
+                y += _FACTOR[d, k] * c[k]
             out.append(y)
         return out
 
