@@ -22,11 +22,11 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # The names of a set are siblings: none imports another.
 LAYERS = (
     ("resources", "errors", "types", "config"),
-    ("robot",),
+    ("support", "robot"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),
-    ("controller", "supervisor"),
-    ("checker", "runtime"),
+    ("controller", "planner", "supervisor"),
+    ("runtime", "checker"),
     ("report", "cli"),
 )
 COMPOSITION = LAYERS[5:]

@@ -65,9 +65,9 @@ class SafetyConfig:
     """Distance of the capture point from the edge of the support [m]."""
     balance_gain: float = 5.0
     """[1/s]"""
-    pelvis_angle: float = 0.35
+    pelvis_angle: float = 0.2
     """Largest rotation of the pelvis away from the plan, per axis [rad]."""
-    torso_angle: float = 0.35
+    torso_angle: float = 0.15
     """Largest rotation of the torso away from the plan, per axis [rad]."""
     joint_brake: float = 50.0
     """Deceleration that a body joint is trusted to find when it nears a position limit [rad/s^2]."""
@@ -83,7 +83,7 @@ class SafetyConfig:
     """Largest angular rate of pelvis and torso, per axis [rad/s]."""
     trunk_brake: float = 10.0
     """[rad/s^2]"""
-    height_band: float = 0.10
+    height_band: float = 0.05
     """Largest distance of the pelvis from the planned height [m]."""
     height_lowest: float = 0.28
     """Pelvis height never gone below [m]."""
@@ -113,7 +113,9 @@ class PosturePlanConfig:
     """Palm orientations [1/rad^2]."""
     com_weight: float = 3.0
     """[1/m^2]"""
-    trunk_weight: float = 3e-3
+    torso_weight: float = 3e-2
+    """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
+    pelvis_weight: float = 3e-3
     """[1/rad^2]"""
     height_weight: float = 1e-2
     """[1/m^2]"""

@@ -6,6 +6,7 @@ Slow down along the chunk first, shift the body second (the posture plan), bend 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
@@ -171,28 +172,28 @@ class ChunkPlanner:
 
     def _posture_track(self, steps: np.ndarray, q: np.ndarray) -> tuple[PostureTrack, np.ndarray, np.ndarray]:
         com, angular = np.empty((len(q), 3)), np.empty((len(q), 3))
-        R_pelvis, R_torso = np.empty((len(q), 3, 3)), np.empty((len(q), 3, 3))
         dt = steps[1] - steps[0]
-        v = np.array([pin.difference(self.model, a, b) / dt for a, b in zip(q[:-1], q[1:], strict=True)])
+        v = np.array([pin.difference(self.model, a, b) / dt for a, b in pairwise(q)])
         v = np.vstack([v, np.zeros(self.model.nv)])
         for k in range(len(q)):
             pin.computeCentroidalMomentum(self.model, self.data, q[k], v[k])
-            pin.updateFramePlacements(self.model, self.data)
             com[k], angular[k] = self.data.com[0], self.data.hg.angular
-            R_pelvis[k] = self.data.oMf[self.pelvis_id].rotation
-            R_torso[k] = self.data.oMf[self.torso_id].rotation
         com_curve = CubicSpline(steps, com, bc_type=("clamped", "clamped"))
         margin, slowdown = self._slowdown(steps, com, com_curve(steps, 2), np.gradient(angular, dt, axis=0))
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
         curve = CubicSpline(steps, q, bc_type="clamped")
         q_grid = curve(grid)
         q_grid[:, 3:7] /= np.linalg.norm(q_grid[:, 3:7], axis=1, keepdims=True)
-        nearest = np.clip(np.round((grid - steps[0]) / dt).astype(int), 0, len(steps) - 1)
-        del nearest
         pelvis, torso = self._trunk(q_grid)
         track = PostureTrack(
-            float(steps[0]), q_grid, curve(grid, 1)[:, 7:], com_curve(grid), com_curve(grid, 1), com_curve(grid, 2),
-            pelvis, torso,
+            float(steps[0]),
+            q_grid,
+            curve(grid, 1)[:, 7:],
+            com_curve(grid),
+            com_curve(grid, 1),
+            com_curve(grid, 2),
+            pelvis,
+            torso,
         )
         return track, margin, slowdown
 
@@ -206,7 +207,7 @@ class ChunkPlanner:
 
     def _slowdown(self, steps, com, acceleration, momentum_rate) -> tuple[np.ndarray, np.ndarray]:
         """Zero-moment point of the plan, and how much slower it has to be for that to stay inside."""
-        mass = self.model.inertias[0].mass + sum(inertia.mass for inertia in list(self.model.inertias)[1:])
+        mass = pin.computeTotalMass(self.model)
         lift = GRAVITY + np.clip(acceleration[:, 2], -5.0, None)
         dynamic = -acceleration[:, :2] * com[:, 2:3] / lift[:, None]
         dynamic += np.stack([-momentum_rate[:, 1], momentum_rate[:, 0]], axis=1) / (mass * lift[:, None])

@@ -100,7 +100,5 @@ class Robot:
 
     def drift(self, frame: str) -> np.ndarray:
         """Classical acceleration of the frame for ``dv = 0``, shape (6,), [m/s^2, rad/s^2]."""
-        motion = pin.getFrameClassicalAcceleration(
-            self.model, self.data, self.frame_id(frame), pin.LOCAL_WORLD_ALIGNED
-        )
+        motion = pin.getFrameClassicalAcceleration(self.model, self.data, self.frame_id(frame), pin.LOCAL_WORLD_ALIGNED)
         return motion.vector

@@ -62,6 +62,7 @@ class FootContact:
         """``J_points``, shape (3 k, nv): generalised force of the point forces is ``J_points' f``.
 
         Args:
+            robot: Updated robot.
             J: The foot's Jacobian ``_lwa``, shape (6, nv).
         """
         offsets = self.points @ robot.pose(self.frame).rotation.T

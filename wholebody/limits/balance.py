@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wholebody.support import SupportPolygon
 from wholebody.limits.base import Rows
 from wholebody.robot import Robot
+from wholebody.support import SupportPolygon
 
 GRAVITY = 9.81
 """[m/s^2]"""

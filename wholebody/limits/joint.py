@@ -23,8 +23,10 @@ def viable_acceleration_bounds(
     strongest braking instead of an empty interval.
 
     Args:
-        q, dq: State, shape (n,), [rad], [rad/s].
-        q_min, q_max: Position bounds, shape (n,), [rad].
+        q: Positions, shape (n,), [rad].
+        dq: Speeds, shape (n,), [rad/s].
+        q_min: Lower position bounds, shape (n,), [rad].
+        q_max: Upper position bounds, shape (n,), [rad].
         dq_max: Speed bounds, shape (n,), [rad/s].
         ddq_max: Acceleration bounds, shape (n,), [rad/s^2].
         brake: Deceleration that a joint is trusted to find when it has to stop, shape (n,), at most ddq_max,

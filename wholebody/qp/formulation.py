@@ -41,9 +41,9 @@ class Regularisation:
     """On |dv|^2 [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     force: float = 1e-5
     """On |f|^2 [1/N^2]."""
-    slack_linear: float = 1e4
+    slack_linear: float = 1e6
     """Price of a unit of slack: above the largest multiplier a task can put on a bound."""
-    slack_quadratic: float = 1e2
+    slack_quadratic: float = 1e3
     """Curvature of the slack's price."""
 
 

@@ -7,15 +7,15 @@ import numpy as np
 from wholebody.qp.problem import QuadraticProgram, Residuals
 
 
-def kkt_residuals(
-    qp: QuadraticProgram, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-) -> Residuals:
+def kkt_residuals(qp: QuadraticProgram, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> Residuals:
     """Residuals of the Karush-Kuhn-Tucker conditions.
 
     Args:
         qp: The program.
         x: Candidate minimiser, shape (n,).
-        y, z, z_box: Multipliers of equalities, inequalities (positive at the upper side) and bounds.
+        y: Multipliers of the equalities.
+        z: Multipliers of the inequalities, positive at the upper side.
+        z_box: Multipliers of the bounds, positive at the upper side.
 
     Returns:
         Residuals; NaN anywhere in the candidate makes them NaN, which no tolerance accepts.

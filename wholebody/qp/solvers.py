@@ -33,8 +33,14 @@ def available() -> tuple[str, ...]:
     """Names that `solve` takes on this machine."""
     import qpsolvers
 
-    return ("daqp", *(name for name in ("quadprog", "proxqp", "piqp", "osqp") if name in qpsolvers.dense_solvers
-                      or name in qpsolvers.sparse_solvers))
+    return (
+        "daqp",
+        *(
+            name
+            for name in ("quadprog", "proxqp", "piqp", "osqp")
+            if name in qpsolvers.dense_solvers or name in qpsolvers.sparse_solvers
+        ),
+    )
 
 
 def solve(qp: QuadraticProgram, solver: str = "daqp", warm_start: np.ndarray | None = None) -> QPSolution:

@@ -46,15 +46,16 @@ class PosturePlanner:
         self.com = solver.add_com_task(np.append(self.robot.com_world()[:2], 0.0))
         self.com.mask.set_axises("xy", "custom")
         self.com.configure("com", "soft", c.com_weight)
-        for frame in (spec.torso_body, spec.base_body):
+        for frame, weight in ((spec.torso_body, c.torso_weight), (spec.base_body, c.pelvis_weight)):
             task = solver.add_orientation_task(frame, self.robot.get_T_world_frame(frame)[:3, :3])
-            task.configure(frame, "soft", c.trunk_weight)
+            task.configure(frame, "soft", weight)
         height = solver.add_position_task(spec.base_body, self.robot.get_T_world_frame(spec.base_body)[:3, 3])
         height.mask.set_axises("z", "custom")
         height.configure("height", "soft", c.height_weight)
         posture = solver.add_joints_task()
-        posture.set_joints({j.name: a for j, a in zip(spec.joints, spec.stance.joint_positions, strict=True)
-                            if "_hand_" not in j.name})
+        posture.set_joints(
+            {j.name: a for j, a in zip(spec.joints, spec.stance.joint_positions, strict=True) if "_hand_" not in j.name}
+        )
         posture.configure("posture", "soft", c.posture_weight)
         solver.add_regularization_task(c.damping)
         solver.enable_joint_limits(True)
@@ -86,7 +87,9 @@ class PosturePlanner:
         polygon = convex_polygon(np.vstack(corners)[:, :2])
         self.support = polygon
         # placo wants the corners clockwise
-        constraint = solver.add_com_polygon_constraint([v.copy() for v in polygon.vertices[::-1]], self.config.com_margin)
+        constraint = solver.add_com_polygon_constraint(
+            [v.copy() for v in polygon.vertices[::-1]], self.config.com_margin
+        )
         constraint.configure("com polygon", "hard")
 
     def plan(self, q: np.ndarray, T_palms: np.ndarray, dt: float) -> tuple[np.ndarray, int]:
@@ -125,9 +128,21 @@ def watched_pairs() -> list[tuple[str, str]]:
     """Pairs of bodies that a hand motion of a standing robot can bring together."""
     pairs = []
     for side in ("left", "right"):
-        bodies = ("torso_link", "pelvis_contour_link", f"{side}_hip_roll_link", f"{side}_hip_yaw_link", f"{side}_knee_link")
+        bodies = (
+            "torso_link",
+            "pelvis_contour_link",
+            f"{side}_hip_roll_link",
+            f"{side}_hip_yaw_link",
+            f"{side}_knee_link",
+        )
         pairs += [(f"{side}_{arm}", body) for arm in ARM_BODIES for body in bodies]
         pairs += [("torso_link", f"{side}_{leg}") for leg in ("hip_roll_link", "hip_yaw_link", "knee_link")]
-        pairs += [(f"{side}_{arm}", f"{side}_{leg}") for arm in ("shoulder_yaw_link",) for leg in ("hip_yaw_link", "knee_link")]
+        pairs += [(f"{side}_{arm}", "head_link") for arm in ("shoulder_yaw_link", *ARM_BODIES)]
+        pairs += [(f"{side}_shoulder_yaw_link", "torso_link")]
+        pairs += [
+            (f"{side}_{arm}", f"{side}_{leg}")
+            for arm in ("shoulder_yaw_link",)
+            for leg in ("hip_yaw_link", "knee_link")
+        ]
     hands = ("wrist_yaw_link", "hand_palm_link", "hand_thumb_1_link")
     return pairs + [(f"left_{a}", f"right_{b}") for a in hands for b in hands]

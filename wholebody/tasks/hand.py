@@ -52,8 +52,6 @@ class HandTask:
     def objective(self, robot: Robot) -> Objective:
         """Objective with six rows, linear first."""
         error = self.error(robot)
-        pull = np.concatenate(
-            [limited(self.kp * error[:3], self.pull[0]), limited(self.kp * error[3:], self.pull[1])]
-        )
+        pull = np.concatenate([limited(self.kp * error[:3], self.pull[0]), limited(self.kp * error[3:], self.pull[1])])
         wanted = self.acceleration_ref + self.kd * (self.twist_ref - robot.velocity(self.frame)) + pull
         return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.weight)

@@ -1,0 +1,171 @@
+"""The closed loop: policy, supervisor and plant, stepped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+
+from models.spec import RobotSpec
+from policy.base import Policy
+from policy.chunk import ActionChunk
+from policy.observation import Observation
+from wholebody.sim.fall import Fall, detect_fall
+from wholebody.sim.plant import MujocoPlant
+from wholebody.supervisor import Supervisor
+from wholebody.types import RobotState, Status
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeConfig:
+    """How an episode runs."""
+
+    settle: float = 1.0
+    """Standing before the first chunk [s]."""
+    hold: float = 4.0
+    """Standing after the last step: one run fell 2.1 s after it looked fine [s]."""
+    replace_every: int = 25
+    """Chunk steps after which a new chunk is asked for."""
+
+
+@dataclass
+class EpisodeResult:
+    """What happened.
+
+    Attributes:
+        fall: Time and cause, or None.
+        seconds: Time spent per status name [s].
+        reasons: Time spent per reason code [s].
+        errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
+        time_factor: Time on chunks over chunk time covered.
+        contacts: First time of each contact between bodies, feet on the floor left out [s].
+        tilt: Largest pelvis tilt [rad].
+        refusals: Messages of refused chunks.
+        clamped: Largest distance that a target was moved [m].
+        slowdown: Largest planned slow-down factor.
+    """
+
+    fall: Fall | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    reasons: dict[str, float] = field(default_factory=dict)
+    errors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    time_factor: float = 1.0
+    contacts: dict[tuple[str, str], float] = field(default_factory=dict)
+    tilt: float = 0.0
+    refusals: list[str] = field(default_factory=list)
+    clamped: float = 0.0
+    slowdown: float = 1.0
+
+    @property
+    def rms(self) -> float:
+        """Root mean square palm error [m]; 0 if nothing was scored."""
+        return float(np.sqrt(np.mean(self.errors**2))) if self.errors.size else 0.0
+
+
+def observe(spec: RobotSpec, supervisor: Supervisor, state: RobotState, task: str = "") -> Observation:
+    """What a policy sees of the robot; images are up to the caller."""
+    joints = state.q[7:][supervisor.robot.pin_to_motor]
+    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
+    return Observation(
+        time=state.time, q_body=joints[:29], q_lhand=fingers[0], q_rhand=fingers[1], T_world_base=T, task=task
+    )
+
+
+def run_episode(
+    policy: Policy,
+    supervisor: Supervisor,
+    plant: MujocoPlant,
+    *,
+    duration: float,
+    config: EpisodeConfig | None = None,
+    progress: Callable[[float, float], None] | None = None,
+) -> EpisodeResult:
+    """Run a policy through the controller in MuJoCo.
+
+    Args:
+        policy: Source of chunks.
+        supervisor: Made for the plant's robot.
+        plant: Where it happens; reset here.
+        duration: Time for which chunks are asked for, after the settling time [s].
+        config: How the episode runs.
+        progress: Called about ten times a simulated second with the time and the end time [s].
+    """
+    config = config or EpisodeConfig()
+    state = plant.reset()
+    supervisor.reset(state)
+    policy.reset()
+    result, score = EpisodeResult(), _Score(supervisor)
+    end, next_chunk, tick = config.settle + duration + config.hold, config.settle, 0
+    while state.time < end and result.fall is None:
+        if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration:
+            chunk = policy.infer(observe(plant.spec, supervisor, state))
+            _offer(chunk, supervisor, score, result)
+            next_chunk += config.replace_every / chunk.fps
+        state = plant.step(supervisor.step(state))
+        _count(result, supervisor, plant, state)
+        score.measure(state)
+        tick += 1
+        if progress is not None and tick % 50 == 0:
+            progress(state.time, end)
+    result.errors = score.errors()
+    result.time_factor = supervisor.time_factor
+    return result
+
+
+def _offer(chunk: ActionChunk, supervisor: Supervisor, score: _Score, result: EpisodeResult) -> None:
+    status = supervisor.accept(chunk)
+    if status.status is Status.HOLD and status.reason:
+        result.refusals.append(f"{status.reason}: {status.detail}")
+        return
+    score.add(chunk)
+    report = supervisor.plan_report
+    result.clamped = max(result.clamped, float(report.clamped.max()))
+    result.slowdown = max(result.slowdown, float(report.slowdown.max()))
+
+
+def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:
+    status = supervisor.status
+    for counts, key in ((result.seconds, status.status.value), (result.reasons, status.reason)):
+        if key:
+            counts[key] = counts.get(key, 0.0) + plant.control_dt
+    for pair in plant.contacts():
+        result.contacts.setdefault(pair, state.time)
+    x, y = state.q[3], state.q[4]
+    result.tilt = max(result.tilt, float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
+    result.fall = detect_fall(plant, state, status.status)
+
+
+class _Score:
+    """Palm errors at the steps of the chunks, each step against the last chunk that covers it."""
+
+    def __init__(self, supervisor: Supervisor) -> None:
+        robot = supervisor.robot
+        self._model, self._data = robot.model, robot.model.createData()
+        self._palms = supervisor.planner.palm_ids
+        self._offsets = [np.array(tool.palm_offset) for tool in supervisor.spec.tools]
+        self._chunk: ActionChunk | None = None
+        self._next, self._errors = 0, []
+
+    def add(self, chunk: ActionChunk) -> None:
+        self._chunk, self._next = chunk, 0
+
+    def measure(self, state: RobotState) -> None:
+        chunk = self._chunk
+        if chunk is None or self._next >= len(chunk) or state.time < chunk.times[self._next] - 1e-6:
+            return
+        k = self._next
+        self._next += 1
+        pin.framesForwardKinematics(self._model, self._data, state.q)
+        wanted = [T[:3, :3] @ offset + T[:3, 3] for T, offset in zip(self._poses(k), self._offsets, strict=True)]
+        reached = [self._data.oMf[frame].translation for frame in self._palms]
+        self._errors.append([np.linalg.norm(a - b) for a, b in zip(wanted, reached, strict=True)])
+
+    def _poses(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        return self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k]
+
+    def errors(self) -> np.ndarray:
+        return np.array(self._errors).reshape(-1, 2)

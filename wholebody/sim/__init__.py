@@ -1,0 +1,1 @@
+"""The robot in MuJoCo: plant, fall detection and tracking metrics."""

@@ -1,0 +1,135 @@
+"""The MuJoCo plant: torque-limited position loops with feed-forward, stepped, never slept."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from models.conversion import Conversion
+from models.mujoco_model import load_mujoco
+from models.pinocchio_model import load_pinocchio
+from models.spec import RobotSpec
+from wholebody.errors import InputError
+from wholebody.types import JointCommand, RobotState
+
+
+class MujocoPlant:
+    """One robot in one scene.
+
+    At every physics step the torque of a joint is ``clip(tau + kp (q_cmd - q) + kd (dq_cmd - dq), -effort, effort)``.
+
+    Args:
+        spec: The robot.
+        scene: Name of a scene of `models.scenes`.
+        timestep: Physics step [s].
+        control_dt: Time that one command is applied for, a multiple of the timestep [s].
+        payload_kg: Mass held by the left and right hand [kg].
+        friction: Friction coefficient of the floor.
+
+    Raises:
+        InputError: If the control period is no multiple of the timestep.
+    """
+
+    def __init__(
+        self,
+        spec: RobotSpec,
+        *,
+        scene: str = "floor",
+        timestep: float = 0.002,
+        control_dt: float = 0.002,
+        payload_kg: tuple[float, float] = (0.0, 0.0),
+        friction: float = 0.8,
+    ) -> None:
+        steps = round(control_dt / timestep)
+        if steps < 1 or abs(steps * timestep - control_dt) > 1e-9:
+            raise InputError(f"control_dt {control_dt} s is no multiple of the timestep {timestep} s")
+        self.spec, self.control_dt, self._steps = spec, control_dt, steps
+        self.model = load_mujoco(spec, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
+        self.data = mujoco.MjData(self.model)
+        self._conversion = Conversion(spec, load_pinocchio(spec), self.model)
+        self._effort = spec.effort_max
+        self._feet = {self._body_id(foot.frame) for foot in spec.feet}
+        self._robot = self._bodies_of_robot()
+        self._is_foot = np.isin(np.arange(self.model.nbody), list(self._feet))
+        self._pushes: list[tuple[int, np.ndarray, float, float]] = []
+
+    def reset(self) -> RobotState:
+        """The default stance, at rest, at time 0; pushes are forgotten."""
+        mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
+        mujoco.mj_forward(self.model, self.data)
+        self._pushes.clear()
+        return self.state()
+
+    def state(self) -> RobotState:
+        """True state in Pinocchio's convention."""
+        q, v = self._conversion.to_pinocchio(self.data.qpos, self.data.qvel)
+        return RobotState(float(self.data.time), q, v)
+
+    def step(self, command: JointCommand) -> RobotState:
+        """Apply a command for one control period."""
+        data, index = self.data, self._conversion
+        for _ in range(self._steps):
+            q, dq = data.qpos[index.motor_qpos_index], data.qvel[index.motor_qvel_index]
+            tau = command.tau + command.kp * (command.q - q) + command.kd * (command.dq - dq)
+            data.ctrl[index.actuator_index] = np.clip(tau, -self._effort, self._effort)
+            self._apply_pushes()
+            mujoco.mj_step(self.model, data)
+        return self.state()
+
+    def push(self, body: str, force: np.ndarray, *, start: float, duration: float) -> None:
+        """Push a body with a constant force in world axes, at its centre of mass.
+
+        Args:
+            body: Body name.
+            force: Shape (3,), [N].
+            start: Simulated time at which it begins [s].
+            duration: [s]
+        """
+        self._pushes.append((self._body_id(body), np.asarray(force, dtype=float), start, start + duration))
+
+    def contacts(self) -> list[tuple[str, str]]:
+        """Pairs of bodies that touch now, feet on the floor left out."""
+        pairs = []
+        for first, second in self._unusual_contacts():
+            bodies = {int(self.model.geom_bodyid[first]), int(self.model.geom_bodyid[second])}
+            if not (bodies & self._robot) or (0 in bodies and bodies & self._feet):
+                continue
+            names = sorted(self.model.body(body).name for body in bodies)
+            pairs.append((names[0], names[-1]))
+        return pairs
+
+    def touches_floor(self) -> str | None:
+        """A body of the robot, other than the feet, that touches the floor, or None."""
+        for first, second in self._unusual_contacts():
+            bodies = [int(self.model.geom_bodyid[first]), int(self.model.geom_bodyid[second])]
+            geoms = [self.model.geom(int(g)).name for g in (first, second)]
+            for body, other in (bodies, bodies[::-1]):
+                if other == 0 and "floor" in geoms and body in self._robot - self._feet:
+                    return self.model.body(body).name
+        return None
+
+    def _unusual_contacts(self) -> np.ndarray:
+        """Contacts (k, 2) of geoms, those of the feet with the floor left out."""
+        pairs = self.data.contact.geom
+        owner = self.model.geom_bodyid[pairs]
+        on_floor = (owner.min(axis=1) == 0) & self._is_foot[owner.max(axis=1)] if len(pairs) else np.zeros(0, bool)
+        return pairs[~on_floor]
+
+    def _apply_pushes(self) -> None:
+        if not self._pushes:
+            return
+        self.data.xfrc_applied[:] = 0.0
+        for body, force, start, end in self._pushes:
+            if start <= self.data.time < end:
+                self.data.xfrc_applied[body, :3] += force
+
+    def _bodies_of_robot(self) -> set[int]:
+        base = self._body_id(self.spec.base_body)
+        return {b for b in range(self.model.nbody) if int(self.model.body_rootid[b]) == base}
+
+    def _body_id(self, name: str) -> int:
+        index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if index < 0:
+            names = ", ".join(self.model.body(b).name for b in range(1, self.model.nbody))
+            raise InputError(f"the scene has no body '{name}'; it has {names}")
+        return index
