@@ -71,12 +71,18 @@ class SafetyConfig:
     """Largest rotation of the torso away from the plan, per axis [rad]."""
     joint_brake: float = 50.0
     """Deceleration that a body joint is trusted to find when it nears a position limit [rad/s^2]."""
+    knee_min: float = 0.1
+    """Least knee angle: with straight legs the pelvis can no longer be moved [rad]."""
     joint_horizon: float = 0.01
     """Time over which joint bounds are kept viable [s]."""
     error_slow: float = 0.03
     """Palm error at which the chunk is slowed [m]."""
     error_stop: float = 0.08
     """Palm error at which it is held [m]."""
+    posture_slow: float = 0.2
+    """Distance of a body joint from the posture plan at which the hands begin to give way to it [rad]."""
+    posture_stop: float = 0.45
+    """Distance at which they have given way [rad]."""
     balance_slow: float = 0.02
     """Distance of the capture point from the edge below which the chunk is slowed [m]."""
     trunk_rate: float = 3.0
@@ -103,7 +109,7 @@ class PosturePlanConfig:
     """Least distance between bodies that are not neighbours [m]."""
     joint_margin: float = 0.06
     """Distance kept from joint position limits [rad]."""
-    knee_min: float = 0.12
+    knee_min: float = 0.2
     """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""
     speed_share: float = 0.5
     """Share of the joint speed limits that the plan uses."""
@@ -132,9 +138,9 @@ class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
-    clamp_tolerance: float = 0.004
+    clamp_tolerance: float = 0.008
     """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
-    turn_tolerance: float = 0.05
+    turn_tolerance: float = 0.15
     """The same for orientation [rad]."""
     zmp_margin: float = 0.012
     """Distance that the planned zero-moment point keeps from the edge of the support [m]."""

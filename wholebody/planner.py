@@ -150,12 +150,14 @@ class ChunkPlanner:
         """Move the targets that the plan does not reach to where it does; a small remainder is left to the QP."""
         offset = reached[:, :, :3, 3] - palms[:, :, :3, 3]
         distance = np.linalg.norm(offset, axis=2)
-        share = np.maximum(0.0, 1.0 - self.config.clamp_tolerance / np.maximum(distance, 1e-9))
         turn = np.array(
             [[pin.log3(reached[k, i, :3, :3] @ palms[k, i, :3, :3].T) for i in (0, 1)] for k in range(len(steps))]
         )
         angle = np.linalg.norm(turn, axis=2)
-        turn_share = np.maximum(0.0, 1.0 - self.config.turn_tolerance / np.maximum(angle, 1e-9))
+        # Inside the tolerance the QP is left to close the gap; past it the target becomes the plan's own pose, whole:
+        # near a straight arm, a target a few millimetres off the planned posture drives the arm far away from it.
+        share = np.clip(2.0 * distance / self.config.clamp_tolerance - 1.0, 0.0, 1.0)
+        turn_share = np.clip(2.0 * angle / self.config.turn_tolerance - 1.0, 0.0, 1.0)
         if not share.any() and not turn_share.any():
             return tuple(raw), np.zeros_like(distance)
         paths = []

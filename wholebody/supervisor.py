@@ -129,7 +129,9 @@ class Supervisor:
                 self._elapsed += dt
                 self._travelled += dt * self._clock.rate
         rows = self._smoother.step(target, dt).rows
-        return self._body_reference(rows)
+        reference = self._body_reference(rows)
+        self._trust_hands(state, reference)
+        return reference
 
     def _body_reference(self, rows: np.ndarray) -> BodyReference:
         motion = HandMotion(rows)
@@ -171,6 +173,15 @@ class Supervisor:
         capture = self.robot.com[:2] + self.robot.com_velocity[:2] / natural_frequency(self.robot)
         margin = self.controller.balance.support.margin(capture)
         return float(min(share, np.clip(margin / safety.balance_slow, 0.0, 1.0)))
+
+    def _trust_hands(self, state: RobotState, reference: BodyReference) -> None:
+        """Let the hands give way where the body leaves its plan: near a straight arm they would drag it along."""
+        safety = self.config.safety
+        distance = np.abs(state.q[7:] - reference.q[7:])
+        distance[self.controller.finger_indices] = 0.0
+        room = (safety.posture_stop - distance.max()) / (safety.posture_stop - safety.posture_slow)
+        for task in self.controller.palms:
+            task.share = float(np.clip(room, 1e-3, 1.0))
 
     def _judge(self) -> None:
         """Status after a tick, worst first."""

@@ -45,7 +45,12 @@ def convex_polygon(points: np.ndarray) -> SupportPolygon:
 def _half_hull(points: np.ndarray) -> list[np.ndarray]:
     chain: list[np.ndarray] = []
     for p in points:
-        while len(chain) > 1 and np.cross(chain[-1] - chain[-2], p - chain[-2]) <= 1e-12:
+        while len(chain) > 1 and _turn(chain[-1] - chain[-2], p - chain[-2]) <= 1e-12:
             chain.pop()
         chain.append(p)
     return chain
+
+
+def _turn(a: np.ndarray, b: np.ndarray) -> float:
+    """Cross product in the plane: positive for a left turn."""
+    return float(a[0] * b[1] - a[1] * b[0])

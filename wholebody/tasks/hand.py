@@ -35,6 +35,8 @@ class HandTask:
         self.frame = frame
         self.kp, self.kd, self.pull = kp, kd, pull
         self.weight = np.array([position_weight] * 3 + [orientation_weight] * 3)
+        self.share = 1.0
+        """Factor on the weights, 0 to 1: how much the reference is trusted."""
         self.T_world_ref = pin.SE3.Identity()
         self.twist_ref = np.zeros(6)
         self.acceleration_ref = np.zeros(6)
@@ -54,4 +56,4 @@ class HandTask:
         error = self.error(robot)
         pull = np.concatenate([limited(self.kp * error[:3], self.pull[0]), limited(self.kp * error[3:], self.pull[1])])
         wanted = self.acceleration_ref + self.kd * (self.twist_ref - robot.velocity(self.frame)) + pull
-        return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.weight)
+        return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.share * self.weight)

@@ -1,0 +1,63 @@
+"""Strategy: whatever acceleration inside the bounds is applied, the joint never leaves its limits."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wholebody.limits.base import barrier
+from wholebody.limits.joint import viable_acceleration_bounds
+
+DT = 0.002
+LIMITS = {
+    "q_min": np.array([-1.0]),
+    "q_max": np.array([1.0]),
+    "dq_max": np.array([10.0]),
+    "ddq_max": np.array([200.0]),
+    "brake": np.array([50.0]),
+}
+
+
+def bounds(q, dq, dt=DT):
+    return viable_acceleration_bounds(np.array([q]), np.array([dq]), dt=dt, **LIMITS)
+
+
+@given(start=st.floats(-0.9, 0.9), choices=st.lists(st.floats(0.0, 1.0), min_size=20, max_size=20))
+def test_a_joint_that_keeps_to_the_bounds_never_leaves_its_limits(start, choices):
+    q, dq = start, 0.0
+    for share in choices:
+        for _ in range(40):
+            low, high = bounds(q, dq)
+            ddq = float(low[0] + share * (high[0] - low[0]))
+            q, dq = q + DT * dq + 0.5 * DT**2 * ddq, dq + DT * ddq
+            assert -1.0 - 1e-9 <= q <= 1.0 + 1e-9
+            assert abs(dq) <= 10.0 + 1e-9
+
+
+@given(q=st.floats(-1.5, 1.5), dq=st.floats(-20.0, 20.0))
+def test_bounds_are_finite_and_ordered_everywhere(q, dq):
+    low, high = bounds(q, dq)
+    assert np.isfinite([low, high]).all()
+    assert (low <= high).all()
+    assert (np.abs([low, high]) <= 200.0).all()
+
+
+def test_a_joint_past_its_bound_is_told_to_come_back():
+    _, high = bounds(1.01, 0.0)
+    assert high[0] <= 0.0
+
+
+@given(margin=st.floats(-0.1, 1.0), rate=st.floats(-5.0, 5.0))
+def test_the_barrier_is_finite_and_grows_with_the_margin(margin, rate):
+    near = barrier(np.array([margin]), np.array([rate]), brake=10.0, dt=0.02)
+    far = barrier(np.array([margin + 0.01]), np.array([rate]), brake=10.0, dt=0.02)
+    assert np.isfinite(near).all()
+    assert far[0] >= near[0]
+
+
+def test_the_barrier_stops_a_mass_at_the_bound_within_a_centimetre():
+    x, v, dt = 0.0, 0.0, 0.002
+    for _ in range(3000):
+        a = min(20.0, float(barrier(np.array([0.3 - x]), np.array([v]), brake=10.0, dt=0.02)[0]))
+        x, v = x + dt * v, v + dt * a
+        assert x <= 0.3 + 0.01
+    assert abs(x - 0.3) < 1e-3

@@ -1,0 +1,102 @@
+"""Strategy: the program at the stance, looked at without a solver, then solved by every solver and judged by ours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from models.g1 import g1
+from models.pinocchio_model import stance_q
+from wholebody.config import ControllerConfig
+from wholebody.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.errors import InputError
+from wholebody.qp.residuals import kkt_residuals
+from wholebody.qp.solvers import solve
+from wholebody.types import RobotState
+
+
+@pytest.fixture(scope="module")
+def controller():
+    controller = WholeBodyController(g1(), ControllerConfig())
+    q = stance_q(controller.spec, controller.robot.model)
+    state = RobotState(0.0, q, np.zeros(controller.robot.nv))
+    controller.reset(state)
+    controller.set_reference(standing(controller, q))
+    return controller
+
+
+def standing(controller, q, lift=0.0):
+    robot = controller.robot
+    zero = np.zeros(robot.n_joints)
+    palms = []
+    for tool in controller.spec.tools:
+        T = robot.pose(tool.palm_frame)
+        pose = pin.SE3(T.rotation, T.translation + np.array([0.0, 0.0, lift]))
+        palms.append(PalmReference(T_world=pose, twist=np.zeros(6), acceleration=np.zeros(6)))
+    return BodyReference(
+        palms=tuple(palms),
+        q=q,
+        dq=zero,
+        ddq=zero,
+        R_pelvis=robot.pose("pelvis").rotation.copy(),
+        R_torso=robot.pose("torso_link").rotation.copy(),
+        com=robot.com.copy(),
+        com_velocity=np.zeros(3),
+        com_acceleration=np.zeros(3),
+    )
+
+
+def test_standing_needs_no_acceleration_and_carries_the_weight(controller):
+    answer = solve(controller.build())
+    assert answer.ok
+    solution = controller.dynamics.read(answer)
+    assert np.abs(solution.dv).max() < 0.05
+    weight = 9.81 * controller.robot.mass
+    np.testing.assert_allclose(solution.forces[:, 2].sum(), weight, rtol=1e-3)
+    assert (solution.forces[:, 2] >= controller.config.force_min - 1e-6).all()
+
+
+def test_the_torques_are_those_of_inverse_dynamics_under_the_forces(controller):
+    solution = controller.dynamics.read(solve(controller.build()))
+    robot = controller.robot
+    generalised = robot.M @ solution.dv + robot.nle
+    for i, foot in enumerate(controller.feet):
+        J = foot.force_jacobian(robot, robot.jacobian(foot.frame))
+        generalised -= J.T @ solution.forces[4 * i : 4 * i + 4].ravel()
+    np.testing.assert_allclose(generalised[:6], 0.0, atol=1e-5)
+    np.testing.assert_allclose(generalised[6:], solution.tau, atol=1e-8)
+
+
+@pytest.mark.parametrize("solver", ["quadprog", "proxqp"])
+def test_exact_solvers_agree_with_daqp(controller, solver):
+    controller.set_reference(standing(controller, controller.robot.q, lift=0.01))
+    program = controller.build()
+    expected, answer = solve(program), solve(program, solver)
+    assert expected.ok
+    assert answer.ok, answer.residuals
+    np.testing.assert_allclose(answer.x[: controller.robot.nv], expected.x[: controller.robot.nv], atol=1e-2)
+
+
+def test_a_wrong_solution_is_not_believed(controller):
+    program = controller.build()
+    answer = solve(program)
+    worse = answer.x.copy()
+    worse[0] += 0.1
+    residuals = kkt_residuals(program, worse, answer.y, answer.z, answer.z_box)
+    assert not residuals.within(1e-5, 1e-6)
+    worse[0] = np.nan
+    assert not kkt_residuals(program, worse, answer.y, answer.z, answer.z_box).within(1e9, 1e9)
+
+
+def test_a_row_that_is_not_finite_is_named(controller):
+    program = controller.build()
+    C = program.C.copy()
+    C[3, 2] = np.nan
+    with pytest.raises(InputError, match=program.labels[3]):
+        replace(program, C=C).check_finite()
+
+
+def test_an_unknown_solver_is_refused_with_those_that_exist(controller):
+    with pytest.raises(InputError, match="daqp"):
+        solve(controller.build(), "gurobi")

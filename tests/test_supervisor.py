@@ -1,0 +1,93 @@
+"""Strategy: the real planner, controller and plant; bad input on one side, a short real motion on the other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.g1 import g1
+from policy.scripts import reach, scripted
+from wholebody.runtime import EpisodeConfig, observe, run_episode
+from wholebody.sim.plant import MujocoPlant
+from wholebody.supervisor import Supervisor
+from wholebody.types import RobotState, Status
+
+
+@pytest.fixture(scope="module")
+def loop():
+    spec = g1()
+    return Supervisor(spec), MujocoPlant(spec)
+
+
+def start(loop):
+    supervisor, plant = loop
+    state = plant.reset()
+    supervisor.reset(state)
+    return supervisor, plant, state
+
+
+def chunk_at(supervisor, state):
+    policy = scripted("reach")
+    policy.reset()
+    return policy.infer(observe(supervisor.spec, supervisor, state))
+
+
+def test_a_chunk_with_nan_is_refused_and_the_robot_holds(loop):
+    supervisor, plant, state = start(loop)
+    chunk = chunk_at(supervisor, state)
+    T = chunk.T_world_lhand.copy()
+    T[7, 0, 3] = np.nan
+    status = supervisor.accept(replace(chunk, T_world_lhand=T))
+    assert status.status is Status.HOLD
+    assert status.reason == "chunk_invalid"
+    assert "step 7" in status.detail
+    for _ in range(100):
+        state = plant.step(supervisor.step(state))
+    assert abs(state.q[2] - plant.spec.stance.base_position[2]) < 2e-3
+
+
+def test_a_chunk_that_is_over_is_refused(loop):
+    supervisor, _, state = start(loop)
+    status = supervisor.accept(replace(chunk_at(supervisor, state), t_obs=state.time - 10.0))
+    assert status.reason == "chunk_stale"
+
+
+def test_a_chunk_from_the_future_is_refused(loop):
+    supervisor, _, state = start(loop)
+    status = supervisor.accept(replace(chunk_at(supervisor, state), t_obs=state.time + 5.0))
+    assert status.reason == "chunk_from_future"
+
+
+def test_a_repeated_chunk_is_refused(loop):
+    supervisor, _, state = start(loop)
+    chunk = chunk_at(supervisor, state)
+    assert supervisor.accept(chunk).reason != "chunk_invalid"
+    assert supervisor.accept(chunk).reason == "chunk_invalid"
+
+
+def test_a_state_with_nan_gets_the_last_command_at_rest(loop):
+    supervisor, plant, state = start(loop)
+    state = plant.step(supervisor.step(state))
+    bad = RobotState(state.time, np.full_like(state.q, np.nan), state.v)
+    command = supervisor.step(bad)
+    assert supervisor.status.reason == "state_invalid"
+    assert np.isfinite([command.tau, command.q]).all()
+
+
+def test_a_robot_that_lies_down_is_only_damped(loop):
+    supervisor, _, state = start(loop)
+    q = state.q.copy()
+    q[2] = 0.1
+    command = supervisor.step(RobotState(state.time, q, state.v))
+    assert supervisor.status.status is Status.DAMPING
+    assert not command.kp.any()
+    assert (command.kd > 0.0).all()
+
+
+def test_a_reach_arrives_and_stands(loop):
+    supervisor, plant = loop
+    result = run_episode(reach(0.45, 1.0), supervisor, plant, duration=3.2, config=EpisodeConfig(settle=0.2, hold=0.3))
+    assert result.fall is None
+    assert result.refusals == []
+    assert result.errors[-1].max() < 2e-3
+    assert result.time_factor == pytest.approx(1.0, abs=0.01)
