@@ -111,6 +111,10 @@ class PosturePlanConfig:
     """Distance kept from joint position limits [rad]."""
     knee_min: float = 0.2
     """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""
+    pelvis_tilt: float = 0.55
+    """Largest tilt of the pelvis from vertical [rad]."""
+    torso_tilt: float = 0.95
+    """Largest tilt of the torso from vertical [rad]."""
     speed_share: float = 0.5
     """Share of the joint speed limits that the plan uses."""
     position_weight: float = 100.0

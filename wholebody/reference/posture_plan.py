@@ -58,6 +58,9 @@ class PosturePlanner:
         )
         posture.configure("posture", "soft", c.posture_weight)
         solver.add_regularization_task(c.damping)
+        # The soles stay flat, so a foot's z axis is the vertical that the trunk is bounded against.
+        for frame, tilt in ((spec.base_body, c.pelvis_tilt), (spec.torso_body, c.torso_tilt)):
+            solver.add_cone_constraint(spec.feet[0].frame, frame, tilt).configure(f"{frame} tilt", "hard")
         solver.enable_joint_limits(True)
         solver.enable_velocity_limits(True)
         if c.self_distance <= 0:
