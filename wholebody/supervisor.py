@@ -222,7 +222,9 @@ class Supervisor:
 
     def _damping_command(self, state: RobotState) -> JointCommand:
         zero = np.zeros(self.spec.n_joints)
-        kd = np.full(self.spec.n_joints, DAMPING_KD)
+        # Wrists and fingers are too light for the full damping: at 500 Hz it would shake them.
+        light = [("_wrist_" in name or "_hand_" in name) for name in self.spec.joint_names]
+        kd = np.where(light, self.spec.kd, DAMPING_KD)
         return JointCommand(state.time, state.q[7:][self.robot.pin_to_motor], zero, zero, zero, kd)
 
     def _blind_command(self, state: RobotState) -> JointCommand:
