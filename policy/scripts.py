@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 
 from policy.errors import PolicyError, did_you_mean
-from policy.hands import Side
+from policy.hands import Side, grasp_posture
+from policy.rotations import rpy_to_matrix
 from policy.scripted import HandMotion, ScriptedPolicy, minimum_jerk, stance_pose
 from policy.waypoints import Waypoint, waypoint_policy
 
@@ -20,6 +21,12 @@ LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
 """Of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
 LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 """Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
+LISSAJOUS_TURN = np.deg2rad([-13.0, 12.0, -44.0])
+"""Constant orientation of the left hand as roll, pitch and yaw [rad]; right: mirrored. Where the palms come to
+y = ±60 mm in front of the trunk, hands that point inwards leave room for the forearms; found by a search over
+orientations for what the posture plan can follow."""
+LISSAJOUS_THUMB = np.array([0.3, -0.3, 0.6])
+"""Left thumb beside the closed fingers, 11 mm from them; the fist ends 52 mm inwards of its palm point [rad]."""
 
 OBJECT_IN_PALM = np.array([-0.025, -0.055, 0.0])
 """Centre of a 60 mm cylinder in the pocket between thumb, palm and fingers of the left hand, from the palm point in
@@ -27,7 +34,7 @@ hand axes [m]; right: mirrored in y. Found by closing the hand on it in MuJoCo."
 
 
 def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
-    """Both palms on a Lissajous curve, orientation constant.
+    """Both palms on a Lissajous curve, orientation and fingers constant.
 
     The left palm is at ``[0.24, 0.21, 0.86] + 0.15 [sin 2t, sin 4t, sin 6t]``, t being episode time, from 2 s on; the
     right one is mirrored in y. Before, it is blended in from the stance; after ``scored`` seconds it comes to rest.
@@ -37,19 +44,23 @@ def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
     """
     stance = stance_pose()
     end = LISSAJOUS_START + scored
+    fingers = [grasp_posture(side, 1.0) for side in ("left", "right")]
+    # The thumb's first joint turns the same way on both sides, the others are mirrored.
+    fingers[0][:3], fingers[1][:3] = LISSAJOUS_THUMB, LISSAJOUS_THUMB * [1.0, -1.0, -1.0]
 
     def script(t: np.ndarray) -> HandMotion:
         fade = 1.0 - minimum_jerk((t - end) / LISSAJOUS_END)
         swing = LISSAJOUS_AMPLITUDE * fade[:, None] * np.sin(LISSAJOUS_RATES * t[:, None])
         curve = LISSAJOUS_CENTRE + swing
         share = minimum_jerk(t / LISSAJOUS_START)[:, None]
+        turns = [rpy_to_matrix(share * LISSAJOUS_TURN * mirror) for mirror in ([1.0, 1.0, 1.0], [-1.0, 1.0, -1.0])]
         return HandMotion(
             stance.p_world_lpalm + share * (curve - stance.p_world_lpalm),
             stance.p_world_rpalm + share * (curve * MIRROR_Y - stance.p_world_rpalm),
-            stance.R_world_lhand,
-            stance.R_world_rhand,
-            stance.q_lhand,
-            stance.q_rhand,
+            stance.R_world_lhand @ turns[0],
+            stance.R_world_rhand @ turns[1],
+            stance.q_lhand + share * (fingers[0] - stance.q_lhand),
+            stance.q_rhand + share * (fingers[1] - stance.q_rhand),
         )
 
     return ScriptedPolicy("lissajous", script, end + LISSAJOUS_END)

@@ -22,10 +22,10 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # The names of a set are siblings: none imports another.
 LAYERS = (
     ("resources", "errors", "types", "config"),
-    ("support", "robot"),
+    ("support", "robot", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),
-    ("controller", "planner", "supervisor"),
+    ("controller", "posture_plan", "planner", "supervisor"),
     ("runtime", "checker"),
     ("report", "cli"),
 )

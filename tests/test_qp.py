@@ -39,11 +39,11 @@ def standing(controller, q, lift=0.0):
         q=q,
         dq=zero,
         ddq=zero,
-        R_pelvis=robot.pose("pelvis").rotation.copy(),
-        R_torso=robot.pose("torso_link").rotation.copy(),
-        com=robot.com.copy(),
-        com_velocity=np.zeros(3),
-        com_acceleration=np.zeros(3),
+        pelvis=(robot.pose("pelvis").rotation.copy(), np.zeros(3), np.zeros(3)),
+        torso=(robot.pose("torso_link").rotation.copy(), np.zeros(3), np.zeros(3)),
+        height=(q[2], 0.0, 0.0),
+        com=(robot.com.copy(), np.zeros(3), np.zeros(3)),
+        momentum=(np.zeros(3), np.zeros(3)),
     )
 
 

@@ -101,40 +101,82 @@ class SafetyConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class PosturePlanConfig:
-    """Weights and margins of the posture plan."""
+    """Weights, limits and margins of the posture plan."""
 
-    com_margin: float = 0.045
-    """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
-    self_distance: float = 0.012
-    """Least distance between bodies that are not neighbours [m]."""
-    joint_margin: float = 0.06
+    dt: float = 1.0 / 60.0
+    """Step [s]."""
+    position_weight: float = 2e4
+    """Palm positions [1/m^2]."""
+    orientation_weight: float = 100.0
+    """Palm orientations; where both cannot be had, position wins [1/rad^2]."""
+    com_weight: float = 10.0
+    """Centre of mass over the middle of the support [1/m^2]."""
+    zmp_weight: float = 0.3
+    """Zero-moment point under the centre of mass: room for what the plan does not know [1/m^2]."""
+    torso_weight: float = 1.0
+    """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
+    pelvis_weight: float = 0.3
+    """[1/rad^2]"""
+    height_weight: float = 10.0
+    """[1/m^2]"""
+    posture_weight: float = 2e-2
+    """Joints near the stance [1/rad^2]."""
+    time_constant: float = 0.11
+    """With which the tasks below the hands approach their references [s]."""
+    smoothness: float = 1e-7
+    """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
+    damping: float = 1e-7
+    """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
+    slack_price: float = 100.0
+    """Price of breaking a limit [s/m, s/rad]: above what a task gains by it."""
+    hand_brake: float = 6.0
+    """With which a hand that is far from its target counts on stopping [m/s^2]."""
+    hand_speed: float = 1.5
+    """With which such a hand catches up [m/s]."""
+    hand_turn_brake: float = 18.0
+    """[rad/s^2]"""
+    hand_turn_speed: float = 4.0
+    """[rad/s]"""
+    joint_margin: float = 0.04
     """Distance kept from joint position limits [rad]."""
     knee_min: float = 0.2
     """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""
+    speed_share: float = 0.6
+    """Share of the joint speed limits that the plan uses."""
+    acceleration: float = 80.0
+    """Largest joint acceleration [rad/s^2]."""
+    joint_brake: float = 40.0
+    """Deceleration counted on before a position limit [rad/s^2]."""
+    com_margin: float = 0.045
+    """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
+    com_rate: float = 3.0
+    """Speed at which the centre of mass may approach that distance, per metre left [1/s]."""
+    capture_margin: float = 0.03
+    """Distance of the capture point from the edge of the support [m]."""
+    zmp_margin: float = 0.015
+    """Distance of the zero-moment point from the edge of the support [m]."""
     pelvis_tilt: float = 0.55
     """Largest tilt of the pelvis from vertical [rad]."""
     torso_tilt: float = 0.95
     """Largest tilt of the torso from vertical [rad]."""
-    speed_share: float = 0.5
-    """Share of the joint speed limits that the plan uses."""
-    position_weight: float = 100.0
-    """Palm positions [1/m^2]."""
-    orientation_weight: float = 1.0
-    """Palm orientations [1/rad^2]."""
-    com_weight: float = 3.0
-    """[1/m^2]"""
-    torso_weight: float = 3e-2
-    """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 3e-3
-    """[1/rad^2]"""
-    height_weight: float = 1e-2
-    """[1/m^2]"""
-    posture_weight: float = 2e-4
-    """[1/rad^2]"""
-    damping: float = 1e-5
-    """[1/rad^2]"""
-    iterations: int = 2
-    """Solver iterations per step."""
+    tilt_brake: float = 8.0
+    """[rad/s^2]"""
+    height_min: float = 0.30
+    """Least height of the pelvis [m]."""
+    height_brake: float = 3.0
+    """[m/s^2]"""
+    torque_share: float = 0.85
+    """Share of the effort limits of waist and arms that the plan uses."""
+    torque_slack_price: float = 0.0
+    """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
+    waist_torque_weight: float = 0.0
+    """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
+    self_distance: float = 0.012
+    """Least distance between bodies that are not neighbours [m]."""
+    self_trigger: float = 0.06
+    """Distance beyond the least one at which a pair of bodies begins to count [m]."""
+    distance_brake: float = 8.0
+    """Deceleration of approaching bodies [m/s^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,10 +188,8 @@ class PlannerConfig:
     """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
     turn_tolerance: float = 0.15
     """The same for orientation [rad]."""
-    zmp_margin: float = 0.012
-    """Distance that the planned zero-moment point keeps from the edge of the support [m]."""
-    slowest: float = 8.0
-    """Largest factor by which the plan slows a chunk down."""
+    slowdowns: tuple[float, ...] = (1.5, 2.5)
+    """Factors tried when a chunk is too fast for its plan to keep the hands within the clamp's tolerance."""
 
 
 @dataclass(frozen=True, kw_only=True)

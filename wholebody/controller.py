@@ -44,19 +44,21 @@ class BodyReference:
         palms: Left and right palm.
         q: Posture plan, shape (nq,), Pinocchio convention; the finger entries are the finger references.
         dq, ddq: Joint speeds and accelerations of it, shape (n_joints,), Pinocchio order.
-        R_pelvis, R_torso: Planned orientations, shape (3, 3).
-        com, com_velocity, com_acceleration: Planned centre of mass, shape (3,).
+        pelvis, torso: Planned orientation (3, 3), angular rate (3,) and acceleration (3,), world axes.
+        height: Planned height of the pelvis, its rate and acceleration [m, m/s, m/s^2].
+        com: Planned centre of mass, its velocity and acceleration, shape (3,) each.
+        momentum: Planned angular momentum about the centre of mass and its rate, shape (3,) each [N m s, N m].
     """
 
     palms: tuple[PalmReference, PalmReference]
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    R_pelvis: np.ndarray
-    R_torso: np.ndarray
-    com: np.ndarray
-    com_velocity: np.ndarray
-    com_acceleration: np.ndarray
+    pelvis: tuple[np.ndarray, np.ndarray, np.ndarray]
+    torso: tuple[np.ndarray, np.ndarray, np.ndarray]
+    height: tuple[float, float, float]
+    com: tuple[np.ndarray, np.ndarray, np.ndarray]
+    momentum: tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -175,11 +177,13 @@ class WholeBodyController:
         """Hand the reference to tasks and limits."""
         for task, palm in zip(self.palms, r.palms, strict=True):
             task.set_reference(palm.T_world, palm.twist, palm.acceleration)
-        self.com.set_reference(r.com, r.com_velocity, r.com_acceleration)
-        self.pelvis.set_reference(r.R_pelvis, np.zeros(3))
-        self.torso.set_reference(r.R_torso, np.zeros(3))
-        self.pelvis_limit.R_world_ref, self.torso_limit.R_world_ref = r.R_pelvis, r.R_torso
-        self.height_limit.z_ref = self.height.z_ref = float(r.q[2])
+        self.com.set_reference(*r.com)
+        self.momentum.set_reference(*r.momentum)
+        for item, planned in ((self.pelvis, r.pelvis), (self.torso, r.torso), (self.height, r.height)):
+            item.set_reference(*planned)
+        self.pelvis_limit.set_reference(*r.pelvis)
+        self.torso_limit.set_reference(*r.torso)
+        self.height_limit.set_reference(*r.height)
         self.posture.set_reference(r.q[7:], r.dq, r.ddq)
 
     def build(self, *, hands: bool = True) -> QuadraticProgram:

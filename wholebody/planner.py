@@ -5,8 +5,7 @@ Slow down along the chunk first, shift the body second (the posture plan), bend 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -15,35 +14,54 @@ from scipy.interpolate import CubicSpline
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import PlannerConfig
-from wholebody.reference import HandCaps, HandMotion, HandPath
-from wholebody.reference.posture_plan import PosturePlanner
+from wholebody.posture_plan import PostureMotion, PosturePlanner
+from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.robot import Robot
 
-GRID = 0.004
+GRID = 0.002
 """Spacing of the sampled posture [s]."""
-GRAVITY = 9.81
-"""[m/s^2]"""
 
 
 @dataclass(frozen=True)
 class PostureTrack:
-    """The posture plan on a regular grid of the path parameter.
+    """The posture plan on a regular grid of the path parameter ``s``.
 
     Attributes:
         start: Parameter of the first row [s].
-        q: Configurations, shape (n, nq). v: Joint speeds with respect to ``s``, shape (n, n_joints).
-        com, com_velocity, com_acceleration: Shape (n, 3), with respect to ``s``.
-        R_pelvis, R_torso: Shape (n, 3, 3).
+        q: Configurations, shape (n, nq). v: Velocities with respect to ``s``, shape (n, nv).
+        ddq: Second derivatives of the joints, shape (n, n_joints).
+        com: Centre of mass, first and second derivative, shape (3, n, 3).
+        momentum: Angular momentum about it and its first derivative, shape (2, n, 3), for ds/dt = 1.
+        height: Pelvis height, first and second derivative, shape (3, n).
+        pelvis, torso: Orientations (n, 3, 3), angular rates (n, 3) and accelerations (n, 3), world axes.
     """
 
     start: float
     q: np.ndarray
     v: np.ndarray
+    ddq: np.ndarray
     com: np.ndarray
-    com_velocity: np.ndarray
-    com_acceleration: np.ndarray
-    R_pelvis: np.ndarray
-    R_torso: np.ndarray
+    momentum: np.ndarray
+    height: np.ndarray
+    pelvis: tuple[np.ndarray, np.ndarray, np.ndarray]
+    torso: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+    @classmethod
+    def still(cls, robot: Robot, q: np.ndarray) -> PostureTrack:
+        """One row: stay at ``q``, the robot's present configuration."""
+        one, turn = np.zeros((1, 3)), robot.pose
+        pelvis, torso = (turn(frame).rotation[None].copy() for frame in (robot.spec.base_body, robot.spec.torso_body))
+        return cls(
+            start=0.0,
+            q=q[None].copy(),
+            v=np.zeros((1, robot.nv)),
+            ddq=np.zeros((1, robot.n_joints)),
+            com=np.stack([robot.com[None], one, one]),
+            momentum=np.stack([one, one]),
+            height=np.array([[q[2]], [0.0], [0.0]]),
+            pelvis=(pelvis, one, one),
+            torso=(torso, one, one),
+        )
 
     def row(self, s: float) -> int:
         """Nearest row; the ends are held."""
@@ -51,19 +69,38 @@ class PostureTrack:
 
 
 @dataclass(frozen=True)
-class PlanReport:
-    """What had to be changed for a chunk to be feasible.
+class PostureState:
+    """Where a posture plan is, for the next one to continue.
 
     Attributes:
-        clamped: How far each hand was moved at each remaining step, shape (H, 2), [m].
-        slowdown: Factor by which each remaining step takes longer, shape (H,), at least 1.
-        zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (H,), [m].
+        q: Configuration, shape (nq,). v: Its velocity, shape (nv,), in time.
+        v_before: Velocity half a step of the posture plan earlier, shape (nv,).
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    v_before: np.ndarray
+
+    @classmethod
+    def still(cls, q: np.ndarray, nv: int) -> PostureState:
+        """At rest at ``q``."""
+        return cls(q.copy(), np.zeros(nv), np.zeros(nv))
+
+
+@dataclass(frozen=True)
+class PlanReport:
+    """What had to be changed for a chunk to be feasible; K steps of the posture plan.
+
+    Attributes:
+        clamped: How far each hand was moved at each step, shape (K, 2), [m].
+        slowdown: Factor by which the chunk takes longer, at least 1.
+        zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
         reasons: Stable reason codes.
-        failed_steps: Steps at which the inverse kinematics found no solution and stayed where it was.
+        failed_steps: Steps at which the posture plan found no solution and braked.
     """
 
     clamped: np.ndarray
-    slowdown: np.ndarray
+    slowdown: float
     zmp_margin: np.ndarray
     reasons: tuple[str, ...] = ()
     failed_steps: int = 0
@@ -71,26 +108,44 @@ class PlanReport:
 
 @dataclass(frozen=True)
 class ChunkPlan:
-    """A chunk made feasible; parameters ``s`` are seconds since the chunk's observation."""
+    """A chunk made feasible; parameters ``s`` are seconds since the chunk's observation, from ``start`` to ``end``."""
 
     paths: tuple[HandPath, HandPath]
     posture: PostureTrack
-    steps: np.ndarray
+    start: float
+    end: float
     report: PlanReport
-    rates: np.ndarray = field(default_factory=lambda: np.ones(1))
 
-    def rate(self, s: float) -> float:
-        """Speed along the chunk at parameter ``s``, 1 being the chunk's own."""
-        return float(np.interp(s, self.steps, self.rates))
+    @property
+    def rate(self) -> float:
+        """Speed along the chunk, 1 being the chunk's own."""
+        return 1.0 / self.report.slowdown
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """Plan of a chunk at one speed: ``steps`` are the parameters, ``wanted`` and ``palms`` the poses asked for."""
+
+    slowdown: float
+    raw: tuple[HandPath, HandPath]
+    steps: np.ndarray
+    wanted: np.ndarray
+    palms: np.ndarray
+    motion: PostureMotion
+    distance: np.ndarray
+
+    @property
+    def loss(self) -> float:
+        """Largest distance of a palm from where it should be [m]."""
+        return float(self.distance.max())
 
 
 class ChunkPlanner:
-    """Plans chunks; keeps the planned configuration so that successive plans agree."""
+    """Plans chunks, each from where the plan before is."""
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: PlannerConfig) -> None:
         self.spec, self.config = spec, config
         self.model, self.data = robot.model, robot.model.createData()
-        self.motor_to_pin, self.pin_to_motor = robot.motor_to_pin, robot.pin_to_motor
         self.posture = PosturePlanner(spec, config.posture)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         self.torso_id, self.pelvis_id = robot.frame_id(spec.torso_body), robot.frame_id(spec.base_body)
@@ -101,55 +156,68 @@ class ChunkPlanner:
             HandCaps(finger_lower=tuple(low[i]), finger_upper=tuple(high[i])) if len(i) else HandCaps() for i in fingers
         )
 
-    def plan(self, chunk: ActionChunk, now: float, q_plan: np.ndarray, commanded: HandMotion) -> ChunkPlan:
+    def plan(self, chunk: ActionChunk, now: float, start: PostureState, commanded: HandMotion) -> ChunkPlan:
         """Plan the rest of a chunk.
 
         Args:
             chunk: A valid chunk.
             now: Present time [s].
-            q_plan: Where the posture plan is now, shape (nq,).
+            start: Where the posture plan is now.
             commanded: What the two hands are commanded to do now, rows (2, 40).
         """
-        s0 = now - chunk.t_obs
-        times = np.arange(len(chunk)) / chunk.fps
-        poses = (chunk.T_world_lhand, chunk.T_world_rhand)
-        fingers = (chunk.q_lhand, chunk.q_rhand)
-        raw = [
-            HandPath.from_knots(times, T, q, caps=caps).joined(HandMotion(commanded.rows[i]), s0)
-            for i, (T, q, caps) in enumerate(zip(poses, fingers, self.caps, strict=True))
-        ]
-        end = max(path.span[1] for path in raw)
-        steps = np.arange(s0, max(end, s0 + 2.0 / chunk.fps) + 1e-9, 1.0 / chunk.fps)
-        wanted = np.stack([path.sample(steps).T_world_hand for path in raw], axis=1)
-        palms = wanted.copy()
-        palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
-        q, failed = self.posture.plan(q_plan, palms, 1.0 / chunk.fps)
-        q[0] = q_plan
-        reached = self._palms(q)
-        paths, clamped = self._clamp(raw, steps, wanted, palms, reached, commanded, s0)
-        track, zmp_margin, slowdown = self._posture_track(steps, q)
+        attempt = self._attempt(chunk, now, start, commanded, 1.0)
+        if self._too_fast(attempt):
+            for slowdown in self.config.slowdowns:
+                slower = self._attempt(chunk, now, start, commanded, slowdown)
+                if slower.loss < 0.5 * attempt.loss:
+                    attempt = slower
+                if attempt.loss <= self.config.clamp_tolerance:
+                    break
+        paths, clamped = self._clamp(attempt, commanded)
+        motion, steps = attempt.motion, attempt.steps
+        support = self.posture.support
+        margin = np.min(support.offsets - motion.zmp @ support.normals.T, axis=1)
         reasons = []
         if clamped.max() > 0.0:
             reasons.append("out_of_reach")
-        if slowdown.max() > 1.001:
+        if attempt.slowdown > 1.0:
             reasons.append("too_fast_for_balance")
-        if failed:
+        if motion.failed:
             reasons.append("posture_infeasible")
-        report = PlanReport(clamped, slowdown, zmp_margin, tuple(reasons), failed)
-        return ChunkPlan(paths, track, steps, report, 1.0 / slowdown)
+        report = PlanReport(clamped, attempt.slowdown, margin, tuple(reasons), motion.failed)
+        return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
 
-    def _palms(self, q: np.ndarray) -> np.ndarray:
-        T = np.tile(np.eye(4), (len(q), 2, 1, 1))
-        for k, configuration in enumerate(q):
-            pin.framesForwardKinematics(self.model, self.data, configuration)
-            for i, frame in enumerate(self.palm_ids):
-                T[k, i] = self.data.oMf[frame].homogeneous
-        return T
+    def _attempt(self, chunk, now, start, commanded, slowdown) -> _Attempt:
+        """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
+        s0 = now - chunk.t_obs
+        times = np.arange(len(chunk)) / chunk.fps
+        sources = ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
+        raw = tuple(
+            HandPath.from_knots(times, T, q, caps=caps).joined(_slower(commanded.rows[i], slowdown), s0)
+            for i, ((T, q), caps) in enumerate(zip(sources, self.caps, strict=True))
+        )
+        dt = self.posture.config.dt / slowdown
+        end = max(raw[0].span[1], raw[1].span[1], s0 + 4.0 * dt)
+        steps = s0 + dt * np.arange(int(np.ceil((end - s0) / dt)) + 1)
+        motions = [path.sample(steps) for path in raw]
+        wanted = np.stack([motion.T_world_hand for motion in motions], axis=1)
+        fingers = [
+            motion.q_finger[:, : len(tool.finger_joints)] for motion, tool in zip(motions, self.spec.tools, strict=True)
+        ]
+        palms = wanted.copy()
+        palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
+        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers))
+        distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
+        return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
 
-    def _clamp(self, raw, steps, wanted, palms, reached, commanded, s0) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
+    def _too_fast(self, attempt: _Attempt) -> bool:
+        """Whether going slower may help: what is out of reach at the end stays so."""
+        return attempt.loss > self.config.clamp_tolerance and attempt.distance[-1].max() < 0.5 * attempt.loss
+
+    def _clamp(self, attempt: _Attempt, commanded: HandMotion) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
         """Move the targets that the plan does not reach to where it does; a small remainder is left to the QP."""
-        offset = reached[:, :, :3, 3] - palms[:, :, :3, 3]
-        distance = np.linalg.norm(offset, axis=2)
+        reached, palms, steps = attempt.motion.T_palms, attempt.palms, attempt.steps
+        offset, distance = reached[:, :, :3, 3] - palms[:, :, :3, 3], attempt.distance
         turn = np.array(
             [[pin.log3(reached[k, i, :3, :3] @ palms[k, i, :3, :3].T) for i in (0, 1)] for k in range(len(steps))]
         )
@@ -159,67 +227,95 @@ class ChunkPlanner:
         share = np.clip(2.0 * distance / self.config.clamp_tolerance - 1.0, 0.0, 1.0)
         turn_share = np.clip(2.0 * angle / self.config.turn_tolerance - 1.0, 0.0, 1.0)
         if not share.any() and not turn_share.any():
-            return tuple(raw), np.zeros_like(distance)
+            return attempt.raw, np.zeros_like(distance)
         paths = []
-        for i, path in enumerate(raw):
-            T = wanted[:, i].copy()
+        for i, path in enumerate(attempt.raw):
+            T = attempt.wanted[:, i].copy()
             for k in range(len(steps)):
                 R = pin.exp3(turn[k, i] * turn_share[k, i]) @ palms[k, i, :3, :3]
                 palm = palms[k, i, :3, 3] + share[k, i] * offset[k, i]
                 T[k, :3, :3], T[k, :3, 3] = R, palm - R @ self.offsets[i]
             fingers = path.sample(steps).q_finger
             bent = HandPath.from_knots(steps, T, fingers, caps=self.caps[i])
-            paths.append(bent.joined(HandMotion(commanded.rows[i]), s0))
+            paths.append(bent.joined(_slower(commanded.rows[i], attempt.slowdown), float(steps[0])))
         return tuple(paths), distance * share
 
-    def _posture_track(self, steps: np.ndarray, q: np.ndarray) -> tuple[PostureTrack, np.ndarray, np.ndarray]:
-        com, angular = np.empty((len(q), 3)), np.empty((len(q), 3))
-        dt = steps[1] - steps[0]
-        v = np.array([pin.difference(self.model, a, b) / dt for a, b in pairwise(q)])
-        v = np.vstack([v, np.zeros(self.model.nv)])
-        for k in range(len(q)):
-            pin.computeCentroidalMomentum(self.model, self.data, q[k], v[k])
-            com[k], angular[k] = self.data.com[0], self.data.hg.angular
-        com_curve = CubicSpline(steps, com, bc_type=("clamped", "clamped"))
-        margin, slowdown = self._slowdown(steps, com, com_curve(steps, 2), np.gradient(angular, dt, axis=0))
+    def _track(self, attempt: _Attempt, v_start: np.ndarray) -> PostureTrack:
+        """The posture as smooth curves over the path parameter, beginning with the velocity ``v_start`` [per s]."""
+        steps, motion = attempt.steps, attempt.motion
+        v = np.vstack([v_start, 0.5 * (motion.v[1:-1] + motion.v[2:]), np.zeros(self.model.nv)])
+        com, momentum = np.empty((len(steps), 3)), np.empty((len(steps), 3))
+        for k in range(len(steps)):
+            pin.computeCentroidalMomentum(self.model, self.data, motion.q[k], attempt.slowdown * v[k])
+            com[k], momentum[k] = self.data.com[0], self.data.hg.angular
+            if k == 0:
+                com_velocity = self.data.hg.linear / self.posture.mass
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
-        curve = CubicSpline(steps, q, bc_type="clamped")
-        q_grid = curve(grid)
-        q_grid[:, 3:7] /= np.linalg.norm(q_grid[:, 3:7], axis=1, keepdims=True)
-        pelvis, torso = self._trunk(q_grid)
-        track = PostureTrack(
-            float(steps[0]),
-            q_grid,
-            curve(grid, 1)[:, 7:],
-            com_curve(grid),
-            com_curve(grid, 1),
-            com_curve(grid, 2),
-            pelvis,
-            torso,
+        com_curve = CubicSpline(steps, com, bc_type=((1, com_velocity), (1, np.zeros(3))))
+        momentum_curve = CubicSpline(steps, momentum)
+        rate = _configuration_rate(motion.q[0], attempt.slowdown * v_start)
+        curve = CubicSpline(steps, motion.q, bc_type=((1, rate), (1, np.zeros(self.model.nq))))
+        q, dq, ddq = curve(grid), curve(grid, 1), curve(grid, 2)
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+        pelvis, torso = self._trunk(q)
+        return PostureTrack(
+            start=float(steps[0]),
+            q=q,
+            v=_velocity(q, dq),
+            ddq=ddq[:, 7:],
+            com=np.stack([com_curve(grid, order) for order in (0, 1, 2)]),
+            momentum=np.stack([momentum_curve(grid, order) for order in (0, 1)]),
+            height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
+            pelvis=pelvis,
+            torso=torso,
         )
-        return track, margin, slowdown
 
-    def _trunk(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        pelvis, torso = np.empty((len(q), 3, 3)), np.empty((len(q), 3, 3))
+    def _trunk(self, q: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Orientation, angular rate and acceleration of pelvis and torso."""
+        R = np.empty((2, len(q), 3, 3))
         for k, configuration in enumerate(q):
             pin.framesForwardKinematics(self.model, self.data, configuration)
-            pelvis[k] = self.data.oMf[self.pelvis_id].rotation
-            torso[k] = self.data.oMf[self.torso_id].rotation
-        return pelvis, torso
+            R[:, k] = [self.data.oMf[frame].rotation for frame in (self.pelvis_id, self.torso_id)]
+        return [_with_rates(rotations) for rotations in R]
 
-    def _slowdown(self, steps, com, acceleration, momentum_rate) -> tuple[np.ndarray, np.ndarray]:
-        """Zero-moment point of the plan, and how much slower it has to be for that to stay inside."""
-        mass = pin.computeTotalMass(self.model)
-        lift = GRAVITY + np.clip(acceleration[:, 2], -5.0, None)
-        dynamic = -acceleration[:, :2] * com[:, 2:3] / lift[:, None]
-        dynamic += np.stack([-momentum_rate[:, 1], momentum_rate[:, 0]], axis=1) / (mass * lift[:, None])
-        support = self.posture.support
-        room = support.offsets - self.config.zmp_margin - com[:, :2] @ support.normals.T
-        push = dynamic @ support.normals.T
-        margin = np.min(support.offsets - (com[:, :2] + dynamic) @ support.normals.T, axis=1)
-        needed = np.sqrt(np.max(np.where(push > 0.0, push / np.maximum(room, 0.005), 0.0), axis=1))
-        slowdown = np.clip(needed, 1.0, self.config.slowest)
-        # Slow down before and after the step that needs it, so that the change of speed is itself gentle.
-        width = max(1, round(0.15 / (steps[1] - steps[0])))
-        wide = np.array([slowdown[max(0, k - width) : k + width + 1].max() for k in range(len(slowdown))])
-        return margin, wide
+
+def _with_rates(R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rotations (n, 3, 3) on the grid with their angular rates and accelerations, (n, 3) each, world axes."""
+    if len(R) < 3:
+        return R, np.zeros((len(R), 3)), np.zeros((len(R), 3))
+    turn = R[2:] @ np.swapaxes(R[:-2], 1, 2)
+    middle = np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], 1)
+    rate = np.empty((len(R), 3))
+    # Small angles: the sine is the angle to 1e-5.
+    rate[1:-1] = 0.5 * middle / (2.0 * GRID)
+    rate[0], rate[-1] = rate[1], rate[-2]
+    return R, rate, np.gradient(rate, GRID, axis=0)
+
+
+def _slower(row: np.ndarray, slowdown: float) -> HandMotion:
+    """The motion of one hand [per s] as derivatives of a path that is run through ``slowdown`` times slower."""
+    return time_scaled(HandMotion(row.copy()), slowdown, 0.0)
+
+
+def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Derivative of the configuration (nq,) for a velocity (nv,), Pinocchio convention."""
+    x, y, z, w = q[3:7]
+    R = pin.Quaternion(q[3:7]).toRotationMatrix()
+    turn = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[3:6]
+    return np.concatenate([R @ v[:3], turn, v[6:]])
+
+
+def _velocity(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """Velocities (n, nv) for derivatives of configurations, both (n, nq): the inverse of `_configuration_rate`."""
+    x, y, z, w = q[:, 3:7].T
+    turn = 2.0 * np.stack(
+        [
+            np.sum(dq[:, 3:7] * np.stack(column, axis=1), axis=1)
+            for column in ((w, z, -y, -x), (-z, w, x, -y), (y, -x, w, -z))
+        ],
+        axis=1,
+    )
+    linear = np.array(
+        [pin.Quaternion(pose).toRotationMatrix().T @ rate for pose, rate in zip(q[:, 3:7], dq[:, :3], strict=True)]
+    )
+    return np.hstack([linear, turn, dq[:, 7:]])

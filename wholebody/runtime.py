@@ -124,7 +124,7 @@ def _offer(chunk: ActionChunk, supervisor: Supervisor, score: _Score, result: Ep
     score.add(chunk)
     report = supervisor.plan_report
     result.clamped = max(result.clamped, float(report.clamped.max()))
-    result.slowdown = max(result.slowdown, float(report.slowdown.max()))
+    result.slowdown = max(result.slowdown, report.slowdown)
 
 
 def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:

@@ -12,7 +12,7 @@ from wholebody.config import ControllerConfig
 from wholebody.controller import BodyReference, PalmReference, TickReport, WholeBodyController
 from wholebody.errors import InputError
 from wholebody.limits.balance import natural_frequency
-from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport, PostureTrack
+from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport, PostureState, PostureTrack
 from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
 from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
 
@@ -52,11 +52,11 @@ class Supervisor:
         """
         check_state(state, self.robot.n_joints)
         self.controller.reset(state)
-        self._hold_plan(state.q)
+        self._track = PostureTrack.still(self.robot, state.q)
         rows = np.stack([self._rest_row(side, state.q) for side in (0, 1)])
         self._smoother = ReferenceSmoother(rows, self.planner.caps)
         self._clock, self._plan, self._chunk = PathClock(0.0), None, None
-        self._q_plan = state.q.copy()
+        self._posture = PostureState.still(state.q, self.robot.nv)
         self._elapsed = self._travelled = 0.0
         self._fallen = False
         self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
@@ -88,12 +88,13 @@ class Supervisor:
         if chunk.t_obs > now + 1.0 / chunk.fps:
             return self._refuse("chunk_from_future", f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
         try:
-            plan = self.planner.plan(chunk, now, self._q_plan, HandMotion(self._smoother.motion.rows.copy()))
+            commanded = HandMotion(self._smoother.motion.rows.copy())
+            plan = self.planner.plan(chunk, now, self._posture, commanded)
         except (InputError, RuntimeError, ValueError) as error:
             return self._refuse("planning_failed", str(error))
         self._plan, self._chunk, self._refused = plan, chunk, None
         self.plan_report = plan.report
-        self._clock = PathClock(now - chunk.t_obs, self._clock.rate, self._clock.change)
+        self._clock = PathClock(plan.start, plan.rate, 0.0)
         return self._report_plan()
 
     def step(self, state: RobotState) -> JointCommand:
@@ -121,7 +122,7 @@ class Supervisor:
         if self._plan is None:
             target = self._smoother_target_rest
         else:
-            wanted = self._plan.rate(self._clock.s) * self._governor(state)
+            wanted = self._plan.rate * self._governor(state)
             self._clock = self._clock.advance(dt, wanted)
             target = np.stack([path.at(self._clock.s) for path in self._plan.paths])
             target = time_scaled(HandMotion(target), self._clock.rate, self._clock.change).rows
@@ -139,9 +140,10 @@ class Supervisor:
         if self._plan is not None:
             track, rate = self._plan.posture, self._clock.rate
         k = track.row(self._clock.s)
-        q, dq = track.q[k].copy(), rate * track.v[k]
-        ddq = np.zeros_like(dq)
-        self._q_plan = track.q[k].copy()
+        q, v = track.q[k].copy(), rate * track.v[k]
+        dq, ddq = v[6:].copy(), rate**2 * track.ddq[k]
+        before = track.row(self._clock.s - 0.5 * rate * self.config.planner.posture.dt)
+        self._posture = PostureState(track.q[k].copy(), v, rate * track.v[before])
         for i, joints in enumerate(self._fingers):
             q[7 + joints], dq[joints], ddq[joints] = motion.q_finger[i], motion.dq_finger[i], motion.ddq_finger[i]
         return BodyReference(
@@ -149,11 +151,11 @@ class Supervisor:
             q=q,
             dq=dq,
             ddq=ddq,
-            R_pelvis=track.R_pelvis[k],
-            R_torso=track.R_torso[k],
-            com=track.com[k],
-            com_velocity=rate * track.com_velocity[k],
-            com_acceleration=rate**2 * track.com_acceleration[k],
+            pelvis=(track.pelvis[0][k], rate * track.pelvis[1][k], rate**2 * track.pelvis[2][k]),
+            torso=(track.torso[0][k], rate * track.torso[1][k], rate**2 * track.torso[2][k]),
+            height=(track.height[0, k], rate * track.height[1, k], rate**2 * track.height[2, k]),
+            com=(track.com[0, k], rate * track.com[1, k], rate**2 * track.com[2, k]),
+            momentum=(rate * track.momentum[0, k], rate**2 * track.momentum[1, k]),
         )
 
     def _palm(self, motion: HandMotion, i: int) -> PalmReference:
@@ -191,7 +193,7 @@ class Supervisor:
             self.status = StatusReport(Status.STOP, "hands_dropped", "balance needs everything: hands give way")
         elif self._plan is None:
             self.status = self._refused or StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
-        elif self._clock.s > self._plan.steps[-1] or self._last_state.time > self._chunk.times[-1] + 0.5:
+        elif self._clock.s > self._plan.end or self._last_state.time > self._chunk.times[-1] + 0.5:
             self.status = self._refused or StatusReport(Status.HOLD, "starved", "the chunk is over: holding its end")
         else:
             self._report_plan()
@@ -201,9 +203,7 @@ class Supervisor:
             self.status = self._refused
         elif self._plan.report.reasons:
             report = self._plan.report
-            detail = (
-                f"targets moved by up to {report.clamped.max():.3f} m, slowed up to {report.slowdown.max():.2f} times"
-            )
+            detail = f"targets moved by up to {report.clamped.max():.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
         elif self._clock.rate < 0.98:
             self.status = StatusReport(Status.SLOWED, "tracking", f"slowed to {self._clock.rate:.2f} of chunk speed")
@@ -232,22 +232,6 @@ class Supervisor:
         c, order = self.controller, self.robot.pin_to_motor
         return JointCommand(
             state.time, c.q_des[order], np.zeros(self.spec.n_joints), c._tau[order], self.spec.kp, self.spec.kd
-        )
-
-    def _hold_plan(self, q: np.ndarray) -> None:
-        """A posture track of one row: stay as you are."""
-        robot = self.robot
-        n = robot.n_joints
-        one = np.zeros((1, 3))
-        self._track = PostureTrack(
-            0.0,
-            q[None].copy(),
-            np.zeros((1, n)),
-            robot.com[None].copy(),
-            one,
-            one,
-            robot.pose(self.spec.base_body).rotation[None].copy(),
-            robot.pose(self.spec.torso_body).rotation[None].copy(),
         )
 
     def _rest_row(self, side: int, q: np.ndarray) -> np.ndarray:

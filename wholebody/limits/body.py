@@ -23,8 +23,13 @@ class OrientationLimit:
     def __init__(self, frame: str, *, angle_max: float, rate_max: float, brake: float, dt: float = 0.02) -> None:
         self.frame, self.angle_max, self.rate_max, self.brake, self.dt = frame, angle_max, rate_max, brake, dt
         self.R_world_ref = np.eye(3)
+        self.rate_ref, self.acceleration_ref = np.zeros(3), np.zeros(3)
         axes = ("roll", "pitch", "yaw")
         self._labels = tuple(f"{frame}.{axis}.{side}" for side in ("max", "min") for axis in axes)
+
+    def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
+        """Set the planned orientation (3, 3), angular rate (3,) [rad/s] and acceleration (3,) [rad/s^2], world axes."""
+        self.R_world_ref, self.rate_ref, self.acceleration_ref = R_world_ref, rate, acceleration
 
     def rows(self, robot: Robot) -> Rows:
         """Six rows: three axes, both sides."""
@@ -33,7 +38,9 @@ class OrientationLimit:
         J, drift = robot.jacobian(self.frame)[3:], robot.drift(self.frame)[3:]
         upper = []
         for sign in (1.0, -1.0):
-            stop = barrier(self.angle_max - sign * angle, sign * rate, brake=self.brake, dt=self.dt)
+            drift_rate = sign * (rate - self.rate_ref)
+            stop = barrier(self.angle_max - sign * angle, drift_rate, brake=self.brake, dt=self.dt)
+            stop += sign * self.acceleration_ref
             speed = (self.rate_max - sign * rate) / self.dt
             upper.append(np.minimum(stop, speed) - sign * drift)
         return Rows(np.vstack([J, -J]), np.concatenate(upper), self._labels)
@@ -53,15 +60,23 @@ class HeightLimit:
     def __init__(self, frame: str, *, band: float, lowest: float, brake: float, dt: float = 0.02) -> None:
         self.frame, self.band, self.lowest, self.brake, self.dt = frame, band, lowest, brake, dt
         self.z_ref: float | None = None
+        self.dz_ref = self.ddz_ref = 0.0
+
+    def set_reference(self, z: float, dz: float, ddz: float) -> None:
+        """Set the planned height [m], its rate [m/s] and acceleration [m/s^2]."""
+        self.z_ref, self.dz_ref, self.ddz_ref = z, dz, ddz
 
     def rows(self, robot: Robot) -> Rows:
-        """Two rows: up and down."""
+        """One row for the lowest height, and two around the plan if there is one."""
         z = robot.pose(self.frame).translation[2]
         rate = robot.velocity(self.frame)[2]
-        low, high = self.lowest, np.inf
-        if self.z_ref is not None:
-            low, high = max(self.lowest, self.z_ref - self.band), self.z_ref + self.band
         J, drift = robot.jacobian(self.frame)[2], robot.drift(self.frame)[2]
-        margin = np.array([min(high - z, 10.0), z - low])
-        upper = barrier(margin, np.array([rate, -rate]), brake=self.brake, dt=self.dt) - np.array([drift, -drift])
-        return Rows(np.vstack([J, -J]), upper, (f"{self.frame}.height.max", f"{self.frame}.height.min"))
+        rows = [(-J, z - self.lowest, -rate, drift)]
+        if self.z_ref is not None:
+            away = rate - self.dz_ref
+            rows.append((J, self.z_ref + self.band - z, away, self.ddz_ref - drift))
+            rows.append((-J, z - self.z_ref + self.band, -away, drift - self.ddz_ref))
+        margin, speed, extra = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
+        upper = barrier(margin, speed, brake=self.brake, dt=self.dt) + extra
+        labels = (f"{self.frame}.height.lowest", f"{self.frame}.height.max", f"{self.frame}.height.min")
+        return Rows(np.vstack([row[0] for row in rows]), upper, labels[: len(rows)])

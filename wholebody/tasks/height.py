@@ -19,12 +19,15 @@ class HeightTask:
     def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 5.0) -> None:
         self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
         self.weight = np.array([weight])
-        self.z_ref = 0.0
-        self.dz_ref = 0.0
+        self.z_ref = self.dz_ref = self.ddz_ref = 0.0
+
+    def set_reference(self, z: float, dz: float, ddz: float) -> None:
+        """Set height [m], its rate [m/s] and acceleration [m/s^2]."""
+        self.z_ref, self.dz_ref, self.ddz_ref = z, dz, ddz
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with one row."""
         error = self.z_ref - robot.pose(self.frame).translation[2]
         pull = np.clip(self.kp * error, -self.pull, self.pull)
-        wanted = pull + self.kd * (self.dz_ref - robot.velocity(self.frame)[2])
+        wanted = self.ddz_ref + pull + self.kd * (self.dz_ref - robot.velocity(self.frame)[2])
         return Objective(robot.jacobian(self.frame)[2:3], np.array([wanted - robot.drift(self.frame)[2]]), self.weight)

@@ -1,4 +1,4 @@
-"""Damp the angular momentum about the centre of mass."""
+"""Keep the angular momentum about the centre of mass at its plan."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from wholebody.tasks.base import Objective
 
 
 class AngularMomentumTask:
-    """Drive the angular momentum ``L`` to zero: ``dL/dt = -kd L``.
+    """Drive the angular momentum ``L`` to its reference: ``dL/dt = dL_ref + kd (L_ref - L)``.
 
     Args:
         kd: Damping [1/s]. weight: [1/(N m)^2].
@@ -18,8 +18,13 @@ class AngularMomentumTask:
     def __init__(self, *, kd: float, weight: float) -> None:
         self.kd = kd
         self.weight = np.full(3, weight)
+        self.momentum_ref, self.rate_ref = np.zeros(3), np.zeros(3)
+
+    def set_reference(self, momentum: np.ndarray, rate: np.ndarray) -> None:
+        """Set angular momentum (3,) [N m s] and its rate (3,) [N m], in world axes."""
+        self.momentum_ref, self.rate_ref = momentum, rate
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""
-        wanted = -self.kd * robot.momentum[3:]
+        wanted = self.rate_ref + self.kd * (self.momentum_ref - robot.momentum[3:])
         return Objective(robot.J_momentum[3:], wanted - robot.drift_momentum[3:], self.weight)

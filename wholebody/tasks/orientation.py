@@ -21,15 +21,15 @@ class OrientationTask:
         self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
         self.weight = np.full(3, weight)
         self.R_world_ref = np.eye(3)
-        self.rate_ref = np.zeros(3)
+        self.rate_ref, self.acceleration_ref = np.zeros(3), np.zeros(3)
 
-    def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray) -> None:
-        """Set orientation (3, 3) and angular rate (3,) in world axes [rad/s]."""
-        self.R_world_ref, self.rate_ref = R_world_ref, rate
+    def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
+        """Set orientation (3, 3), angular rate (3,) [rad/s] and acceleration (3,) [rad/s^2], in world axes."""
+        self.R_world_ref, self.rate_ref, self.acceleration_ref = R_world_ref, rate, acceleration
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""
         error = pin.log3(self.R_world_ref @ robot.pose(self.frame).rotation.T)
         rate = robot.velocity(self.frame)[3:]
-        wanted = limited(self.kp * error, self.pull) + self.kd * (self.rate_ref - rate)
+        wanted = self.acceleration_ref + limited(self.kp * error, self.pull) + self.kd * (self.rate_ref - rate)
         return Objective(robot.jacobian(self.frame)[3:], wanted - robot.drift(self.frame)[3:], self.weight)
