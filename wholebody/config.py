@@ -95,6 +95,12 @@ class SafetyConfig:
     """Pelvis height never gone below [m]."""
     height_brake: float = 3.0
     """[m/s^2]"""
+    self_distance: float = 0.008
+    """Least distance between bodies that are not neighbours; the posture plan keeps a little more [m]."""
+    self_trigger: float = 0.05
+    """Distance beyond the least one from which a pair of bodies counts [m]."""
+    self_brake: float = 10.0
+    """[m/s^2]"""
     torque_share: float = 0.95
     """Share of the effort limit that the program may plan with; the rest is for the position loop."""
 
@@ -107,19 +113,19 @@ class PosturePlanConfig:
     """Step [s]."""
     position_weight: float = 2e4
     """Palm positions [1/m^2]."""
-    orientation_weight: float = 100.0
+    orientation_weight: float = 800.0
     """Palm orientations; where both cannot be had, position wins [1/rad^2]."""
-    com_weight: float = 10.0
+    com_weight: float = 90.0
     """Centre of mass over the middle of the support [1/m^2]."""
-    zmp_weight: float = 0.3
+    zmp_weight: float = 0.02
     """Zero-moment point under the centre of mass: room for what the plan does not know [1/m^2]."""
-    torso_weight: float = 1.0
+    torso_weight: float = 80.0
     """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 0.3
+    pelvis_weight: float = 1.0
     """[1/rad^2]"""
-    height_weight: float = 10.0
+    height_weight: float = 1.5
     """[1/m^2]"""
-    posture_weight: float = 2e-2
+    posture_weight: float = 0.5
     """Joints near the stance [1/rad^2]."""
     time_constant: float = 0.11
     """With which the tasks below the hands approach their references [s]."""
@@ -167,9 +173,9 @@ class PosturePlanConfig:
     """[m/s^2]"""
     torque_share: float = 0.85
     """Share of the effort limits of waist and arms that the plan uses."""
-    torque_slack_price: float = 0.0
+    torque_slack_price: float = 0.1
     """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
-    waist_torque_weight: float = 0.0
+    waist_torque_weight: float = 4e-7
     """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
     self_distance: float = 0.012
     """Least distance between bodies that are not neighbours [m]."""

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.joint import viable_acceleration_bounds
+from wholebody.limits.self_collision import SelfCollisionLimit
+from wholebody.proximity import Proximity, watched_pairs
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
@@ -150,6 +153,9 @@ class WholeBodyController:
             spec.base_body, band=safety.height_band, lowest=safety.height_lowest, brake=safety.height_brake
         )
         self.limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
+        q_stance = stance_q(spec, self.robot.model)
+        proximity = Proximity(spec, self.robot.model, watched_pairs(), q_stance, safety.self_distance)
+        self.self_collision = SelfCollisionLimit(proximity, trigger=safety.self_trigger, brake=safety.self_brake)
 
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
@@ -208,7 +214,8 @@ class WholeBodyController:
             slowed = self.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-10.0 * robot.v[6:])
         rows = [limit.rows(robot) for limit in self.limits]
-        return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, [])
+        collision = [self.self_collision.rows(robot)]
+        return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 
     def _solve(self) -> TickReport:
         for level, hands in enumerate((True, False)):

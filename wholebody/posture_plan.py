@@ -248,8 +248,10 @@ class PosturePlanner:
         rows.add(self._J_tau / inertia[:, None], (room - self._tau_drift) / inertia, 2)
         rows.add(-self._J_tau / inertia[:, None], (room + self._tau_drift) / inertia, 2)
         self.proximity.update(self.data)
-        J, room = self.proximity.rows(self.data, c.self_trigger)
-        if len(room):
+        near = self.proximity.near(c.self_trigger)
+        if len(near):
+            J, _ = self.proximity.rates(self.data, near)
+            room = self.proximity.distance[near] - self.proximity.margin[near]
             rows.add(-J[:, self._columns], _stopping(room, c.distance_brake, dt), 1)
         return rows
 

@@ -75,39 +75,56 @@ class Proximity:
         for k in np.flatnonzero(self._bound < self.margin + trigger):
             self._bound[k] = self.distance[k] = pin.computeDistance(self.geometry, self.data, int(k)).min_distance
 
-    def rows(self, data: pin.Data, trigger: float) -> tuple[np.ndarray, np.ndarray]:
-        """Rates of the near distances.
+    def near(self, trigger: float, most: int | None = None) -> np.ndarray:
+        """Indices of the pairs within the trigger of their margin, nearest first, at most ``most``."""
+        near = np.flatnonzero(self._bound < self.margin + trigger)
+        left = self.distance[near] - self.margin[near]
+        return near[np.argsort(left, kind="stable")[:most]]
+
+    def rates(self, data: pin.Data, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How motion changes distances.
 
         Args:
-            data: Pinocchio data with joint Jacobians.
-            trigger: How near beyond the margin [m].
+            data: Pinocchio data with joint Jacobians, and accelerations for ``dv = 0`` if the second answer is used.
+            pairs: Indices of measured pairs, shape (k,).
 
         Returns:
-            ``d distance / dt = J v``, shape (k, nv), and the distance left above the margin, shape (k,), [m].
+            J with ``d distance / dt = J v``, shape (k, nv), and the second derivative for ``dv = 0`` with the
+            direction between the bodies held fixed, shape (k,), [m/s^2].
         """
-        near = np.flatnonzero(self._bound < self.margin + trigger)
-        J = np.empty((len(near), self.model.nv))
-        joints: dict[int, np.ndarray] = {}
-        for row, k in enumerate(near):
+        J, drift = np.empty((len(pairs), self.model.nv)), np.empty(len(pairs))
+        joints: dict[int, tuple] = {}
+        for row, k in enumerate(pairs):
             result = self.data.distanceResults[int(k)]
-            first, second = self.pairs[k]
-            J[row] = result.normal @ (
-                self._point_jacobian(data, joints, self._parents[second], result.getNearestPoint2())
-                - self._point_jacobian(data, joints, self._parents[first], result.getNearestPoint1())
-            )
-        return J, self.distance[near] - self.margin[near]
+            first, second = (self._parents[shape] for shape in self.pairs[k])
+            J_second, drift_second = self._point(data, joints, second, result.getNearestPoint2())
+            J_first, drift_first = self._point(data, joints, first, result.getNearestPoint1())
+            J[row] = result.normal @ (J_second - J_first)
+            drift[row] = result.normal @ (drift_second - drift_first)
+        return J, drift
 
-    def _point_jacobian(
-        self, data: pin.Data, joints: dict[int, np.ndarray], joint: int, point: np.ndarray
-    ) -> np.ndarray:
+    def _point(self, data: pin.Data, joints: dict[int, tuple], joint: int, point: np.ndarray) -> tuple:
+        """Jacobian (3, nv) and drift acceleration (3,) of a point of a body."""
         if joint not in joints:
-            joints[joint] = pin.getJointJacobian(self.model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-        J, arm = joints[joint], point - data.oMi[joint].translation
-        return J[:3] - pin.skew(arm) @ J[3:]
+            frame = pin.LOCAL_WORLD_ALIGNED
+            joints[joint] = (
+                pin.getJointJacobian(self.model, data, joint, frame),
+                pin.getClassicalAcceleration(self.model, data, joint, frame).vector,
+                pin.getVelocity(self.model, data, joint, frame).angular,
+            )
+        J, acceleration, w = joints[joint]
+        arm = point - data.oMi[joint].translation
+        swing = _cross(acceleration[3:], arm) + _cross(w, _cross(w, arm))
+        return J[:3] - pin.skew(arm) @ J[3:], acceleration[:3] + swing
 
 
-ARM_BODIES = ("elbow_link", "wrist_yaw_link", "hand_palm_link", "hand_thumb_1_link")
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+ARM = ("elbow_link", "wrist_pitch_link", "wrist_yaw_link", "hand_palm_link", "hand_thumb_1_link", "hand_thumb_2_link")
 """Bodies of one arm that reach the trunk, the legs and the other arm first."""
+FINGERS = ("hand_index_0_link", "hand_index_1_link", "hand_middle_0_link", "hand_middle_1_link")
 
 
 def watched_pairs() -> list[tuple[str, str]]:
@@ -115,12 +132,11 @@ def watched_pairs() -> list[tuple[str, str]]:
     pairs = []
     for side in ("left", "right"):
         legs = [f"{side}_{leg}" for leg in ("hip_roll_link", "hip_yaw_link", "knee_link")]
-        pairs += [
-            (f"{side}_{arm}", body) for arm in ARM_BODIES for body in ("torso_link", "pelvis_contour_link", *legs)
-        ]
+        trunk = ["torso_link", "pelvis_contour_link", *legs]
+        pairs += [(f"{side}_{arm}", body) for arm in ARM for body in trunk]
+        pairs += [(f"{side}_{finger}", body) for finger in FINGERS[1::2] for body in ("torso_link", *legs[1:])]
         pairs += [("torso_link", leg) for leg in legs]
-        pairs += [(f"{side}_{arm}", "head_link") for arm in ("shoulder_yaw_link", *ARM_BODIES)]
+        pairs += [(f"{side}_{arm}", "head_link") for arm in ("shoulder_yaw_link", *ARM)]
         pairs += [(f"{side}_shoulder_yaw_link", body) for body in ("torso_link", *legs[1:])]
-    fingers = ("hand_thumb_1_link", "hand_index_0_link", "hand_index_1_link", "hand_middle_0_link")
-    hands = ("wrist_yaw_link", "hand_palm_link", *fingers)
+    hands = (*ARM[1:], *FINGERS)
     return pairs + [(f"left_{a}", f"right_{b}") for a in hands for b in hands]
