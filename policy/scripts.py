@@ -21,12 +21,12 @@ LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
 """Of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
 LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 """Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
-LISSAJOUS_TURN = np.deg2rad([-2.0, -4.0, -39.0])
+LISSAJOUS_TURN = np.deg2rad([16.0, -31.0, -38.0])
 """Constant orientation of the left hand as roll, pitch and yaw [rad]; right: mirrored. Where the palms come to
 y = ±60 mm in front of the trunk, hands that point inwards leave room for the forearms; found by a search over
 orientations for what the posture plan can follow."""
-LISSAJOUS_THUMB = np.array([0.3, -0.3, 0.6])
-"""Left thumb beside the closed fingers, 11 mm from them; the fist ends 52 mm inwards of its palm point [rad]."""
+LISSAJOUS_THUMB = np.array([-0.62, -0.58, 0.29])
+"""Left thumb clear of the closed fingers and of the trunk; the fist ends 52 mm inwards of its palm point [rad]."""
 
 OBJECT_IN_PALM = np.array([-0.025, -0.055, 0.0])
 """Centre of a 60 mm cylinder in the pocket between thumb, palm and fingers of the left hand, from the palm point in

@@ -73,6 +73,8 @@ class SafetyConfig:
     """Deceleration that a body joint is trusted to find when it nears a position limit [rad/s^2]."""
     knee_min: float = 0.1
     """Least knee angle: with straight legs the pelvis can no longer be moved [rad]."""
+    elbow_max: float = 1.5
+    """Largest elbow angle: 1.57 is a straight arm [rad]."""
     joint_horizon: float = 0.01
     """Time over which joint bounds are kept viable [s]."""
     error_slow: float = 0.03
@@ -113,28 +115,32 @@ class PosturePlanConfig:
     """Step [s]."""
     position_weight: float = 2e4
     """Palm positions [1/m^2]."""
-    orientation_weight: float = 800.0
-    """Palm orientations; where both cannot be had, position wins [1/rad^2]."""
-    com_weight: float = 90.0
+    orientation_weight: float = 550.0
+    """Palm orientations [1/rad^2]."""
+    orientation_give: float = 0.1
+    """Orientation error from which that weight falls: where both cannot be had, position wins [rad]."""
+    com_weight: float = 100.0
     """Centre of mass over the middle of the support [1/m^2]."""
-    zmp_weight: float = 0.02
+    zmp_weight: float = 0.006
     """Zero-moment point under the centre of mass: room for what the plan does not know [1/m^2]."""
-    torso_weight: float = 80.0
+    torso_weight: float = 50.0
     """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 1.0
+    pelvis_weight: float = 1.5
     """[1/rad^2]"""
-    height_weight: float = 1.5
+    height_weight: float = 1.9
     """[1/m^2]"""
-    posture_weight: float = 0.5
+    posture_weight: float = 0.33
     """Joints near the stance [1/rad^2]."""
     time_constant: float = 0.11
     """With which the tasks below the hands approach their references [s]."""
-    smoothness: float = 1e-7
+    smoothness: float = 2.5e-7
     """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     damping: float = 1e-7
     """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
     slack_price: float = 100.0
     """Price of breaking a limit [s/m, s/rad]: above what a task gains by it."""
+    hand_gain: float = 1.0
+    """Share of a small hand error that one step takes back."""
     hand_brake: float = 6.0
     """With which a hand that is far from its target counts on stopping [m/s^2]."""
     hand_speed: float = 1.5
@@ -147,6 +153,8 @@ class PosturePlanConfig:
     """Distance kept from joint position limits [rad]."""
     knee_min: float = 0.2
     """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""
+    elbow_max: float = 1.45
+    """Largest elbow angle; 1.57 is straight, and there the hand can no longer be moved along the arm [rad]."""
     speed_share: float = 0.6
     """Share of the joint speed limits that the plan uses."""
     acceleration: float = 80.0
@@ -173,9 +181,9 @@ class PosturePlanConfig:
     """[m/s^2]"""
     torque_share: float = 0.85
     """Share of the effort limits of waist and arms that the plan uses."""
-    torque_slack_price: float = 0.1
+    torque_slack_price: float = 0.2
     """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
-    waist_torque_weight: float = 4e-7
+    waist_torque_weight: float = 2e-7
     """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
     self_distance: float = 0.012
     """Least distance between bodies that are not neighbours [m]."""
@@ -190,9 +198,9 @@ class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
-    clamp_tolerance: float = 0.008
+    clamp_tolerance: float = 0.006
     """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
-    turn_tolerance: float = 0.15
+    turn_tolerance: float = 0.05
     """The same for orientation [rad]."""
     slowdowns: tuple[float, ...] = (1.5, 2.5)
     """Factors tried when a chunk is too fast for its plan to keep the hands within the clamp's tolerance."""

@@ -97,6 +97,8 @@ class WholeBodyController:
         self._q_min, self._q_max = spec.position_min[order], spec.position_max[order]
         knees = np.array([name.endswith("knee_joint") for name in self.robot.joint_names])
         self._q_min[knees] = self.config.safety.knee_min
+        elbows = np.array([name.endswith("elbow_joint") for name in self.robot.joint_names])
+        self._q_max[elbows] = np.minimum(self._q_max[elbows], self.config.safety.elbow_max)
         self._dq_max, self._ddq_max = spec.velocity_max[order], spec.acceleration_max[order]
         self._tau_max = spec.effort_max[order]
         fingers = np.isin(np.arange(self.robot.n_joints), self.finger_indices)

@@ -116,6 +116,8 @@ class PosturePlanner:
         order = np.array([spec.joint_names.index(names[i]) for i in self._joints])
         self._q_min, self._q_max = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
         self._q_min[[names[i].endswith("knee_joint") for i in self._joints]] = c.knee_min
+        elbows = [names[i].endswith("elbow_joint") for i in self._joints]
+        self._q_max[elbows] = np.minimum(self._q_max[elbows], c.elbow_max)
         self._v_max = c.speed_share * spec.velocity_max[order]
         self._a_max = np.minimum(c.acceleration, spec.acceleration_max[order])
 
@@ -148,8 +150,10 @@ class PosturePlanner:
                 velocity, slack[k] = np.array(x[: self.n]), max(x[self.n :])
             else:
                 velocity, slack[k], failed = 0.8 * velocity, np.inf, failed + 1
+            com = self.data.com[0][:2]
+            load = max(1.0 + self._lift @ velocity - self._fall, 0.1)
+            zmp[k] = com + (self._zmp_drift + self._J_zmp @ velocity - com) / load
             momentum = self._A_momentum @ velocity
-            zmp[k] = self._zmp_drift + self._J_zmp @ velocity
             vs[k + 1, self._columns] = velocity
             after = pin.integrate(self.model, qs[k], self.config.dt * vs[k + 1])
             after[self._fingers] = q_fingers[k + 1]
@@ -202,13 +206,15 @@ class PosturePlanner:
         for i, frame in enumerate(self.palm_ids):
             M, J = data.oMf[frame], self._jacobian(frame)
             p, R = M.translation, M.rotation
-            move = _approach(T[i, :3, 3] - p, c.hand_brake, c.hand_speed, dt) + T_next[i, :3, 3] - T[i, :3, 3]
+            move = _approach(T[i, :3, 3] - p, c.hand_gain, c.hand_brake, c.hand_speed, dt) + T_next[i, :3, 3] - T[i, :3, 3]
             error = pin.log3(T[i, :3, :3] @ R.T)
-            turn = _approach(error, c.hand_turn_brake, c.hand_turn_speed, dt) + pin.log3(
+            turn = _approach(error, c.hand_gain, c.hand_turn_brake, c.hand_turn_speed, dt) + pin.log3(
                 T_next[i, :3, :3] @ T[i, :3, :3].T
             )
             rows.add(J[:3] * dt, move, c.position_weight)
-            rows.add(J[3:] * dt, turn, c.orientation_weight)
+            # Position wins where both cannot be had: an orientation that is far off pulls less (Cauchy weight).
+            share = 1.0 / (1.0 + (error @ error) / c.orientation_give**2)
+            rows.add(J[3:] * dt, turn, share * c.orientation_weight)
         J_com = self._A_momentum[:2] / self.mass
         rows.add(J_com * dt, _towards(self._com_stance[:2] - data.com[0][:2], c, 0.01), c.com_weight)
         rows.add(self._J_zmp, data.com[0][:2] - self._zmp_drift, c.zmp_weight)
@@ -221,12 +227,16 @@ class PosturePlanner:
         return rows
 
     def _zmp_rows(self, momentum: np.ndarray) -> None:
-        """``zmp = J v + drift``: ``com - (com_z / g) ddcom + (-dL_y, dL_x) / (m g)``, rates as differences."""
+        """Zero-moment point without vertical acceleration, ``com - (com_z / g) ddcom + (-dL_y, dL_x) / (m g)``.
+
+        ``J v + drift``, with rates as differences; the load on the floor is ``m g (1 + lift v - fall)``.
+        """
         com, J, dt = self.data.com[0], self._A_momentum, self.config.dt
         height, weight = com[2] / (GRAVITY * dt), 1.0 / (self.mass * GRAVITY * dt)
         self._J_zmp = -height * J[:2] / self.mass + weight * np.vstack([-J[4], J[3]])
         before = -height * momentum[:2] / self.mass + weight * np.array([-momentum[4], momentum[3]])
         self._zmp_drift = com[:2] - before
+        self._lift, self._fall = weight * J[2], weight * momentum[2]
 
     def _limits(self, q: np.ndarray, momentum: np.ndarray, J_pelvis: np.ndarray, J_torso: np.ndarray) -> _Rows:
         """Rows ``J v <= bound``, each with the number of its slack."""
@@ -236,7 +246,10 @@ class PosturePlanner:
         omega = np.sqrt(GRAVITY / max(com[2], 0.3))
         rows.add(N @ J_com * (dt + 1.0 / omega), edge - c.capture_margin, 0)
         rows.add(N @ J_com, c.com_rate * (edge - c.com_margin), 0)
-        rows.add(N @ self._J_zmp, edge - c.zmp_margin - N @ (self._zmp_drift - com[:2]), 0)
+        # Exact with the vertical acceleration: (zmp - com) (1 + ddcom_z / g) is linear in v, and so is its bound.
+        room = edge - c.zmp_margin
+        bound = room * (1.0 - self._fall) - N @ (self._zmp_drift - com[:2])
+        rows.add(N @ self._J_zmp - np.outer(room, self._lift), bound, 0)
         for frame, J, tilt_max in ((self._pelvis, J_pelvis, c.pelvis_tilt), (self._torso, J_torso, c.torso_tilt)):
             up = self.data.oMf[frame].rotation[:, 2]
             lean = np.hypot(up[0], up[1])
@@ -293,12 +306,12 @@ def _arm_joints(spec: RobotSpec) -> set[str]:
     return {name for name in spec.joint_names if any(part in name for part in ("shoulder", "elbow", "wrist"))}
 
 
-def _approach(error: np.ndarray, brake: float, speed: float, dt: float) -> np.ndarray:
-    """Step towards a target: all of a small error at once, a large one no faster than it can be braked for."""
+def _approach(error: np.ndarray, gain: float, brake: float, speed: float, dt: float) -> np.ndarray:
+    """Step towards a target: a share of a small error, a large one no faster than it can be braked for."""
     distance = float(np.linalg.norm(error))
     if distance < 1e-12:
         return error
-    return error * min(1.0, dt * min(np.sqrt(2.0 * brake * distance), speed) / distance)
+    return error * min(gain, dt * min(np.sqrt(2.0 * brake * distance), speed) / distance)
 
 
 def _towards(error: np.ndarray, config: PosturePlanConfig, most: float) -> np.ndarray:
