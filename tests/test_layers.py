@@ -21,7 +21,7 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # Inside wholebody a module imports from earlier layers, and in a tuple only from names to its left.
 # The names of a set are siblings: none imports another.
 LAYERS = (
-    ("resources", "errors", "types", "config"),
+    ("resources", "errors", "types", "config", "config_file"),
     ("support", "robot", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),

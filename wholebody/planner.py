@@ -92,6 +92,8 @@ class PlanReport:
     """What had to be changed for a chunk to be feasible; K steps of the posture plan.
 
     Attributes:
+        steps: Path parameters of the steps, shape (K,), [s].
+        missed: Distance of each palm of the posture plan from where the chunk wants it, shape (K, 2), [m].
         clamped: How far each hand was moved at each step, shape (K, 2), [m].
         slowdown: Factor by which the chunk takes longer, at least 1.
         zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
@@ -99,6 +101,8 @@ class PlanReport:
         failed_steps: Steps at which the posture plan found no solution and braked.
     """
 
+    steps: np.ndarray
+    missed: np.ndarray
     clamped: np.ndarray
     slowdown: float
     zmp_margin: np.ndarray
@@ -184,7 +188,7 @@ class ChunkPlanner:
             reasons.append("too_fast_for_balance")
         if motion.failed:
             reasons.append("posture_infeasible")
-        report = PlanReport(clamped, attempt.slowdown, margin, tuple(reasons), motion.failed)
+        report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), motion.failed)
         return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
 
     def _attempt(self, chunk, now, start, commanded, slowdown) -> _Attempt:

@@ -206,11 +206,11 @@ class PosturePlanner:
         for i, frame in enumerate(self.palm_ids):
             M, J = data.oMf[frame], self._jacobian(frame)
             p, R = M.translation, M.rotation
-            move = _approach(T[i, :3, 3] - p, c.hand_gain, c.hand_brake, c.hand_speed, dt) + T_next[i, :3, 3] - T[i, :3, 3]
+            move = _approach(T[i, :3, 3] - p, c.hand_gain, c.hand_brake, c.hand_speed, dt)
+            move += T_next[i, :3, 3] - T[i, :3, 3]
             error = pin.log3(T[i, :3, :3] @ R.T)
-            turn = _approach(error, c.hand_gain, c.hand_turn_brake, c.hand_turn_speed, dt) + pin.log3(
-                T_next[i, :3, :3] @ T[i, :3, :3].T
-            )
+            turn = _approach(error, c.hand_gain, c.hand_turn_brake, c.hand_turn_speed, dt)
+            turn = turn + pin.log3(T_next[i, :3, :3] @ T[i, :3, :3].T)
             rows.add(J[:3] * dt, move, c.position_weight)
             # Position wins where both cannot be had: an orientation that is far off pulls less (Cauchy weight).
             share = 1.0 / (1.0 + (error @ error) / c.orientation_give**2)

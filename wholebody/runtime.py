@@ -12,10 +12,16 @@ from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.observation import Observation
+from wholebody.planner import PlanReport
 from wholebody.sim.fall import Fall, detect_fall
 from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.recorder import Recorder
+from wholebody.sim.sensors import Sensors
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState, Status
+
+DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005
+"""What a recorded motion may ask of a wrist [m/s, m/s^2], and of the posture plan [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +44,9 @@ class EpisodeResult:
         fall: Time and cause, or None.
         seconds: Time spent per status name [s].
         reasons: Time spent per reason code [s].
+        times: When each chunk step was due, shape (n,), [s].
         errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
+        demandable: Whether the step could be asked for, shape (n, 2): see `demandable`.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time of each contact between bodies, feet on the floor left out [s].
         tilt: Largest pelvis tilt [rad].
@@ -50,7 +58,9 @@ class EpisodeResult:
     fall: Fall | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     reasons: dict[str, float] = field(default_factory=dict)
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
     time_factor: float = 1.0
     contacts: dict[tuple[str, str], float] = field(default_factory=dict)
     tilt: float = 0.0
@@ -82,6 +92,8 @@ def run_episode(
     *,
     duration: float,
     config: EpisodeConfig | None = None,
+    sensors: Sensors | None = None,
+    recorder: Recorder | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> EpisodeResult:
     """Run a policy through the controller in MuJoCo.
@@ -92,26 +104,37 @@ def run_episode(
         plant: Where it happens; reset here.
         duration: Time for which chunks are asked for, after the settling time [s].
         config: How the episode runs.
+        sensors: What the controller is told of the true state; the truth itself if not given.
+        recorder: Where to write every control period.
         progress: Called about ten times a simulated second with the time and the end time [s].
     """
     config = config or EpisodeConfig()
     state = plant.reset()
-    supervisor.reset(state)
+    measure = sensors.measure if sensors is not None else lambda state: state
+    if sensors is not None:
+        sensors.reset()
+    measured = measure(state)
+    supervisor.reset(measured)
     policy.reset()
     result, score = EpisodeResult(), _Score(supervisor)
     end, next_chunk, tick = config.settle + duration + config.hold, config.settle, 0
     while state.time < end and result.fall is None:
         if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration:
-            chunk = policy.infer(observe(plant.spec, supervisor, state))
+            chunk = policy.infer(observe(plant.spec, supervisor, measured))
             _offer(chunk, supervisor, score, result)
             next_chunk += config.replace_every / chunk.fps
-        state = plant.step(supervisor.step(state))
+        command = supervisor.step(measured)
+        if recorder is not None:
+            status = supervisor.status
+            recorder.add(state, command, supervisor.palm_reference(), status.status.value, status.reason)
+        state = plant.step(command)
+        measured = measure(state)
         _count(result, supervisor, plant, state)
         score.measure(state)
         tick += 1
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
-    result.errors = score.errors()
+    result.times, result.errors, result.demandable = score.table()
     result.time_factor = supervisor.time_factor
     return result
 
@@ -121,8 +144,8 @@ def _offer(chunk: ActionChunk, supervisor: Supervisor, score: _Score, result: Ep
     if status.status is Status.HOLD and status.reason:
         result.refusals.append(f"{status.reason}: {status.detail}")
         return
-    score.add(chunk)
     report = supervisor.plan_report
+    score.add(chunk, report)
     result.clamped = max(result.clamped, float(report.clamped.max()))
     result.slowdown = max(result.slowdown, report.slowdown)
 
@@ -148,10 +171,14 @@ class _Score:
         self._palms = supervisor.planner.palm_ids
         self._offsets = [np.array(tool.palm_offset) for tool in supervisor.spec.tools]
         self._chunk: ActionChunk | None = None
-        self._next, self._errors = 0, []
+        self._next = 0
+        self._times: list[float] = []
+        self._errors: list[list[float]] = []
+        self._demandable: list[np.ndarray] = []
 
-    def add(self, chunk: ActionChunk) -> None:
+    def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         self._chunk, self._next = chunk, 0
+        self._fair = demandable(chunk, report)
 
     def measure(self, state: RobotState) -> None:
         chunk = self._chunk
@@ -162,10 +189,31 @@ class _Score:
         pin.framesForwardKinematics(self._model, self._data, state.q)
         wanted = [T[:3, :3] @ offset + T[:3, 3] for T, offset in zip(self._poses(k), self._offsets, strict=True)]
         reached = [self._data.oMf[frame].translation for frame in self._palms]
-        self._errors.append([np.linalg.norm(a - b) for a, b in zip(wanted, reached, strict=True)])
+        self._times.append(float(chunk.times[k]))
+        self._errors.append([float(np.linalg.norm(a - b)) for a, b in zip(wanted, reached, strict=True)])
+        self._demandable.append(self._fair[k])
 
     def _poses(self, k: int) -> tuple[np.ndarray, np.ndarray]:
         return self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k]
 
-    def errors(self) -> np.ndarray:
-        return np.array(self._errors).reshape(-1, 2)
+    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times (n,), errors (n, 2) and demandable (n, 2)."""
+        fair = np.array(self._demandable, dtype=bool).reshape(-1, 2)
+        return np.array(self._times), np.array(self._errors).reshape(-1, 2), fair
+
+
+def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:
+    """Steps that a chunk may ask for: slow enough for the hands, and within reach of the posture plan.
+
+    Returns:
+        Shape (H, 2): wrist speed at most `DEMANDABLE_SPEED`, acceleration at most `DEMANDABLE_ACCELERATION`, posture
+        plan within `DEMANDABLE_DISTANCE` at the step. Recordings contain glitches of 16 m/s, hence the definition.
+    """
+    fair = np.empty((len(chunk), 2), dtype=bool)
+    for i, T in enumerate((chunk.T_world_lhand, chunk.T_world_rhand)):
+        v = np.gradient(T[:, :3, 3], 1.0 / chunk.fps, axis=0)
+        a = np.gradient(v, 1.0 / chunk.fps, axis=0)
+        slow = np.linalg.norm(v, axis=1) <= DEMANDABLE_SPEED
+        fair[:, i] = slow & (np.linalg.norm(a, axis=1) <= DEMANDABLE_ACCELERATION)
+    nearest = np.searchsorted(report.steps, chunk.times - chunk.t_obs - 1e-9).clip(0, len(report.steps) - 1)
+    return fair & (report.missed[nearest] <= DEMANDABLE_DISTANCE)
