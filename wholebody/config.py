@@ -115,25 +115,25 @@ class PosturePlanConfig:
     """Step [s]."""
     position_weight: float = 2e4
     """Palm positions [1/m^2]."""
-    orientation_weight: float = 550.0
+    orientation_weight: float = 1000.0
     """Palm orientations [1/rad^2]."""
     orientation_give: float = 0.1
     """Orientation error from which that weight falls: where both cannot be had, position wins [rad]."""
-    com_weight: float = 100.0
+    com_weight: float = 70.0
     """Centre of mass over the middle of the support [1/m^2]."""
-    zmp_weight: float = 0.006
+    zmp_weight: float = 0.005
     """Zero-moment point under the centre of mass: room for what the plan does not know [1/m^2]."""
-    torso_weight: float = 50.0
+    torso_weight: float = 200.0
     """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 1.5
+    pelvis_weight: float = 2.0
     """[1/rad^2]"""
-    height_weight: float = 1.9
+    height_weight: float = 8.0
     """[1/m^2]"""
-    posture_weight: float = 0.33
+    posture_weight: float = 0.15
     """Joints near the stance [1/rad^2]."""
     time_constant: float = 0.11
     """With which the tasks below the hands approach their references [s]."""
-    smoothness: float = 2.5e-7
+    smoothness: float = 2e-7
     """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     damping: float = 1e-7
     """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
@@ -167,7 +167,7 @@ class PosturePlanConfig:
     """Speed at which the centre of mass may approach that distance, per metre left [1/s]."""
     capture_margin: float = 0.03
     """Distance of the capture point from the edge of the support [m]."""
-    zmp_margin: float = 0.015
+    zmp_margin: float = 0.025
     """Distance of the zero-moment point from the edge of the support [m]."""
     pelvis_tilt: float = 0.55
     """Largest tilt of the pelvis from vertical [rad]."""
@@ -175,15 +175,15 @@ class PosturePlanConfig:
     """Largest tilt of the torso from vertical [rad]."""
     tilt_brake: float = 8.0
     """[rad/s^2]"""
-    height_min: float = 0.30
+    height_min: float = 0.35
     """Least height of the pelvis [m]."""
     height_brake: float = 3.0
     """[m/s^2]"""
     torque_share: float = 0.85
     """Share of the effort limits of waist and arms that the plan uses."""
-    torque_slack_price: float = 0.2
+    torque_slack_price: float = 0.05
     """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
-    waist_torque_weight: float = 2e-7
+    waist_torque_weight: float = 1e-7
     """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
     self_distance: float = 0.012
     """Least distance between bodies that are not neighbours [m]."""
