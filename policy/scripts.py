@@ -21,7 +21,7 @@ LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
 """Of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
 LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 """Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
-LISSAJOUS_TURN = np.deg2rad([9.0, -27.0, -35.0])
+LISSAJOUS_TURN = np.deg2rad([17.0, -27.0, -41.0])
 """Constant orientation of the left hand as roll, pitch and yaw [rad]; right: mirrored. Where the palms come to
 y = ±60 mm in front of the trunk, hands that point inwards leave room for the forearms; found by a search over
 orientations for what the posture plan can follow."""

@@ -119,21 +119,22 @@ class PosturePlanConfig:
     """Palm orientations [1/rad^2]."""
     orientation_give: float = 0.1
     """Orientation error from which that weight falls: where both cannot be had, position wins [rad]."""
-    com_weight: float = 70.0
+    com_weight: float = 130.0
     """Centre of mass over the middle of the support [1/m^2]."""
-    zmp_weight: float = 0.005
-    """Zero-moment point under the centre of mass: room for what the plan does not know [1/m^2]."""
-    torso_weight: float = 200.0
+    zmp_weight: tuple[float, float] = (0.01, 0.9)
+    """Zero-moment point under the centre of mass, forwards and sideways: room for what the plan does not know, and no
+    swaying from foot to foot, which nothing else holds back [1/m^2]."""
+    torso_weight: float = 90.0
     """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 2.0
+    pelvis_weight: float = 1.4
     """[1/rad^2]"""
     height_weight: float = 8.0
     """[1/m^2]"""
-    posture_weight: float = 0.15
+    posture_weight: float = 0.22
     """Joints near the stance [1/rad^2]."""
     time_constant: float = 0.11
     """With which the tasks below the hands approach their references [s]."""
-    smoothness: float = 2e-7
+    smoothness: float = 2.2e-7
     """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     damping: float = 1e-7
     """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
@@ -141,13 +142,13 @@ class PosturePlanConfig:
     """Price of breaking a limit [s/m, s/rad]: above what a task gains by it."""
     hand_gain: float = 1.0
     """Share of a small hand error that one step takes back."""
-    hand_brake: float = 6.0
+    hand_brake: float = 2.0
     """With which a hand that is far from its target counts on stopping [m/s^2]."""
-    hand_speed: float = 1.5
+    hand_speed: float = 0.5
     """With which such a hand catches up [m/s]."""
-    hand_turn_brake: float = 18.0
+    hand_turn_brake: float = 4.0
     """[rad/s^2]"""
-    hand_turn_speed: float = 4.0
+    hand_turn_speed: float = 1.5
     """[rad/s]"""
     joint_margin: float = 0.04
     """Distance kept from joint position limits [rad]."""
@@ -181,7 +182,7 @@ class PosturePlanConfig:
     """[m/s^2]"""
     torque_share: float = 0.85
     """Share of the effort limits of waist and arms that the plan uses."""
-    torque_slack_price: float = 0.05
+    torque_slack_price: float = 0.04
     """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
     waist_torque_weight: float = 1e-7
     """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
@@ -193,11 +194,28 @@ class PosturePlanConfig:
     """Deceleration of approaching bodies [m/s^2]."""
 
 
+GENTLE = PosturePlanConfig(
+    position_weight=200.0,
+    orientation_weight=10.0,
+    zmp_weight=(1.0, 1.0),
+    acceleration=40.0,
+)
+"""For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
+    gentle: PosturePlanConfig = GENTLE
+    """The posture plan of a chunk that cannot be followed."""
+    loss_max: float = 0.03
+    """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
+    slack_max: float = 0.6
+    """Largest slack of a plan that counts as following [m/s, rad/s]."""
+    settle: float = 0.4
+    """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.006
     """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
     turn_tolerance: float = 0.05

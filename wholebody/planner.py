@@ -169,14 +169,7 @@ class ChunkPlanner:
             start: Where the posture plan is now.
             commanded: What the two hands are commanded to do now, rows (2, 40).
         """
-        attempt = self._attempt(chunk, now, start, commanded, 1.0)
-        if self._too_fast(attempt):
-            for slowdown in self.config.slowdowns:
-                slower = self._attempt(chunk, now, start, commanded, slowdown)
-                if slower.loss < 0.5 * attempt.loss:
-                    attempt = slower
-                if attempt.loss <= self.config.clamp_tolerance:
-                    break
+        attempt = self._best(chunk, now, start, commanded)
         paths, clamped = self._clamp(attempt, commanded)
         motion, steps = attempt.motion, attempt.steps
         support = self.posture.support
@@ -191,7 +184,27 @@ class ChunkPlanner:
         report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), motion.failed)
         return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
 
-    def _attempt(self, chunk, now, start, commanded, slowdown) -> _Attempt:
+    def _best(self, chunk, now, start, commanded) -> _Attempt:
+        """At its own speed; slower where that helps; with hands that only pull where it cannot be followed."""
+        first = attempt = self._attempt(chunk, now, start, commanded, 1.0)
+        if self._follows(attempt) and not self._too_fast(attempt):
+            return attempt
+        if self._too_fast(first):
+            for slowdown in self.config.slowdowns:
+                slower = self._attempt(chunk, now, start, commanded, slowdown)
+                if slower.loss < 0.5 * attempt.loss:
+                    attempt = slower
+                if attempt.loss <= self.config.clamp_tolerance:
+                    break
+        if self._follows(attempt):
+            return attempt
+        return self._attempt(chunk, now, start, commanded, 1.0, self.config.gentle)
+
+    def _follows(self, attempt: _Attempt) -> bool:
+        motion, c = attempt.motion, self.config
+        return attempt.loss <= c.loss_max and motion.failed == 0 and motion.slack.max() <= c.slack_max
+
+    def _attempt(self, chunk, now, start, commanded, slowdown, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
         s0 = now - chunk.t_obs
         times = np.arange(len(chunk)) / chunk.fps
@@ -201,7 +214,7 @@ class ChunkPlanner:
             for i, ((T, q), caps) in enumerate(zip(sources, self.caps, strict=True))
         )
         dt = self.posture.config.dt / slowdown
-        end = max(raw[0].span[1], raw[1].span[1], s0 + 4.0 * dt)
+        end = max(raw[0].span[1], raw[1].span[1], s0) + self.config.settle / slowdown
         steps = s0 + dt * np.arange(int(np.ceil((end - s0) / dt)) + 1)
         motions = [path.sample(steps) for path in raw]
         wanted = np.stack([motion.T_world_hand for motion in motions], axis=1)
@@ -210,7 +223,7 @@ class ChunkPlanner:
         ]
         palms = wanted.copy()
         palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
-        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers))
+        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), posture)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
 
@@ -261,14 +274,20 @@ class ChunkPlanner:
         curve = CubicSpline(steps, motion.q, bc_type=((1, rate), (1, np.zeros(self.model.nq))))
         q, dq, ddq = curve(grid), curve(grid, 1), curve(grid, 2)
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+        v = _velocity(q, dq)
         pelvis, torso = self._trunk(q)
+        com = np.stack([com_curve(grid, order) for order in (0, 1, 2)])
+        momentum = np.stack([momentum_curve(grid, order) for order in (0, 1)])
+        # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
+        for rates in (v, ddq, com[1], com[2], *momentum, dq, *pelvis[1:], *torso[1:]):
+            rates[-1] = 0.0
         return PostureTrack(
             start=float(steps[0]),
             q=q,
-            v=_velocity(q, dq),
+            v=v,
             ddq=ddq[:, 7:],
-            com=np.stack([com_curve(grid, order) for order in (0, 1, 2)]),
-            momentum=np.stack([momentum_curve(grid, order) for order in (0, 1)]),
+            com=com,
+            momentum=momentum,
             height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
             pelvis=pelvis,
             torso=torso,

@@ -87,7 +87,8 @@ class PosturePlanner:
     """
 
     def __init__(self, spec: RobotSpec, config: PosturePlanConfig | None = None) -> None:
-        self.spec, self.config = spec, config or PosturePlanConfig()
+        self.spec = spec
+        self.config = self._config = config or PosturePlanConfig()
         model = self.model = load_pinocchio(spec)
         self.data = model.createData()
         names = list(model.names[2:])
@@ -119,9 +120,16 @@ class PosturePlanner:
         elbows = [names[i].endswith("elbow_joint") for i in self._joints]
         self._q_max[elbows] = np.minimum(self._q_max[elbows], c.elbow_max)
         self._v_max = c.speed_share * spec.velocity_max[order]
-        self._a_max = np.minimum(c.acceleration, spec.acceleration_max[order])
+        self._a_cap = spec.acceleration_max[order]
 
-    def plan(self, q: np.ndarray, v: np.ndarray, T_palms: np.ndarray, q_fingers: np.ndarray) -> PostureMotion:
+    def plan(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        T_palms: np.ndarray,
+        q_fingers: np.ndarray,
+        config: PosturePlanConfig | None = None,
+    ) -> PostureMotion:
         """Motion along the path, beginning with the state given.
 
         Args:
@@ -129,7 +137,10 @@ class PosturePlanner:
             v: Velocity half a step before it, shape (nv,).
             T_palms: Palm poses in world, shape (K, 2, 4, 4), ``config.dt`` apart; the first one belongs to ``q``.
             q_fingers: Finger joints, left hand then right hand as `RobotSpec.tools` lists them, shape (K, n_fingers).
+            config: Weights to use instead of the planner's own; the step and the joint limits stay the planner's.
         """
+        self.config = config or self._config
+        self._a_max = np.minimum(self.config.acceleration, self._a_cap)
         n = len(T_palms)
         qs, vs = np.empty((n, self.model.nq)), np.zeros((n, self.model.nv))
         palms, zmp, slack = np.tile(np.eye(4), (n, 2, 1, 1)), np.zeros((n, 2)), np.zeros(n)
@@ -217,7 +228,8 @@ class PosturePlanner:
             rows.add(J[3:] * dt, turn, share * c.orientation_weight)
         J_com = self._A_momentum[:2] / self.mass
         rows.add(J_com * dt, _towards(self._com_stance[:2] - data.com[0][:2], c, 0.01), c.com_weight)
-        rows.add(self._J_zmp, data.com[0][:2] - self._zmp_drift, c.zmp_weight)
+        for axis, weight in enumerate(c.zmp_weight):
+            rows.add(self._J_zmp[axis], data.com[0][axis] - self._zmp_drift[axis], weight)
         rows.add(self._J_tau[:3], -self._tau_drift[:3], c.waist_torque_weight)
         rows.add(J_torso[3:] * dt, _towards(pin.log3(data.oMf[self._torso].rotation.T), c, 0.05), c.torso_weight)
         rows.add(J_pelvis[3:] * dt, _towards(pin.log3(data.oMf[self._pelvis].rotation.T), c, 0.05), c.pelvis_weight)
