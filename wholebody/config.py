@@ -212,8 +212,8 @@ class PlannerConfig:
     """The posture plan of a chunk that cannot be followed."""
     loss_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
-    slack_max: float = 0.6
-    """Largest slack of a plan that counts as following [m/s, rad/s]."""
+    slack_max: float = 0.05
+    """Largest slack of a plan that counts as following [m/s, rad/s]: about 4 N m of the waist above its share."""
     settle: float = 0.4
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.006
@@ -221,7 +221,7 @@ class PlannerConfig:
     turn_tolerance: float = 0.05
     """The same for orientation [rad]."""
     slowdowns: tuple[float, ...] = (1.5, 2.5)
-    """Factors tried when a chunk is too fast for its plan to keep the hands within the clamp's tolerance."""
+    """Factors tried in turn when a chunk is too fast for its plan."""
 
 
 @dataclass(frozen=True, kw_only=True)

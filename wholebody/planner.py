@@ -186,18 +186,15 @@ class ChunkPlanner:
 
     def _best(self, chunk, now, start, commanded) -> _Attempt:
         """At its own speed; slower where that helps; with hands that only pull where it cannot be followed."""
-        first = attempt = self._attempt(chunk, now, start, commanded, 1.0)
-        if self._follows(attempt) and not self._too_fast(attempt):
-            return attempt
-        if self._too_fast(first):
-            for slowdown in self.config.slowdowns:
-                slower = self._attempt(chunk, now, start, commanded, slowdown)
-                if slower.loss < 0.5 * attempt.loss:
-                    attempt = slower
-                if attempt.loss <= self.config.clamp_tolerance:
-                    break
+        attempt = self._attempt(chunk, now, start, commanded, 1.0)
         if self._follows(attempt):
             return attempt
+        # What is out of reach at the end stays so at any speed.
+        if attempt.distance[-1].max() <= self.config.loss_max:
+            for slowdown in self.config.slowdowns:
+                attempt = self._attempt(chunk, now, start, commanded, slowdown)
+                if self._follows(attempt):
+                    return attempt
         return self._attempt(chunk, now, start, commanded, 1.0, self.config.gentle)
 
     def _follows(self, attempt: _Attempt) -> bool:
@@ -226,10 +223,6 @@ class ChunkPlanner:
         motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), posture)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
-
-    def _too_fast(self, attempt: _Attempt) -> bool:
-        """Whether going slower may help: what is out of reach at the end stays so."""
-        return attempt.loss > self.config.clamp_tolerance and attempt.distance[-1].max() < 0.5 * attempt.loss
 
     def _clamp(self, attempt: _Attempt, commanded: HandMotion) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
         """Move the targets that the plan does not reach to where it does; a small remainder is left to the QP."""
