@@ -115,26 +115,26 @@ class PosturePlanConfig:
     """Step [s]."""
     position_weight: float = 2e4
     """Palm positions [1/m^2]."""
-    orientation_weight: float = 1000.0
+    orientation_weight: float = 340.0
     """Palm orientations [1/rad^2]."""
     orientation_give: float = 0.1
     """Orientation error from which that weight falls: where both cannot be had, position wins [rad]."""
-    com_weight: float = 130.0
+    com_weight: float = 63.0
     """Centre of mass over the middle of the support [1/m^2]."""
-    zmp_weight: tuple[float, float] = (0.01, 0.9)
+    zmp_weight: tuple[float, float] = (0.005, 0.7)
     """Zero-moment point under the centre of mass, forwards and sideways: room for what the plan does not know, and no
     swaying from foot to foot, which nothing else holds back [1/m^2]."""
     torso_weight: float = 90.0
     """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 1.4
+    pelvis_weight: float = 2.5
     """[1/rad^2]"""
-    height_weight: float = 8.0
+    height_weight: float = 20.0
     """[1/m^2]"""
-    posture_weight: float = 0.22
+    posture_weight: float = 0.14
     """Joints near the stance [1/rad^2]."""
     time_constant: float = 0.11
     """With which the tasks below the hands approach their references [s]."""
-    smoothness: float = 2.2e-7
+    smoothness: float = 5e-8
     """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     damping: float = 1e-7
     """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
@@ -168,7 +168,7 @@ class PosturePlanConfig:
     """Speed at which the centre of mass may approach that distance, per metre left [1/s]."""
     capture_margin: float = 0.03
     """Distance of the capture point from the edge of the support [m]."""
-    zmp_margin: float = 0.025
+    zmp_margin: float = 0.018
     """Distance of the zero-moment point from the edge of the support [m]."""
     pelvis_tilt: float = 0.55
     """Largest tilt of the pelvis from vertical [rad]."""
@@ -180,11 +180,11 @@ class PosturePlanConfig:
     """Least height of the pelvis [m]."""
     height_brake: float = 3.0
     """[m/s^2]"""
-    torque_share: float = 0.85
+    torque_share: float = 0.9
     """Share of the effort limits of waist and arms that the plan uses."""
-    torque_slack_price: float = 0.04
+    torque_slack_price: float = 0.073
     """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
-    waist_torque_weight: float = 1e-7
+    waist_torque_weight: float = 1.3e-7
     """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
     self_distance: float = 0.012
     """Least distance between bodies that are not neighbours [m]."""
@@ -212,8 +212,8 @@ class PlannerConfig:
     """The posture plan of a chunk that cannot be followed."""
     loss_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
-    slack_max: float = 0.05
-    """Largest slack of a plan that counts as following [m/s, rad/s]: about 4 N m of the waist above its share."""
+    slack_max: float = 0.3
+    """Largest slack of a plan that counts as following [m/s, rad/s]."""
     settle: float = 0.4
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.006
