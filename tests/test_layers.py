@@ -26,7 +26,7 @@ LAYERS = (
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),
     ("controller", "posture_plan", "planner", "supervisor"),
-    ("runtime", "checker"),
+    ("score", "runtime", "checker"),
     ("report", "cli"),
 )
 COMPOSITION = LAYERS[5:]

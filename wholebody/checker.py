@@ -41,7 +41,7 @@ class Verdict:
         time_factor: Time taken over time asked for.
         violations: Worst first.
         seconds: Time per status [s].
-        demandable_share: Share of the steps that could be asked for (`wholebody.runtime.demandable`).
+        demandable_share: Share of the steps that could be asked for (`wholebody.score.demandable`).
         demandable_rms_m, demandable_max_m: Palm errors over those.
         within_20mm: Share of those within 20 mm.
     """

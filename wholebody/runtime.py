@@ -12,16 +12,14 @@ from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.observation import Observation
-from wholebody.planner import PlanReport
+from wholebody.score import Score
 from wholebody.sim.fall import Fall, detect_fall
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
+from wholebody.sim.watch import Excess, Watch
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState, Status
-
-DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005
-"""What a recorded motion may ask of a wrist [m/s, m/s^2], and of the posture plan [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +44,15 @@ class EpisodeResult:
         reasons: Time spent per reason code [s].
         times: When each chunk step was due, shape (n,), [s].
         errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
-        demandable: Whether the step could be asked for, shape (n, 2): see `demandable`.
+        demandable: Whether the step could be asked for, shape (n, 2): see `wholebody.score.demandable`.
         time_factor: Time on chunks over chunk time covered.
-        contacts: First time of each contact between bodies, feet on the floor left out [s].
+        contacts: First time at which two bodies of the robot touched, by pair [s].
+        scene_contacts: First time at which the robot touched something else, feet on the floor left out [s].
+        torques: Body motors asked for more than their effort limit, by joint [N m].
+        positions: Joints past a position limit, by joint [rad].
+        edge: The centre of pressure at the edge of the soles [m], or None.
+        margin: Least distance of the centre of pressure from the edge of the soles [m].
+        creep: Largest distance that a sole slid [m].
         tilt: Largest pelvis tilt [rad].
         refusals: Messages of refused chunks.
         clamped: Largest distance that a target was moved [m].
@@ -63,6 +67,12 @@ class EpisodeResult:
     demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
     time_factor: float = 1.0
     contacts: dict[tuple[str, str], float] = field(default_factory=dict)
+    scene_contacts: dict[tuple[str, str], float] = field(default_factory=dict)
+    torques: dict[str, Excess] = field(default_factory=dict)
+    positions: dict[str, Excess] = field(default_factory=dict)
+    edge: Excess | None = None
+    margin: float = float("inf")
+    creep: float = 0.0
     tilt: float = 0.0
     refusals: list[str] = field(default_factory=list)
     clamped: float = 0.0
@@ -116,7 +126,7 @@ def run_episode(
     measured = measure(state)
     supervisor.reset(measured)
     policy.reset()
-    result, score = EpisodeResult(), _Score(supervisor)
+    result, score, watch = EpisodeResult(), Score(supervisor), Watch(plant)
     end, next_chunk, tick = config.settle + duration + config.hold, config.settle, 0
     while state.time < end and result.fall is None:
         if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration:
@@ -125,10 +135,10 @@ def run_episode(
             next_chunk += config.replace_every / chunk.fps
         command = supervisor.step(measured)
         if recorder is not None:
-            status = supervisor.status
-            recorder.add(state, command, supervisor.palm_reference(), status.status.value, status.reason)
+            recorder.add(state, command, supervisor.palm_reference(), supervisor.status, plant)
         state = plant.step(command)
         measured = measure(state)
+        watch.look(state.time)
         _count(result, supervisor, plant, state)
         score.measure(state)
         tick += 1
@@ -136,10 +146,12 @@ def run_episode(
             progress(state.time, end)
     result.times, result.errors, result.demandable = score.table()
     result.time_factor = supervisor.time_factor
+    result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
+    result.margin, result.creep = watch.margin, watch.creep
     return result
 
 
-def _offer(chunk: ActionChunk, supervisor: Supervisor, score: _Score, result: EpisodeResult) -> None:
+def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult) -> None:
     status = supervisor.accept(chunk)
     if status.status is Status.HOLD and status.reason:
         result.refusals.append(f"{status.reason}: {status.detail}")
@@ -156,64 +168,8 @@ def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, st
         if key:
             counts[key] = counts.get(key, 0.0) + plant.control_dt
     for pair in plant.contacts():
-        result.contacts.setdefault(pair, state.time)
+        own = all(plant.is_robot(body) for body in pair)
+        (result.contacts if own else result.scene_contacts).setdefault(pair, state.time)
     x, y = state.q[3], state.q[4]
     result.tilt = max(result.tilt, float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
     result.fall = detect_fall(plant, state, status.status)
-
-
-class _Score:
-    """Palm errors at the steps of the chunks, each step against the last chunk that covers it."""
-
-    def __init__(self, supervisor: Supervisor) -> None:
-        robot = supervisor.robot
-        self._model, self._data = robot.model, robot.model.createData()
-        self._palms = supervisor.planner.palm_ids
-        self._offsets = [np.array(tool.palm_offset) for tool in supervisor.spec.tools]
-        self._chunk: ActionChunk | None = None
-        self._next = 0
-        self._times: list[float] = []
-        self._errors: list[list[float]] = []
-        self._demandable: list[np.ndarray] = []
-
-    def add(self, chunk: ActionChunk, report: PlanReport) -> None:
-        self._chunk, self._next = chunk, 0
-        self._fair = demandable(chunk, report)
-
-    def measure(self, state: RobotState) -> None:
-        chunk = self._chunk
-        if chunk is None or self._next >= len(chunk) or state.time < chunk.times[self._next] - 1e-6:
-            return
-        k = self._next
-        self._next += 1
-        pin.framesForwardKinematics(self._model, self._data, state.q)
-        wanted = [T[:3, :3] @ offset + T[:3, 3] for T, offset in zip(self._poses(k), self._offsets, strict=True)]
-        reached = [self._data.oMf[frame].translation for frame in self._palms]
-        self._times.append(float(chunk.times[k]))
-        self._errors.append([float(np.linalg.norm(a - b)) for a, b in zip(wanted, reached, strict=True)])
-        self._demandable.append(self._fair[k])
-
-    def _poses(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        return self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k]
-
-    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (n,), errors (n, 2) and demandable (n, 2)."""
-        fair = np.array(self._demandable, dtype=bool).reshape(-1, 2)
-        return np.array(self._times), np.array(self._errors).reshape(-1, 2), fair
-
-
-def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:
-    """Steps that a chunk may ask for: slow enough for the hands, and within reach of the posture plan.
-
-    Returns:
-        Shape (H, 2): wrist speed at most `DEMANDABLE_SPEED`, acceleration at most `DEMANDABLE_ACCELERATION`, posture
-        plan within `DEMANDABLE_DISTANCE` at the step. Recordings contain glitches of 16 m/s, hence the definition.
-    """
-    fair = np.empty((len(chunk), 2), dtype=bool)
-    for i, T in enumerate((chunk.T_world_lhand, chunk.T_world_rhand)):
-        v = np.gradient(T[:, :3, 3], 1.0 / chunk.fps, axis=0)
-        a = np.gradient(v, 1.0 / chunk.fps, axis=0)
-        slow = np.linalg.norm(v, axis=1) <= DEMANDABLE_SPEED
-        fair[:, i] = slow & (np.linalg.norm(a, axis=1) <= DEMANDABLE_ACCELERATION)
-    nearest = np.searchsorted(report.steps, chunk.times - chunk.t_obs - 1e-9).clip(0, len(report.steps) - 1)
-    return fair & (report.missed[nearest] <= DEMANDABLE_DISTANCE)

@@ -51,13 +51,19 @@ class MujocoPlant:
         self._feet = {self._body_id(foot.frame) for foot in spec.feet}
         self._robot = self._bodies_of_robot()
         self._is_foot = np.isin(np.arange(self.model.nbody), list(self._feet))
+        self._free = self._free_bodies()
         self._pushes: list[tuple[int, np.ndarray, float, float]] = []
+        self.torque = np.zeros(spec.n_joints)
+        """Motor torques of the last physics step, motor order, [N m]."""
+        self.torque_asked = np.zeros(spec.n_joints)
+        """Largest magnitude asked of each motor during the last control period, before the effort limit [N m]."""
 
     def reset(self) -> RobotState:
         """The default stance, at rest, at time 0; pushes are forgotten."""
         mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
         mujoco.mj_forward(self.model, self.data)
         self._pushes.clear()
+        self.torque[:] = self.torque_asked[:] = 0.0
         return self.state()
 
     def state(self) -> RobotState:
@@ -68,13 +74,52 @@ class MujocoPlant:
     def step(self, command: JointCommand) -> RobotState:
         """Apply a command for one control period."""
         data, index = self.data, self._conversion
+        self.torque_asked[:] = 0.0
         for _ in range(self._steps):
             q, dq = data.qpos[index.motor_qpos_index], data.qvel[index.motor_qvel_index]
             tau = command.tau + command.kp * (command.q - q) + command.kd * (command.dq - dq)
-            data.ctrl[index.actuator_index] = np.clip(tau, -self._effort, self._effort)
+            np.maximum(self.torque_asked, np.abs(tau), out=self.torque_asked)
+            np.clip(tau, -self._effort, self._effort, out=self.torque)
+            data.ctrl[index.actuator_index] = self.torque
             self._apply_pushes()
             mujoco.mj_step(self.model, data)
         return self.state()
+
+    def joint_positions(self) -> np.ndarray:
+        """True joint angles, shape (n_joints,), motor order, [rad]."""
+        return self.data.qpos[self._conversion.motor_qpos_index]
+
+    def soles(self) -> np.ndarray:
+        """Middles of the soles in world, shape (2, 3), left first, [m]."""
+        return np.array([self.data.site(f"{foot.side}_sole").xpos for foot in self.spec.feet])
+
+    def contact_points(self) -> np.ndarray:
+        """Where the feet may touch the floor, in world, shape (n, 3), [m]."""
+        return np.vstack(
+            [
+                self.data.body(foot.frame).xpos + foot.points @ self.data.body(foot.frame).xmat.reshape(3, 3).T
+                for foot in self.spec.feet
+            ]
+        )
+
+    def foot_load(self) -> tuple[float, np.ndarray]:
+        """Normal force of the floor on both feet [N] and centre of pressure (2,) [m]; zeros in the air."""
+        contact = self.data.contact
+        carrying = self._on_floor(contact.geom) & (contact.efc_address >= 0)
+        # With elliptic cones the first force of a contact is the normal one.
+        force = self.data.efc_force[contact.efc_address[carrying]]
+        total = float(force.sum())
+        if total <= 0.0:
+            return 0.0, np.zeros(2)
+        return total, force @ contact.pos[carrying, :2] / total
+
+    def objects(self) -> np.ndarray:
+        """Poses of the scene's free bodies: position [m] and quaternion wxyz, shape (k, 7)."""
+        return np.array([self.data.qpos[i : i + 7] for i in self._free]).reshape(-1, 7)
+
+    def is_robot(self, body: str) -> bool:
+        """Whether a body of the scene is a part of the robot."""
+        return self._body_id(body) in self._robot
 
     def push(self, body: str, force: np.ndarray, *, start: float, duration: float) -> None:
         """Push a body with a constant force in world axes, at its centre of mass.
@@ -111,9 +156,14 @@ class MujocoPlant:
     def _unusual_contacts(self) -> np.ndarray:
         """Contacts (k, 2) of geoms, those of the feet with the floor left out."""
         pairs = self.data.contact.geom
+        return pairs[~self._on_floor(pairs)]
+
+    def _on_floor(self, pairs: np.ndarray) -> np.ndarray:
+        """Which contacts (k, 2) of geoms are a foot on the floor, shape (k,)."""
+        if not len(pairs):
+            return np.zeros(0, dtype=bool)
         owner = self.model.geom_bodyid[pairs]
-        on_floor = (owner.min(axis=1) == 0) & self._is_foot[owner.max(axis=1)] if len(pairs) else np.zeros(0, bool)
-        return pairs[~on_floor]
+        return (owner.min(axis=1) == 0) & self._is_foot[owner.max(axis=1)]
 
     def _apply_pushes(self) -> None:
         if not self._pushes:
@@ -126,6 +176,11 @@ class MujocoPlant:
     def _bodies_of_robot(self) -> set[int]:
         base = self._body_id(self.spec.base_body)
         return {b for b in range(self.model.nbody) if int(self.model.body_rootid[b]) == base}
+
+    def _free_bodies(self) -> list[int]:
+        """Where in ``qpos`` the free joints of the scene's objects are."""
+        free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        return [int(self.model.jnt_qposadr[j]) for j in free if int(self.model.jnt_bodyid[j]) not in self._robot]
 
     def _body_id(self, name: str) -> int:
         index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)

@@ -7,12 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from wholebody.types import JointCommand, RobotState
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import JointCommand, RobotState, StatusReport
 
 
 @dataclass
 class Recorder:
     """Collects rows; `save` writes them as one ``.npz`` that needs no pickle.
+
+    Columns, n control periods: ``time`` (n,) [s]; ``q`` (n, nq) and ``v`` (n, nv), true state in Pinocchio's
+    convention; ``q_command``, ``dq_command``, ``tau_command`` (n, n_joints), motor order; ``torque`` (n, n_joints), in
+    motor order too, what the motors gave in the period before [N m]; ``T_world_palms`` (n, 2, 4, 4), commanded palm poses, left
+    first; ``foot_force`` (n,) [N] and ``pressure`` (n, 2) [m], load of the floor on the feet and its centre;
+    ``status``, ``reason`` and ``contacts`` (n,), text, contacts as ``first-second`` joined by blanks; ``objects``
+    (n, k, 7), position and quaternion wxyz of the scene's free bodies.
 
     Attributes:
         joint_names: Joints of ``q`` and ``v`` after the base, Pinocchio order.
@@ -25,10 +33,28 @@ class Recorder:
     scene: str = "floor"
     _rows: dict[str, list] = field(default_factory=dict)
 
+    def clear(self) -> None:
+        """Forget everything: the next run begins."""
+        self._rows.clear()
+
     def add(
-        self, state: RobotState, command: JointCommand, palms: dict[str, np.ndarray], status: str, reason: str
+        self,
+        state: RobotState,
+        command: JointCommand,
+        palms: dict[str, np.ndarray],
+        status: StatusReport,
+        plant: MujocoPlant,
     ) -> None:
-        """One control period: true state, command, commanded palm poses (4, 4) by side, status and its reason."""
+        """One control period.
+
+        Args:
+            state: True state at its beginning.
+            command: Answer of the controller.
+            palms: Commanded palm poses (4, 4) by side.
+            status: Of the supervisor.
+            plant: Before it is stepped.
+        """
+        force, pressure = plant.foot_load()
         row = {
             "time": state.time,
             "q": state.q,
@@ -36,18 +62,24 @@ class Recorder:
             "q_command": command.q,
             "dq_command": command.dq,
             "tau_command": command.tau,
+            "torque": plant.torque.copy(),
             "T_world_palms": np.stack([palms["left"], palms["right"]]),
-            "status": status,
-            "reason": reason,
+            "foot_force": force,
+            "pressure": pressure,
+            "status": status.status.value,
+            "reason": status.reason,
+            "contacts": " ".join("-".join(pair) for pair in plant.contacts()),
+            "objects": plant.objects(),
         }
         for name, value in row.items():
             self._rows.setdefault(name, []).append(value)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Columns by name: ``time`` (n,), ``q`` (n, nq), ``T_world_palms`` (n, 2, 4, 4), ... in SI units."""
+        """The columns by name."""
         return {name: np.array(rows) for name, rows in self._rows.items()}
 
     def save(self, path: str | Path) -> None:
         """Write the columns, the joint names and the scene."""
         names = {"joint_names": np.array(self.joint_names), "motor_names": np.array(self.motor_names)}
-        np.savez_compressed(path, scene=np.array(self.scene), **names, **self.arrays())
+        with Path(path).open("wb") as file:
+            np.savez_compressed(file, scene=np.array(self.scene), **names, **self.arrays())

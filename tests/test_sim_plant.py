@@ -1,0 +1,140 @@
+"""Strategy: one plant a question, standing on torques of gravity and stiff position loops; pushes, payload, friction.
+
+The commands here are made by hand: no controller is needed to see whether physics does what it is told.
+"""
+
+import numpy as np
+import pytest
+
+from models.g1 import g1
+from models.pinocchio_model import load_pinocchio
+from wholebody.errors import InputError
+from wholebody.sim.fall import detect_fall
+from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.watch import Watch
+from wholebody.types import JointCommand, Status
+
+SPEC = g1()
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return MujocoPlant(SPEC)
+
+
+def stiff(plant, *, kp=400.0, kd=8.0, tau=0.0):
+    """Hold the present joint angles, stiff enough to stand for a while."""
+    n = SPEC.n_joints
+    fingers = np.array(["_hand_" in name for name in SPEC.joint_names])
+    gains = [np.where(fingers, own, value) for own, value in ((SPEC.kp, kp), (SPEC.kd, kd))]
+    return JointCommand(0.0, plant.joint_positions().copy(), np.zeros(n), np.full(n, tau), *gains)
+
+
+def run(plant, command, seconds):
+    for _ in range(round(seconds / plant.control_dt)):
+        state = plant.step(command)
+    return state
+
+
+def test_it_stands_on_stiff_joints_and_the_floor_carries_its_weight(plant):
+    plant.reset()
+    command, loads = stiff(plant), []
+    for _ in range(250):
+        state = plant.step(command)
+        loads.append(plant.foot_load()[0])
+    # It rings on its stiff legs: the mean carries the weight.
+    assert np.mean(loads) == pytest.approx(9.81 * plant.model.body_subtreemass[1], rel=0.02)
+    assert abs(plant.foot_load()[1][0]) < 0.085
+    assert detect_fall(plant, state, Status.TRACKING) is None
+    assert plant.contacts() == []
+
+
+def test_motors_give_no_more_than_their_effort_limit_and_say_what_was_asked(plant):
+    plant.reset()
+    watch = Watch(plant)
+    state = plant.step(stiff(plant, tau=1000.0))
+    watch.look(state.time)
+    assert np.array_equal(plant.torque, SPEC.effort_max)
+    assert plant.torque_asked.max() >= 999.0
+    assert "left_knee_joint" in watch.torques
+    assert watch.torques["left_knee_joint"].bound == SPEC.effort_max[SPEC.indices(["left_knee_joint"])[0]]
+    assert not any("_hand_" in name for name in watch.torques)
+
+
+def test_physics_at_1_ms_gives_the_same_fall_within_a_few_millimetres(plant):
+    fine = MujocoPlant(SPEC, timestep=0.001)
+    ends = []
+    for one in (plant, fine):
+        one.reset()
+        ends.append(run(one, stiff(one), 0.4))
+    assert ends[0].time == pytest.approx(ends[1].time)
+    assert np.abs(ends[0].q[:3] - ends[1].q[:3]).max() < 3e-3
+
+
+def test_a_control_period_that_is_no_multiple_of_the_step_is_refused():
+    with pytest.raises(InputError, match="no multiple"):
+        MujocoPlant(SPEC, control_dt=0.003)
+
+
+def test_a_push_moves_the_robot_the_way_it_points_and_ends(plant):
+    plant.reset()
+    command = stiff(plant)
+    plant.push("torso_link", np.array([0.0, 60.0, 0.0]), start=0.0, duration=0.1)
+    state = run(plant, command, 0.1)
+    momentum = plant.model.body_subtreemass[1] * (state.v[1])
+    assert 1.0 < momentum < 9.0  # of the 6 N s some goes into the floor, the trunk turns too
+    run(plant, command, 0.1)
+    assert not plant.data.xfrc_applied.any()
+    with pytest.raises(InputError, match="has no body 'torso'"):
+        plant.push("torso", np.zeros(3), start=0.0, duration=0.1)
+
+
+def test_a_payload_weighs_on_the_floor():
+    bare, loaded = (MujocoPlant(SPEC, payload_kg=payload) for payload in ((0.0, 0.0), (1.0, 2.0)))
+    assert loaded.model.body_subtreemass[1] - bare.model.body_subtreemass[1] == pytest.approx(3.0)
+
+
+def test_low_friction_lets_the_feet_slide():
+    creep = {}
+    for friction in (0.05, 0.8):
+        plant = MujocoPlant(SPEC, friction=friction)
+        plant.reset()
+        watch = Watch(plant)
+        command = stiff(plant)
+        plant.push("pelvis", np.array([80.0, 0.0, 0.0]), start=0.0, duration=0.15)
+        for _ in range(100):
+            watch.look(plant.step(command).time)
+        creep[friction] = watch.creep
+    assert creep[0.05] > 0.01
+    assert creep[0.8] < 0.005
+
+
+def test_the_watch_sees_the_robot_tip_over_its_toes_and_joints_past_their_limits(plant):
+    plant.reset()
+    watch = Watch(plant)
+    command = stiff(plant)
+    plant.push("torso_link", np.array([200.0, 0.0, 0.0]), start=0.0, duration=0.2)
+    for _ in range(150):
+        watch.look(plant.step(command).time)
+    assert watch.edge is not None
+    assert watch.margin < 1e-3
+    assert 0.0 < watch.edge.first < 0.3
+    knee = SPEC.indices(["left_knee_joint"])[0]
+    plant.data.qpos[plant.model.joint("left_knee_joint").qposadr] = SPEC.position_max[knee] + 0.1
+    watch.look(1.0)
+    assert watch.positions["left_knee_joint"].worst == pytest.approx(SPEC.position_max[knee] + 0.1)
+
+
+def test_lying_on_the_floor_is_a_fall_whose_body_is_named(plant):
+    plant.reset()
+    state = run(plant, stiff(plant, kp=0.0, kd=1.0), 1.0)
+    fall = detect_fall(plant, state, Status.TRACKING)
+    assert fall is not None
+    assert fall.cause
+    assert detect_fall(plant, plant.reset(), Status.DAMPING).cause == "the supervisor gave up standing"
+
+
+def test_the_state_is_in_pinocchios_joint_order(plant):
+    state = plant.reset()
+    names = list(load_pinocchio(SPEC).names[2:])
+    assert np.array_equal(state.q[7:][[names.index(name) for name in SPEC.joint_names]], plant.joint_positions())

@@ -1,0 +1,87 @@
+"""What came nearest to its bound during a run: torques, joint positions, balance, feet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wholebody.sim.plant import MujocoPlant
+from wholebody.support import convex_polygon
+
+POSITION_TOLERANCE = 2e-3
+"""How far a joint may pass its position limit before it counts: MuJoCo's limits are springs [rad]."""
+EDGE = 1e-3
+"""Distance of the centre of pressure from the edge of the soles below which the robot tips over that edge [m]."""
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A bound that was passed, in the unit of the bound.
+
+    Attributes:
+        first: When it was passed first [s].
+        seconds: How long in all [s].
+        worst: Worst value.
+        bound: The bound.
+    """
+
+    first: float
+    seconds: float
+    worst: float
+    bound: float
+
+
+class Watch:
+    """Looks at the plant after every control period.
+
+    Attributes:
+        torques: Motors asked for more than their effort limit, by joint [N m]. Fingers are left out: pressing with all
+            they have is how they hold things.
+        positions: Joints past a position limit, by joint [rad].
+        margin: Least distance of the centre of pressure from the edge of the soles [m].
+        creep: Largest horizontal distance of a sole from where it was at first [m].
+    """
+
+    def __init__(self, plant: MujocoPlant) -> None:
+        self._plant, spec = plant, plant.spec
+        self._names = spec.joint_names
+        self._body = np.array(["_hand_" not in name for name in self._names])
+        self._effort, self._low, self._high = spec.effort_max, spec.position_min, spec.position_max
+        self.torques: dict[str, Excess] = {}
+        self.positions: dict[str, Excess] = {}
+        self._edge: dict[str, Excess] = {}
+        self.margin, self.creep = np.inf, 0.0
+        self._soles = plant.soles()[:, :2].copy()
+        self._support = convex_polygon(plant.contact_points()[:, :2])
+
+    def look(self, time: float) -> None:
+        """Take in the control period that ended at a time [s]."""
+        dt, asked, q = self._plant.control_dt, self._plant.torque_asked, self._plant.joint_positions()
+        for i in np.flatnonzero(self._body & (asked > self._effort)):
+            _note(self.torques, self._names[i], time, dt, asked[i], self._effort[i])
+        for i in np.flatnonzero((q < self._low - POSITION_TOLERANCE) | (q > self._high + POSITION_TOLERANCE)):
+            bound = self._low[i] if q[i] < self._low[i] else self._high[i]
+            _note(self.positions, self._names[i], time, dt, q[i], bound)
+        self.creep = max(self.creep, float(np.linalg.norm(self._plant.soles()[:, :2] - self._soles, axis=1).max()))
+        force, pressure = self._plant.foot_load()
+        if force <= 0.0:
+            return
+        margin = self._support.margin(pressure)
+        self.margin = min(self.margin, margin)
+        if margin < EDGE:
+            _note(self._edge, "pressure", time, dt, margin, EDGE)
+
+    @property
+    def edge(self) -> Excess | None:
+        """The centre of pressure at the edge of the soles [m], or None."""
+        return self._edge.get("pressure")
+
+
+def _note(found: dict[str, Excess], name: str, time: float, dt: float, value: float, bound: float) -> None:
+    old = found.get(name)
+    if old is None:
+        found[name] = Excess(time, dt, float(value), float(bound))
+        return
+    worse = abs(value - bound) > abs(old.worst - old.bound)
+    found[name] = Excess(old.first, old.seconds + dt, float(value) if worse else old.worst, old.bound)
