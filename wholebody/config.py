@@ -124,7 +124,7 @@ class PosturePlanConfig:
     zmp_weight: tuple[float, float] = (0.005, 0.7)
     """Zero-moment point under the centre of mass, forwards and sideways: room for what the plan does not know, and no
     swaying from foot to foot, which nothing else holds back [1/m^2]."""
-    torso_weight: float = 90.0
+    torso_weight: float = 10.0
     """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
     pelvis_weight: float = 2.5
     """[1/rad^2]"""
@@ -134,7 +134,7 @@ class PosturePlanConfig:
     """Joints near the stance [1/rad^2]."""
     time_constant: float = 0.11
     """With which the tasks below the hands approach their references [s]."""
-    smoothness: float = 5e-8
+    smoothness: float = 1e-6
     """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     damping: float = 1e-7
     """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
@@ -158,7 +158,7 @@ class PosturePlanConfig:
     """Largest elbow angle; 1.57 is straight, and there the hand can no longer be moved along the arm [rad]."""
     speed_share: float = 0.6
     """Share of the joint speed limits that the plan uses."""
-    acceleration: float = 80.0
+    acceleration: float = 50.0
     """Largest joint acceleration [rad/s^2]."""
     joint_brake: float = 40.0
     """Deceleration counted on before a position limit [rad/s^2]."""
@@ -176,7 +176,7 @@ class PosturePlanConfig:
     """Largest tilt of the torso from vertical [rad]."""
     tilt_brake: float = 8.0
     """[rad/s^2]"""
-    height_min: float = 0.35
+    height_min: float = 0.28
     """Least height of the pelvis [m]."""
     height_brake: float = 3.0
     """[m/s^2]"""
@@ -194,6 +194,9 @@ class PosturePlanConfig:
     """Deceleration of approaching bodies [m/s^2]."""
 
 
+AGILE = PosturePlanConfig(torso_weight=90.0, smoothness=5e-8, height_min=0.35, acceleration=80.0)
+"""For fast chunks: hard accelerations, and an upright torso, whose swinging would use up the waist."""
+
 GENTLE = PosturePlanConfig(
     position_weight=200.0,
     orientation_weight=10.0,
@@ -208,6 +211,10 @@ class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
+    agile: PosturePlanConfig = AGILE
+    """The posture plan of a chunk that the calm one does not follow."""
+    calm_loss: float = 0.01
+    """Largest distance of a calm plan's palm from its target [m]."""
     gentle: PosturePlanConfig = GENTLE
     """The posture plan of a chunk that cannot be followed."""
     loss_max: float = 0.03

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
@@ -73,18 +74,17 @@ class PostureState:
     """Where a posture plan is, for the next one to continue.
 
     Attributes:
-        q: Configuration, shape (nq,). v: Its velocity, shape (nv,), in time.
+        q: Configuration, shape (nq,).
         v_before: Velocity half a step of the posture plan earlier, shape (nv,).
     """
 
     q: np.ndarray
-    v: np.ndarray
     v_before: np.ndarray
 
     @classmethod
     def still(cls, q: np.ndarray, nv: int) -> PostureState:
         """At rest at ``q``."""
-        return cls(q.copy(), np.zeros(nv), np.zeros(nv))
+        return cls(q.copy(), np.zeros(nv))
 
 
 @dataclass(frozen=True)
@@ -182,24 +182,25 @@ class ChunkPlanner:
         if motion.failed:
             reasons.append("posture_infeasible")
         report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), motion.failed)
-        return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
+        return ChunkPlan(paths, self._track(attempt), float(steps[0]), float(steps[-1]), report)
 
     def _best(self, chunk, now, start, commanded) -> _Attempt:
-        """At its own speed; slower where that helps; with hands that only pull where it cannot be followed."""
+        """Calm if that follows, else agile, else slower; with hands that only pull where nothing follows."""
+        c = self.config
         attempt = self._attempt(chunk, now, start, commanded, 1.0)
-        if self._follows(attempt):
+        if self._follows(attempt, c.calm_loss):
             return attempt
         # What is out of reach at the end stays so at any speed.
-        if attempt.distance[-1].max() <= self.config.loss_max:
-            for slowdown in self.config.slowdowns:
-                attempt = self._attempt(chunk, now, start, commanded, slowdown)
-                if self._follows(attempt):
+        if attempt.distance[-1].max() <= c.loss_max:
+            for slowdown in (1.0, *c.slowdowns):
+                attempt = self._attempt(chunk, now, start, commanded, slowdown, c.agile)
+                if self._follows(attempt, c.loss_max):
                     return attempt
-        return self._attempt(chunk, now, start, commanded, 1.0, self.config.gentle)
+        return self._attempt(chunk, now, start, commanded, 1.0, c.gentle)
 
-    def _follows(self, attempt: _Attempt) -> bool:
-        motion, c = attempt.motion, self.config
-        return attempt.loss <= c.loss_max and motion.failed == 0 and motion.slack.max() <= c.slack_max
+    def _follows(self, attempt: _Attempt, loss: float) -> bool:
+        motion = attempt.motion
+        return attempt.loss <= loss and motion.failed == 0 and motion.slack.max() <= self.config.slack_max
 
     def _attempt(self, chunk, now, start, commanded, slowdown, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
@@ -250,62 +251,82 @@ class ChunkPlanner:
             paths.append(bent.joined(_slower(commanded.rows[i], attempt.slowdown), float(steps[0])))
         return tuple(paths), distance * share
 
-    def _track(self, attempt: _Attempt, v_start: np.ndarray) -> PostureTrack:
-        """The posture as smooth curves over the path parameter, beginning with the velocity ``v_start`` [per s]."""
-        steps, motion = attempt.steps, attempt.motion
-        v = np.vstack([v_start, 0.5 * (motion.v[1:-1] + motion.v[2:]), np.zeros(self.model.nv)])
-        com, momentum = np.empty((len(steps), 3)), np.empty((len(steps), 3))
-        for k in range(len(steps)):
-            pin.computeCentroidalMomentum(self.model, self.data, motion.q[k], attempt.slowdown * v[k])
-            com[k], momentum[k] = self.data.com[0], self.data.hg.angular
-            if k == 0:
-                com_velocity = self.data.hg.linear / self.posture.mass
+    def _track(self, attempt: _Attempt) -> PostureTrack:
+        """The posture on the grid: positions as smooth curves, derivatives interpolated between the steps.
+
+        The derivatives of a spline would overshoot where the plan brakes hard, past what the joints can do.
+        """
+        steps, motion, rate = attempt.steps, attempt.motion, attempt.slowdown
+        dt = self.posture.config.dt / rate
+        # Velocities of the plan lie between the steps; at rest after the last one.
+        between = rate * np.vstack([motion.v, np.zeros(self.model.nv)])
+        v, a = 0.5 * (between[:-1] + between[1:]), np.diff(between, axis=0) / dt
+        com, com_velocity, momentum, turns = self._bodies(motion.q, v)
+        dq = np.array([_configuration_rate(q, rates) for q, rates in zip(motion.q, v, strict=True)])
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
-        com_curve = CubicSpline(steps, com, bc_type=((1, com_velocity), (1, np.zeros(3))))
-        momentum_curve = CubicSpline(steps, momentum)
-        rate = _configuration_rate(motion.q[0], attempt.slowdown * v_start)
-        curve = CubicSpline(steps, motion.q, bc_type=((1, rate), (1, np.zeros(self.model.nq))))
-        q, dq, ddq = curve(grid), curve(grid, 1), curve(grid, 2)
+        q = CubicHermiteSpline(steps, motion.q, dq)(grid)
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-        v = _velocity(q, dq)
-        pelvis, torso = self._trunk(q)
-        com = np.stack([com_curve(grid, order) for order in (0, 1, 2)])
-        momentum = np.stack([momentum_curve(grid, order) for order in (0, 1)])
-        # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
-        for rates in (v, ddq, com[1], com[2], *momentum, dq, *pelvis[1:], *torso[1:]):
-            rates[-1] = 0.0
-        return PostureTrack(
+        between_steps = _Interpolation(steps, grid)
+        bodies = []
+        for R in turns:
+            spin, change = _angular_rates(R, dt)
+            bodies.append((between_steps.rotations(R), between_steps(spin), between_steps(change)))
+        com_acceleration, momentum_rate = (np.gradient(x, dt, axis=0) for x in (com_velocity, momentum))
+        lift = np.gradient(dq[:, 2], dt)
+        track = PostureTrack(
             start=float(steps[0]),
             q=q,
-            v=v,
-            ddq=ddq[:, 7:],
-            com=com,
-            momentum=momentum,
-            height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
-            pelvis=pelvis,
-            torso=torso,
+            v=between_steps(v),
+            ddq=between_steps(a[:, 6:]),
+            com=np.stack([between_steps(x) for x in (com, com_velocity, com_acceleration)]),
+            momentum=np.stack([between_steps(x) for x in (momentum, momentum_rate)]),
+            height=np.stack([q[:, 2], *between_steps(np.stack([dq[:, 2], lift], axis=1)).T]),
+            pelvis=bodies[0],
+            torso=bodies[1],
         )
+        # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
+        for rates in (track.v, track.ddq, *track.com[1:], *track.momentum, *track.pelvis[1:], *track.torso[1:]):
+            rates[-1] = 0.0
+        track.height[1:, -1] = 0.0
+        return track
 
-    def _trunk(self, q: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Orientation, angular rate and acceleration of pelvis and torso."""
+    def _bodies(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Centre of mass, its velocity, angular momentum, (K, 3) each, and turns of pelvis and torso (2, K, 3, 3)."""
+        com, velocity, momentum = np.empty((3, len(q), 3))
         R = np.empty((2, len(q), 3, 3))
-        for k, configuration in enumerate(q):
-            pin.framesForwardKinematics(self.model, self.data, configuration)
-            R[:, k] = [self.data.oMf[frame].rotation for frame in (self.pelvis_id, self.torso_id)]
-        return [_with_rates(rotations) for rotations in R]
+        for k in range(len(q)):
+            pin.computeCentroidalMomentum(self.model, self.data, q[k], v[k])
+            com[k], momentum[k] = self.data.com[0], self.data.hg.angular
+            velocity[k] = self.data.hg.linear / self.posture.mass
+            for i, frame in enumerate((self.pelvis_id, self.torso_id)):
+                R[i, k] = pin.updateFramePlacement(self.model, self.data, frame).rotation
+        return com, velocity, momentum, R
 
 
-def _with_rates(R: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rotations (n, 3, 3) on the grid with their angular rates and accelerations, (n, 3) each, world axes."""
-    if len(R) < 3:
-        return R, np.zeros((len(R), 3)), np.zeros((len(R), 3))
-    turn = R[2:] @ np.swapaxes(R[:-2], 1, 2)
-    middle = np.stack([turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], 1)
-    rate = np.empty((len(R), 3))
-    # Small angles: the sine is the angle to 1e-5.
-    rate[1:-1] = 0.5 * middle / (2.0 * GRID)
-    rate[0], rate[-1] = rate[1], rate[-2]
-    return R, rate, np.gradient(rate, GRID, axis=0)
+class _Interpolation:
+    """Linear interpolation from steps to the grid, both increasing."""
+
+    def __init__(self, steps: np.ndarray, grid: np.ndarray) -> None:
+        self._low = np.clip(np.searchsorted(steps, grid, side="right") - 1, 0, len(steps) - 2)
+        self._share = np.clip((grid - steps[self._low]) / np.diff(steps)[self._low], 0.0, 1.0)[:, None]
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Rows (K, k) on the grid."""
+        return values[self._low] + self._share * (values[self._low + 1] - values[self._low])
+
+    def rotations(self, R: np.ndarray) -> np.ndarray:
+        """Rotations (K, 3, 3) on the grid; neighbours are close, so normalised quaternions will do."""
+        quat = Rotation.from_matrix(R).as_quat()
+        flips = np.cumprod(np.where(np.sum(quat[1:] * quat[:-1], axis=1) < 0.0, -1.0, 1.0))
+        quat[1:] *= flips[:, None]
+        return Rotation.from_quat(self(quat)).as_matrix()
+
+
+def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Angular rates and accelerations, (K, 3) each, world axes, of rotations ``dt`` apart."""
+    turn = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec() / dt
+    spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
+    return spin, np.gradient(spin, dt, axis=0)
 
 
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:
@@ -319,19 +340,3 @@ def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     R = pin.Quaternion(q[3:7]).toRotationMatrix()
     turn = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[3:6]
     return np.concatenate([R @ v[:3], turn, v[6:]])
-
-
-def _velocity(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """Velocities (n, nv) for derivatives of configurations, both (n, nq): the inverse of `_configuration_rate`."""
-    x, y, z, w = q[:, 3:7].T
-    turn = 2.0 * np.stack(
-        [
-            np.sum(dq[:, 3:7] * np.stack(column, axis=1), axis=1)
-            for column in ((w, z, -y, -x), (-z, w, x, -y), (y, -x, w, -z))
-        ],
-        axis=1,
-    )
-    linear = np.array(
-        [pin.Quaternion(pose).toRotationMatrix().T @ rate for pose, rate in zip(q[:, 3:7], dq[:, :3], strict=True)]
-    )
-    return np.hstack([linear, turn, dq[:, 7:]])

@@ -15,12 +15,15 @@ from wholebody.types import JointCommand, RobotState, StatusReport
 class Recorder:
     """Collects rows; `save` writes them as one ``.npz`` that needs no pickle.
 
-    Columns, n control periods: ``time`` (n,) [s]; ``q`` (n, nq) and ``v`` (n, nv), true state in Pinocchio's
-    convention; ``q_command``, ``dq_command``, ``tau_command`` (n, n_joints), motor order; ``torque`` (n, n_joints), in
-    motor order too, what the motors gave in the period before [N m]; ``T_world_palms`` (n, 2, 4, 4), commanded palm poses, left
-    first; ``foot_force`` (n,) [N] and ``pressure`` (n, 2) [m], load of the floor on the feet and its centre;
-    ``status``, ``reason`` and ``contacts`` (n,), text, contacts as ``first-second`` joined by blanks; ``objects``
-    (n, k, 7), position and quaternion wxyz of the scene's free bodies.
+    Columns, n control periods, motors in motor order, SI units:
+
+    - ``time`` (n,); ``q`` (n, nq) and ``v`` (n, nv), true state in Pinocchio's convention
+    - ``q_command``, ``dq_command``, ``tau_command`` (n, n_joints)
+    - ``torque`` (n, n_joints): what the motors gave at the end of the period before
+    - ``T_world_palms`` (n, 2, 4, 4): commanded palm poses, left first
+    - ``foot_force`` (n,) and ``pressure`` (n, 2): load of the floor on the feet and its centre
+    - ``status``, ``reason``, ``contacts`` (n,): text; contacts as ``first-second`` joined by blanks
+    - ``objects`` (n, k, 7): position and quaternion wxyz of the scene's free bodies
 
     Attributes:
         joint_names: Joints of ``q`` and ``v`` after the base, Pinocchio order.
