@@ -12,7 +12,7 @@ PYTEST = -m pytest -q
 # Extra arguments: make test ARGS="-k controller"
 ARGS ?=
 
-.PHONY: help demo setup setup-core lint format test regression regression-update test-latest bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -46,6 +46,9 @@ test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and 
 
 bench: $(VENV)/.all-installed ## Time one controller tick
 	$(BIN)/wholebody bench tick $(ARGS)
+
+configs: $(VENV)/.core-installed ## Write configs/default.yaml anew from the defaults in wholebody/config.py
+	$(BIN)/wholebody config > configs/.default.yaml && mv configs/.default.yaml configs/default.yaml
 
 lock: $(VENV)/.core-installed ## Resolve the two locks again (make lock ARGS=--upgrade for newer versions)
 	$(call compile,--all-extras --constraint requirements/pins.txt,all)

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+import ast
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import cattrs
 import yaml
 
+from wholebody import config as config_module
 from wholebody.config import ControllerConfig
 from wholebody.errors import ConfigError
+
+Place = Callable[[tuple[str, ...]], str]
+"""Where in a file a setting is, for messages."""
 
 
 def load_config(path: str | Path) -> ControllerConfig:
@@ -21,57 +30,135 @@ def load_config(path: str | Path) -> ControllerConfig:
         path: YAML file, nested like `ControllerConfig`.
 
     Raises:
-        ConfigError: If the file is no YAML mapping, names something unknown, or gives a value of the wrong type.
+        ConfigError: If the file is no YAML mapping, names something unknown, or gives a value of the wrong type; with
+            file and line.
         OSError: If the file cannot be read.
     """
+    text = Path(path).read_text()
     try:
-        changes = yaml.safe_load(Path(path).read_text())
+        changes, root = yaml.safe_load(text), yaml.compose(text, yaml.SafeLoader)
     except yaml.YAMLError as error:
         raise ConfigError(f"{path} is not YAML: {error}") from error
-    return config_from(changes or {}, source=str(path))
+    return config_from({} if changes is None else changes, lambda names: f"{path}:{_line(root, names)}")
 
 
-def config_from(changes: object, source: str = "configuration") -> ControllerConfig:
-    """The same from plain data."""
-    _check(ControllerConfig, changes, source, "")
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    converter.register_structure_hook(float, _number)
-    converter.register_structure_hook(int, _whole)
-    try:
-        return converter.structure(changes, ControllerConfig)
-    except Exception as error:
-        reasons = "; ".join(cattrs.transform_error(error, format_exception=lambda reason, _: str(reason)))
-        raise ConfigError(f"{source}: {reasons}") from error
+def config_from(changes: object, place: Place = lambda names: "configuration") -> ControllerConfig:
+    """The same from plain data.
+
+    Args:
+        changes: Nested mappings.
+        place: Where a setting comes from, by the names that lead to it.
+
+    Raises:
+        ConfigError: See `load_config`.
+    """
+    return _structure(ControllerConfig(), changes, place, ())
 
 
 def dump_config(config: ControllerConfig) -> str:
-    """A configuration as YAML, every value written out."""
-    data = cattrs.Converter().unstructure(config)
-    return yaml.safe_dump(data, sort_keys=False)
+    """A configuration as YAML, every value written out under what the field means and its unit."""
+    return "\n".join(["# Every setting with its default, SI units.", *_documented(config, "")]) + "\n"
 
 
-def _check(owner: type, data: object, source: str, where: str) -> None:
-    """Unknown names first: their cure is a better name."""
-    if not isinstance(data, dict):
-        raise ConfigError(f"{source}: {where or 'the file'} must be a mapping of names to values, got {data!r}")
-    known = {field.name: field.default_factory for field in fields(owner)}
-    for name, value in data.items():
-        path = f"{where}.{name}" if where else str(name)
-        if name not in known:
-            near = get_close_matches(str(name), known, n=1)
+def _structure(owner: object, changes: object, place: Place, path: tuple[str, ...]) -> object:
+    """A copy of a dataclass with changes, each field checked by its type."""
+    if not isinstance(changes, dict):
+        what = ".".join(path) or "the file"
+        raise ConfigError(f"{place(path)}: {what} must be a mapping of names to values, got {changes!r}")
+    types, names = get_type_hints(type(owner)), [field.name for field in fields(owner)]
+    values = {}
+    for name, value in changes.items():
+        here = (*path, str(name))
+        if name not in names:
+            near = get_close_matches(str(name), names, n=1)
             hint = f"did you mean '{near[0]}'? " if near else ""
-            raise ConfigError(f"{source}: unknown setting '{path}'; {hint}known here: {', '.join(known)}")
-        if is_dataclass(known[name]):
-            _check(known[name], value, source, path)
+            raise ConfigError(
+                f"{place(here)}: unknown setting '{'.'.join(here)}'; {hint}known here: {', '.join(names)}",
+                setting=".".join(here),
+            )
+        if is_dataclass(types[name]):
+            values[name] = _structure(getattr(owner, name), value, place, here)
+        else:
+            values[name] = _value(types[name], value, place, here)
+    return replace(owner, **values)
+
+
+def _value(kind: type, value: object, place: Place, path: tuple[str, ...]) -> object:
+    converter = cattrs.Converter()
+    converter.register_structure_hook(float, _number)
+    converter.register_structure_hook(int, _whole)
+    converter.register_structure_hook(str, _text)
+    name = ".".join(path)
+    if get_args(kind) and not isinstance(value, list | tuple):
+        raise ConfigError(f"{place(path)}: {name} must be a list of numbers, got {value!r}", setting=name)
+    try:
+        return converter.structure(value, kind)
+    except (cattrs.BaseValidationError, ValueError) as error:
+        reasons = [str(error)]
+        if isinstance(error, cattrs.BaseValidationError):
+            reasons = cattrs.transform_error(error, format_exception=lambda reason, _: str(reason))
+        raise ConfigError(f"{place(path)}: {name} {'; '.join(reasons)}", setting=name) from error
 
 
 def _number(value: object, _: type) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-        raise ValueError(f"must be a finite number, got {value!r}")
-    return float(value)
+    """A finite number; also what YAML 1.1 takes for text, as 1e-3."""
+    try:
+        number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else float("nan")
+    except ValueError:
+        number = float("nan")
+    if not isfinite(number):
+        raise ValueError(f"must be a finite number in SI units, got {value!r}")
+    if number < 0.0:
+        raise ValueError(f"must be at least 0, got {value!r}")
+    return number
 
 
 def _whole(value: object, _: type) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise ValueError(f"must be a whole number, got {value!r}")
     return value
+
+
+def _text(value: object, _: type) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"must be a name, got {value!r}")
+    return value
+
+
+def _line(node: yaml.Node | None, names: tuple[str, ...]) -> int:
+    """Line of a setting, counted from 1; that of the deepest mapping found on the way to it."""
+    line = 1
+    for name in names:
+        keys = node.value if isinstance(node, yaml.MappingNode) else []
+        found = [(key, value) for key, value in keys if key.value == name]
+        if not found:
+            return line
+        key, node = found[0]
+        line = key.start_mark.line + 1
+    return line
+
+
+def _documented(owner: object, indent: str) -> Iterator[str]:
+    meanings = _meanings(type(owner))
+    for field in fields(owner):
+        value = getattr(owner, field.name)
+        for line in meanings.get(field.name, "").splitlines():
+            yield f"{indent}# {line.strip()}"
+        if is_dataclass(value):
+            yield f"{indent}{field.name}:"
+            yield from _documented(value, indent + "  ")
+        else:
+            plain = list(value) if isinstance(value, tuple) else value
+            text = yaml.safe_dump(plain, default_flow_style=True).removesuffix("\n...\n").strip()
+            yield f"{indent}{field.name}: {text}"
+
+
+def _meanings(owner: type) -> dict[str, str]:
+    """The text below each field of a configuration class."""
+    tree = ast.parse(inspect.getsource(config_module))
+    (body,) = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == owner.__name__]
+    found = {}
+    for field, text in pairwise(body):
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+            found[field.target.id] = str(text.value.value)
+    return found
