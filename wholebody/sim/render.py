@@ -110,7 +110,7 @@ def _frames(columns: dict[str, np.ndarray], rows: np.ndarray) -> Iterator[np.nda
     loose = [int(model.jnt_qposadr[j]) for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)][1:]
     camera = mujoco.MjvCamera()
     # From the front left, far enough for a robot of 1.3 m with its arms up or squatting.
-    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0.12, 0.0, 0.66), 2.5, 215.0, -10.0
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0.12, 0.0, 0.66), 2.2, 215.0, -10.0
     with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
         flags = renderer.scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
