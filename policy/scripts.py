@@ -21,11 +21,11 @@ LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
 """Of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
 LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 """Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
-LISSAJOUS_TURN = np.deg2rad([9.0, -15.0, -49.0])
+LISSAJOUS_TURN = np.deg2rad([9.0, -27.0, -35.0])
 """Constant orientation of the left hand as roll, pitch and yaw [rad]; right: mirrored. Where the palms come to
 y = ±60 mm in front of the trunk, hands that point inwards leave room for the forearms; found by a search over
 orientations for what the posture plan can follow."""
-LISSAJOUS_THUMB = np.array([-0.49, -0.58, 0.25])
+LISSAJOUS_THUMB = np.array([-0.63, -0.58, 0.0])
 """Left thumb clear of the closed fingers and of the trunk; the fist ends 52 mm inwards of its palm point [rad]."""
 
 OBJECT_IN_PALM = np.array([-0.025, -0.055, 0.0])

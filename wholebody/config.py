@@ -194,14 +194,35 @@ class PosturePlanConfig:
     """Deceleration of approaching bodies [m/s^2]."""
 
 
-AGILE = PosturePlanConfig(torso_weight=90.0, smoothness=5e-8, height_min=0.35, acceleration=80.0)
+AGILE = PosturePlanConfig(
+    orientation_weight=1000.0,
+    com_weight=70.0,
+    zmp_weight=(0.005, 0.2),
+    torso_weight=200.0,
+    pelvis_weight=2.0,
+    height_weight=8.0,
+    posture_weight=0.15,
+    torque_slack_price=0.05,
+    smoothness=2e-7,
+    acceleration=80.0,
+    hand_brake=6.0,
+    hand_speed=1.5,
+    hand_turn_brake=18.0,
+    hand_turn_speed=4.0,
+    height_min=0.35,
+    zmp_margin=0.025,
+)
 """For fast chunks: hard accelerations, and an upright torso, whose swinging would use up the waist."""
 
 GENTLE = PosturePlanConfig(
     position_weight=200.0,
     orientation_weight=10.0,
     zmp_weight=(1.0, 1.0),
+    torso_weight=90.0,
+    smoothness=2.2e-7,
     acceleration=40.0,
+    height_min=0.35,
+    zmp_margin=0.025,
 )
 """For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
 
@@ -213,6 +234,8 @@ class PlannerConfig:
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
     agile: PosturePlanConfig = AGILE
     """The posture plan of a chunk that the calm one does not follow."""
+    calm_speed: float = 0.6
+    """Palm speed up to which a chunk is planned calmly [m/s]."""
     calm_loss: float = 0.01
     """Largest distance of a calm plan's palm from its target [m]."""
     gentle: PosturePlanConfig = GENTLE

@@ -187,15 +187,17 @@ class ChunkPlanner:
     def _best(self, chunk, now, start, commanded) -> _Attempt:
         """Calm if that follows, else agile, else slower; with hands that only pull where nothing follows."""
         c = self.config
-        attempt = self._attempt(chunk, now, start, commanded, 1.0)
-        if self._follows(attempt, c.calm_loss):
-            return attempt
-        # What is out of reach at the end stays so at any speed.
-        if attempt.distance[-1].max() <= c.loss_max:
-            for slowdown in (1.0, *c.slowdowns):
-                attempt = self._attempt(chunk, now, start, commanded, slowdown, c.agile)
-                if self._follows(attempt, c.loss_max):
-                    return attempt
+        if _speed(chunk) <= c.calm_speed:
+            attempt = self._attempt(chunk, now, start, commanded, 1.0)
+            if self._follows(attempt, c.calm_loss):
+                return attempt
+        for slowdown in (1.0, *c.slowdowns):
+            attempt = self._attempt(chunk, now, start, commanded, slowdown, c.agile)
+            if self._follows(attempt, c.loss_max):
+                return attempt
+            # What is out of reach at the end stays so at any speed.
+            if attempt.distance[-1].max() > c.loss_max:
+                break
         return self._attempt(chunk, now, start, commanded, 1.0, c.gentle)
 
     def _follows(self, attempt: _Attempt, loss: float) -> bool:
@@ -327,6 +329,12 @@ def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     turn = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec() / dt
     spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
     return spin, np.gradient(spin, dt, axis=0)
+
+
+def _speed(chunk: ActionChunk) -> float:
+    """Largest speed of a wrist between two steps [m/s]."""
+    steps = [np.diff(T[:, :3, 3], axis=0) for T in (chunk.T_world_lhand, chunk.T_world_rhand)]
+    return float(np.linalg.norm(steps, axis=2).max() * chunk.fps)
 
 
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:

@@ -34,6 +34,15 @@ class EpisodeConfig:
     """Chunk steps after which a new chunk is asked for."""
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """A chunk that was refused: simulated time [s], reason code, and a sentence."""
+
+    time: float
+    reason: str
+    detail: str
+
+
 @dataclass
 class EpisodeResult:
     """What happened.
@@ -54,9 +63,11 @@ class EpisodeResult:
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest distance that a sole slid [m].
         tilt: Largest pelvis tilt [rad].
-        refusals: Messages of refused chunks.
-        clamped: Largest distance that a target was moved [m].
-        slowdown: Largest planned slow-down factor.
+        refusals: Refused chunks.
+        clamped: Largest distance that a target was moved [m], of which hand, and when that target was due [s].
+        slowdown: Largest planned slow-down factor, and when that chunk came [s].
+        start: When the first chunk was asked for [s].
+        fps: Steps per second of the chunks [Hz]; 0 before the first.
     """
 
     fall: Fall | None = None
@@ -74,9 +85,14 @@ class EpisodeResult:
     margin: float = float("inf")
     creep: float = 0.0
     tilt: float = 0.0
-    refusals: list[str] = field(default_factory=list)
+    refusals: list[Refusal] = field(default_factory=list)
     clamped: float = 0.0
+    clamped_hand: str = ""
+    clamped_time: float = 0.0
     slowdown: float = 1.0
+    slowed_time: float = 0.0
+    start: float = 0.0
+    fps: float = 0.0
 
     @property
     def rms(self) -> float:
@@ -127,6 +143,7 @@ def run_episode(
     supervisor.reset(measured)
     policy.reset()
     result, score, watch = EpisodeResult(), Score(supervisor), Watch(plant)
+    result.start = config.settle
     end, next_chunk, tick = config.settle + duration + config.hold, config.settle, 0
     while state.time < end and result.fall is None:
         if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration:
@@ -153,13 +170,18 @@ def run_episode(
 
 def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult) -> None:
     status = supervisor.accept(chunk)
+    result.fps = chunk.fps
     if status.status is Status.HOLD and status.reason:
-        result.refusals.append(f"{status.reason}: {status.detail}")
+        result.refusals.append(Refusal(chunk.t_obs, status.reason, status.detail))
         return
     report = supervisor.plan_report
     score.add(chunk, report)
-    result.clamped = max(result.clamped, float(report.clamped.max()))
-    result.slowdown = max(result.slowdown, report.slowdown)
+    if report.clamped.max() > result.clamped:
+        step, side = np.unravel_index(report.clamped.argmax(), report.clamped.shape)
+        result.clamped, result.clamped_hand = float(report.clamped.max()), ("left", "right")[int(side)]
+        result.clamped_time = chunk.t_obs + float(report.steps[step])
+    if report.slowdown > result.slowdown:
+        result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
 
 
 def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:

@@ -1,0 +1,199 @@
+"""The answer about an input, and how an episode leads to it."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+
+from wholebody.runtime import EpisodeResult
+from wholebody.sim.watch import Excess
+
+Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
+
+ERROR_FEASIBLE = 0.02
+"""Largest palm error of a step that counts as reached [m]."""
+BEND_MAX = 0.05
+"""How far a hand may be moved for the motion to count as repaired; further away it is another motion [m]."""
+SLOWDOWN_FEASIBLE = 1.01
+"""Time factor up to which a motion counts as unslowed."""
+TORQUE_TIME = 0.05
+"""How long a motor may be asked for more than its limit; less is a position loop's answer to a jolt [s]."""
+LISTED = 5
+"""Violations of one kind that are listed: the worst."""
+PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Violation:
+    """One reason against an input.
+
+    Attributes:
+        code: Stable reason code: ``fall``, ``refused``, ``out_of_reach``, ``too_fast_for_balance``, ``tracking_error``,
+            ``torque_limit``, ``joint_limit``, ``balance_edge``, ``self_contact`` or ``scene_contact``.
+        subject: Joint, body, hand or message that it is about.
+        time: When first, or when worst, in simulated time [s]; None if it has no instant.
+        step: The same in steps of the input, from 0.
+        value, bound: In SI units.
+        unit: ``m``, ``rad``, ``N m``, ``s`` or empty.
+    """
+
+    code: str
+    subject: str
+    time: float | None = None
+    step: int | None = None
+    value: float = 0.0
+    bound: float = 0.0
+    unit: str = ""
+
+    @property
+    def margin(self) -> float:
+        """Distance to the bound: negative, how far it was passed."""
+        return -abs(self.value - self.bound)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The answer with its reasons.
+
+    Attributes:
+        name: Input.
+        verdict: ``feasible`` as given; ``feasible_after_repair``: slowed, or a hand moved by at most `BEND_MAX`;
+            ``infeasible``: falls, is refused, or would have to be another motion.
+        fell: Whether the robot fell in simulation.
+        violations: Worst first.
+        rms_m, max_m, end_m: Palm errors over all steps, and at the last one [m].
+        time_factor: Time taken over time asked for.
+        seconds: Time per status [s].
+        reasons: Time per reason code [s].
+        demandable_share: Share of the steps that could be asked for (`wholebody.score.demandable`).
+        demandable_rms_m, demandable_max_m: Palm errors over those [m].
+        within_20mm: Share of those within 20 mm.
+        pressure_margin_m: Least distance of the centre of pressure from the edge of the soles [m].
+        creep_m: How far a sole slid [m].
+        config: The controller's configuration.
+        versions: Versions that the answer depends on.
+    """
+
+    name: str
+    verdict: Answer
+    fell: bool
+    violations: list[Violation] = field(default_factory=list)
+    rms_m: float = 0.0
+    max_m: float = 0.0
+    end_m: float = 0.0
+    time_factor: float = 1.0
+    seconds: dict[str, float] = field(default_factory=dict)
+    reasons: dict[str, float] = field(default_factory=dict)
+    demandable_share: float = 1.0
+    demandable_rms_m: float = 0.0
+    demandable_max_m: float = 0.0
+    within_20mm: float = 1.0
+    pressure_margin_m: float | None = None
+    creep_m: float = 0.0
+    config: dict = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict:
+        """Plain data for JSON, as `verdict.schema.json` describes it."""
+        return asdict(self) | {"violations": [asdict(v) | {"margin": v.margin} for v in self.violations]}
+
+
+def judge(name: str, result: EpisodeResult, config: dict | None = None) -> Verdict:
+    """Verdict on an episode.
+
+    Args:
+        name: What to call the input.
+        result: What happened.
+        config: The controller's configuration as plain data, for the record.
+    """
+    errors, fair = result.errors, result.errors[result.demandable]
+    return Verdict(
+        name=name,
+        verdict=_answer(result),
+        fell=result.fall is not None,
+        violations=_violations(result),
+        rms_m=result.rms,
+        max_m=float(errors.max()) if errors.size else 0.0,
+        end_m=float(errors[-1].max()) if errors.size else 0.0,
+        time_factor=result.time_factor,
+        seconds=dict(result.seconds),
+        reasons=dict(result.reasons),
+        demandable_share=float(result.demandable.mean()) if result.demandable.size else 1.0,
+        demandable_rms_m=float(np.sqrt(np.mean(fair**2))) if fair.size else 0.0,
+        demandable_max_m=float(fair.max()) if fair.size else 0.0,
+        within_20mm=float((fair <= ERROR_FEASIBLE).mean()) if fair.size else 1.0,
+        pressure_margin_m=result.margin if isfinite(result.margin) else None,
+        creep_m=result.creep,
+        config=config or {},
+        versions={"python": platform.python_version()} | {package: version(package) for package in PACKAGES},
+    )
+
+
+def _answer(result: EpisodeResult) -> Answer:
+    if result.fall is not None or result.refusals or result.clamped > BEND_MAX:
+        return "infeasible"
+    slowed = result.slowdown > 1.0 or result.time_factor > SLOWDOWN_FEASIBLE
+    missed = bool(result.errors.size) and result.errors.max() > ERROR_FEASIBLE
+    if result.clamped > 0.0 or slowed or missed or result.contacts or _lasting(result.torques):
+        return "feasible_after_repair"
+    return "feasible"
+
+
+def _violations(result: EpisodeResult) -> list[Violation]:
+    """From what ends a motion to what only marks it; within a kind the worst first."""
+    found = []
+    if result.fall is not None:
+        found.append(Violation(code="fall", subject=result.fall.cause, time=result.fall.time))
+    found += [
+        Violation(code="refused", subject=f"{refusal.reason}: {refusal.detail}", time=refusal.time)
+        for refusal in result.refusals[:LISTED]
+    ]
+    found += _plan_violations(result)
+    if result.errors.size and result.errors.max() > ERROR_FEASIBLE:
+        step, side = np.unravel_index(result.errors.argmax(), result.errors.shape)
+        hand, time = ("left palm", "right palm")[int(side)], float(result.times[step])
+        worst = float(result.errors.max())
+        found.append(_metres("tracking_error", hand, time, worst, ERROR_FEASIBLE))
+    if result.edge is not None:
+        edge = result.edge
+        found.append(_metres("balance_edge", "centre of pressure", edge.first, edge.worst, edge.bound))
+    found += _excesses("torque_limit", _lasting(result.torques), "N m")
+    found += _excesses("joint_limit", result.positions, "rad")
+    for code, contacts in (("self_contact", result.contacts), ("scene_contact", result.scene_contacts)):
+        first = sorted(contacts.items(), key=lambda item: item[1])[:LISTED]
+        found += [Violation(code=code, subject=" - ".join(pair), time=time) for pair, time in first]
+    return [_with_step(violation, result) for violation in found]
+
+
+def _plan_violations(result: EpisodeResult) -> Iterator[Violation]:
+    if result.clamped > 0.0:
+        yield _metres("out_of_reach", f"{result.clamped_hand} hand", result.clamped_time, result.clamped, 0.0)
+    if result.slowdown > 1.0:
+        subject, time = "slow-down factor", result.slowed_time
+        yield Violation(code="too_fast_for_balance", subject=subject, time=time, value=result.slowdown, bound=1.0)
+
+
+def _lasting(torques: dict[str, Excess]) -> dict[str, Excess]:
+    return {joint: excess for joint, excess in torques.items() if excess.seconds > TORQUE_TIME}
+
+
+def _excesses(code: str, found: dict[str, Excess], unit: str) -> Iterator[Violation]:
+    worst = sorted(found.items(), key=lambda item: -abs(item[1].worst - item[1].bound))
+    for joint, e in worst[:LISTED]:
+        yield Violation(code=code, subject=joint, time=e.first, value=e.worst, bound=e.bound, unit=unit)
+
+
+def _metres(code: str, subject: str, time: float, value: float, bound: float) -> Violation:
+    return Violation(code=code, subject=subject, time=time, value=value, bound=bound, unit="m")
+
+
+def _with_step(violation: Violation, result: EpisodeResult) -> Violation:
+    if violation.time is None or result.fps <= 0.0 or violation.time < result.start:
+        return violation
+    return replace(violation, step=round((violation.time - result.start) * result.fps))
