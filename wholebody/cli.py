@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.metadata import version
+from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
@@ -15,8 +16,10 @@ import typer
 
 if TYPE_CHECKING:
     from policy.base import Policy
+    from policy.spec import ActionSpec
     from wholebody.checker import Checker
     from wholebody.sim.recorder import Recorder
+    from wholebody.verdict import Verdict
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="Action chunks in, a balanced G1 out.")
 
@@ -25,7 +28,14 @@ EXIT_OK, EXIT_INFEASIBLE, EXIT_MISUSE = 0, 1, 2
 JsonTo = Annotated[str, typer.Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
 CsvFps = Annotated[float, typer.Option(help="Frames per second of motion files.")]
 Duration = Annotated[float, typer.Option(help="Seconds to run; 0 for the whole input.")]
+Hold = Annotated[float, typer.Option(help="Seconds of standing after the last step: falls can come late.")]
 Scene = Annotated[str, typer.Option(help="Scene: floor, table, shelf, table_cylinder, ...")]
+Realistic = Annotated[bool, typer.Option(help="Tell the controller what real sensors would.")]
+DelayMs = Annotated[float, typer.Option(help="Age of the state when the controller gets it [ms].")]
+PayloadKg = Annotated[
+    tuple[float, float], typer.Option(help="Mass in the left and right hand, unknown to the controller [kg].")
+]
+AssumeSpec = Annotated[str, typer.Option(help="Layout of chunk files that name none: built-in name or JSON file.")]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")]
 
 
@@ -55,26 +65,36 @@ def check(
     json_to: JsonTo = "",
     csv_fps: CsvFps = 60.0,
     duration: Duration = 0.0,
+    hold: Hold = 4.0,
     scene: Scene = "floor",
     config: ConfigFile = None,
+    realistic: Realistic = False,
+    delay_ms: DelayMs = 0.0,
+    payload_kg: PayloadKg = (0.0, 0.0),
+    assume_spec: AssumeSpec = "",
 ) -> None:
     """Judge inputs by planning and simulating them. Exit code 0 feasible, 1 any infeasible, 2 malformed."""
+    from policy.errors import PolicyError
+
+    _check_times(duration, hold)
+    _check_places(json_to)
     quiet, worst, verdicts, checker = json_to == "-", EXIT_OK, [], None
     for name in inputs:
         try:
-            policy = _open(name, csv_fps)
-        except (ValueError, OSError) as error:
+            policy = _open(name, csv_fps, assume_spec)
+            checker = checker or _checker(scene, config, hold, realistic, delay_ms, payload_kg)
+            with _progress(name, quiet=quiet) as progress:
+                verdict, _ = checker.check(policy, name, duration or policy.duration, progress=progress)
+        except (PolicyError, OSError) as error:
             # The other inputs are judged all the same; the exit code is that of the worst.
             print(f"wholebody: {name}: {error}", file=sys.stderr)
             worst = EXIT_MISUSE
             continue
-        checker = checker or _checker(scene, config)
-        verdict, _ = checker.check(policy, name, duration or policy.duration)
         verdicts.append(verdict)
         worst = max(worst, EXIT_INFEASIBLE if verdict.verdict == "infeasible" else EXIT_OK)
         if not quiet:
             _print_verdict(verdict)
-    _write_json(json_to, [verdict.as_dict() for verdict in verdicts])
+    _write_json(json_to, verdicts)
     raise typer.Exit(worst)
 
 
@@ -83,33 +103,44 @@ def run(
     source: Annotated[str, typer.Argument(help="Scripted policy, chunk .npz or motion .csv.")] = "reach",
     motions: Annotated[Path | None, typer.Option(help="Run every motion .csv of a folder instead.")] = None,
     duration: Duration = 0.0,
+    hold: Hold = 4.0,
     scene: Scene = "floor",
     json_to: JsonTo = "",
     csv_fps: CsvFps = 60.0,
     config: ConfigFile = None,
+    realistic: Realistic = False,
+    delay_ms: DelayMs = 0.0,
+    payload_kg: PayloadKg = (0.0, 0.0),
+    assume_spec: AssumeSpec = "",
     video: Annotated[Path | None, typer.Option(help="Write a video (.mp4) of the run.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Write six frames of the run as one picture (.png).")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every control period to an .npz.")] = None,
 ) -> None:
     """Run a source of chunks through the controller in MuJoCo and say how it went. Exit code 1 after a fall."""
+    quiet, outputs = json_to == "-", (video, sheet, record)
+    _check_times(duration, hold)
+    _check_places(json_to, *outputs)
+    if motions and any(outputs):
+        raise ValueError("--video, --sheet and --record show one run; name one source instead of --motions")
     names = sorted(str(path) for path in motions.glob("*.csv")) if motions else [source]
     if not names:
-        raise ValueError(f"no .csv files in {motions}")
-    policies = [_open(name, csv_fps) for name in names]
-    checker, verdicts = _checker(scene, config), []
-    recorder = checker.recorder() if video or sheet or record else None
-    for name, policy in zip(names, policies, strict=True):
-        length = duration or policy.duration
-        with _progress(Path(name).stem, quiet=json_to == "-") as progress:
+        raise ValueError(f"no .csv files in '{motions}'")
+    policies = [_open(name, csv_fps, assume_spec) for name in names]
+    checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []
+    recorder = checker.recorder() if any(outputs) else None
+    for i, (name, policy) in enumerate(zip(names, policies, strict=True)):
+        title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
+        with _progress(title, quiet=quiet) as progress:
+            length = duration or policy.duration
             verdict, _ = checker.check(policy, name, length, progress=progress, recorder=recorder)
         verdicts.append(verdict)
-        if json_to != "-" and not motions:
+        if not quiet and not motions:
             _print_verdict(verdict)
-    if motions and json_to != "-":
+    if motions and not quiet:
         from wholebody.report import table
 
         table(verdicts)
-    _write_json(json_to, [verdict.as_dict() for verdict in verdicts])
+    _write_json(json_to, verdicts)
     if recorder is not None:
         _write_pictures(recorder, video, sheet, record)
     raise typer.Exit(EXIT_INFEASIBLE if any(v.fell for v in verdicts) else EXIT_OK)
@@ -121,12 +152,12 @@ def convert(
     target: Annotated[Path, typer.Argument(help="File to write, .npz or .csv.")],
     to: Annotated[str, typer.Option(help="Layout of a written .npz.")] = "wbc32",
     csv_fps: CsvFps = 60.0,
-    assume_spec: Annotated[str, typer.Option(help="Layout of a source that names none.")] = "",
+    assume_spec: AssumeSpec = "",
 ) -> None:
     """Convert between chunk files and motion files."""
     from policy.convert import convert as convert_file
 
-    convert_file(source, target, to=to, csv_fps=csv_fps, assume=assume_spec or None)
+    convert_file(source, target, to=to, csv_fps=csv_fps, assume=_assumed(assume_spec))
     print(f"wrote {target}")
 
 
@@ -139,23 +170,63 @@ def config() -> None:
     print(dump_config(ControllerConfig()), end="")
 
 
-def _open(name: str, csv_fps: float) -> Policy:
+def _open(name: str, csv_fps: float, assume_spec: str) -> Policy:
     from policy.replay import open_recording
     from policy.scripts import scripted
 
-    if Path(name).suffix in (".npz", ".csv"):
-        return open_recording(name, csv_fps=csv_fps)
+    if Path(name).suffix.lower() in (".npz", ".csv"):
+        return open_recording(name, csv_fps=csv_fps, assume=_assumed(assume_spec))
     return scripted(name)
 
 
-def _checker(scene: str, config: Path | None) -> Checker:
+def _assumed(text: str) -> ActionSpec | None:
+    """The layout that a user vouches for: a built-in name or a JSON file."""
+    from policy.layouts import builtin
+    from policy.spec import ActionSpec
+
+    if not text:
+        return None
+    return ActionSpec.from_json(Path(text).read_text()) if text.endswith(".json") else builtin(text)
+
+
+def _checker(
+    scene: str, config: Path | None, hold: float, realistic: bool, delay_ms: float, payload_kg: tuple[float, float]
+) -> Checker:
     from wholebody.checker import Checker
     from wholebody.config_file import load_config
+    from wholebody.runtime import EpisodeConfig
+    from wholebody.sim.sensors import REALISTIC, SensorConfig
 
-    return Checker(scene, load_config(config) if config else None)
+    settings = load_config(config) if config else None
+    sensors = replace(REALISTIC if realistic else SensorConfig(), delay=1e-3 * delay_ms)
+    return Checker(
+        scene,
+        settings,
+        episode=EpisodeConfig(hold=hold),
+        sensors=sensors if realistic or delay_ms else None,
+        payload_kg=payload_kg,
+    )
 
 
-def _print_verdict(verdict: object) -> None:
+def _check_times(duration: float, hold: float) -> None:
+    for name, seconds, meaning in (("--duration", duration, " (0: the whole input)"), ("--hold", hold, "")):
+        if not (isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"{name} is {seconds} s; it must be at least 0{meaning}")
+
+
+def _check_places(
+    json_to: str, video: Path | None = None, sheet: Path | None = None, record: Path | None = None
+) -> None:
+    """Refuse outputs that cannot be written before minutes of simulation, not after."""
+    for path, ending in ((video, ".mp4"), (sheet, ".png"), (record, ".npz")):
+        if path is not None and path.suffix != ending:
+            raise ValueError(f"cannot write '{path}': its name must end in {ending}")
+    for path in (video, sheet, record, Path(json_to) if json_to not in ("", "-") else None):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
+
+
+def _print_verdict(verdict: Verdict) -> None:
     from wholebody.report import lines
 
     print("\n".join(lines(verdict)), flush=True)
@@ -190,11 +261,13 @@ def _write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, 
                 render(file, output)
                 print(f"wrote {output}", file=sys.stderr)
             except RenderError as error:
-                print(f"wholebody: {output} was not written: {error}", file=sys.stderr)
+                print(f"wholebody: '{output}' was not written: {error}", file=sys.stderr)
 
 
-def _write_json(target: str, data: list[dict]) -> None:
+def _write_json(target: str, verdicts: list[Verdict]) -> None:
+    from wholebody.report import to_json
+
     if target == "-":
-        print(json.dumps(data, indent=2))
+        print(to_json(verdicts))
     elif target:
-        Path(target).write_text(json.dumps(data, indent=2))
+        Path(target).write_text(to_json(verdicts) + "\n")

@@ -9,3 +9,8 @@ def configs_folder() -> Path:
     """The folder of the YAML configurations: inside the installed package, or `configs/` of a checkout."""
     installed = _PACKAGE / "_configs"
     return installed if installed.is_dir() else _PACKAGE.parent / "configs"
+
+
+def verdict_schema() -> Path:
+    """The JSON Schema of what `--json` writes."""
+    return _PACKAGE / "verdict.schema.json"

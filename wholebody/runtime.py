@@ -145,8 +145,8 @@ def run_episode(
     result, score, watch = EpisodeResult(), Score(supervisor), Watch(plant)
     result.start = config.settle
     end, next_chunk, tick = config.settle + duration + config.hold, config.settle, 0
-    while state.time < end and result.fall is None:
-        if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration:
+    while state.time < end - 1e-9 and result.fall is None:
+        if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration - 1e-9:
             chunk = policy.infer(observe(plant.spec, supervisor, measured))
             _offer(chunk, supervisor, score, result)
             next_chunk += config.replace_every / chunk.fps

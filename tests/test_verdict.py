@@ -1,0 +1,142 @@
+"""Strategy: episode results made by hand, judged, written as text and as JSON held against the shipped schema."""
+
+import json
+import re
+
+import jsonschema
+import numpy as np
+import pytest
+
+from wholebody.report import HEADINGS, lines, row, to_json
+from wholebody.resources import verdict_schema
+from wholebody.runtime import EpisodeResult, Refusal
+from wholebody.sim.fall import Fall
+from wholebody.sim.watch import Excess
+from wholebody.verdict import judge
+
+
+def result(*, errors=0.001, **changes):
+    """Ten steps at 30 Hz from second 1, all with the same error; the left hand may be asked for the first eight."""
+    table = np.full((10, 2), errors)
+    fair = np.ones((10, 2), dtype=bool)
+    fair[8:, 0] = False
+    times = 1.0 + np.arange(10) / 30.0
+    settings = {"seconds": {"tracking": 3.0}, "margin": 0.04, "start": 1.0, "fps": 30.0} | changes
+    return EpisodeResult(times=times, errors=table, demandable=fair, **settings)
+
+
+def codes(verdict):
+    return [violation.code for violation in verdict.violations]
+
+
+def test_what_is_followed_as_given_is_feasible():
+    verdict = judge("wave", result())
+    assert verdict.verdict == "feasible"
+    assert verdict.violations == []
+    assert verdict.rms_m == pytest.approx(0.001)
+    assert verdict.demandable_share == pytest.approx(0.9)
+    assert verdict.within_20mm == 1.0
+    assert lines(verdict)[0] == "FEASIBLE  wave"
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
+        ({"clamped": 0.03, "clamped_hand": "left", "clamped_time": 1.5}, "out_of_reach"),
+        ({"errors": 0.03}, "tracking_error"),
+        ({"contacts": {("left_elbow_link", "torso_link"): 1.2}}, "self_contact"),
+        ({"torques": {"waist_pitch_joint": Excess(1.1, 0.2, 41.0, 35.0)}}, "torque_limit"),
+    ],
+)
+def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
+    verdict = judge("motion", result(**changes))
+    assert verdict.verdict == "feasible_after_repair"
+    assert codes(verdict) == [code]
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"fall": Fall(2.5, "pelvis at 0.19 m")}, "fall"),
+        ({"refusals": [Refusal(1.0, "chunk_invalid", "T_world_lhand has NaN at step 7")]}, "refused"),
+        ({"clamped": 0.3, "clamped_hand": "right", "clamped_time": 1.5}, "out_of_reach"),
+    ],
+)
+def test_what_falls_is_refused_or_becomes_another_motion_is_infeasible(changes, code):
+    verdict = judge("motion", result(**changes))
+    assert verdict.verdict == "infeasible"
+    assert codes(verdict)[0] == code
+
+
+def test_marks_that_change_nothing_leave_it_feasible():
+    marks = {
+        "scene_contacts": {("left_hand_palm_link", "object"): 1.2},
+        "torques": {"left_knee_joint": Excess(1.1, 0.004, 150.0, 139.0)},
+        "edge": Excess(1.2, 0.01, 0.0005, 0.001),
+        "positions": {"left_knee_joint": Excess(1.2, 0.01, 2.9, 2.88)},
+    }
+    verdict = judge("grasp", result(**marks))
+    assert verdict.verdict == "feasible"
+    assert codes(verdict) == ["balance_edge", "joint_limit", "scene_contact"]
+
+
+def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
+    everything = {
+        "errors": 0.2,
+        "fall": Fall(1.3, "pelvis at 0.19 m"),
+        "clamped": 0.12,
+        "clamped_hand": "right",
+        "clamped_time": 1.2,
+        "torques": {
+            "left_knee_joint": Excess(1.1, 0.2, 140.0, 139.0),
+            "waist_pitch_joint": Excess(1.1, 0.2, 48.0, 35.0),
+        },
+    }
+    verdict = judge("motion", result(**everything))
+    assert codes(verdict) == ["fall", "out_of_reach", "tracking_error", "torque_limit", "torque_limit"]
+    assert verdict.violations[3].subject == "waist_pitch_joint"
+    assert verdict.violations[1].step == 6
+    text = lines(verdict)
+    assert text[0] == "INFEASIBLE  motion"
+    assert text[1] == "  fall: pelvis at 0.19 m at 1.30 s (step 9)"
+    assert text[2] == "  out_of_reach: right hand at 1.20 s (step 6), 120 mm (bound 0 mm)"
+    assert text[4] == "  torque_limit: waist_pitch_joint at 1.10 s (step 3), 48 N m (bound 35 N m)"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"margin": float("inf")}, {"fall": Fall(2.5, "x")}, {"torques": {"a": Excess(0.5, 0.2, 41.0, 35.0)}}],
+)
+def test_json_follows_the_shipped_schema(changes):
+    schema = json.loads(verdict_schema().read_text())
+    jsonschema.Draft202012Validator.check_schema(schema)
+    text = to_json([judge("a", result(**changes), {"dt": 0.002}), judge("b", result())])
+    jsonschema.validate(json.loads(text), schema)
+
+
+def test_the_schema_refuses_what_is_not_a_verdict():
+    schema = json.loads(verdict_schema().read_text())
+    verdict = judge("a", result()).as_dict()
+    for wrong in ({"verdict": "maybe"}, {"rms_m": -1.0}, {"extra": 1}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate([verdict | wrong], schema)
+
+
+def test_a_verdict_names_the_configuration_and_the_versions_it_was_made_with():
+    verdict = judge("a", result(), {"solver": "daqp"})
+    assert verdict.config == {"solver": "daqp"}
+    assert re.match(r"\d", verdict.versions["mujoco"])
+
+
+def test_an_empty_episode_has_a_verdict_too():
+    verdict = judge("nothing", EpisodeResult())
+    assert verdict.verdict == "feasible"
+    jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
+
+
+def test_a_row_of_the_table_has_a_cell_for_every_heading():
+    cells = row(judge("folder/B_Fence1.csv", result(errors=0.0123)))
+    assert len(cells) == len(HEADINGS)
+    assert cells[0] == "B_Fence1"
+    assert "12.3" in cells
