@@ -5,8 +5,7 @@ import pinocchio as pin
 import pytest
 
 from models.g1 import g1
-from policy.scripts import lissajous, reach
-from wholebody.config import AGILE
+from policy.scripts import reach, two_hand_lift
 from wholebody.posture_plan import GRAVITY, PosturePlanner
 
 SPEC = g1()
@@ -27,8 +26,8 @@ def poses(policy, planner, start, end):
     return T, fingers
 
 
-def plan(planner, T, fingers, config=None):
-    return planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers, config)
+def plan(planner, T, fingers):
+    return planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
 
 
 def zero_moment_points(planner, motion):
@@ -54,8 +53,8 @@ def test_reaches_are_planned_to_a_tenth_of_a_millimetre(planner, x, z):
 
 
 def test_the_plan_keeps_its_zero_moment_point_inside_as_inverse_dynamics_sees_it(planner):
-    T, fingers = poses(lissajous(), planner, 0.0, 5.0)
-    motion = plan(planner, T, fingers, AGILE)
+    T, fingers = poses(two_hand_lift(), planner, 0.0, 6.0)
+    motion = plan(planner, T, fingers)
     zmp = zero_moment_points(planner, motion)
     margin = np.min(planner.support.offsets - zmp @ planner.support.normals.T, axis=1)
     assert motion.failed == 0
