@@ -56,6 +56,20 @@ class FileFormatError(PolicyError, ValueError):
         self.path = path
 
 
+class DatasetError(PolicyError, ValueError):
+    """A dataset that cannot be read or converted.
+
+    Attributes:
+        feature: Offending feature, such as ``action``, or None.
+        frame: Offending frame over all episodes, or None.
+    """
+
+    def __init__(self, message: str, *, feature: str | None = None, frame: int | None = None) -> None:
+        super().__init__(message)
+        self.feature = feature
+        self.frame = frame
+
+
 def did_you_mean(given: object, known: Iterable[str]) -> str:
     """``did you mean 'x'? `` with the nearest known name, empty if none is near."""
     near = difflib.get_close_matches(str(given), list(known), n=1)

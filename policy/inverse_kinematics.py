@@ -16,6 +16,8 @@ MOTION_TOLERANCE = 1e-3
 """Largest pose error of a written motion, metres and radians in one norm: recordings are not better."""
 ARMS = {"lhand": _ALL[LEFT_ARM], "rhand": _ALL[RIGHT_ARM]}
 """Joints of each arm within the 29 body joints."""
+UPPER_BODY = np.concatenate([_ALL[WAIST], ARMS["lhand"], ARMS["rhand"]])
+"""Waist and arms within the 29 body joints."""
 _SIDES = {"lhand": "left", "rhand": "right"}
 
 
@@ -41,7 +43,7 @@ def arm_joints(
     for step, T in enumerate(T_base_hand):
         if q_waist is not None:
             q[WAIST] = q_waist[step]
-        q, error = _best({hand: T}, arm, q, _starts(q, q_body, arm))
+        q, error = reach({hand: T}, arm, q, q_body)
         if not error <= IK_TOLERANCE:
             raise ChunkError(
                 f"the {_SIDES[hand]} arm cannot reach its pose at step {step}: {error:.3g} (m and rad) remain, "
@@ -68,15 +70,14 @@ def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body
     Raises:
         ChunkError: Naming the first step that waist and arms cannot reach from this pelvis.
     """
-    both = np.concatenate([ARMS["lhand"], ARMS["rhand"]])
-    upper = np.concatenate([_ALL[WAIST], both])
+    both, upper = UPPER_BODY[3:], UPPER_BODY
     q, solved = np.array(q_body, dtype=float), np.empty((len(T_base_lhand), len(BODY_JOINTS)))
     for step, (T_l, T_r) in enumerate(zip(T_base_lhand, T_base_rhand, strict=True)):
         goals = {"lhand": T_l, "rhand": T_r}
         before = q
         q, error = _best(goals, both, before, [before[both]])
         if not error <= IK_TOLERANCE:
-            q, error = _best(goals, upper, before, _starts(before, q_body, upper))
+            q, error = reach(goals, upper, before, q_body)
         if not error <= MOTION_TOLERANCE:
             raise ChunkError(
                 f"waist and arms cannot reach the wrist poses at step {step}: {error:.3g} (m and rad) remain, "
@@ -86,6 +87,23 @@ def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body
             )
         solved[step] = q
     return solved
+
+
+def reach(
+    goals: dict[str, np.ndarray], joints: np.ndarray, q: np.ndarray, q_first: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Posture nearest to some goals, from the step before, and where that fails from three other starts.
+
+    Args:
+        goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
+        joints: Which of the 29 body joints may move.
+        q: Posture at the step before, shape (29,), [rad].
+        q_first: Posture at the start of the path, shape (29,), [rad].
+
+    Returns:
+        Posture, shape (29,), [rad], and the norm of the remaining error [m and rad], at most `IK_TOLERANCE` if reached.
+    """
+    return _best(goals, joints, q, _starts(q, q_first, joints))
 
 
 def _best(
