@@ -21,7 +21,7 @@ from policy.errors import ChunkError, DatasetError, SpecError, did_you_mean
 from policy.hands import closing_of
 from policy.inverse_kinematics import ARMS, UPPER_BODY, reach
 from policy.joint_layout import JointLayout
-from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST, WAIST_JOINTS
+from policy.joints import BODY_JOINTS, LEFT_ARM, RIGHT_ARM, WAIST, WAIST_JOINTS
 from policy.kinematics import IK_TOLERANCE
 from policy.rotations import angle_between
 from policy.se3 import inverse
@@ -118,7 +118,7 @@ class JointConversion:
             "left_hand": chunk.q_lhand,
             "right_hand": chunk.q_rhand,
         }
-        joints = np.zeros((len(chunk), self.source.dim)) if start is None else np.tile(start, (len(chunk), 1))
+        joints = np.tile(self._at_rest() if start is None else start, (len(chunk), 1)).astype(float)
         joints[:, self.source.columns] = _from_parts(self.source.spec, parts)
         return joints, errors
 
@@ -148,6 +148,12 @@ class JointConversion:
         if joints.ndim != 2 or joints.shape[1] != self.source.dim:
             raise ChunkError(f"the joint vectors have shape {joints.shape}; (n, {self.source.dim}) is expected")
         return decode(self.source.spec, joints[:, self.source.columns], self.anchor)
+
+    def _at_rest(self) -> np.ndarray:
+        """Joint vector (D,) of the stance; hands 0, they are always given."""
+        scale = 180.0 / np.pi if self.source.unit == "deg" else 1.0
+        stance = dict(zip(BODY_JOINTS, scale * self.anchor.q_body, strict=True))
+        return np.array([stance.get(name, 0.0) for name in self.source.names])
 
     def _in_base(self, chunk: ActionChunk) -> dict[str, np.ndarray]:
         T_base_world = inverse(self.anchor.T_world_base)

@@ -34,6 +34,19 @@ GRASPS = ("left_grasp", "right_grasp")
 ARMS = (*LEFT_ARM_JOINTS, *RIGHT_ARM_JOINTS)
 FINGERS = (*LEFT_HAND_JOINTS, *RIGHT_HAND_JOINTS)
 
+_UNITREE_ARM = ("ShoulderPitch", "ShoulderRoll", "ShoulderYaw", "Elbow", "WristRoll", "WristPitch", "WristYaw")
+_UNITREE_ARMS = tuple(f"k{side}{joint}" for side in ("Left", "Right") for joint in _UNITREE_ARM)
+_UNITREE_LEFT_HAND = ("Thumb0", "Thumb1", "Thumb2", "Middle0", "Middle1", "Index0", "Index1")
+_UNITREE_RIGHT_HAND = ("Thumb0", "Thumb1", "Thumb2", "Index0", "Index1", "Middle0", "Middle1")
+UNITREE_DEX3 = (
+    *_UNITREE_ARMS,
+    *(f"kLeftHand{joint}" for joint in _UNITREE_LEFT_HAND),
+    *(f"kRightHand{joint}" for joint in _UNITREE_RIGHT_HAND),
+)
+"""The 28 columns of the datasets ``unitreerobotics/G1_Dex3_*``: the layout joint28."""
+UNITREE_DEX1 = (*_UNITREE_ARMS, "kLeftGripper", "kRightGripper")
+"""The 16 columns of the datasets ``unitreerobotics/G1_Dex1_*``: the layout joint16."""
+
 DEGREES_FROM = 2.0 * np.pi
 """No joint of the G1 turns a whole circle [rad]; the widest reaches 3.1."""
 ORDER_MARGIN = 0.3
