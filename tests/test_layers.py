@@ -26,7 +26,7 @@ LAYERS = (
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),
     ("controller", "posture_plan", "planner", "supervisor"),
-    ("score", "runtime", "verdict", "checker"),
+    ("score", "stitching", "runtime", "verdict", "checker"),
     ("report", "cli"),
 )
 COMPOSITION = LAYERS[5:]

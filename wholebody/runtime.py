@@ -11,6 +11,9 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
+from policy.clock import SimulatedClock
+from policy.executor import Executor
+from policy.executor_report import ExecutionReport
 from policy.observation import Observation
 from wholebody.score import Score
 from wholebody.sim.fall import Fall, detect_fall
@@ -18,6 +21,7 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
 from wholebody.sim.watch import Excess, Watch
+from wholebody.stitching import SeamMeter, Stitch, commanded_chunk
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState, Status
 
@@ -68,6 +72,8 @@ class EpisodeResult:
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
         start: When the first chunk was asked for [s].
         fps: Steps per second of the chunks [Hz]; 0 before the first.
+        stitches: Jump of the commanded palms at every chunk.
+        execution: What the executor saw, if there was one.
     """
 
     fall: Fall | None = None
@@ -93,6 +99,8 @@ class EpisodeResult:
     slowed_time: float = 0.0
     start: float = 0.0
     fps: float = 0.0
+    stitches: list[Stitch] = field(default_factory=list)
+    execution: ExecutionReport | None = None
 
     @property
     def rms(self) -> float:
@@ -112,7 +120,7 @@ def observe(spec: RobotSpec, supervisor: Supervisor, state: RobotState, task: st
 
 
 def run_episode(
-    policy: Policy,
+    policy: Policy | Executor,
     supervisor: Supervisor,
     plant: MujocoPlant,
     *,
@@ -125,7 +133,7 @@ def run_episode(
     """Run a policy through the controller in MuJoCo.
 
     Args:
-        policy: Source of chunks.
+        policy: Source of chunks: a policy, which answers in no time, or an executor on a simulated clock.
         supervisor: Made for the plant's robot.
         plant: Where it happens; reset here.
         duration: Time for which chunks are asked for, after the settling time [s].
@@ -133,6 +141,9 @@ def run_episode(
         sensors: What the controller is told of the true state; the truth itself if not given.
         recorder: Where to write every control period.
         progress: Called about ten times a simulated second with the time and the end time [s].
+
+    Raises:
+        TypeError: If an executor's clock is not a simulated one.
     """
     config = config or EpisodeConfig()
     state = plant.reset()
@@ -141,16 +152,18 @@ def run_episode(
         sensors.reset()
     measured = measure(state)
     supervisor.reset(measured)
-    policy.reset()
+    source = _Late(policy, config) if isinstance(policy, Executor) else _Prompt(policy, config)
     result, score, watch = EpisodeResult(), Score(supervisor), Watch(plant)
-    result.start = config.settle
-    end, next_chunk, tick = config.settle + duration + config.hold, config.settle, 0
+    seams = SeamMeter(plant.control_dt)
+    result.start, result.execution = config.settle, source.report
+    end, tick = config.settle + duration + config.hold, 0
     while state.time < end - 1e-9 and result.fall is None:
-        if state.time >= next_chunk - 1e-9 and state.time < config.settle + duration - 1e-9:
-            chunk = policy.infer(observe(plant.spec, supervisor, measured))
-            _offer(chunk, supervisor, score, result)
-            next_chunk += config.replace_every / chunk.fps
+        if config.settle - 1e-9 <= state.time < config.settle + duration - 1e-9:
+            chunk = source.poll(state.time, supervisor, measured)
+            if chunk is not None and _offer(chunk, supervisor, score, result, source):
+                seams.mark(state.time)
         command = supervisor.step(measured)
+        seams.add(supervisor.palm_reference())
         if recorder is not None:
             recorder.add(state, command, supervisor.palm_reference(), supervisor.status, plant)
         state = plant.step(command)
@@ -165,15 +178,64 @@ def run_episode(
     result.time_factor = supervisor.time_factor
     result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
     result.margin, result.creep = watch.margin, watch.creep
+    result.stitches = seams.stitches
     return result
 
 
-def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult) -> None:
+class _Prompt:
+    """A policy that answers in no time, asked every so many steps."""
+
+    report = None
+
+    def __init__(self, policy: Policy, config: EpisodeConfig) -> None:
+        self.policy, self.every, self.next = policy, config.replace_every, config.settle
+        policy.reset()
+
+    def poll(self, time: float, supervisor: Supervisor, measured: RobotState) -> ActionChunk | None:
+        if time < self.next - 1e-9:
+            return None
+        chunk = self.policy.infer(observe(supervisor.spec, supervisor, measured))
+        self.next += self.every / chunk.fps
+        return chunk
+
+    def refused(self, code: str, detail: str) -> None:
+        """The next chunk comes when it is due."""
+
+
+class _Late:
+    """An executor whose clock is the simulation's."""
+
+    def __init__(self, executor: Executor, config: EpisodeConfig) -> None:
+        if not isinstance(executor.clock, SimulatedClock):
+            raise TypeError(
+                f"the executor has a {type(executor.clock).__name__}; MuJoCo is stepped on a SimulatedClock"
+            )
+        self.executor = executor
+        executor.clock.restart(config.settle)
+        executor.reset()
+        self.report = executor.report
+
+    def poll(self, time: float, supervisor: Supervisor, measured: RobotState) -> ActionChunk | None:
+        self.executor.clock.set(max(time, self.executor.clock.now()))
+        return self.executor.poll(
+            lambda: observe(supervisor.spec, supervisor, measured),
+            lambda t_obs, steps, fps: commanded_chunk(supervisor, t_obs, steps, fps),
+        )
+
+    def refused(self, code: str, detail: str) -> None:
+        self.executor.refused(code, detail)
+
+
+def _offer(
+    chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult, source: _Prompt | _Late
+) -> bool:
+    """Hand a chunk to the supervisor; whether it was accepted."""
     status = supervisor.accept(chunk)
     result.fps = chunk.fps
     if status.status is Status.HOLD and status.reason:
         result.refusals.append(Refusal(chunk.t_obs, status.reason, status.detail))
-        return
+        source.refused(status.reason, status.detail)
+        return False
     report = supervisor.plan_report
     score.add(chunk, report)
     if report.clamped.max() > result.clamped:
@@ -182,6 +244,7 @@ def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: Epi
         result.clamped_time = chunk.t_obs + float(report.steps[step])
     if report.slowdown > result.slowdown:
         result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
+    return True
 
 
 def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:

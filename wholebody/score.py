@@ -30,7 +30,9 @@ class Score:
 
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
-        self._chunk, self._next = chunk, 0
+        # A chunk that comes late is not scored for the steps that were over before it came.
+        now = chunk.t_obs + report.steps[0]
+        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, now - 1.0 / chunk.fps))
         self._fair = demandable(chunk, report)
 
     def measure(self, state: RobotState) -> None:
