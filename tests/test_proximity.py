@@ -1,4 +1,7 @@
-"""Strategy: random postures around the stance and anywhere; every pair measured afresh is the truth."""
+"""Strategy: random postures around the stance and anywhere; every pair measured afresh is the truth.
+
+The set watched here is that of the posture plan; tests/test_limits_self_collision.py takes all pairs of the robot.
+"""
 
 import numpy as np
 import pinocchio as pin
@@ -6,7 +9,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from wholebody.limits.self_collision import SelfCollisionLimit
+from wholebody.errors import InputError
 from wholebody.proximity import Proximity, watched_pairs
 from wholebody.robot import Robot
 
@@ -47,7 +50,7 @@ def measured(proximity, robot, q):
 def test_the_near_pairs_are_those_of_the_full_set_on_a_thousand_postures(robot, proximity):
     for q in postures(robot, POSTURES):
         robot.update(q, np.zeros(robot.nv))
-        proximity.update(robot.data, TRIGGER)
+        proximity.update(q, robot.data, TRIGGER)
         near = proximity.near(TRIGGER)
         truth = measured(proximity, robot, q)
         edge = truth - proximity.margin - TRIGGER
@@ -62,7 +65,7 @@ def test_small_steps_measure_few_pairs_and_stay_exact(robot, proximity):
     for _ in range(300):
         q = pin.integrate(robot.model, q, rng.normal(0.0, 0.01, robot.nv))
         robot.update(q, np.zeros(robot.nv))
-        proximity.update(robot.data, TRIGGER)
+        proximity.update(q, robot.data, TRIGGER)
     near, truth = proximity.near(TRIGGER), measured(proximity, robot, q)
     assert set(near) == set(np.flatnonzero(truth < proximity.margin + TRIGGER))
 
@@ -72,7 +75,7 @@ def test_rates_are_the_differences_of_the_distances(robot, proximity):
     for q in postures(robot, 60):
         v = rng.normal(0.0, 1.0, robot.nv)
         robot.update(q, v)
-        proximity.update(robot.data, TRIGGER)
+        proximity.update(q, robot.data, TRIGGER)
         near = proximity.near(TRIGGER)
         near = near[proximity.distance[near] > 2e-3]
         J, _ = proximity.rates(robot.data, near)
@@ -82,11 +85,25 @@ def test_rates_are_the_differences_of_the_distances(robot, proximity):
     assert np.percentile(errors, 90) < 0.05
 
 
-def test_the_limit_has_one_named_row_for_each_near_pair_nearest_first(robot, proximity):
-    limit = SelfCollisionLimit(proximity, trigger=TRIGGER, brake=10.0, most=5)
-    robot.update(stance_q(robot.spec, robot.model), np.zeros(robot.nv))
-    rows = limit.rows(robot)
-    truth = measured(proximity, robot, robot.q) - proximity.margin
-    assert len(rows.upper) == min(5, int((truth < TRIGGER).sum())) == len(rows.labels)
-    assert rows.labels[0] == proximity.labels[int(np.argmin(truth))]
-    assert (rows.upper >= -1e-9).all()
+def test_the_bounds_of_pairs_that_were_not_measured_are_never_above_their_distance(robot, proximity):
+    rng = np.random.default_rng(2)
+    q = stance_q(robot.spec, robot.model)
+    for _ in range(100):
+        q = pin.integrate(robot.model, q, rng.normal(0.0, 0.02, robot.nv))
+        robot.update(q, np.zeros(robot.nv))
+        proximity.update(q, robot.data, TRIGGER)
+        assert (proximity.bound <= measured(proximity, robot, q) + 2e-6).all()
+
+
+def test_moving_the_base_makes_no_pair_unknown(robot, proximity):
+    q = stance_q(robot.spec, robot.model)
+    before = proximity.bound.copy()
+    q[:3] += 1.0
+    robot.update(q, np.zeros(robot.nv))
+    proximity.update(q, robot.data, TRIGGER)
+    np.testing.assert_allclose(proximity.bound, before, atol=2e-6)
+
+
+def test_a_pair_without_a_distance_is_refused_by_name(robot):
+    with pytest.raises(InputError, match="tail_link"):
+        Proximity(robot.spec, robot.model, [("torso_link", "tail_link")], stance_q(robot.spec, robot.model), 0.01)

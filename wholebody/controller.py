@@ -15,7 +15,7 @@ from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
-from wholebody.proximity import Proximity, watched_pairs
+from wholebody.proximity import Proximity
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
@@ -156,8 +156,10 @@ class WholeBodyController:
         )
         self.limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
         q_stance = stance_q(spec, self.robot.model)
-        proximity = Proximity(spec, self.robot.model, watched_pairs(), q_stance, safety.self_distance)
-        self.self_collision = SelfCollisionLimit(proximity, trigger=safety.self_trigger, brake=safety.self_brake)
+        proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
+        self.self_collision = SelfCollisionLimit(
+            proximity, trigger=safety.self_trigger, brake=safety.self_brake, driven=6 + self.finger_indices
+        )
 
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""

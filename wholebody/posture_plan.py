@@ -272,7 +272,7 @@ class PosturePlanner:
         room, inertia = self._tau_max, self._inertia
         rows.add(self._J_tau / inertia[:, None], (room - self._tau_drift) / inertia, 2)
         rows.add(-self._J_tau / inertia[:, None], (room + self._tau_drift) / inertia, 2)
-        self.proximity.update(self.data)
+        self.proximity.update(q, self.data)
         near = self.proximity.near(c.self_trigger)
         if len(near):
             J, _ = self.proximity.rates(self.data, near)

@@ -72,7 +72,7 @@ class Robot:
         self._zero = zero
         pin.forwardKinematics(model, data, q, v, zero)
         pin.updateFramePlacements(model, data)
-        pin.computeJointJacobians(model, data)
+        pin.computeJointJacobiansTimeVariation(model, data, q, v)
         pin.crba(model, data, q)
         mass_matrix = data.M
         self.M = np.triu(mass_matrix) + np.triu(mass_matrix, 1).T

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wholebody.limits.base import Rows, barrier
 from wholebody.proximity import Proximity
 from wholebody.robot import Robot
@@ -10,23 +12,40 @@ from wholebody.robot import Robot
 class SelfCollisionLimit:
     """The nearest pairs of bodies do not come closer than their margin.
 
+    For a pair at distance d with rate ``J v``: ``-J dv <= barrier(d - margin, -J v) + drift``.
+
     Args:
         proximity: Distances of the watched pairs.
         trigger: Distance beyond the margin from which a pair counts [m].
         brake: Deceleration of approaching bodies that is always available [m/s^2].
         dt: Time constant of the bound [s].
-        most: Largest number of pairs, nearest first.
+        least: Number of nearest pairs that always have a row.
+        most: Largest number of rows, nearest pairs first.
+        driven: Velocities whose acceleration is not the program's to choose, indices into ``v``: fingers go where their
+            reference says, so the arms have to make room.
     """
 
-    def __init__(self, proximity: Proximity, *, trigger: float, brake: float, dt: float = 0.02, most: int = 24) -> None:
-        self.proximity, self.trigger, self.brake, self.dt, self.most = proximity, trigger, brake, dt, most
+    def __init__(
+        self,
+        proximity: Proximity,
+        *,
+        trigger: float,
+        brake: float,
+        dt: float = 0.02,
+        least: int = 10,
+        most: int = 24,
+        driven: np.ndarray | None = None,
+    ) -> None:
+        self.proximity, self.trigger, self.brake, self.dt = proximity, trigger, brake, dt
+        self.least, self.most = least, most
+        self._driven = np.zeros(0, dtype=int) if driven is None else driven
 
     def rows(self, robot: Robot) -> Rows:
         """One row per near pair."""
-        self.proximity.update(robot.data, self.trigger)
-        near = self.proximity.near(self.trigger, self.most)
-        J, drift = self.proximity.rates(robot.data, near)
-        speed = J @ robot.v
+        self.proximity.update(robot.q, robot.data, self.trigger, self.least)
+        near = self.proximity.near(self.trigger, self.most, self.least)
+        J, drift = self.proximity.rates(robot.data, near, robot.v)
         room = self.proximity.distance[near] - self.proximity.margin[near]
-        upper = barrier(room, -speed, brake=self.brake, dt=self.dt) + drift
+        upper = barrier(room, -(J @ robot.v), brake=self.brake, dt=self.dt) + drift
+        J[:, self._driven] = 0.0
         return Rows(-J, upper, tuple(self.proximity.labels[k] for k in near))
