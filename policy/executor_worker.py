@@ -1,9 +1,8 @@
-"""Who runs a policy: a thread of its own, or a simulation of one."""
+"""Who runs a policy: a thread of its own. A simulation of one is in `policy.executor_simulated`."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Protocol
@@ -118,40 +117,3 @@ class ThreadWorker:
             # Past an Exception the policy itself has ended; the thread stays, for a reset.
             dead = error is not None and not isinstance(error, Exception)
             self._outcomes.put(Outcome(job, self.clock.now(), chunk, error, dead))
-
-
-class SimulatedWorker:
-    """Runs a policy at once and hands its answer over later, as a thread on a simulated clock would.
-
-    Args:
-        policy: The policy.
-        clock: A simulated clock.
-        latency: Called once an inference for its duration [s]; ``inf`` is a call that never returns.
-    """
-
-    def __init__(self, policy: Policy, clock: Clock, latency: Callable[[], float] = lambda: 0.0) -> None:
-        self.policy, self.clock, self.latency = policy, clock, latency
-        self._pending: list[Outcome] = []
-
-    def submit(self, job: Job) -> None:
-        """Run a job now; its outcome is there after the jobs before it and its own latency."""
-        chunk = error = None
-        try:
-            chunk = job.run(self.policy)
-        except (Exception, SystemExit) as raised:  # noqa: BLE001 - as in ThreadWorker; an interrupt ends the simulation
-            error = raised
-        begin = max([self.clock.now(), *(outcome.done for outcome in self._pending)])
-        done = begin + (self.latency() if job.observation is not None else 0.0)
-        dead = error is not None and not isinstance(error, Exception)
-        self._pending.append(Outcome(job, done, chunk, error, dead))
-
-    def poll(self) -> Outcome | None:
-        """The oldest outcome whose time has come."""
-        # A billionth of a second of grace: ticks are sums of periods that are no binary fractions.
-        if self._pending and self._pending[0].done <= self.clock.now() + 1e-9:
-            return self._pending.pop(0)
-        return None
-
-    def close(self) -> None:
-        """Forget what is pending."""
-        self._pending = []

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -12,8 +13,9 @@ from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.clock import SimulatedClock
-from policy.executor import Executor
+from policy.executor import Executor, ExecutorConfig
 from policy.executor_report import ExecutionReport
+from policy.executor_simulated import simulated_executor
 from policy.observation import Observation
 from wholebody.score import Score
 from wholebody.sim.fall import Fall, detect_fall
@@ -25,6 +27,9 @@ from wholebody.stitching import SeamMeter, Stitch, commanded_chunk
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState, Status
 
+Cameras = Callable[[], Mapping[str, np.ndarray]]
+"""Images of the present moment: camera name to uint8 (height, width, 3), RGB."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeConfig:
@@ -35,12 +40,16 @@ class EpisodeConfig:
     hold: float = 4.0
     """Standing after the last step: one run fell 2.1 s after it looked fine [s]."""
     replace_every: int = 25
-    """Chunk steps after which a new chunk is asked for."""
+    """Chunk steps after which a new chunk is asked for; an executor has its own setting."""
+    task: str = ""
+    """What to do, in words."""
+    cameras: Cameras | None = None
+    """Called once an observation for its images."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """A chunk that was refused: simulated time [s], reason code, and a sentence."""
+    """A chunk that was refused, or that never came: simulated time [s], reason code, and a sentence."""
 
     time: float
     reason: str
@@ -67,13 +76,13 @@ class EpisodeResult:
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest distance that a sole slid [m].
         tilt: Largest pelvis tilt [rad].
-        refusals: Refused chunks.
+        refusals: Chunks that were refused or never came.
         clamped: Largest distance that a target was moved [m], of which hand, and when that target was due [s].
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
         start: When the first chunk was asked for [s].
         fps: Steps per second of the chunks [Hz]; 0 before the first.
         stitches: Jump of the commanded palms at every chunk.
-        execution: What the executor saw, if there was one.
+        execution: What the executor saw.
     """
 
     fall: Fall | None = None
@@ -108,14 +117,34 @@ class EpisodeResult:
         return float(np.sqrt(np.mean(self.errors**2))) if self.errors.size else 0.0
 
 
-def observe(spec: RobotSpec, supervisor: Supervisor, state: RobotState, task: str = "") -> Observation:
-    """What a policy sees of the robot; images are up to the caller."""
+def observe(
+    spec: RobotSpec,
+    supervisor: Supervisor,
+    state: RobotState,
+    task: str = "",
+    images: Mapping[str, np.ndarray] | None = None,
+) -> Observation:
+    """What a policy sees of the robot.
+
+    Args:
+        spec: The robot.
+        supervisor: Knows the order of the joints.
+        state: As measured.
+        task: What to do, in words.
+        images: Camera name to image, uint8, shape (height, width, 3).
+    """
     joints = state.q[7:][supervisor.robot.pin_to_motor]
     fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
     return Observation(
-        time=state.time, q_body=joints[:29], q_lhand=fingers[0], q_rhand=fingers[1], T_world_base=T, task=task
+        time=state.time,
+        q_body=joints[:29],
+        q_lhand=fingers[0],
+        q_rhand=fingers[1],
+        T_world_base=T,
+        images=images or {},
+        task=task,
     )
 
 
@@ -133,7 +162,8 @@ def run_episode(
     """Run a policy through the controller in MuJoCo.
 
     Args:
-        policy: Source of chunks: a policy, which answers in no time, or an executor on a simulated clock.
+        policy: Source of chunks: a policy, which then answers in no time, or an executor on a simulated clock, whose
+            worker may be simulated or a thread.
         supervisor: Made for the plant's robot.
         plant: Where it happens; reset here.
         duration: Time for which chunks are asked for, after the settling time [s].
@@ -152,15 +182,21 @@ def run_episode(
         sensors.reset()
     measured = measure(state)
     supervisor.reset(measured)
-    source = _Late(policy, config) if isinstance(policy, Executor) else _Prompt(policy, config)
+    executor = _executor(policy, config)
     result, score, watch = EpisodeResult(), Score(supervisor), Watch(plant)
     seams = SeamMeter(plant.control_dt)
-    result.start, result.execution = config.settle, source.report
+    result.start, result.execution = config.settle, executor.report
+
+    def seen() -> Observation:
+        images = config.cameras() if config.cameras is not None else {}
+        return observe(plant.spec, supervisor, measured, task=config.task, images=images)
+
     end, tick = config.settle + duration + config.hold, 0
     while state.time < end - 1e-9 and result.fall is None:
         if config.settle - 1e-9 <= state.time < config.settle + duration - 1e-9:
-            chunk = source.poll(state.time, supervisor, measured)
-            if chunk is not None and _offer(chunk, supervisor, score, result, source):
+            executor.clock.set(max(state.time, executor.clock.now()))
+            chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
+            if chunk is not None and _offer(chunk, supervisor, score, result, executor):
                 seams.mark(state.time)
         command = supervisor.step(measured)
         seams.add(supervisor.palm_reference())
@@ -174,67 +210,38 @@ def run_episode(
         tick += 1
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
-    result.times, result.errors, result.demandable = score.table()
-    result.time_factor = supervisor.time_factor
-    result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
-    result.margin, result.creep = watch.margin, watch.creep
-    result.stitches = seams.stitches
+    result.time_factor, result.stitches = supervisor.time_factor, seams.stitches
+    _fill(result, score, watch)
     return result
 
 
-class _Prompt:
-    """A policy that answers in no time, asked every so many steps."""
-
-    report = None
-
-    def __init__(self, policy: Policy, config: EpisodeConfig) -> None:
-        self.policy, self.every, self.next = policy, config.replace_every, config.settle
-        policy.reset()
-
-    def poll(self, time: float, supervisor: Supervisor, measured: RobotState) -> ActionChunk | None:
-        if time < self.next - 1e-9:
-            return None
-        chunk = self.policy.infer(observe(supervisor.spec, supervisor, measured))
-        self.next += self.every / chunk.fps
-        return chunk
-
-    def refused(self, code: str, detail: str) -> None:
-        """The next chunk comes when it is due."""
+def _fill(result: EpisodeResult, score: Score, watch: Watch) -> None:
+    """What was collected along the way."""
+    result.times, result.errors, result.demandable = score.table()
+    result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
+    result.margin, result.creep = watch.margin, watch.creep
+    faults = (event for event in result.execution.events if event.code != "starved")
+    result.refusals = [Refusal(event.time, event.code, event.detail) for event in faults]
 
 
-class _Late:
-    """An executor whose clock is the simulation's."""
-
-    def __init__(self, executor: Executor, config: EpisodeConfig) -> None:
-        if not isinstance(executor.clock, SimulatedClock):
-            raise TypeError(
-                f"the executor has a {type(executor.clock).__name__}; MuJoCo is stepped on a SimulatedClock"
-            )
-        self.executor = executor
-        executor.clock.restart(config.settle)
-        executor.reset()
-        self.report = executor.report
-
-    def poll(self, time: float, supervisor: Supervisor, measured: RobotState) -> ActionChunk | None:
-        self.executor.clock.set(max(time, self.executor.clock.now()))
-        return self.executor.poll(
-            lambda: observe(supervisor.spec, supervisor, measured),
-            lambda t_obs, steps, fps: commanded_chunk(supervisor, t_obs, steps, fps),
-        )
-
-    def refused(self, code: str, detail: str) -> None:
-        self.executor.refused(code, detail)
+def _executor(policy: Policy | Executor, config: EpisodeConfig) -> Executor:
+    """Whatever runs the policy, ready at the end of the settling time."""
+    executor = policy
+    if not isinstance(policy, Executor):
+        executor = simulated_executor(policy, config=ExecutorConfig(replace_every=config.replace_every))
+    if not isinstance(executor.clock, SimulatedClock):
+        raise TypeError(f"the executor has a {type(executor.clock).__name__}; MuJoCo is stepped on a SimulatedClock")
+    executor.clock.restart(config.settle)
+    executor.reset(config.task)
+    return executor
 
 
-def _offer(
-    chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult, source: _Prompt | _Late
-) -> bool:
+def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult, executor: Executor) -> bool:
     """Hand a chunk to the supervisor; whether it was accepted."""
     status = supervisor.accept(chunk)
     result.fps = chunk.fps
     if status.status is Status.HOLD and status.reason:
-        result.refusals.append(Refusal(chunk.t_obs, status.reason, status.detail))
-        source.refused(status.reason, status.detail)
+        executor.refused(status.reason, status.detail)
         return False
     report = supervisor.plan_report
     score.add(chunk, report)

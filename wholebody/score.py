@@ -15,7 +15,10 @@ DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.00
 
 
 class Score:
-    """Palm errors at the steps of the chunks, each step against the last chunk that covers it."""
+    """Palm errors at the steps of the chunks, each step against the last chunk that had come when it was due.
+
+    Steps fall between control ticks; where the palms were at a step is interpolated between the two states around it.
+    """
 
     def __init__(self, supervisor: Supervisor) -> None:
         robot = supervisor.robot
@@ -23,6 +26,7 @@ class Score:
         self._palms = supervisor.planner.palm_ids
         self._offsets = [np.array(tool.palm_offset) for tool in supervisor.spec.tools]
         self._chunk: ActionChunk | None = None
+        self._before: RobotState | None = None
         self._next = 0
         self._times: list[float] = []
         self._errors: list[list[float]] = []
@@ -30,27 +34,35 @@ class Score:
 
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
-        # A chunk that comes late is not scored for the steps that were over before it came.
+        # Steps that were over before it came were the business of the chunk before.
         now = chunk.t_obs + report.steps[0]
-        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, now - 1.0 / chunk.fps))
+        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, now - 1e-6))
         self._fair = demandable(chunk, report)
 
     def measure(self, state: RobotState) -> None:
-        """Score the step that has just become due, if one has."""
-        chunk = self._chunk
-        if chunk is None or self._next >= len(chunk) or state.time < chunk.times[self._next] - 1e-6:
+        """Score the step that has become due since the last state, if one has."""
+        before, self._before = self._before or state, state
+        chunk, k = self._chunk, self._next
+        if chunk is None or k >= len(chunk) or state.time < chunk.times[k] - 1e-6:
             return
-        k = self._next
         self._next += 1
-        pin.framesForwardKinematics(self._model, self._data, state.q)
-        wanted = [T[:3, :3] @ offset + T[:3, 3] for T, offset in zip(self._poses(k), self._offsets, strict=True)]
-        reached = [self._data.oMf[frame].translation for frame in self._palms]
-        self._times.append(float(chunk.times[k]))
-        self._errors.append([float(np.linalg.norm(a - b)) for a, b in zip(wanted, reached, strict=True)])
+        time = float(chunk.times[k])
+        since = (time - before.time) / max(state.time - before.time, 1e-9)
+        first, second = self._reached(before), self._reached(state)
+        reached = first + min(max(since, 0.0), 1.0) * (second - first)
+        self._times.append(time)
+        self._errors.append([float(size) for size in np.linalg.norm(self._wanted(k) - reached, axis=1)])
         self._demandable.append(self._fair[k])
 
-    def _poses(self, k: int) -> tuple[np.ndarray, np.ndarray]:
-        return self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k]
+    def _wanted(self, k: int) -> np.ndarray:
+        """Palm points that a step asks for, shape (2, 3), [m]."""
+        poses = (self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k])
+        return np.array([T[:3, :3] @ offset + T[:3, 3] for T, offset in zip(poses, self._offsets, strict=True)])
+
+    def _reached(self, state: RobotState) -> np.ndarray:
+        """Palm points of a state, shape (2, 3), [m]."""
+        pin.framesForwardKinematics(self._model, self._data, state.q)
+        return np.array([self._data.oMf[frame].translation for frame in self._palms])
 
     def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (n,), errors (n, 2) and demandable (n, 2)."""

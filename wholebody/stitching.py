@@ -84,15 +84,12 @@ def commanded_chunk(supervisor: Supervisor, t_obs: float, steps: int, fps: float
     Returns:
         None before the first chunk.
     """
-    plan, chunk = supervisor._plan, supervisor._chunk
-    if plan is None:
+    hands = supervisor.ahead(t_obs + np.arange(steps) / fps)
+    if hands is None:
         return None
-    path, now = supervisor._clock, supervisor._last_state.time
-    s = path.s + path.rate * (t_obs - now + np.arange(steps) / fps)
-    left, right = (hand.sample(np.clip(s, plan.start, plan.end)) for hand in plan.paths)
-    return ActionChunk(
-        chunk.spec_id, chunk.seq, t_obs, fps, left.T_world_hand, right.T_world_hand, left.q_finger, right.q_finger
-    )
+    (left, right), chunk = hands, supervisor.chunk
+    poses, fingers = (left.T_world_hand, right.T_world_hand), (left.q_finger, right.q_finger)
+    return ActionChunk(chunk.spec_id, chunk.seq, t_obs, fps, *poses, *fingers)
 
 
 def _offset(pose: np.ndarray, reference: np.ndarray) -> np.ndarray:

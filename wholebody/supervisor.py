@@ -68,12 +68,32 @@ class Supervisor:
         """Time spent on chunks over chunk time covered; 1 is unslowed."""
         return self._elapsed / self._travelled if self._travelled > 1e-6 else 1.0
 
+    @property
+    def chunk(self) -> ActionChunk | None:
+        """The chunk that was accepted last."""
+        return self._chunk
+
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
         poses = self._smoother.motion.T_world_hand.copy()
         for i, offset in enumerate(self._offsets):
             poses[i, :3, 3] += poses[i, :3, :3] @ offset
         return {"left": poses[0], "right": poses[1]}
+
+    def ahead(self, times: np.ndarray) -> tuple[HandMotion, HandMotion] | None:
+        """What both hands will be commanded at times near the present, as planned and at the present speed.
+
+        Args:
+            times: Shape (n,), [s]; past the end of the plan its last pose is held.
+
+        Returns:
+            Rows (n, 40) a hand, derivatives with respect to the path; None before the first chunk.
+        """
+        if self._plan is None:
+            return None
+        s = self._clock.s + self._clock.rate * (np.asarray(times) - self._last_state.time)
+        left, right = (path.sample(np.clip(s, self._plan.start, self._plan.end)) for path in self._plan.paths)
+        return left, right
 
     def accept(self, chunk: ActionChunk) -> StatusReport:
         """Take a chunk, or refuse it with a reason; a refused chunk changes nothing."""
