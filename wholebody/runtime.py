@@ -66,6 +66,7 @@ class EpisodeResult:
         reasons: Time spent per reason code [s].
         times: When each chunk step was due, shape (n,), [s].
         errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
+        turns: Angles of the palms' orientations to those asked for, shape (n, 2), [rad].
         demandable: Whether the step could be asked for, shape (n, 2): see `wholebody.score.demandable`.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time at which two bodies of the robot touched, by pair [s].
@@ -90,6 +91,7 @@ class EpisodeResult:
     reasons: dict[str, float] = field(default_factory=dict)
     times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    turns: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
     time_factor: float = 1.0
     contacts: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -218,6 +220,7 @@ def run_episode(
 def _fill(result: EpisodeResult, score: Score, watch: Watch) -> None:
     """What was collected along the way."""
     result.times, result.errors, result.demandable = score.table()
+    result.turns = score.turns()
     result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
     result.margin, result.creep = watch.margin, watch.creep
     faults = (event for event in result.execution.events if event.code != "starved")

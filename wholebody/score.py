@@ -1,4 +1,4 @@
-"""How well the hands followed: palm errors at the steps of the chunks, and which steps could be asked for."""
+"""How well the hands followed: errors at the steps of the chunks, and which steps could be asked for."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.00
 
 
 class Score:
-    """Palm errors at the steps of the chunks, each step against the last chunk that had come when it was due.
+    """Errors of the palms at the steps of the chunks, each step against the last chunk that had come when it was due.
 
     Steps fall between control ticks; where the palms were at a step is interpolated between the two states around it.
     """
@@ -30,6 +30,7 @@ class Score:
         self._next = 0
         self._times: list[float] = []
         self._errors: list[list[float]] = []
+        self._turns: list[list[float]] = []
         self._demandable: list[np.ndarray] = []
 
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
@@ -48,26 +49,34 @@ class Score:
         self._next += 1
         time = float(chunk.times[k])
         since = (time - before.time) / max(state.time - before.time, 1e-9)
-        first, second = self._reached(before), self._reached(state)
-        reached = first + min(max(since, 0.0), 1.0) * (second - first)
+        share = min(max(since, 0.0), 1.0)
+        wanted = zip(self._wanted(k), self._reached(before), self._reached(state), strict=True)
+        errors = [goal.actInv(pin.SE3.Interpolate(first, second, share)) for goal, first, second in wanted]
         self._times.append(time)
-        self._errors.append([float(size) for size in np.linalg.norm(self._wanted(k) - reached, axis=1)])
+        self._errors.append([float(np.linalg.norm(error.translation)) for error in errors])
+        self._turns.append([float(np.linalg.norm(pin.log3(error.rotation))) for error in errors])
         self._demandable.append(self._fair[k])
 
-    def _wanted(self, k: int) -> np.ndarray:
-        """Palm points that a step asks for, shape (2, 3), [m]."""
+    def _wanted(self, k: int) -> list[pin.SE3]:
+        """Palm poses in world that a step asks for, left first."""
         poses = (self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k])
-        return np.array([T[:3, :3] @ offset + T[:3, 3] for T, offset in zip(poses, self._offsets, strict=True)])
+        return [
+            pin.SE3(T[:3, :3], T[:3, :3] @ offset + T[:3, 3]) for T, offset in zip(poses, self._offsets, strict=True)
+        ]
 
-    def _reached(self, state: RobotState) -> np.ndarray:
-        """Palm points of a state, shape (2, 3), [m]."""
+    def _reached(self, state: RobotState) -> list[pin.SE3]:
+        """Palm poses in world of a state, left first."""
         pin.framesForwardKinematics(self._model, self._data, state.q)
-        return np.array([self._data.oMf[frame].translation for frame in self._palms])
+        return [self._data.oMf[frame].copy() for frame in self._palms]
 
     def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (n,), errors (n, 2) and demandable (n, 2)."""
         fair = np.array(self._demandable, dtype=bool).reshape(-1, 2)
         return np.array(self._times), np.array(self._errors).reshape(-1, 2), fair
+
+    def turns(self) -> np.ndarray:
+        """Angles between the palms' orientations and those asked for, shape (n, 2), [rad]."""
+        return np.array(self._turns).reshape(-1, 2)
 
 
 def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:

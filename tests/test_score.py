@@ -1,0 +1,112 @@
+"""Strategy: states and chunks made by hand, one step asked for somewhere else or turned; nothing is simulated."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from models.g1 import g1
+from models.pinocchio_model import load_pinocchio, stance_q
+from policy.chunk import ActionChunk
+from policy.rotations import rotvec_to_matrix
+from policy.scripted import stance_pose
+from wholebody.score import DEMANDABLE_DISTANCE, Score, demandable
+from wholebody.types import RobotState
+
+SPEC = g1()
+MODEL = load_pinocchio(SPEC)
+FPS, STEPS = 30.0, 10
+
+
+def chunk(*, moved=(0.0, 0.0, 0.0), turned=(0.0, 0.0, 0.0), t_obs=0.0):
+    """Both hands as in the stance; the left one moved [m] and turned about its own wrist [rad]."""
+    data = MODEL.createData()
+    pin.framesForwardKinematics(MODEL, data, stance_q(SPEC, MODEL))
+    T = [np.tile(data.oMf[MODEL.getFrameId(t.wrist_frame)].homogeneous, (STEPS, 1, 1)) for t in SPEC.tools]
+    T[0][:, :3, :3] = T[0][:, :3, :3] @ rotvec_to_matrix(np.array([turned]))[0]
+    T[0][:, :3, 3] += moved
+    stance = stance_pose()
+    fingers = [np.tile(q, (STEPS, 1)) for q in (stance.q_lhand, stance.q_rhand)]
+    return ActionChunk("wbc32", 0, t_obs, FPS, *T, *fingers)
+
+
+def report(missed=0.0):
+    """A plan that starts at the chunk's first step and ends past its last, everywhere as far from it."""
+    steps = np.arange(0.0, 0.5, 1.0 / 60.0)
+    return SimpleNamespace(steps=steps, missed=np.full((len(steps), 2), missed))
+
+
+def score():
+    palms = [MODEL.getFrameId(tool.palm_frame) for tool in SPEC.tools]
+    robot, planner = SimpleNamespace(model=MODEL), SimpleNamespace(palm_ids=palms)
+    return Score(SimpleNamespace(robot=robot, planner=planner, spec=SPEC))
+
+
+def still(meter, start=0.0, end=0.4):
+    for tick in range(round(start / 0.002) + 1, round(end / 0.002) + 1):
+        meter.measure(RobotState(0.002 * tick, stance_q(SPEC, MODEL), np.zeros(MODEL.nv)))
+    return meter
+
+
+def test_every_step_is_scored_once_against_what_was_asked():
+    meter = score()
+    meter.add(chunk(moved=(0.03, 0.0, 0.04)), report())
+    times, errors, _ = still(meter).table()
+    assert np.allclose(times, np.arange(STEPS) / FPS)
+    assert np.allclose(errors[:, 0], 0.05, atol=1e-9)
+    assert np.allclose(errors[:, 1], 0.0, atol=1e-9)
+    assert np.allclose(meter.turns(), 0.0, atol=1e-6)
+
+
+def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
+    meter = score()
+    meter.add(chunk(turned=(0.0, 0.0, 0.1)), report())
+    _, errors, _ = still(meter).table()
+    assert np.allclose(meter.turns()[:, 0], 0.1)
+    lever = np.hypot(*SPEC.tools[0].palm_offset[:2])
+    assert np.allclose(errors[:, 0], 2.0 * lever * np.sin(0.05), rtol=1e-6)
+
+
+def test_errors_are_taken_at_the_steps_not_at_the_ticks():
+    """A base that moves at 1 m/s is 2 mm further a tick later."""
+    meter, q = score(), stance_q(SPEC, MODEL)
+    meter.add(chunk(), report())
+    for tick in range(200):
+        moved = q.copy()
+        moved[0] += 0.003 * tick
+        meter.measure(RobotState(0.003 * tick, moved, np.zeros(MODEL.nv)))
+    times, errors, _ = meter.table()
+    assert np.allclose(errors[:, 1], times, atol=1e-9)
+
+
+def test_a_later_chunk_replaces_the_rest_of_the_one_before():
+    meter = score()
+    meter.add(chunk(moved=(0.1, 0.0, 0.0)), report())
+    still(meter, end=0.11)
+    meter.add(chunk(t_obs=0.11), report())
+    times, errors, _ = still(meter, 0.11, 0.5).table()
+    assert np.allclose(times[:5], [0.0, 1.0 / 30.0, 2.0 / 30.0, 0.1, 0.11])
+    assert np.allclose(errors[:4, 0], 0.1, atol=1e-9)
+    assert np.allclose(errors[4:, 0], 0.0, atol=1e-9)
+
+
+def test_a_step_may_be_asked_for_if_it_is_slow_and_the_plan_reaches_it():
+    assert demandable(chunk(), report()).all()
+    assert not demandable(chunk(), report(missed=1.01 * DEMANDABLE_DISTANCE)).any()
+
+
+@pytest.mark.parametrize(("speed", "fair"), [(1.0, True), (1.2, False)])
+def test_a_wrist_faster_than_1_1_metres_a_second_may_not_be_asked_for(speed, fair):
+    one = chunk()
+    one.T_world_rhand[:, 0, 3] += speed * np.arange(STEPS) / FPS
+    assert demandable(one, report())[:, 1].all() == fair
+    assert demandable(one, report())[:, 0].all()
+
+
+def test_a_wrist_that_shakes_at_20_metres_per_second_squared_may_not_be_asked_for():
+    one = chunk()
+    one.T_world_lhand[:, 2, 3] += 0.05 * np.sin(20.0 * np.arange(STEPS) / FPS)  # 1 m/s and 20 m/s^2 at most
+    fair = demandable(one, report())
+    assert not fair[:, 0].all()
+    assert fair[:, 1].all()
