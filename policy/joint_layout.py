@@ -234,7 +234,7 @@ def _canonical(name: str, feature: str) -> str:
     known |= {"leftgrasp": "left_grasp", "rightgrasp": "right_grasp"}
     found = known.get(_key(name))
     if found is None:
-        near = did_you_mean(name, (*BODY_JOINTS, *FINGERS, "kLeftGripper", "kRightGripper"))
+        near = did_you_mean(name, (*UNITREE_DEX3, "kLeftGripper", "kRightGripper", *BODY_JOINTS, *FINGERS))
         raise DatasetError(
             f"'{feature}' has a column '{name}', which is no joint of the G1 with Dex3 hands or Dex1 grippers; "
             f"{near}if the names say nothing, --assume-spec joint28 or joint16 does",
@@ -269,15 +269,15 @@ def _check_complete(layout: JointLayout, feature: str) -> None:
 
 def _assumed(given: tuple[str, ...], dim: int, feature: str, assume: ActionSpec, unit: str) -> JointLayout:
     names = tuple(name for slot in assume.slots for name in (slot.joint_names or (slot.name,)))
-    if dim != len(names):
-        raise DatasetError(f"'{feature}' has {dim} columns; '{assume.name}' has {len(names)}", feature=feature)
-    layout = JointLayout(names, given if len(given) == dim else names, unit)
     wrong = [name for name in names if name not in (*BODY_JOINTS, *FINGERS, *GRASPS)]
     if wrong:
         raise DatasetError(
             f"--assume-spec {assume.name} is no joint layout: it has {', '.join(wrong)}; joint28 and joint16 are",
             feature=feature,
         )
+    if dim != len(names):
+        raise DatasetError(f"'{feature}' has {dim} columns; '{assume.name}' has {len(names)}", feature=feature)
+    layout = JointLayout(names, given if len(given) == dim else names, unit)
     _check_complete(layout, feature)
     for column, (name, spelt) in enumerate(zip(names, layout.given, strict=True)):
         try:

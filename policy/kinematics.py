@@ -19,6 +19,10 @@ _STALLED_MAX = 15
 """Iterations in a row that gain less than 1 %: out of reach."""
 _IK_STEP_MAX = 0.3
 """Largest joint step of an iteration [rad]: the linearisation does not reach further."""
+_LIMIT_MARGIN = 0.15
+"""Share of a joint's range, at each end, in which the redundant joints move away from the limit."""
+_RETREAT = 0.3
+"""Share of the way out of that margin that the first iteration goes."""
 
 
 class Kinematics:
@@ -96,6 +100,8 @@ class Kinematics:
 
         q, damping, stalled = np.array(q_body, dtype=float), 1e-4, 0
         error = errors(q)
+        # Once only: it changes the pose in second order, which the following iterations take back.
+        retreat = _retreat(q[joints], low, high)
         for _ in range(_IK_ITERATIONS):
             if np.linalg.norm(error) <= IK_TOLERANCE or damping > _DAMPING_MAX or stalled > _STALLED_MAX:
                 break
@@ -104,7 +110,8 @@ class Kinematics:
                 pin.computeFrameJacobian(self.model, self.data, configuration, frame, pin.LOCAL) for frame, _ in wanted
             ]
             J = np.vstack(jacobians)[:, self.idx_v[joints]]
-            step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(len(error)), error)
+            step = _bounded_step(J, error, damping, low - q[joints], high - q[joints], retreat)
+            retreat = None
             step *= min(1.0, _IK_STEP_MAX / max(np.abs(step).max(), 1e-12))
             trial = q.copy()
             trial[joints] = np.clip(q[joints] + step, low, high)
@@ -123,6 +130,45 @@ class Kinematics:
 
     def _forward(self, q_body: np.ndarray) -> None:
         self._pin.forwardKinematics(self.model, self.data, self._configuration(q_body))
+
+
+def _bounded_step(
+    J: np.ndarray,
+    error: np.ndarray,
+    damping: float,
+    low: np.ndarray,
+    high: np.ndarray,
+    wish: np.ndarray | None,
+) -> np.ndarray:
+    """Damped least-squares step within bounds: a joint that would leave them goes to its bound, the others make up.
+
+    Args:
+        J: Jacobian, shape (m, n).
+        error: What is to be gained, shape (m,).
+        damping: Added to the diagonal of ``J J^T``.
+        low: Least step of each joint, shape (n,), [rad].
+        high: Largest step, shape (n,), [rad].
+        wish: Step that is followed where it does not disturb the error, shape (n,), [rad]; None for the shortest.
+    """
+    free, step = np.ones(J.shape[1], dtype=bool), np.zeros(J.shape[1])
+    identity = damping * np.eye(len(error))
+    for _ in range(J.shape[1]):
+        J_free = J[:, free]
+        rest = np.zeros(J_free.shape[1]) if wish is None else wish[free]
+        remaining = error - J[:, ~free] @ step[~free] - J_free @ rest
+        step[free] = rest + J_free.T @ np.linalg.solve(J_free @ J_free.T + identity, remaining)
+        beyond = free & ((step < low) | (step > high))
+        if not beyond.any():
+            return step
+        step[beyond] = np.clip(step, low, high)[beyond]
+        free &= ~beyond
+    return step
+
+
+def _retreat(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Step (n,) [rad] away from limits that are near, zero in the middle of the range."""
+    margin = _LIMIT_MARGIN * (high - low)
+    return _RETREAT * (np.maximum(low + margin - q, 0.0) - np.maximum(q - high + margin, 0.0))
 
 
 @lru_cache(maxsize=1)
