@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,35 +40,60 @@ def load_network(folder: Path, config: PreTrainedConfig) -> PreTrainedPolicy:
     try:
         with quiet():
             network = kind.from_pretrained(folder, config=config, strict=True)
-    except (RuntimeError, KeyError) as error:
+    except (RuntimeError, KeyError, ValueError, OSError, ImportError) as error:
         # Torch's message lists parameters over several lines; a fresh network says which tensor of the file it is.
+        network = _built(kind, config)
         with quiet():
-            network = kind(config)
-        require_no_error(_compare_names(network, stored, file))
+            require_no_error(_compare_names(network, stored, _renamed(network, stored), file))
         raise fail("weights", f"{file} does not load: {error}", "save the checkpoint again") from error
-    require_no_error(_compare_names(network, stored, file))
-    require_no_error(_compare_values(network, stored, file))
-    network.to(config.device)
-    network.eval()
-    return network
+    with quiet():
+        renamed = _renamed(network, stored)
+    require_no_error(_compare_names(network, stored, renamed, file))
+    require_no_error(_compare_values(network, renamed, file))
+    return _ready(network)
 
 
 def random_network(config: PreTrainedConfig) -> PreTrainedPolicy:
-    """A network with the random weights of its constructor, in evaluation mode."""
+    """A network with the random weights of its constructor, in evaluation mode.
+
+    Raises:
+        CheckpointError: If it cannot be built.
+    """
     from lerobot.policies.factory import get_policy_class
 
-    with quiet():
-        network = get_policy_class(config.type)(config)
-    network.to(config.device)
+    return _ready(_built(get_policy_class(config.type), config))
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep LeRobot's prints off standard output, where JSON may be read, and its hints on every loading off the log."""
+    logging.root.addFilter(_is_error)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        logging.root.removeFilter(_is_error)
+
+
+def _is_error(record: logging.LogRecord) -> bool:
+    return record.levelno >= logging.ERROR
+
+
+def _ready(network: PreTrainedPolicy) -> PreTrainedPolicy:
+    network.to(network.config.device)
     network.eval()
     return network
 
 
-@contextlib.contextmanager
-def quiet():
-    """Keep LeRobot's prints off standard output, where JSON may be read."""
-    with contextlib.redirect_stdout(io.StringIO()):
-        yield
+def _built(kind: type[PreTrainedPolicy], config: PreTrainedConfig) -> PreTrainedPolicy:
+    try:
+        with quiet():
+            return kind(config)
+    except (RuntimeError, KeyError, ValueError, OSError, ImportError) as error:
+        cure = "install g1-wholebody[lerobot]; config.json may be of another version of LeRobot"
+        if config.type == "smolvla":
+            cure = f"its backbone '{config.vlm_model_name}' must be on this machine: say tokenizer=FOLDER"
+        raise fail("weights", f"the network of '{config.type}' cannot be built: {error}", cure) from error
 
 
 def _stored_shapes(file: Path) -> dict[str, tuple[int, ...]]:
@@ -114,8 +141,10 @@ def _aliases(network: PreTrainedPolicy) -> dict[str, str]:
     }
 
 
-def _compare_names(network: PreTrainedPolicy, stored: dict[str, tuple[int, ...]], file: Path) -> list[Finding]:
-    renamed, state, alias = _renamed(network, stored), network.state_dict(), _aliases(network)
+def _compare_names(
+    network: PreTrainedPolicy, stored: dict[str, tuple[int, ...]], renamed: dict[str, str], file: Path
+) -> list[Finding]:
+    state, alias = network.state_dict(), _aliases(network)
     covered = {alias[name] for name in renamed if name in alias}
     missing = [name for name in state if alias[name] not in covered]
     used = {origin for name, origin in renamed.items() if name in state}
@@ -139,13 +168,13 @@ def _compare_names(network: PreTrainedPolicy, stored: dict[str, tuple[int, ...]]
     ]
 
 
-def _compare_values(network: PreTrainedPolicy, stored: dict[str, tuple[int, ...]], file: Path) -> list[Finding]:
+def _compare_values(network: PreTrainedPolicy, renamed: dict[str, str], file: Path) -> list[Finding]:
     import torch
     from safetensors import safe_open
 
     state, differing, infinite = network.state_dict(), [], []
     with safe_open(file, framework="pt") as tensors:
-        for name, origin in _renamed(network, stored).items():
+        for name, origin in renamed.items():
             if name not in state:
                 continue
             wanted, found = tensors.get_tensor(origin), state[name].detach().cpu()

@@ -151,15 +151,12 @@ def observation(time=0.0, *, size=64, cameras=CAMERAS, task="pick up the can", s
 def stats(spec=SPEC, *, cameras=CAMERAS):
     """Statistics around the stance, as LeRobot writes them: mean, std, min, max and quantiles."""
     middle = state_numbers(state_layout(spec), observation())
-    half = np.full(len(middle), HALF_RANGE)
-    one = {
-        "mean": middle,
-        "std": half / 2.0,
-        "min": middle - half,
-        "max": middle + half,
-        "q01": middle - half,
-        "q99": middle + half,
-    }
+    low, high = middle - HALF_RANGE, middle + HALF_RANGE
+    for slot in spec.slots:
+        if slot.kind == "rot6d":
+            low[slot.indices], high[slot.indices] = (np.clip(end[slot.indices], -1.0, 1.0) for end in (low, high))
+    spread = np.full(len(middle), 0.5 * HALF_RANGE)
+    one = {"mean": middle, "std": spread, "min": low, "max": high, "q01": low, "q99": high}
     visual = {"mean": np.full((3, 1, 1), 0.5), "std": np.full((3, 1, 1), 0.3)}
     numbers = {
         key: {name: np.asarray(value, np.float32) for name, value in one.items()}
