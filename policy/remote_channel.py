@@ -133,18 +133,18 @@ class Channel:
         from websockets.exceptions import WebSocketException
         from websockets.sync.client import connect
 
-        # No pings: openpi's server does not answer any while it computes, and every wait here ends by itself.
-        connection = connect(
-            self.uri,
-            compression=None,
-            proxy=None,
-            additional_headers=self._headers,
-            open_timeout=max(deadline - monotonic(), 1e-3),
-            close_timeout=CLOSE_TIMEOUT,
-            ping_interval=None,
-            max_size=FRAME_MAX,
-        )
         try:
+            # No pings: openpi's server does not answer any while it computes, and every wait here ends by itself.
+            connection = connect(
+                self.uri,
+                compression=None,
+                proxy=None,
+                additional_headers=self._headers,
+                open_timeout=max(deadline - monotonic(), 1e-3),
+                close_timeout=CLOSE_TIMEOUT,
+                ping_interval=None,
+                max_size=FRAME_MAX,
+            )
             self._connection = self._held.enter_context(connection)
         except ConnectionRefusedError:
             raise
