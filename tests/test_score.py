@@ -11,7 +11,8 @@ from models.pinocchio_model import load_pinocchio, stance_q
 from policy.chunk import ActionChunk
 from policy.rotations import rotvec_to_matrix
 from policy.scripted import stance_pose
-from wholebody.score import DEMANDABLE_DISTANCE, Score, demandable
+from policy.se3 import make_transform
+from wholebody.score import DEMANDABLE_DISTANCE, Score, demandable, start_jump
 from wholebody.types import RobotState
 
 SPEC = g1()
@@ -43,9 +44,21 @@ def score():
     return Score(SimpleNamespace(robot=robot, planner=planner, spec=SPEC))
 
 
+def commanded(*, ahead=0.0):
+    """Palm poses of the stance by side, that far ahead [m]."""
+    stance = stance_pose()
+    palms = {
+        "left": make_transform(stance.R_world_lhand, stance.p_world_lpalm),
+        "right": make_transform(stance.R_world_rhand, stance.p_world_rpalm),
+    }
+    for T in palms.values():
+        T[0, 3] += ahead
+    return palms
+
+
 def still(meter, start=0.0, end=0.4):
     for tick in range(round(start / 0.002) + 1, round(end / 0.002) + 1):
-        meter.measure(RobotState(0.002 * tick, stance_q(SPEC, MODEL), np.zeros(MODEL.nv)))
+        meter.measure(RobotState(0.002 * tick, stance_q(SPEC, MODEL), np.zeros(MODEL.nv)), commanded(ahead=0.02))
     return meter
 
 
@@ -53,10 +66,11 @@ def test_every_step_is_scored_once_against_what_was_asked():
     meter = score()
     meter.add(chunk(moved=(0.03, 0.0, 0.04)), report())
     times, errors, _ = still(meter).table()
-    assert np.allclose(times, np.arange(STEPS) / FPS)
+    assert np.allclose(times, np.arange(1, STEPS) / FPS)  # the first was due as the chunk came
     assert np.allclose(errors[:, 0], 0.05, atol=1e-9)
     assert np.allclose(errors[:, 1], 0.0, atol=1e-9)
     assert np.allclose(meter.turns(), 0.0, atol=1e-6)
+    assert np.allclose(meter.lags(), 0.02, atol=1e-9)
 
 
 def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
@@ -75,7 +89,7 @@ def test_errors_are_taken_at_the_steps_not_at_the_ticks():
     for tick in range(200):
         moved = q.copy()
         moved[0] += 0.003 * tick
-        meter.measure(RobotState(0.003 * tick, moved, np.zeros(MODEL.nv)))
+        meter.measure(RobotState(0.003 * tick, moved, np.zeros(MODEL.nv)), commanded())
     times, errors, _ = meter.table()
     assert np.allclose(errors[:, 1], times, atol=1e-9)
 
@@ -86,9 +100,17 @@ def test_a_later_chunk_replaces_the_rest_of_the_one_before():
     still(meter, end=0.11)
     meter.add(chunk(t_obs=0.11), report())
     times, errors, _ = still(meter, 0.11, 0.5).table()
-    assert np.allclose(times[:5], [0.0, 1.0 / 30.0, 2.0 / 30.0, 0.1, 0.11])
-    assert np.allclose(errors[:4, 0], 0.1, atol=1e-9)
-    assert np.allclose(errors[4:, 0], 0.0, atol=1e-9)
+    assert np.allclose(times[:4], [1.0 / 30.0, 2.0 / 30.0, 0.1, 0.11 + 1.0 / 30.0])
+    assert np.allclose(errors[:3, 0], 0.1, atol=1e-9)
+    assert np.allclose(errors[3:, 0], 0.0, atol=1e-9)
+
+
+def test_a_first_chunk_far_from_the_hands_is_measured_where_it_is_joined():
+    far = chunk(moved=(0.0, 0.3, 0.4), turned=(0.0, 0.5, 0.0))
+    distance, angle = start_jump(far, 0.0, commanded(), SPEC)
+    assert distance == pytest.approx(0.5, abs=0.1)  # the palm is 0.12 m from the wrist that turns
+    assert angle == pytest.approx(0.5)
+    assert start_jump(chunk(), 0.0, commanded(), SPEC) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 def test_a_step_may_be_asked_for_if_it_is_slow_and_the_plan_reaches_it():

@@ -17,7 +17,7 @@ from policy.executor import Executor, ExecutorConfig
 from policy.executor_report import ExecutionReport
 from policy.executor_simulated import simulated_executor
 from policy.observation import Observation
-from wholebody.score import Score
+from wholebody.score import Score, start_jump
 from wholebody.sim.fall import Fall, detect_fall
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
@@ -67,6 +67,7 @@ class EpisodeResult:
         times: When each chunk step was due, shape (n,), [s].
         errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
         turns: Angles of the palms' orientations to those asked for, shape (n, 2), [rad].
+        lags: Distances of the palms from where they were commanded to be, shape (n, 2), [m].
         demandable: Whether the step could be asked for, shape (n, 2): see `wholebody.score.demandable`.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time at which two bodies of the robot touched, by pair [s].
@@ -81,6 +82,7 @@ class EpisodeResult:
         clamped: Largest distance that a target was moved [m], of which hand, and when that target was due [s].
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
         start: When the first chunk was asked for [s].
+        start_jump: How far the first chunk began from where the hands were: distance [m] and angle [rad].
         fps: Steps per second of the chunks [Hz]; 0 before the first.
         stitches: Jump of the commanded palms at every chunk.
         execution: What the executor saw.
@@ -92,6 +94,7 @@ class EpisodeResult:
     times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     errors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     turns: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    lags: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
     demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
     time_factor: float = 1.0
     contacts: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -109,6 +112,7 @@ class EpisodeResult:
     slowdown: float = 1.0
     slowed_time: float = 0.0
     start: float = 0.0
+    start_jump: tuple[float, float] = (0.0, 0.0)
     fps: float = 0.0
     stitches: list[Stitch] = field(default_factory=list)
     execution: ExecutionReport | None = None
@@ -208,7 +212,7 @@ def run_episode(
         measured = measure(state)
         watch.look(state.time)
         _count(result, supervisor, plant, state)
-        score.measure(state)
+        score.measure(state, supervisor.palm_reference())
         tick += 1
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
@@ -220,7 +224,7 @@ def run_episode(
 def _fill(result: EpisodeResult, score: Score, watch: Watch) -> None:
     """What was collected along the way."""
     result.times, result.errors, result.demandable = score.table()
-    result.turns = score.turns()
+    result.turns, result.lags = score.turns(), score.lags()
     result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
     result.margin, result.creep = watch.margin, watch.creep
     faults = (event for event in result.execution.events if event.code != "starved")
@@ -241,12 +245,15 @@ def _executor(policy: Policy | Executor, config: EpisodeConfig) -> Executor:
 
 def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult, executor: Executor) -> bool:
     """Hand a chunk to the supervisor; whether it was accepted."""
+    poses = supervisor.palm_reference()
     status = supervisor.accept(chunk)
     result.fps = chunk.fps
     if status.status is Status.HOLD and status.reason:
         executor.refused(status.reason, status.detail)
         return False
     report = supervisor.plan_report
+    if score.empty:
+        result.start_jump = start_jump(chunk, chunk.t_obs + float(report.steps[0]), poses, supervisor.spec)
     score.add(chunk, report)
     if report.clamped.max() > result.clamped:
         step, side = np.unravel_index(report.clamped.argmax(), report.clamped.shape)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import pinocchio as pin
 
+from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.planner import PlanReport
 from wholebody.supervisor import Supervisor
@@ -31,17 +34,23 @@ class Score:
         self._times: list[float] = []
         self._errors: list[list[float]] = []
         self._turns: list[list[float]] = []
+        self._lags: list[list[float]] = []
         self._demandable: list[np.ndarray] = []
 
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
-        # Steps that were over before it came were the business of the chunk before.
+        # Steps that were due before it came, or as it came, were the business of the chunk before.
         now = chunk.t_obs + report.steps[0]
-        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, now - 1e-6))
+        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, now + 1e-6))
         self._fair = demandable(chunk, report)
 
-    def measure(self, state: RobotState) -> None:
-        """Score the step that has become due since the last state, if one has."""
+    def measure(self, state: RobotState, commanded: Mapping[str, np.ndarray]) -> None:
+        """Score the step that has become due since the last state, if one has.
+
+        Args:
+            state: True state.
+            commanded: Palm poses (4, 4) that led to it, by side.
+        """
         before, self._before = self._before or state, state
         chunk, k = self._chunk, self._next
         if chunk is None or k >= len(chunk) or state.time < chunk.times[k] - 1e-6:
@@ -56,18 +65,23 @@ class Score:
         self._errors.append([float(np.linalg.norm(error.translation)) for error in errors])
         self._turns.append([float(np.linalg.norm(pin.log3(error.rotation))) for error in errors])
         self._demandable.append(self._fair[k])
+        goals = (commanded[side][:3, 3] for side in ("left", "right"))
+        lags = [goal - palm.translation for goal, palm in zip(goals, self._reached(state), strict=True)]
+        self._lags.append([float(np.linalg.norm(lag)) for lag in lags])
 
     def _wanted(self, k: int) -> list[pin.SE3]:
         """Palm poses in world that a step asks for, left first."""
-        poses = (self._chunk.T_world_lhand[k], self._chunk.T_world_rhand[k])
-        return [
-            pin.SE3(T[:3, :3], T[:3, :3] @ offset + T[:3, 3]) for T, offset in zip(poses, self._offsets, strict=True)
-        ]
+        return _palms(self._chunk, k, self._offsets)
 
     def _reached(self, state: RobotState) -> list[pin.SE3]:
         """Palm poses in world of a state, left first."""
         pin.framesForwardKinematics(self._model, self._data, state.q)
         return [self._data.oMf[frame].copy() for frame in self._palms]
+
+    @property
+    def empty(self) -> bool:
+        """Whether no chunk has been added yet."""
+        return self._chunk is None
 
     def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (n,), errors (n, 2) and demandable (n, 2)."""
@@ -77,6 +91,37 @@ class Score:
     def turns(self) -> np.ndarray:
         """Angles between the palms' orientations and those asked for, shape (n, 2), [rad]."""
         return np.array(self._turns).reshape(-1, 2)
+
+    def lags(self) -> np.ndarray:
+        """Distances of the palms from where they were commanded to be, shape (n, 2), [m]."""
+        return np.array(self._lags).reshape(-1, 2)
+
+
+def start_jump(
+    chunk: ActionChunk, now: float, commanded: Mapping[str, np.ndarray], spec: RobotSpec
+) -> tuple[float, float]:
+    """How far a chunk begins from where the palms are commanded to be.
+
+    Args:
+        chunk: A valid chunk.
+        now: Present time [s].
+        commanded: Palm poses (4, 4) by side.
+        spec: The robot.
+
+    Returns:
+        Distance [m] and angle [rad], each the larger of both hands.
+    """
+    k = int(np.clip(np.searchsorted(chunk.times, now - 1e-6), 0, len(chunk) - 1))
+    wanted = _palms(chunk, k, [np.array(tool.palm_offset) for tool in spec.tools])
+    jumps = [pin.SE3(commanded[side]).actInv(T) for side, T in zip(("left", "right"), wanted, strict=True)]
+    distances = [float(np.linalg.norm(jump.translation)) for jump in jumps]
+    return max(distances), max(float(np.linalg.norm(pin.log3(jump.rotation))) for jump in jumps)
+
+
+def _palms(chunk: ActionChunk, k: int, offsets: Sequence[np.ndarray]) -> list[pin.SE3]:
+    """Palm poses in world that a step of a chunk asks for, left first."""
+    poses = (chunk.T_world_lhand[k], chunk.T_world_rhand[k])
+    return [pin.SE3(T[:3, :3], T[:3, :3] @ p + T[:3, 3]) for T, p in zip(poses, offsets, strict=True)]
 
 
 def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:
