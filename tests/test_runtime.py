@@ -1,0 +1,142 @@
+"""Strategy: a policy that is late, wrong or gone beside the real controller in MuJoCo; short episodes in every run, the
+long ones behind `make regression` with stored values. What an executor does by itself is tested in `test_executor.py`.
+"""
+
+import logging
+
+import numpy as np
+import pytest
+from faulty_policies import FaultyPolicy, executor
+
+from models.g1 import g1
+from policy.clock import MonotonicClock
+from policy.executor import Executor, ExecutorConfig
+from policy.executor_simulated import simulated_executor, uniform_latency
+from policy.scripts import scripted, wave
+from wholebody.runtime import EpisodeConfig, run_episode
+from wholebody.sim.plant import MujocoPlant
+from wholebody.supervisor import Supervisor
+
+SPEC = g1()
+SEAM, SEAM_VELOCITY = 1e-3, 0.05
+"""How far the commanded palms may jump where chunks meet [m], [m/s]."""
+LATE = 3e-3
+"""Tracking that may be lost to latency [m RMS]."""
+TILT = np.deg2rad(10.0)
+"""Largest tilt of a pelvis that stands [rad]."""
+HEADLINES = {
+    "hangs 2 s": "policy_hung",
+    "raises": "policy_raised",
+    "returns NaN": "chunk_invalid",
+    "changes its spec": "chunk_wrong_spec",
+    "dies": "policy_dead",
+}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Supervisor(SPEC), MujocoPlant(SPEC)
+
+
+def at_50_hz(policy, *, horizon=50):
+    policy.fps, policy.horizon = 50.0, horizon
+    return policy
+
+
+def worst(result, field):
+    return max(getattr(stitch, field) for stitch in result.stitches)
+
+
+def run_faulty(robot, fault, *, horizon, after, settings):
+    """The fault from 0.25 s on, and how the robot stands that long after it [s]."""
+    policy = FaultyPolicy(at_50_hz(scripted("wave"), horizon=horizon), fault, 0.25)
+    runner = executor(policy, config=settings)
+    result = run_episode(runner, *robot, duration=0.3 + after, config=EpisodeConfig(settle=0.1, hold=0.0))
+    return result, runner.report
+
+
+@pytest.mark.parametrize(("fault", "code"), HEADLINES.items())
+def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(robot, fault, code, caplog):
+    settings = ExecutorConfig(replace_every=10, hang_after=0.4)
+    with caplog.at_level(logging.WARNING, logger="policy.executor"):
+        result, report = run_faulty(robot, fault, horizon=20, after=0.6, settings=settings)
+    assert result.fall is None
+    assert result.tilt < TILT
+    assert len(report.deliveries) == 1
+    assert code in report.counts
+    assert code in {refusal.reason for refusal in result.refusals}
+    assert any(code in record.getMessage() for record in caplog.records)
+    assert result.reasons["starved"] > 0.05
+    assert robot[0].status.reason == "starved"
+
+
+@pytest.mark.regression
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize(("fault", "code"), HEADLINES.items())
+def test_a_policy_that_failed_10_s_ago_leaves_the_robot_standing(robot, fault, code):
+    result, report = run_faulty(robot, fault, horizon=50, after=10.0, settings=ExecutorConfig())
+    assert result.fall is None
+    assert result.tilt < TILT
+    assert result.creep < 5e-3
+    assert code in report.counts
+    assert (len(report.deliveries) > 10) == (fault == "hangs 2 s"), "what has only hung goes on"
+    assert worst(result, "distance") <= SEAM
+    assert worst(result, "velocity") <= SEAM_VELOCITY
+
+
+def test_late_chunks_are_stitched_without_a_jump_and_lose_nothing(robot):
+    runner = simulated_executor(at_50_hz(scripted("wave")), latency=uniform_latency(0.1, 0.4, seed=1))
+    result = run_episode(runner, *robot, duration=1.7, config=EpisodeConfig(settle=0.1, hold=0.0))
+    assert result.fall is None
+    assert len(result.stitches) == 3
+    assert worst(result, "distance") <= SEAM
+    assert worst(result, "velocity") <= SEAM_VELOCITY
+    assert worst(result, "angle") <= np.deg2rad(0.1)
+    # The motion has begun when the first chunk arrives; from the second one on nothing of that is left.
+    assert np.sqrt(np.mean(result.errors[result.times > 1.0] ** 2)) < LATE
+    assert result.execution.starvations == 0
+    assert result.time_factor == pytest.approx(1.0, abs=1e-3)
+
+
+def long_wave():
+    """A wave of 30 s."""
+    return at_50_hz(wave(swings=25))
+
+
+@pytest.mark.regression
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize("settings", [{}, {"ensemble": 0.01}], ids=["plain", "ensemble"])
+def test_latency_of_up_to_400_ms_costs_less_than_3_mm(robot, stored, settings):
+    config = ExecutorConfig(**settings)
+    prompt = run_episode(simulated_executor(long_wave(), config=config), *robot, duration=30.0)
+    runner = simulated_executor(long_wave(), latency=uniform_latency(0.0, 0.4), config=config)
+    late = run_episode(runner, *robot, duration=30.0)
+    assert prompt.fall is None
+    assert late.fall is None
+    assert late.execution.starvations == 0
+    assert worst(late, "distance") <= SEAM
+    assert worst(late, "velocity") <= SEAM_VELOCITY
+    assert late.rms - prompt.rms <= LATE
+    stored.check("prompt_rms_mm", 1e3 * prompt.rms, tolerance=0.5)
+    stored.check("late_rms_mm", 1e3 * late.rms, tolerance=0.5)
+    stored.check("seam_mm", 1e3 * worst(late, "distance"), tolerance=0.05)
+    stored.check("seam_m_s", worst(late, "velocity"), tolerance=0.01)
+
+
+def test_a_policy_is_told_the_task_and_shown_the_images(robot):
+    policy, seen = scripted("wave"), []
+    answer, policy.reset = policy.infer, seen.append
+    policy.infer = lambda observation: seen.append(observation) or answer(observation)
+    image = np.zeros((4, 6, 3), dtype=np.uint8)
+    config = EpisodeConfig(settle=0.0, hold=0.0, task="wave hello", cameras=lambda: {"head": image})
+    result = run_episode(policy, *robot, duration=0.02, config=config)
+    task, observation = seen
+    assert task == observation.task == "wave hello"
+    assert observation.images["head"] is image
+    observation.validate()
+    assert result.refusals == []
+
+
+def test_real_time_is_not_what_mujoco_is_stepped_in(robot):
+    with pytest.raises(TypeError, match="MonotonicClock; MuJoCo is stepped on a SimulatedClock"):
+        run_episode(Executor(scripted("wave"), MonotonicClock()), *robot, duration=1.0)
