@@ -11,14 +11,22 @@ LeRobot finds a registered step by name only after its module was imported: ``im
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import torch
 from lerobot.configs import FeatureType, PipelineFeatureType, PolicyFeature
 from lerobot.lerobot_types import EnvTransition, TransitionKey
-from lerobot.processor import PolicyProcessorPipeline, ProcessorStep, ProcessorStepRegistry
+from lerobot.processor import (
+    AbsoluteActionsProcessorStep,
+    NormalizerProcessorStep,
+    PolicyProcessorPipeline,
+    ProcessorStep,
+    ProcessorStepRegistry,
+    RelativeActionsProcessorStep,
+    UnnormalizerProcessorStep,
+)
 from lerobot.utils.constants import ACTION, OBS_STATE
 
 from policy.errors import ChunkError, SpecError
@@ -134,11 +142,15 @@ class G1WristsToJointsStep(_G1Step):
     """``arms``, or ``upper_body`` if the waist may help where the arms alone do not reach."""
     on_unreachable: str = "raise"
     """``raise``, or ``nearest`` to go on with the nearest pose."""
+    joint_step_max: float = 0.5
+    """Largest change of an arm or waist joint from one step to the next [rad]; more is an arm that turns over."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.on_unreachable not in ("raise", "nearest"):
             raise SpecError(f"on_unreachable '{self.on_unreachable}' is unknown; it is 'raise' or 'nearest'")
+        if not self.joint_step_max > 0.0:
+            raise SpecError(f"joint_step_max is {self.joint_step_max} rad; it must be positive, inf for no bound")
         self.joints_step: G1JointsToWristsStep | None = None
         self._last: np.ndarray | None = None
 
@@ -146,7 +158,8 @@ class G1WristsToJointsStep(_G1Step):
         """Convert the action.
 
         Raises:
-            ChunkError: If a number is not finite or no rotation, or a pose is out of reach; names the step.
+            ChunkError: If a number is not finite or no rotation, a pose is out of reach, or a joint would jump; names
+                the step.
         """
         action = transition.get(TransitionKey.ACTION)
         if action is None:
@@ -174,7 +187,8 @@ class G1WristsToJointsStep(_G1Step):
 
     def get_config(self) -> dict[str, Any]:
         """Settings as they are written to JSON."""
-        return {**super().get_config(), "moving": self.moving, "on_unreachable": self.on_unreachable}
+        chosen = {"moving": self.moving, "on_unreachable": self.on_unreachable, "joint_step_max": self.joint_step_max}
+        return {**super().get_config(), **chosen}
 
     def transform_features(self, features: Features) -> Features:
         """The action becomes as wide as the joint vector."""
@@ -200,7 +214,59 @@ class G1WristsToJointsStep(_G1Step):
                 "with the nearest pose, the whole-body controller leans and squats",
                 step=step,
             )
+        self._refuse_jumps(joints, start)
         return joints
+
+    def _refuse_jumps(self, joints: np.ndarray, start: np.ndarray | None) -> None:
+        names = self._conversion.source.names
+        is_body = np.array(["_hand_" not in name and not name.endswith("_grasp") for name in names])
+        path = joints if start is None else np.vstack([start, joints])
+        jumps = np.abs(np.diff(path, axis=0)) * is_body
+        if self.unit == "deg":
+            jumps = np.deg2rad(jumps)
+        if jumps.size and jumps.max() > self.joint_step_max:
+            before, column = (int(i) for i in np.unravel_index(int(np.argmax(jumps)), jumps.shape))
+            step = before + (start is None)
+            raise ChunkError(
+                f"{names[column]} would move {jumps.max():.3g} rad to step {step}, {self.joint_step_max:g} is allowed: "
+                "the wrist jumps, or the arm can only follow by turning over; shorten the way, or raise joint_step_max",
+                step=step,
+            )
+
+
+def insert_steps(
+    preprocessor: PolicyProcessorPipeline, postprocessor: PolicyProcessorPipeline, **settings: Any
+) -> tuple[PolicyProcessorPipeline, PolicyProcessorPipeline]:
+    """A policy's pipelines with joints at both ends; the policy goes on in wrists.
+
+    Joints become wrists before LeRobot takes states and actions relative and normalises them, and wrists become joints
+    after that is undone.
+
+    Args:
+        preprocessor: As from ``make_pre_post_processors``; not changed.
+        postprocessor: Likewise.
+        settings: Fields of both steps (``joint_names``, ``spec``, ``waist``, ``unit``, ``synergy``) or of
+            `G1WristsToJointsStep`.
+
+    Returns:
+        Two new pipelines, paired.
+
+    Raises:
+        SpecError: If one of the two has no normalising step, or a setting is wrong.
+    """
+    own = {
+        name: value for name, value in settings.items() if name not in ("moving", "on_unreachable", "joint_step_max")
+    }
+    before, after = list(preprocessor.steps), list(postprocessor.steps)
+    entry = [isinstance(step, (RelativeActionsProcessorStep, NormalizerProcessorStep)) for step in before]
+    exits = [isinstance(step, (AbsoluteActionsProcessorStep, UnnormalizerProcessorStep)) for step in after]
+    if not any(entry) or not any(exits):
+        raise SpecError("a pipeline has no step that normalises; joints cannot be put in front of it")
+    before.insert(entry.index(True), G1JointsToWristsStep(**own))
+    after.insert(len(exits) - exits[::-1].index(True), G1WristsToJointsStep(**settings))
+    pipelines = replace(preprocessor, steps=before), replace(postprocessor, steps=after)
+    pair(*pipelines)
+    return pipelines
 
 
 def pair(preprocessor: PolicyProcessorPipeline, postprocessor: PolicyProcessorPipeline) -> None:
