@@ -7,12 +7,12 @@ import pytest
 import torch
 from joint_cases import DEX1, DEX3, swinging
 from lerobot.configs import FeatureType, NormalizationMode, PipelineFeatureType, PolicyFeature
+from lerobot.lerobot_types import TransitionKey
 from lerobot.policies import make_pre_post_processors
 from lerobot.policies.act.configuration_act import ACTConfig
 from lerobot.policies.act.modeling_act import ACTPolicy
 from lerobot.processor import PolicyProcessorPipeline, ProcessorStepRegistry
 from lerobot.processor.converters import create_transition
-from lerobot.lerobot_types import TransitionKey
 
 from policy.errors import ChunkError, DatasetError, SpecError
 from policy.joint_conversion import JointConversion
@@ -28,7 +28,7 @@ WRISTS = CONVERSION.forward(Q).astype(np.float32)
 def stats():
     low, high = WRISTS.min(axis=0) - 0.2, WRISTS.max(axis=0) + 0.2
     numbers = {"min": low, "max": high, "mean": 0.5 * (low + high), "std": 0.5 * (high - low), "q01": low, "q99": high}
-    return {key: numbers for key in ("observation.state", "action")}
+    return dict.fromkeys(("observation.state", "action"), numbers)
 
 
 def config():
@@ -38,7 +38,7 @@ def config():
         device="cpu",
         input_features={"observation.state": state, "observation.environment_state": env},
         output_features={"action": action},
-        normalization_mapping={kind: NormalizationMode.QUANTILES for kind in ("STATE", "ACTION")}
+        normalization_mapping=dict.fromkeys(("STATE", "ACTION"), NormalizationMode.QUANTILES)
         | {"ENV": NormalizationMode.IDENTITY},
         chunk_size=6,
         n_action_steps=6,
