@@ -25,9 +25,9 @@ LAYERS = (
     ("support", "robot", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),
-    ("controller", "posture_plan", "planner", "supervisor"),
-    ("score", "stitching", "runtime", "verdict", "checker"),
-    ("report", "cli"),
+    ("controller", "placo_program", "placo_backend", "backends", "posture_plan", "planner", "supervisor"),
+    ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker"),
+    ("report", "doctor", "cli"),
 )
 COMPOSITION = LAYERS[5:]
 

@@ -127,7 +127,7 @@ class InverseDynamics:
             labels.extend(rows.labels)
             at = end
         x_min, x_max = self._variable_bounds(joints)
-        return QuadraticProgram(H, g, A, b, C, lower, upper, x_min, x_max, tuple(labels))
+        return QuadraticProgram(H, g, A, b, C, lower, upper, x_min, x_max, tuple(labels), n_slack=2)
 
     def read(self, solution: QPSolution) -> WholeBodySolution:
         """Split a solution and compute the joint torques it needs."""

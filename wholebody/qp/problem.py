@@ -23,6 +23,7 @@ class QuadraticProgram:
         C, lower, upper: Two-sided inequalities, shapes (m, n), (m,), (m,); infinite where one-sided.
         x_min, x_max: Bounds on the variables, shape (n,).
         labels: Name of each inequality row, length m: what to tell the user when it binds.
+        n_slack: How many of the last variables are slacks: zero at best, and dear otherwise.
     """
 
     H: np.ndarray
@@ -35,6 +36,7 @@ class QuadraticProgram:
     x_min: np.ndarray
     x_max: np.ndarray
     labels: tuple[str, ...] = ()
+    n_slack: int = 0
 
     def check_finite(self) -> None:
         """Refuse data that a solver would silently drop.
@@ -66,7 +68,7 @@ class Residuals:
 
     Attributes:
         primal: Largest violation of any equality, inequality or bound.
-        stationarity: Largest component of the Lagrangian's gradient, over ``1 + max|g|``.
+        stationarity: Largest component of the Lagrangian's gradient, over ``1 + max|g|`` of all but slacks.
         complementarity: Largest |multiplier * distance to its bound|, over ``1 + |objective|``.
     """
 
@@ -91,6 +93,7 @@ class QPSolution:
         residuals: KKT residuals computed here, never taken from the solver.
         ok: Whether the residuals are inside the tolerances.
         solver: Name of the solver that answered.
+        seconds: Thread CPU time that it and its judgement took [s].
     """
 
     x: np.ndarray
@@ -100,3 +103,4 @@ class QPSolution:
     residuals: Residuals
     ok: bool
     solver: str
+    seconds: float = 0.0

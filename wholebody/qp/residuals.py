@@ -31,7 +31,9 @@ def kkt_residuals(qp: QuadraticProgram, x: np.ndarray, y: np.ndarray, z: np.ndar
         key=_nan_first,
     )
     gradient = qp.H @ x + qp.g + qp.A.T @ y + qp.C.T @ z + z_box
-    stationarity = _largest(gradient, absolute=True) / (1.0 + _largest(qp.g, absolute=True))
+    # The price of the slacks is no measure of what the tasks want: with it, anything would look small.
+    wanted = qp.g[: len(qp.g) - qp.n_slack]
+    stationarity = _largest(gradient, absolute=True) / (1.0 + _largest(wanted, absolute=True))
     slack = np.concatenate([_gap(rows, qp.lower, qp.upper, z), _gap(x, qp.x_min, qp.x_max, z_box)])
     objective = abs(0.5 * x @ qp.H @ x + qp.g @ x)
     complementarity = _largest(slack, absolute=True) / (1.0 + objective)
@@ -49,6 +51,9 @@ def _nan_first(value: float) -> float:
 
 
 def _gap(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
-    """Multiplier times distance to the side it pushes on; zero where the multiplier is zero."""
+    """Multiplier times distance to the side it pushes on; zero where the multiplier is zero.
+
+    A side that does not exist cannot push: there the multiplier itself is the error.
+    """
     distance = np.where(multiplier > 0, value - upper, value - lower)
-    return np.where(multiplier == 0, 0.0, multiplier * np.where(np.isfinite(distance), distance, 0.0))
+    return np.where(multiplier == 0, 0.0, multiplier * np.where(np.isinf(distance), 1.0, distance))

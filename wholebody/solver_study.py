@@ -1,0 +1,134 @@
+"""The same motions with each QP solver, without a second one to fall back on: what `wholebody bench solvers` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from models.spec import RobotSpec
+from policy.base import Policy
+from wholebody.config import ControllerConfig
+from wholebody.runtime import EpisodeConfig, EpisodeResult, run_episode
+from wholebody.sim.plant import MujocoPlant
+from wholebody.supervisor import Supervisor
+from wholebody.types import JointCommand, RobotState
+
+
+@dataclass(frozen=True)
+class SolverRow:
+    """How one motion went with one solver.
+
+    Attributes:
+        solver: Its name. motion: Name of the motion.
+        ticks: Control periods. failures: Those in which its answer was not accepted.
+        fell: Whether the robot fell.
+        rms, largest: Palm error against the chunks at their own times [m].
+        time_factor: Time on chunks over chunk time covered.
+        primal, dual: Worst constraint violation, and worst scaled stationarity or complementarity, of any answer.
+        median, p99: Thread CPU time of solving and judging one program [s].
+    """
+
+    solver: str
+    motion: str
+    ticks: int
+    failures: int
+    fell: bool
+    rms: float
+    largest: float
+    time_factor: float
+    primal: float
+    dual: float
+    median: float
+    p99: float
+
+
+class _Watched(Supervisor):
+    """A supervisor that notes what the solver answered."""
+
+    def reset(self, state: RobotState) -> None:
+        super().reset(state)
+        self.levels: list[int] = []
+        self.residuals: list[tuple[float, float]] = []
+        self.seconds: list[float] = []
+
+    def step(self, state: RobotState) -> JointCommand:
+        command = super().step(state)
+        tick = self.last_tick
+        if tick is not None:
+            self.levels.append(tick.level)
+            r = tick.qp.residuals
+            self.residuals.append((r.primal, max(r.stationarity, r.complementarity)))
+            self.seconds.append(tick.qp.seconds)
+        return command
+
+
+def study(
+    spec: RobotSpec,
+    solver: str,
+    policies: Sequence[Policy],
+    *,
+    config: ControllerConfig | None = None,
+    seconds: float = 10.0,
+    episode: EpisodeConfig | None = None,
+    progress: Callable[[str, float, float], None] | None = None,
+) -> list[SolverRow]:
+    """Run every motion in MuJoCo with one solver and no fallback.
+
+    Args:
+        spec: The robot.
+        solver: Name of the QP solver, or "placo" for the controller backend of that name.
+        policies: The motions.
+        config: Everything else about the controller.
+        seconds: Time after which a motion is cut short [s].
+        episode: Times of standing before and after.
+        progress: Called with the motion's name, simulated time and end time [s].
+    """
+    changed = {"backend": "placo"} if solver == "placo" else {"solver": solver}
+    supervisor = _Watched(spec, replace(config or ControllerConfig(), fallback="none", **changed))
+    plant = MujocoPlant(spec, control_dt=supervisor.config.dt)
+    rows = []
+    for policy in policies:
+        tell = None if progress is None else lambda t, end, name=policy.name: progress(name, t, end)
+        duration = min(seconds, policy.duration)
+        result = run_episode(policy, supervisor, plant, duration=duration, config=episode, progress=tell)
+        rows.append(_row(solver, policy.name, supervisor, result))
+    return rows
+
+
+def _row(solver: str, motion: str, watched: _Watched, result: EpisodeResult) -> SolverRow:
+    worst = np.max(watched.residuals, axis=0)
+    median, p99 = np.percentile(watched.seconds, [50, 99])
+    return SolverRow(
+        solver=solver,
+        motion=motion,
+        ticks=len(watched.levels),
+        failures=int(np.count_nonzero(watched.levels)),
+        fell=result.fall is not None,
+        rms=result.rms,
+        largest=float(result.errors.max(initial=0.0)),
+        time_factor=result.time_factor,
+        primal=float(worst[0]),
+        dual=float(worst[1]),
+        median=float(median),
+        p99=float(p99),
+    )
+
+
+HEADINGS = ("solver", "motion", "fell", "failures", "RMS / max mm", "time factor", "primal", "dual", "p50 / p99 ms")
+
+
+def cells(row: SolverRow) -> tuple[str, ...]:
+    """Cells of a row below `HEADINGS`."""
+    return (
+        row.solver,
+        row.motion,
+        "yes" if row.fell else "no",
+        f"{row.failures} of {row.ticks}",
+        f"{1e3 * row.rms:.2f} / {1e3 * row.largest:.1f}",
+        f"{row.time_factor:.3f}",
+        f"{row.primal:.0e}",
+        f"{row.dual:.0e}",
+        f"{1e3 * row.median:.2f} / {1e3 * row.p99:.2f}",
+    )
