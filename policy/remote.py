@@ -106,9 +106,7 @@ class RemotePolicy:
         self.reset()
 
     @classmethod
-    def connect(
-        cls, uri: str, *, spec: ActionSpec | str | None = None, options: RemoteOptions | None = None
-    ) -> RemotePolicy:
+    def connect(cls, uri: str, *, spec: ActionSpec | str | None = None, **settings: Any) -> RemotePolicy:
         """Connect to a server and agree on the layout.
 
         openpi's server says no layout unless its metadata has one (``policy_metadata={"action_spec": {...}}`` in the
@@ -117,13 +115,15 @@ class RemotePolicy:
         Args:
             uri: ``ws://host:port``; the port is 8000 if none is given.
             spec: Layout that the caller decodes, built-in name or spec; what the server says if None.
-            options: How to talk to it.
+            **settings: As in `RemoteOptions`, for example ``assume_spec``, ``keys``, ``timeout``.
 
         Raises:
             RemoteError: If there is no policy server.
             SpecError: If the layouts differ, or nothing says what the server's is.
+            TypeError: If there is no such setting.
+            ValueError: If a time-out is none.
         """
-        options = options or RemoteOptions()
+        options = RemoteOptions(**settings)
         channel = Channel(uri, connect_timeout=options.connect_timeout, api_key=options.api_key)
         try:
             metadata = channel.open(patient=True)

@@ -34,7 +34,7 @@ from policy.remote_openpi import ALOHA, LIBERO, KeyMap
 
 WBC32 = builtin("wbc32")
 KEYS = KeyMap(images={"head": "observation/images/head"})
-OPTIONS = RemoteOptions(assume_spec="wbc32", keys=KEYS, connect_timeout=2.0, timeout=0.4, first_timeout=0.4)
+OPTIONS = {"assume_spec": "wbc32", "keys": KEYS, "connect_timeout": 2.0, "timeout": 0.4, "first_timeout": 0.4}
 SLACK = 1.6
 """What a call may take beyond its time-out: a closing handshake, and a busy machine [s]."""
 
@@ -65,7 +65,7 @@ def play_raw(data):
 
 
 def connect(peer, **changes):
-    return RemotePolicy.connect(peer.uri, options=dataclasses.replace(OPTIONS, **changes))
+    return RemotePolicy.connect(peer.uri, **OPTIONS | changes)
 
 
 def actions_frame(actions, **more):
@@ -164,7 +164,7 @@ def test_a_server_that_does_not_state_its_layout_is_refused_unless_the_user_vouc
         with pytest.raises(SpecError, match=r"does not say what its actions are.*assume_spec"):
             connect(peer, assume_spec=None)
         with pytest.raises(SpecError, match="--assume-spec wbc32"):
-            RemotePolicy.connect(peer.uri, spec="wbc32", options=dataclasses.replace(OPTIONS, assume_spec=None))
+            RemotePolicy.connect(peer.uri, spec="wbc32", **OPTIONS | {"assume_spec": None})
         assert connect(peer).spec == WBC32
 
 
@@ -172,11 +172,11 @@ def test_a_server_that_does_not_state_its_layout_is_refused_unless_the_user_vouc
 def test_a_layout_in_the_metadata_of_an_openpi_server_is_agreed_on(as_text):
     stated = builtin("joint28").to_json() if as_text else builtin("joint28").to_dict()
     metadata = frame(pack({"action_spec": stated}))
-    options = dataclasses.replace(OPTIONS, assume_spec=None)
+    options = OPTIONS | {"assume_spec": None}
     with Peer(lambda wire: (wire.send(metadata), wire.stall())) as peer:
-        assert RemotePolicy.connect(peer.uri, options=options).spec == builtin("joint28")
+        assert RemotePolicy.connect(peer.uri, **options).spec == builtin("joint28")
         with pytest.raises(SpecError, match="spec 'joint28' is not 'wbc32': dim is 28, expected 32"):
-            RemotePolicy.connect(peer.uri, spec="wbc32", options=options)
+            RemotePolicy.connect(peer.uri, spec="wbc32", **options)
 
 
 def test_another_layout_for_the_state_can_be_named():
@@ -293,7 +293,7 @@ def test_what_is_no_websocket_is_said():
 def test_where_nobody_listens_the_client_waits_and_then_says_so():
     begin = time.monotonic()
     with pytest.raises(RemoteConnectionError, match="nobody listens there; start the server"):
-        RemotePolicy.connect(f"ws://127.0.0.1:{free_port()}", options=dataclasses.replace(OPTIONS, connect_timeout=0.5))
+        RemotePolicy.connect(f"ws://127.0.0.1:{free_port()}", **OPTIONS | {"connect_timeout": 0.5})
     assert 0.1 < time.monotonic() - begin < 0.5 + SLACK
 
 
@@ -306,7 +306,7 @@ def test_a_server_that_still_loads_is_waited_for():
 
     thread = threading.Thread(target=start)
     thread.start()
-    policy = RemotePolicy.connect(f"127.0.0.1:{port}", options=dataclasses.replace(OPTIONS, connect_timeout=5.0))
+    policy = RemotePolicy.connect(f"127.0.0.1:{port}", **OPTIONS | {"connect_timeout": 5.0})
     assert len(policy.infer(seen())) == 2
     thread.join()
     peers[0].__exit__()

@@ -16,13 +16,13 @@ from policy.clock import MonotonicClock
 from policy.executor import Executor, ExecutorConfig
 from policy.msgpack_numpy import pack, unpack
 from policy.prefix import Prefix, PrefixPolicy
-from policy.remote import RemoteOptions, RemotePolicy
+from policy.remote import RemotePolicy
 from policy.remote_channel import RemoteError, RemoteServerError, RemoteTimeoutError
 from policy.remote_wire import chunk_to_map, observation_to_map
 from policy.scripts import scripted
 from policy.server import CLOSE_REASON, PolicyServer, metadata_of
 
-OPTIONS = RemoteOptions(connect_timeout=3.0, timeout=3.0, first_timeout=3.0)
+OPTIONS = {"connect_timeout": 3.0, "timeout": 3.0, "first_timeout": 3.0}
 IMAGES = {"head": np.arange(27, dtype=np.uint8).reshape(3, 3, 3)}
 
 
@@ -65,7 +65,7 @@ def seen(time=0.0, task="pick up the can"):
 
 
 def connect(server, **changes):
-    return RemotePolicy.connect(server.uri, options=dataclasses.replace(OPTIONS, **changes))
+    return RemotePolicy.connect(server.uri, **OPTIONS | changes)
 
 
 def raw(server):
