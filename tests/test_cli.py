@@ -1,13 +1,17 @@
-"""Strategy: exit codes and first lines, through the real entry point in a process of its own."""
+"""Strategy: exit codes, first lines and files, through the entry point; what simulates in a process of its own."""
 
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
 import pytest
 
+from models.scenes import SCENES
+from policy.scripts import SCRIPTS
+from wholebody import cli
 from wholebody.resources import verdict_schema
 
 SHORT = ("--duration", "0.2", "--hold", "0.2")
@@ -20,34 +24,64 @@ def wholebody(*arguments, cwd=None):
     )
 
 
-def test_the_version_is_printed():
-    answer = wholebody("--version")
+@pytest.fixture
+def inside(monkeypatch, capsys):
+    """The same in this process, for what ends before a simulation begins."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["wholebody", *arguments])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        said = capsys.readouterr()
+        return SimpleNamespace(returncode=end.value.code, stdout=said.out, stderr=said.err)
+
+    return call
+
+
+def test_the_version_is_printed(inside):
+    answer = inside("--version")
     assert answer.returncode == 0
     assert answer.stdout.strip()
 
 
+def test_the_help_names_every_script_and_leaves_no_unit_out(inside):
+    text = " ".join(inside("run", "--help").stdout.split())
+    assert all(name in text for name in SCRIPTS)
+    assert "in ms" in text
+    assert "in kg" in text
+
+
+def test_scripts_that_need_a_scene_get_it():
+    assert set(cli.SCENE_OF) <= set(SCRIPTS)
+    assert set(cli.SCENE_OF.values()) <= set(SCENES)
+
+
 @pytest.mark.parametrize("content", ["1,2,3\n", ""])
-def test_a_malformed_motion_ends_with_one_sentence_and_code_2(tmp_path, content):
+def test_a_malformed_motion_ends_with_one_sentence_and_code_2(inside, tmp_path, content):
     path = tmp_path / "motion.csv"
     path.write_text(content)
-    answer = wholebody("check", str(path))
+    answer = inside("check", str(path))
     assert answer.returncode == 2
-    assert answer.stderr.startswith("wholebody: ")
-    assert "Traceback" not in answer.stderr
+    assert answer.stderr.startswith(f"wholebody: {path}: ")
+    assert answer.stderr.count(str(path)) == 1
+    assert len(answer.stderr.splitlines()) == 1
 
 
-def test_an_unknown_policy_is_refused_with_those_that_exist():
-    answer = wholebody("run", "lissajus")
+def test_an_unknown_policy_is_refused_with_those_that_exist(inside):
+    answer = inside("run", "lissajus")
     assert answer.returncode == 2
-    assert "lissajous" in answer.stderr
+    assert "did you mean 'lissajous'" in answer.stderr
+    assert "two_hand_lift" in answer.stderr
 
 
-def test_a_chunk_with_nan_is_malformed(tmp_path):
-    path = tmp_path / "chunk.npz"
-    np.savez(path, actions=np.full((50, 32), np.nan), fps=30.0, spec="wbc32")
-    answer = wholebody("check", str(path))
+def test_a_chunk_with_nan_is_malformed_and_its_place_is_named(inside, tmp_path):
+    path, actions = tmp_path / "chunk.npz", np.zeros((50, 32))
+    actions[7, 2] = np.nan
+    np.savez(path, actions=actions, fps=30.0, spec="wbc32")
+    answer = inside("check", str(path))
     assert answer.returncode == 2
-    assert "Traceback" not in answer.stderr
+    assert "actions[7, 2] is nan" in answer.stderr
+    assert answer.stdout == ""
 
 
 def test_a_wave_is_feasible_and_json_stands_alone_on_standard_output():
@@ -88,12 +122,13 @@ def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judge
         (("check", "chunk.npz", "--assume-spec", "wbc33"), "wbc32"),
     ],
 )
-def test_misuse_is_told_before_anything_is_simulated(tmp_path, arguments, says):
+def test_misuse_is_told_before_anything_is_simulated(inside, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
     np.savez(tmp_path / "chunk.npz", actions=np.zeros((10, 32)), fps=30.0)
-    answer = wholebody(*arguments, cwd=tmp_path)
+    answer = inside(*arguments)
     assert answer.returncode == 2
     assert says in answer.stderr
-    assert "Traceback" not in answer.stderr
+    assert answer.stdout == ""
 
 
 def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(tmp_path):
@@ -110,11 +145,14 @@ def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(tmp_path):
 
 
 def test_a_folder_of_motions_becomes_a_table(tmp_path):
+    """A row a motion, and in the JSON what the row was made of."""
     rows = np.zeros((20, 36))
     rows[:, 2], rows[:, 6] = 0.79, 1.0
     np.savetxt(tmp_path / "still.csv", rows, delimiter=",")
-    answer = wholebody("run", "--motions", str(tmp_path), *SHORT)
+    answer = wholebody("run", "--motions", str(tmp_path), *SHORT, "--json", str(tmp_path / "study.json"))
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.splitlines()[0].split()[:3] == ["motion", "fell", "demandable"]
     assert answer.stdout.splitlines()[1].split()[:2] == ["still", "no"]
-    assert "1 motions, 0 falls" in answer.stdout
+    assert "1 motion, 0 falls" in answer.stdout
+    (verdict,) = json.loads((tmp_path / "study.json").read_text())
+    assert verdict["seconds"]["hold"] + verdict["seconds"].get("slowed", 0.0) > 1.0

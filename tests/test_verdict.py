@@ -7,7 +7,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from wholebody.report import HEADINGS, lines, row, to_json
+from wholebody.report import HEADINGS, lines, row, table_line, table_summary, to_json
 from wholebody.resources import verdict_schema
 from wholebody.runtime import EpisodeResult, Refusal
 from wholebody.sim.fall import Fall
@@ -15,9 +15,10 @@ from wholebody.sim.watch import Excess
 from wholebody.verdict import judge
 
 
-def result(*, errors=0.001, **changes):
+def result(*, errors=0.001, lags=0.001, **changes):
     """Ten steps at 30 Hz from second 1, all with the same error; the left hand may be asked for the first eight."""
     table = np.full((10, 2), errors)
+    changes = {"lags": np.full((10, 2), lags), "turns": np.full((10, 2), 0.002)} | changes
     fair = np.ones((10, 2), dtype=bool)
     fair[8:, 0] = False
     times = 1.0 + np.arange(10) / 30.0
@@ -36,7 +37,7 @@ def test_what_is_followed_as_given_is_feasible():
     assert verdict.rms_m == pytest.approx(0.001)
     assert verdict.demandable_share == pytest.approx(0.9)
     assert verdict.within_20mm == 1.0
-    assert lines(verdict)[0] == "FEASIBLE  wave"
+    assert lines(verdict)[0] == "FEASIBLE  wave: done as given"
 
 
 @pytest.mark.parametrize(
@@ -45,6 +46,7 @@ def test_what_is_followed_as_given_is_feasible():
         ({"slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
         ({"clamped": 0.03, "clamped_hand": "left", "clamped_time": 1.5}, "out_of_reach"),
         ({"errors": 0.03}, "tracking_error"),
+        ({"errors": 0.2, "slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
         ({"contacts": {("left_elbow_link", "torso_link"): 1.2}}, "self_contact"),
         ({"torques": {"waist_pitch_joint": Excess(1.1, 0.2, 41.0, 35.0)}}, "torque_limit"),
     ],
@@ -52,7 +54,8 @@ def test_what_is_followed_as_given_is_feasible():
 def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
     verdict = judge("motion", result(**changes))
     assert verdict.verdict == "feasible_after_repair"
-    assert codes(verdict) == [code]
+    assert codes(verdict)[0] == code
+    assert lines(verdict)[0].startswith("FEASIBLE AFTER REPAIR  motion: done, but ")
 
 
 @pytest.mark.parametrize(
@@ -61,9 +64,10 @@ def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
         ({"fall": Fall(2.5, "pelvis at 0.19 m")}, "fall"),
         ({"refusals": [Refusal(1.0, "chunk_invalid", "T_world_lhand has NaN at step 7")]}, "refused"),
         ({"clamped": 0.3, "clamped_hand": "right", "clamped_time": 1.5}, "out_of_reach"),
+        ({"lags": 0.1, "errors": 0.1}, "not_followed"),
     ],
 )
-def test_what_falls_is_refused_or_becomes_another_motion_is_infeasible(changes, code):
+def test_what_falls_is_refused_lost_or_becomes_another_motion_is_infeasible(changes, code):
     verdict = judge("motion", result(**changes))
     assert verdict.verdict == "infeasible"
     assert codes(verdict)[0] == code
@@ -75,10 +79,11 @@ def test_marks_that_change_nothing_leave_it_feasible():
         "torques": {"left_knee_joint": Excess(1.1, 0.004, 150.0, 139.0)},
         "edge": Excess(1.2, 0.01, 0.0005, 0.001),
         "positions": {"left_knee_joint": Excess(1.2, 0.01, 2.9, 2.88)},
+        "start_jump": (0.4, 0.5),
     }
     verdict = judge("grasp", result(**marks))
     assert verdict.verdict == "feasible"
-    assert codes(verdict) == ["balance_edge", "joint_limit", "scene_contact"]
+    assert codes(verdict) == ["far_start", "balance_edge", "joint_limit", "scene_contact"]
 
 
 def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
@@ -98,10 +103,24 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
     assert verdict.violations[3].subject == "waist_pitch_joint"
     assert verdict.violations[1].step == 6
     text = lines(verdict)
-    assert text[0] == "INFEASIBLE  motion"
-    assert text[1] == "  fall: pelvis at 0.19 m at 1.30 s (step 9)"
-    assert text[2] == "  out_of_reach: right hand at 1.20 s (step 6), 120 mm (bound 0 mm)"
-    assert text[4] == "  torque_limit: waist_pitch_joint at 1.10 s (step 3), 48 N m (bound 35 N m)"
+    assert text[:5] == [
+        "INFEASIBLE  motion: the robot falls",
+        "  fall: pelvis at 0.19 m at 1.30 s (step 9)",
+        "  out_of_reach: target of the right hand moved by 120 mm (bound 50 mm) at 1.20 s (step 6)",
+        "  tracking_error: left palm 200 mm from where it was asked to be (bound 20 mm) at 1.00 s (step 0)",
+        "  torque_limit: waist_pitch_joint asked for 48 N m (bound 35 N m) at 1.10 s (step 3)",
+    ]
+
+
+def test_a_first_step_far_from_the_hands_is_marked_in_metres_and_in_degrees():
+    verdict = judge("motion", result(start_jump=(0.4, 2.0)))
+    assert codes(verdict) == ["far_start", "far_start"]
+    assert "  far_start: first step 400 mm from where the hands were (bound 300 mm) at 1.00 s (step 0)" in lines(
+        verdict
+    )
+    assert "  far_start: first step 115 deg from where the hands were (bound 60 deg) at 1.00 s (step 0)" in lines(
+        verdict
+    )
 
 
 @pytest.mark.parametrize(
@@ -135,8 +154,15 @@ def test_an_empty_episode_has_a_verdict_too():
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
 
 
-def test_a_row_of_the_table_has_a_cell_for_every_heading():
+def test_a_row_of_the_table_stands_below_its_headings():
     cells = row(judge("folder/B_Fence1.csv", result(errors=0.0123)))
-    assert len(cells) == len(HEADINGS)
-    assert cells[0] == "B_Fence1"
-    assert "12.3" in cells
+    assert cells == ("B_Fence1", "no", "90 %", "100 %", "12.3", "12", "1.00", "tracking 3.0")
+    heading, line = table_line(HEADINGS, 12), table_line(cells, 12)
+    assert heading.index("RMS mm") + len("RMS mm") == line.index("12.3") + len("12.3")
+    assert heading.index("seconds in") == line.index("tracking")
+
+
+def test_the_summary_counts_motions_falls_and_time_spent_damping():
+    fallen = judge("a", result(fall=Fall(2.0, "x"), seconds={"damping": 0.5}))
+    assert table_summary([fallen]).startswith("1 motion, 1 fall, 0.5 s damping\n")
+    assert table_summary([judge("b", result())] * 2).startswith("2 motions, 0 falls, 0.0 s damping\n")

@@ -8,6 +8,7 @@ import cattrs
 
 from models.g1 import g1
 from policy.base import Policy
+from policy.executor import Executor
 from wholebody.config import ControllerConfig
 from wholebody.runtime import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.sim.plant import MujocoPlant
@@ -42,10 +43,12 @@ class Checker:
         friction: float = 0.8,
     ) -> None:
         spec = g1()
-        self.scene, self.episode, self.supervisor = scene, episode or EpisodeConfig(), Supervisor(spec, config)
-        dt = self.supervisor.config.dt
+        config = config or ControllerConfig()
+        self.scene, self.episode, dt = scene, episode or EpisodeConfig(), config.dt
         world = {"timestep": min(timestep, dt), "payload_kg": payload_kg, "friction": friction}
+        # The plant first: a scene that does not exist is told at once.
         self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
+        self.supervisor = Supervisor(spec, config)
         self.sensors = Sensors(spec, sensors, dt) if sensors is not None else None
 
     def recorder(self) -> Recorder:
@@ -54,7 +57,7 @@ class Checker:
 
     def check(
         self,
-        policy: Policy,
+        policy: Policy | Executor,
         name: str,
         duration: float,
         *,
@@ -64,7 +67,7 @@ class Checker:
         """Judge a policy's episode.
 
         Args:
-            policy: Source of the chunks.
+            policy: Source of the chunks: a policy, or an executor that says how late it is.
             name: What to call the input.
             duration: How long to run it [s].
             progress: See `run_episode`.

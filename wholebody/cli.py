@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
@@ -16,26 +17,47 @@ import typer
 
 if TYPE_CHECKING:
     from policy.base import Policy
+    from policy.executor import Executor
     from policy.spec import ActionSpec
     from wholebody.checker import Checker
     from wholebody.sim.recorder import Recorder
     from wholebody.verdict import Verdict
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, help="Action chunks in, a balanced G1 out.")
+SOURCES = (
+    "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz or motion .csv."
+)
+SCENE_OF = {"grasp": "table_cylinder"}
+"""Scenes of scripted policies that need more than the floor."""
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
+)
 
 EXIT_OK, EXIT_INFEASIBLE, EXIT_MISUSE = 0, 1, 2
 
 JsonTo = Annotated[str, typer.Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
 CsvFps = Annotated[float, typer.Option(help="Frames per second of motion files.")]
-Duration = Annotated[float, typer.Option(help="Seconds to run; 0 for the whole input.")]
+Duration = Annotated[float, typer.Option(help="Seconds to run; 0: the whole input.")]
 Hold = Annotated[float, typer.Option(help="Seconds of standing after the last step: falls can come late.")]
-Scene = Annotated[str, typer.Option(help="Scene: floor, table, shelf, table_cylinder, ...")]
+Scene = Annotated[
+    str, typer.Option(help="What stands around the robot: floor, table, shelf, table_cylinder, ... [default: by input]")
+]
 Realistic = Annotated[bool, typer.Option(help="Tell the controller what real sensors would.")]
-DelayMs = Annotated[float, typer.Option(help="Age of the state when the controller gets it [ms].")]
+DelayMs = Annotated[float, typer.Option(help="Age of the state when the controller gets it, in ms.")]
 PayloadKg = Annotated[
-    tuple[float, float], typer.Option(help="Mass in the left and right hand, unknown to the controller [kg].")
+    tuple[float, float], typer.Option(help="Mass in the left and right hand in kg, unknown to the controller.")
 ]
 AssumeSpec = Annotated[str, typer.Option(help="Layout of chunk files that name none: built-in name or JSON file.")]
+LatencyMs = Annotated[
+    tuple[float, float], typer.Option(help="Least and largest time that the policy takes to answer [ms].")
+]
+Ensemble = Annotated[
+    float | None, typer.Option(help="Average chunks with ACT's weights exp(-VALUE i), oldest first (ACT: 0.01).")
+]
+ReplaceEvery = Annotated[int, typer.Option(help="Steps of a chunk after which the next one is asked for.")]
+RealTimeChunking = Annotated[
+    bool, typer.Option("--real-time-chunking", help="Tell the policy what is being executed (π0, π0.5, SmolVLA).")
+]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")]
 
 
@@ -61,12 +83,12 @@ def _options(show_version: Annotated[bool, typer.Option("--version", help="Print
 
 @app.command()
 def check(
-    inputs: Annotated[list[str], typer.Argument(help="Chunk .npz, motion .csv, or name of a scripted policy.")],
+    inputs: Annotated[list[str], typer.Argument(help=SOURCES)],
     json_to: JsonTo = "",
     csv_fps: CsvFps = 60.0,
     duration: Duration = 0.0,
     hold: Hold = 4.0,
-    scene: Scene = "floor",
+    scene: Scene = "",
     config: ConfigFile = None,
     realistic: Realistic = False,
     delay_ms: DelayMs = 0.0,
@@ -78,16 +100,18 @@ def check(
 
     _check_times(duration, hold)
     _check_places(json_to)
-    quiet, worst, verdicts, checker = json_to == "-", EXIT_OK, [], None
+    quiet, worst, verdicts = json_to == "-", EXIT_OK, []
+    checker = cache(lambda scene: _checker(scene, config, hold, realistic, delay_ms, payload_kg))
     for name in inputs:
         try:
             policy = _open(name, csv_fps, assume_spec)
-            checker = checker or _checker(scene, config, hold, realistic, delay_ms, payload_kg)
+            judge = checker(scene or SCENE_OF.get(name, "floor"))
             with _progress(name, quiet=quiet) as progress:
-                verdict, _ = checker.check(policy, name, duration or policy.duration, progress=progress)
+                verdict, _ = judge.check(policy, name, duration or policy.duration, progress=progress)
         except (PolicyError, OSError) as error:
             # The other inputs are judged all the same; the exit code is that of the worst.
-            print(f"wholebody: {name}: {error}", file=sys.stderr)
+            text = str(error)
+            print(f"wholebody: {text if text.startswith(name) else f'{name}: {text}'}", file=sys.stderr)
             worst = EXIT_MISUSE
             continue
         verdicts.append(verdict)
@@ -100,11 +124,11 @@ def check(
 
 @app.command()
 def run(
-    source: Annotated[str, typer.Argument(help="Scripted policy, chunk .npz or motion .csv.")] = "reach",
+    source: Annotated[str, typer.Argument(help=SOURCES)] = "reach",
     motions: Annotated[Path | None, typer.Option(help="Run every motion .csv of a folder instead.")] = None,
     duration: Duration = 0.0,
     hold: Hold = 4.0,
-    scene: Scene = "floor",
+    scene: Scene = "",
     json_to: JsonTo = "",
     csv_fps: CsvFps = 60.0,
     config: ConfigFile = None,
@@ -112,6 +136,10 @@ def run(
     delay_ms: DelayMs = 0.0,
     payload_kg: PayloadKg = (0.0, 0.0),
     assume_spec: AssumeSpec = "",
+    latency_ms: LatencyMs = (0.0, 0.0),
+    replace_every: ReplaceEvery = 25,
+    ensemble: Ensemble = None,
+    real_time_chunking: RealTimeChunking = False,
     video: Annotated[Path | None, typer.Option(help="Write a video (.mp4) of the run.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Write six frames of the run as one picture (.png).")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every control period to an .npz.")] = None,
@@ -126,20 +154,22 @@ def run(
     if not names:
         raise ValueError(f"no .csv files in '{motions}'")
     policies = [_open(name, csv_fps, assume_spec) for name in names]
+    executors = [_executor(policy, latency_ms, replace_every, ensemble, real_time_chunking) for policy in policies]
+    scene = scene or SCENE_OF.get(source, "floor")
     checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []
     recorder = checker.recorder() if any(outputs) else None
-    for i, (name, policy) in enumerate(zip(names, policies, strict=True)):
+    show = _print_nothing if quiet else _table_printer(names) if motions else _print_verdict
+    for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
         title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
         with _progress(title, quiet=quiet) as progress:
             length = duration or policy.duration
-            verdict, _ = checker.check(policy, name, length, progress=progress, recorder=recorder)
+            verdict, _ = checker.check(executor, name, length, progress=progress, recorder=recorder)
         verdicts.append(verdict)
-        if not quiet and not motions:
-            _print_verdict(verdict)
+        show(verdict)
     if motions and not quiet:
-        from wholebody.report import table
+        from wholebody.report import table_summary
 
-        table(verdicts)
+        print(table_summary(verdicts))
     _write_json(json_to, verdicts)
     if recorder is not None:
         _write_pictures(recorder, video, sheet, record)
@@ -162,6 +192,45 @@ def convert(
 
 
 @app.command()
+def doctor(
+    checkpoint: Annotated[Path, typer.Argument(help="Folder of a LeRobot checkpoint.")],
+    dataset: Annotated[Path | None, typer.Option(help="Dataset it was trained on: recompute its statistics.")] = None,
+    spec: Annotated[str, typer.Option(help="Layout that the actions must have: built-in name or JSON file.")] = "",
+    assume_spec: Annotated[str, typer.Option(help="Layout of a checkpoint that names none.")] = "",
+    assume_state: Annotated[str, typer.Option(help="Layout of its state; that of the actions if not given.")] = "",
+    task: Annotated[str, typer.Option(help="Task that will be given.")] = "",
+    tokenizer: Annotated[Path | None, typer.Option(help="Folder of the tokenizer, SmolVLA: of the VLM.")] = None,
+    device: Annotated[str, typer.Option(help="cpu, cuda, ...; a GPU if there is one.")] = "",
+    num_steps: Annotated[int, typer.Option(help="Denoising steps; 0 as saved.")] = 0,
+    allow_narrow: Annotated[bool, typer.Option(help="Accept numbers that hardly moved in training.")] = False,
+    allow_random_weights: Annotated[bool, typer.Option(help="Go on without weights, for timing.")] = False,
+    json_to: JsonTo = "",
+) -> None:
+    """Check a LeRobot checkpoint and say what would help. Exit code 0 well, 1 with warnings, 2 not fit to be run."""
+    from wholebody.doctor import examine
+
+    _check_places(json_to)
+    diagnosis = examine(
+        checkpoint,
+        dataset=dataset,
+        spec=_assumed(spec),
+        assume_spec=_assumed(assume_spec),
+        assume_state=_assumed(assume_state),
+        task=task,
+        tokenizer=tokenizer,
+        device=device or None,
+        num_steps=num_steps or None,
+        allow_narrow=allow_narrow,
+        allow_random_weights=allow_random_weights,
+    )
+    if json_to != "-":
+        print("\n".join(diagnosis.lines()))
+    if json_to:
+        _write_text(json_to, diagnosis.to_json())
+    raise typer.Exit(diagnosis.exit_code)
+
+
+@app.command()
 def config() -> None:
     """Print every setting with its default, as YAML that --config takes."""
     from wholebody.config import ControllerConfig
@@ -177,6 +246,18 @@ def _open(name: str, csv_fps: float, assume_spec: str) -> Policy:
     if Path(name).suffix.lower() in (".npz", ".csv"):
         return open_recording(name, csv_fps=csv_fps, assume=_assumed(assume_spec))
     return scripted(name)
+
+
+def _executor(
+    policy: Policy, latency_ms: tuple[float, float], replace_every: int, ensemble: float | None, real_time: bool
+) -> Executor:
+    """The policy beside a simulated control loop, as late as it was said to be."""
+    from policy.executor import ExecutorConfig
+    from policy.executor_simulated import simulated_executor, uniform_latency
+
+    config = ExecutorConfig(replace_every=replace_every, ensemble=ensemble, real_time=real_time)
+    latency = uniform_latency(*(1e-3 * bound for bound in latency_ms))
+    return simulated_executor(policy, latency=latency, config=config)
 
 
 def _assumed(text: str) -> ActionSpec | None:
@@ -232,6 +313,19 @@ def _print_verdict(verdict: Verdict) -> None:
     print("\n".join(lines(verdict)), flush=True)
 
 
+def _print_nothing(verdict: Verdict) -> None:
+    """Standard output is for JSON alone."""
+
+
+def _table_printer(names: list[str]) -> Callable[[Verdict], None]:
+    """Print the heading; what it returns prints a motion's row as soon as that motion is over."""
+    from wholebody.report import HEADINGS, row, table_line
+
+    width = max(len(Path(name).stem) for name in names)
+    print(table_line(HEADINGS, width), flush=True)
+    return lambda verdict: print(table_line(row(verdict), width), flush=True)
+
+
 @contextmanager
 def _progress(name: str, *, quiet: bool) -> Iterator[Callable[[float, float], None] | None]:
     """A progress bar on a terminal, nothing elsewhere."""
@@ -267,7 +361,12 @@ def _write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, 
 def _write_json(target: str, verdicts: list[Verdict]) -> None:
     from wholebody.report import to_json
 
+    if target:
+        _write_text(target, to_json(verdicts))
+
+
+def _write_text(target: str, text: str) -> None:
     if target == "-":
-        print(to_json(verdicts))
-    elif target:
-        Path(target).write_text(to_json(verdicts) + "\n")
+        print(text)
+    else:
+        Path(target).write_text(text + "\n")

@@ -6,25 +6,61 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from wholebody.verdict import Verdict, Violation
+import numpy as np
 
-FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1.0, "rad"), "N m": (1.0, "N m"), "s": (1.0, "s"), "": (1.0, "times")}
+from wholebody.verdict import BEND_MAX, Verdict, Violation
+
+FOR_PEOPLE = {
+    "m": (1e3, " mm"),
+    "rad": (np.rad2deg(1.0), " deg"),
+    "N m": (1.0, " N m"),
+    "s": (1.0, " s"),
+    "": (1.0, ""),
+}
 """Factor and unit in which people read a value, by its SI unit."""
-WITHOUT_NUMBER = ("fall", "refused", "self_contact", "scene_contact")
+
+PHRASES = {
+    "out_of_reach": "target of the {subject} moved by {value} (bound {bound})",
+    "not_followed": "{subject} {value} from where it was commanded to be (bound {bound})",
+    "too_fast_for_balance": "{subject} {value} (bound {bound})",
+    "far_start": "{subject} {value} from where the hands were (bound {bound})",
+    "tracking_error": "{subject} {value} from where it was asked to be (bound {bound})",
+    "balance_edge": "{subject} {value} inside the soles (bound {bound})",
+    "torque_limit": "{subject} asked for {value} (bound {bound})",
+    "joint_limit": "{subject} at {value} (bound {bound})",
+}
+"""What a violation with a number says; the others are their subject alone."""
+
+WHY_NOT = {
+    "fall": "the robot falls",
+    "refused": "the input is refused",
+    "out_of_reach": f"a hand would have to be moved by more than {1e3 * BEND_MAX:.0f} mm",
+    "not_followed": "the hands lose the motion",
+}
+CHANGES = {
+    "too_fast_for_balance": "slowed down",
+    "out_of_reach": "a hand moved",
+    "tracking_error": "not everywhere on time",
+    "self_contact": "the robot touches itself",
+    "torque_limit": "at a motor's limit",
+}
+"""In words, what a reason code did to the input."""
 
 
 def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
-    text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}"]
+    text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {_gist(verdict)}"]
     text += [f"  {_violation(violation)}" for violation in verdict.violations]
     text.append(
-        f"  palm error {1e3 * verdict.rms_m:.2f} mm RMS, {1e3 * verdict.max_m:.1f} mm at most, "
-        f"{1e3 * verdict.end_m:.2f} mm at the end; time factor {verdict.time_factor:.3f}"
+        f"  palms    {1e3 * verdict.rms_m:.2f} mm RMS, {1e3 * verdict.max_m:.1f} mm at most, "
+        f"{1e3 * verdict.end_m:.2f} mm at the end; turned by {np.rad2deg(verdict.turn_rms_rad):.2f} deg RMS, "
+        f"{np.rad2deg(verdict.turn_max_rad):.1f} deg at most"
     )
+    text.append(f"  time     factor {verdict.time_factor:.3f}; {_durations(verdict)}")
     margin = verdict.pressure_margin_m
-    room = "" if margin is None else f"; pressure at least {1e3 * margin:.0f} mm inside the soles"
-    seconds = ", ".join(f"{name} {time:.1f} s" for name, time in verdict.seconds.items())
-    text.append(f"  {seconds}{room}; feet slid {1e3 * verdict.creep_m:.1f} mm")
+    room = "" if margin is None else f"centre of pressure at least {1e3 * margin:.0f} mm inside the soles; "
+    text.append(f"  balance  {room}feet slid {1e3 * verdict.creep_m:.1f} mm")
+    text.append(f"  chunks   {verdict.timing.text()}")
     return text
 
 
@@ -33,33 +69,35 @@ def to_json(verdicts: Sequence[Verdict]) -> str:
     return json.dumps([verdict.as_dict() for verdict in verdicts], indent=2, allow_nan=False)
 
 
+def _gist(verdict: Verdict) -> str:
+    codes = [violation.code for violation in verdict.violations]
+    if verdict.verdict == "feasible":
+        return "done as given"
+    words = WHY_NOT if verdict.verdict == "infeasible" else CHANGES
+    said = dict.fromkeys(words[code] for code in codes if code in words)
+    if verdict.verdict == "infeasible":
+        return next(iter(said), "it cannot be done")
+    return "done, but " + (", ".join(said) or "slower than asked")
+
+
+def _durations(verdict: Verdict) -> str:
+    return ", ".join(f"{name} {time:.1f} s" for name, time in verdict.seconds.items()) or "nothing was run"
+
+
 def _violation(violation: Violation) -> str:
     when = "" if violation.time is None else f" at {violation.time:.2f} s"
     if violation.step is not None:
         when += f" (step {violation.step})"
-    text = f"{violation.code}: {violation.subject}{when}"
-    if violation.code in WITHOUT_NUMBER:
-        return text
+    if violation.code not in PHRASES:
+        return f"{violation.code}: {violation.subject}{when}"
     factor, unit = FOR_PEOPLE[violation.unit]
-    return f"{text}, {factor * violation.value:.3g} {unit} (bound {factor * violation.bound:.3g} {unit})"
-
-
-def table(verdicts: Sequence[Verdict]) -> None:
-    """Print one row a motion, and a row for all."""
-    from rich.console import Console
-    from rich.table import Table
-
-    rows = Table(box=None, pad_edge=False)
-    for heading in HEADINGS:
-        rows.add_column(heading, justify="left" if heading in ("motion", "seconds in") else "right", no_wrap=True)
-    for verdict in verdicts:
-        rows.add_row(*row(verdict))
-    Console(width=160).print(rows)
-    falls, damping = sum(v.fell for v in verdicts), sum(v.seconds.get("damping", 0.0) for v in verdicts)
-    Console(width=160).print(f"{len(verdicts)} motions, {falls} falls, {damping:.1f} s damping")
+    value, bound = (f"{factor * number:.3g}{unit}" for number in (violation.value, violation.bound))
+    phrase = PHRASES[violation.code].format(subject=violation.subject, value=value, bound=bound)
+    return f"{violation.code}: {phrase}{when}"
 
 
 HEADINGS = ("motion", "fell", "demandable", "within 20 mm", "RMS mm", "max mm", "time factor", "seconds in")
+_WIDTHS = tuple(len(heading) for heading in HEADINGS)
 
 
 def row(v: Verdict) -> tuple[str, ...]:
@@ -68,3 +106,25 @@ def row(v: Verdict) -> tuple[str, ...]:
     shares = (f"{100 * share:.0f} %" for share in (v.demandable_share, v.within_20mm))
     errors = (f"{1e3 * v.demandable_rms_m:.1f}", f"{1e3 * v.demandable_max_m:.0f}")
     return (Path(v.name).stem, "yes" if v.fell else "no", *shares, *errors, f"{v.time_factor:.2f}", seconds)
+
+
+def table_line(cells: Sequence[str], width: int) -> str:
+    """A line of the table of motions.
+
+    Args:
+        cells: `HEADINGS`, or what `row` gives.
+        width: Of the longest name.
+    """
+    name, *numbers, seconds = cells
+    middle = (f"{cell:>{size}}" for cell, size in zip(numbers, _WIDTHS[1:-1], strict=True))
+    return "  ".join([f"{name:<{max(width, _WIDTHS[0])}}", *middle, seconds])
+
+
+def table_summary(verdicts: Sequence[Verdict]) -> str:
+    """What stands below the table."""
+    falls, damping = sum(v.fell for v in verdicts), sum(v.seconds.get("damping", 0.0) for v in verdicts)
+    motions, fell = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in ((len(verdicts), "motion"), (falls, "fall")))
+    return (
+        f"{motions}, {fell}, {damping:.1f} s damping\n"
+        "demandable: steps slow enough and within reach; within 20 mm, RMS and max: of those, each at its own time"
+    )

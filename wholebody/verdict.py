@@ -13,6 +13,7 @@ import numpy as np
 
 from wholebody.runtime import EpisodeResult
 from wholebody.sim.watch import Excess
+from wholebody.timing import Timing, timing
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 
@@ -20,6 +21,8 @@ ERROR_FEASIBLE = 0.02
 """Largest palm error of a step that counts as reached [m]."""
 BEND_MAX = 0.05
 """How far a hand may be moved for the motion to count as repaired; further away it is another motion [m]."""
+START_MAX = (0.3, np.deg2rad(60.0))
+"""How far from the hands a motion may begin without being marked: distance [m] and angle [rad]."""
 SLOWDOWN_FEASIBLE = 1.01
 """Time factor up to which a motion counts as unslowed."""
 TORQUE_TIME = 0.05
@@ -34,8 +37,9 @@ class Violation:
     """One reason against an input.
 
     Attributes:
-        code: Stable reason code: ``fall``, ``refused``, ``out_of_reach``, ``too_fast_for_balance``, ``tracking_error``,
-            ``torque_limit``, ``joint_limit``, ``balance_edge``, ``self_contact`` or ``scene_contact``.
+        code: Stable reason code: ``fall``, ``refused``, ``out_of_reach``, ``not_followed``, ``too_fast_for_balance``,
+            ``far_start``, ``tracking_error``, ``balance_edge``, ``torque_limit``, ``joint_limit``, ``self_contact`` or
+            ``scene_contact``.
         subject: Joint, body, hand or message that it is about.
         time: When first, or when worst, in simulated time [s]; None if it has no instant.
         step: The same in steps of the input, from 0.
@@ -64,10 +68,12 @@ class Verdict:
     Attributes:
         name: Input.
         verdict: ``feasible`` as given; ``feasible_after_repair``: slowed, or a hand moved by at most `BEND_MAX`;
-            ``infeasible``: falls, is refused, or would have to be another motion.
+            ``infeasible``: falls, is refused, would have to be another motion, or the hands lose what they are
+            commanded by more than `BEND_MAX`.
         fell: Whether the robot fell in simulation.
         violations: Worst first.
         rms_m, max_m, end_m: Palm errors over all steps, and at the last one [m].
+        turn_rms_rad, turn_max_rad, turn_end_rad: Errors of the palms' orientations, likewise [rad].
         time_factor: Time taken over time asked for.
         seconds: Time per status [s].
         reasons: Time per reason code [s].
@@ -76,6 +82,7 @@ class Verdict:
         within_20mm: Share of those within 20 mm.
         pressure_margin_m: Least distance of the centre of pressure from the edge of the soles [m].
         creep_m: How far a sole slid [m].
+        timing: Latency, starvation and seams.
         config: The controller's configuration.
         versions: Versions that the answer depends on.
     """
@@ -87,6 +94,9 @@ class Verdict:
     rms_m: float = 0.0
     max_m: float = 0.0
     end_m: float = 0.0
+    turn_rms_rad: float = 0.0
+    turn_max_rad: float = 0.0
+    turn_end_rad: float = 0.0
     time_factor: float = 1.0
     seconds: dict[str, float] = field(default_factory=dict)
     reasons: dict[str, float] = field(default_factory=dict)
@@ -96,6 +106,7 @@ class Verdict:
     within_20mm: float = 1.0
     pressure_margin_m: float | None = None
     creep_m: float = 0.0
+    timing: Timing = field(default_factory=Timing)
     config: dict = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
 
@@ -112,34 +123,47 @@ def judge(name: str, result: EpisodeResult, config: dict | None = None) -> Verdi
         result: What happened.
         config: The controller's configuration as plain data, for the record.
     """
-    errors, fair = result.errors, result.errors[result.demandable]
+    errors, turns, fair = result.errors, result.turns, result.errors[result.demandable]
     return Verdict(
         name=name,
         verdict=_answer(result),
         fell=result.fall is not None,
         violations=_violations(result),
         rms_m=result.rms,
-        max_m=float(errors.max()) if errors.size else 0.0,
-        end_m=float(errors[-1].max()) if errors.size else 0.0,
+        max_m=_largest(errors),
+        end_m=_largest(errors[-1:]),
+        turn_rms_rad=_rms(turns),
+        turn_max_rad=_largest(turns),
+        turn_end_rad=_largest(turns[-1:]),
         time_factor=result.time_factor,
         seconds=dict(result.seconds),
         reasons=dict(result.reasons),
         demandable_share=float(result.demandable.mean()) if result.demandable.size else 1.0,
-        demandable_rms_m=float(np.sqrt(np.mean(fair**2))) if fair.size else 0.0,
-        demandable_max_m=float(fair.max()) if fair.size else 0.0,
+        demandable_rms_m=_rms(fair),
+        demandable_max_m=_largest(fair),
         within_20mm=float((fair <= ERROR_FEASIBLE).mean()) if fair.size else 1.0,
         pressure_margin_m=result.margin if isfinite(result.margin) else None,
         creep_m=result.creep,
+        timing=timing(result),
         config=config or {},
         versions={"python": platform.python_version()} | {package: version(package) for package in PACKAGES},
     )
 
 
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(values.max()) if values.size else 0.0
+
+
 def _answer(result: EpisodeResult) -> Answer:
-    if result.fall is not None or result.refusals or result.clamped > BEND_MAX:
+    other_motion = max(result.clamped, _largest(result.lags)) > BEND_MAX
+    if result.fall is not None or result.refusals or other_motion:
         return "infeasible"
     slowed = result.slowdown > 1.0 or result.time_factor > SLOWDOWN_FEASIBLE
-    missed = bool(result.errors.size) and result.errors.max() > ERROR_FEASIBLE
+    missed = _largest(result.errors) > ERROR_FEASIBLE
     if result.clamped > 0.0 or slowed or missed or result.contacts or _lasting(result.torques):
         return "feasible_after_repair"
     return "feasible"
@@ -155,11 +179,7 @@ def _violations(result: EpisodeResult) -> list[Violation]:
         for refusal in result.refusals[:LISTED]
     ]
     found += _plan_violations(result)
-    if result.errors.size and result.errors.max() > ERROR_FEASIBLE:
-        step, side = np.unravel_index(result.errors.argmax(), result.errors.shape)
-        hand, time = ("left palm", "right palm")[int(side)], float(result.times[step])
-        worst = float(result.errors.max())
-        found.append(_metres("tracking_error", hand, time, worst, ERROR_FEASIBLE))
+    found += _palm_violations("tracking_error", result.errors, result.times, ERROR_FEASIBLE)
     if result.edge is not None:
         edge = result.edge
         found.append(_metres("balance_edge", "centre of pressure", edge.first, edge.worst, edge.bound))
@@ -173,10 +193,23 @@ def _violations(result: EpisodeResult) -> list[Violation]:
 
 def _plan_violations(result: EpisodeResult) -> Iterator[Violation]:
     if result.clamped > 0.0:
-        yield _metres("out_of_reach", f"{result.clamped_hand} hand", result.clamped_time, result.clamped, 0.0)
+        bound = BEND_MAX if result.clamped > BEND_MAX else 0.0
+        yield _metres("out_of_reach", f"{result.clamped_hand} hand", result.clamped_time, result.clamped, bound)
+    yield from _palm_violations("not_followed", result.lags, result.times, BEND_MAX)
     if result.slowdown > 1.0:
         subject, time = "slow-down factor", result.slowed_time
         yield Violation(code="too_fast_for_balance", subject=subject, time=time, value=result.slowdown, bound=1.0)
+    for value, bound, unit in zip(result.start_jump, START_MAX, ("m", "rad"), strict=True):
+        if value > bound:
+            subject, time = "first step", result.start
+            yield Violation(code="far_start", subject=subject, time=time, value=value, bound=float(bound), unit=unit)
+
+
+def _palm_violations(code: str, errors: np.ndarray, times: np.ndarray, bound: float) -> Iterator[Violation]:
+    """The worst of both palms, if it is past the bound."""
+    if _largest(errors) > bound:
+        step, side = np.unravel_index(errors.argmax(), errors.shape)
+        yield _metres(code, ("left palm", "right palm")[int(side)], float(times[step]), _largest(errors), bound)
 
 
 def _lasting(torques: dict[str, Excess]) -> dict[str, Excess]:

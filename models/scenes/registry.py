@@ -33,9 +33,9 @@ def add_scene(mj: mujoco.MjSpec, scene: str, friction: float) -> None:
         SpecError: If there is no such scene.
     """
     if scene not in SCENES:
-        near = difflib.get_close_matches(scene, SCENES, n=3)
-        hint = f"did you mean {near}?" if near else f"scenes: {', '.join(SCENES)}"
-        raise SpecError(f"no scene '{scene}'; {hint}")
+        near = difflib.get_close_matches(scene, SCENES, n=1)
+        hint = f"did you mean '{near[0]}'? " if near else ""
+        raise SpecError(f"no scene '{scene}'; {hint}there are: {', '.join(SCENES)}")
     add_floor(mj, friction)
     furniture, _, thing = scene.partition("_")
     if furniture in FURNITURE:
