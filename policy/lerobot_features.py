@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from policy.lerobot_finding import Finding
@@ -99,6 +99,30 @@ def check_relative(config: PreTrainedConfig, processors: tuple[Any, Any], layout
     return Finding("relative", "ok", f"{text}; absolute: {', '.join(kept) or 'none'}")
 
 
+def compare_names(check: str, key: str, names: Sequence[str], layout: ActionSpec, where: str) -> Iterator[Finding]:
+    """Names that a file gives to the numbers of a feature against those of a layout; nothing if they agree.
+
+    Args:
+        check: Name of the check.
+        key: Feature.
+        names: What the file says.
+        layout: What is meant.
+        where: The file.
+    """
+    if tuple(names) == layout.feature_names:
+        return
+    if len(names) != layout.dim:
+        text = f"{key} has {len(names)} names in {where}; layout '{layout.name}' has {layout.dim} numbers"
+        yield Finding(check, "error", text, "name the layout that the checkpoint was trained with")
+        return
+    i = next(i for i, pair in enumerate(zip(names, layout.feature_names, strict=True)) if pair[0] != pair[1])
+    text = f"number {i} of {key} is '{names[i]}' in {where}, '{layout.feature_names[i]}' in layout '{layout.name}'"
+    if sorted(names) == sorted(layout.feature_names):
+        yield Finding(check, "error", text, "the order differs: use a layout with the checkpoint's order")
+    else:
+        yield Finding(check, "warning", text, "make sure that both mean the same")
+
+
 def _those(parts: Mapping[str, bool], on: bool) -> str:
     return " and ".join(name for name, value in parts.items() if value is on)
 
@@ -109,13 +133,8 @@ def _check_action(config: PreTrainedConfig, spec: ActionSpec) -> Iterator[Findin
         text = f"chunks of this '{config.type}' have {chunk_length(config)} steps; '{spec.name}' says {spec.horizon}"
         yield Finding("features", "error", text, "write the checkpoint's own horizon and rate into action_spec.json")
     names = getattr(config, "action_feature_names", None)
-    if names and tuple(names) != spec.feature_names and len(names) == spec.dim:
-        i = next(i for i, pair in enumerate(zip(names, spec.feature_names, strict=True)) if pair[0] != pair[1])
-        text = f"number {i} of the action is '{names[i]}' in config.json and '{spec.feature_names[i]}' in the layout"
-        if sorted(names) == sorted(spec.feature_names):
-            yield Finding("features", "error", text, "the order differs: use a layout with the checkpoint's order")
-        else:
-            yield Finding("features", "warning", text, "make sure that both mean the same")
+    if names:
+        yield from compare_names("features", ACTION, names, spec, "config.json")
 
 
 def _check_width(config: PreTrainedConfig, key: str, feature: Any, layout: ActionSpec, most: str) -> Iterator[Finding]:
