@@ -90,10 +90,17 @@ def _violation(violation: Violation) -> str:
         when += f" (step {violation.step})"
     if violation.code not in PHRASES:
         return f"{violation.code}: {violation.subject}{when}"
-    factor, unit = FOR_PEOPLE[violation.unit]
-    value, bound = (f"{factor * number:.3g}{unit}" for number in (violation.value, violation.bound))
+    value, bound = (_quantity(number, violation.unit) for number in (violation.value, violation.bound))
     phrase = PHRASES[violation.code].format(subject=violation.subject, value=value, bound=bound)
     return f"{violation.code}: {phrase}{when}"
+
+
+def _quantity(value: float, unit: str) -> str:
+    """A value in the unit in which people read it; from a metre on, metres."""
+    if unit == "m" and abs(value) >= 1.0:
+        return f"{value:.2f} m"
+    factor, name = FOR_PEOPLE[unit]
+    return f"{factor * value:.3g}{name}"
 
 
 HEADINGS = ("motion", "fell", "demandable", "within 20 mm", "RMS mm", "max mm", "time factor", "seconds in")

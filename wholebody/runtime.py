@@ -258,7 +258,8 @@ def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: Epi
     if report.clamped.max() > result.clamped:
         step, side = np.unravel_index(report.clamped.argmax(), report.clamped.shape)
         result.clamped, result.clamped_hand = float(report.clamped.max()), ("left", "right")[int(side)]
-        result.clamped_time = chunk.t_obs + float(report.steps[step])
+        # The plan goes on after the last step, until the hands are at rest.
+        result.clamped_time = min(chunk.t_obs + float(report.steps[step]), float(chunk.times[-1]))
     if report.slowdown > result.slowdown:
         result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
     return True
