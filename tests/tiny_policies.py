@@ -7,6 +7,7 @@ they are loaded. SmolVLA reads its backbone from a folder, which is written here
 from __future__ import annotations
 
 import dataclasses
+import shutil
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -238,6 +239,17 @@ def write_checkpoint(kind, folder, *, spec=SPEC, seed=0, statistics=None, with_s
     if with_spec:
         write_specs(folder, spec)
     return folder
+
+
+def saved(kind, tmp_path_factory):
+    """Checkpoint of a kind, made once a test run; `copied` gives one that may be changed."""
+    folder = tmp_path_factory.getbasetemp() / "tiny_policies" / kind
+    return folder if folder.exists() else write_checkpoint(kind, folder)
+
+
+def copied(kind, tmp_path_factory, target):
+    """A copy of `saved` in a folder of the test's own."""
+    return Path(shutil.copytree(saved(kind, tmp_path_factory), target / kind))
 
 
 def shorter(spec, horizon):
