@@ -260,6 +260,8 @@ class ControllerConfig:
 
     dt: float = 0.002
     """Control period [s]."""
+    backend: str = "native"
+    """Whose program is solved: 'native', or 'placo' for a second opinion on the dynamics."""
     solver: str = "daqp"
     """Name of the QP solver."""
     fallback: str = "quadprog"

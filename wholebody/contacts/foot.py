@@ -39,7 +39,7 @@ class FootContact:
     ) -> None:
         self.frame, self.points = frame, np.asarray(points, dtype=float)
         self.n_forces = 3 * len(self.points)
-        self.force_min, self.force_max = force_min, force_max
+        self.friction, self.force_min, self.force_max = friction, force_min, force_max
         self.kp, self.kd = kp, kd
         self.T_world_ref: pin.SE3 | None = None
         face = friction / np.sqrt(2.0)

@@ -1,0 +1,151 @@
+"""Our tasks as placo's: the same references, gains and weights, but errors, Jacobians and drifts are placo's own.
+
+What placo cannot say is said in its terms: a proportional part that is limited becomes a reference that is near.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+import placo
+
+from wholebody.errors import InputError
+from wholebody.robot import Robot
+from wholebody.tasks.base import Task, limited
+from wholebody.tasks.com import ComTask
+from wholebody.tasks.hand import HandTask
+from wholebody.tasks.height import HeightTask
+from wholebody.tasks.orientation import OrientationTask
+from wholebody.tasks.posture import PostureTask
+
+RELAXED_DAMPING = 10.0
+"""With which joints slow down when nothing but standing is asked for [1/s]."""
+
+
+class Mirror(Protocol):
+    """One of our tasks in a placo solver."""
+
+    def update(self, robot: Robot, *, relaxed: bool) -> None:
+        """Hand the present reference over; relaxed: the arms give way and the joints slow down."""
+        ...
+
+
+def mirror(solver: placo.DynamicsSolver, task: Task, robot: Robot) -> Mirror:
+    """Add a task's counterpart to a solver.
+
+    Raises:
+        InputError: If placo has none.
+    """
+    for kind, counterpart in _COUNTERPARTS.items():
+        if isinstance(task, kind):
+            return counterpart(solver, task, robot)
+    known = ", ".join(kind.__name__ for kind in _COUNTERPARTS)
+    raise InputError(f"placo has no counterpart of {type(task).__name__}; it has one of {known}")
+
+
+class _HandMirror:
+    def __init__(self, solver: placo.DynamicsSolver, task: HandTask, robot: Robot) -> None:
+        self.task, self.frame = task, solver.add_frame_task(task.frame, np.eye(4))
+        for part in (self.frame.position(), self.frame.orientation()):
+            part.kp, part.kd = task.kp, task.kd
+
+    def update(self, robot: Robot, *, relaxed: bool) -> None:
+        task, position, orientation = self.task, self.frame.position(), self.frame.orientation()
+        T, error = robot.pose(task.frame), task.error(robot)
+        position.target_world = T.translation + _near(error[:3], task.kp, task.pull[0])
+        orientation.R_world_frame = pin.exp3(_near(error[3:], task.kp, task.pull[1])) @ T.rotation
+        position.dtarget_world, orientation.omega_world = task.twist_ref[:3], task.twist_ref[3:]
+        position.ddtarget_world, orientation.domega_world = task.acceleration_ref[:3], task.acceleration_ref[3:]
+        share = 0.0 if relaxed else task.share
+        self.frame.configure(task.frame, "soft", share * task.weight[0], share * task.weight[3])
+
+
+class _ComMirror:
+    """One placo task for each weight: placo has one weight for all axes."""
+
+    def __init__(self, solver: placo.DynamicsSolver, task: ComTask, robot: Robot) -> None:
+        self.task, self.parts = task, []
+        for weight in dict.fromkeys(task.weight.tolist()):
+            part = solver.add_com_task(np.zeros(3))
+            axes = "".join(axis for axis, own in zip("xyz", task.weight, strict=True) if own == weight)
+            part.mask.set_axises(axes, "task")
+            part.configure(f"com_{axes}", "soft", weight)
+            part.kp, part.kd = task.kp, task.kd
+            self.parts.append(part)
+
+    def update(self, robot: Robot, *, relaxed: bool) -> None:
+        task = self.task
+        target = robot.com + _near(task.position_ref - robot.com, task.kp, task.pull)
+        for part in self.parts:
+            part.target_world, part.dtarget_world, part.ddtarget_world = (
+                target,
+                task.velocity_ref,
+                task.acceleration_ref,
+            )
+
+
+class _OrientationMirror:
+    def __init__(self, solver: placo.DynamicsSolver, task: OrientationTask, robot: Robot) -> None:
+        self.task, self.part = task, solver.add_orientation_task(task.frame, np.eye(3))
+        self.part.configure(f"{task.frame}_orientation", "soft", task.weight[0])
+        self.part.kp, self.part.kd = task.kp, task.kd
+
+    def update(self, robot: Robot, *, relaxed: bool) -> None:
+        task, R = self.task, robot.pose(self.task.frame).rotation
+        self.part.R_world_frame = pin.exp3(_near(pin.log3(task.R_world_ref @ R.T), task.kp, task.pull)) @ R
+        self.part.omega_world, self.part.domega_world = task.rate_ref, task.acceleration_ref
+
+
+class _HeightMirror:
+    def __init__(self, solver: placo.DynamicsSolver, task: HeightTask, robot: Robot) -> None:
+        self.task, self.part = task, solver.add_position_task(task.frame, np.zeros(3))
+        self.part.mask.set_axises("z", "task")
+        self.part.configure(f"{task.frame}_height", "soft", task.weight[0])
+        self.part.kp, self.part.kd = task.kp, task.kd
+
+    def update(self, robot: Robot, *, relaxed: bool) -> None:
+        task, target = self.task, robot.pose(self.task.frame).translation.copy()
+        target[2] += np.clip(task.z_ref - target[2], -task.pull / task.kp, task.pull / task.kp)
+        self.part.target_world = target
+        self.part.dtarget_world, self.part.ddtarget_world = (
+            np.array([0, 0, task.dz_ref]),
+            np.array([0, 0, task.ddz_ref]),
+        )
+
+
+class _PostureMirror:
+    """One placo task for each set of gains and weight."""
+
+    def __init__(self, solver: placo.DynamicsSolver, task: PostureTask, robot: Robot) -> None:
+        self.task, self.names = task, robot.joint_names
+        settings = list(zip(task.kp.tolist(), task.kd.tolist(), task.weight.tolist(), strict=True))
+        self.parts = []
+        for setting in dict.fromkeys(settings):
+            part = solver.add_joints_task()
+            part.configure(f"joints_{len(self.parts)}", "soft", setting[2])
+            self.parts.append((part, [i for i, own in enumerate(settings) if own == setting], setting))
+
+    def update(self, robot: Robot, *, relaxed: bool) -> None:
+        task, q = self.task, robot.q[7:]
+        target = q + np.clip(task.q_ref - q, -task.pull / task.kp, task.pull / task.kp)
+        for part, joints, (kp, kd, _) in self.parts:
+            part.kp, part.kd = (0.0, RELAXED_DAMPING) if relaxed else (kp, kd)
+            for i in joints:
+                rates = (0.0, 0.0) if relaxed else (float(task.dq_ref[i]), float(task.ddq_ref[i]))
+                part.set_joint(self.names[i], float(target[i]), *rates)
+
+
+def _near(error: np.ndarray, kp: float, pull: float) -> np.ndarray:
+    """An error whose proportional part is at most the pull."""
+    return limited(error, pull / kp)
+
+
+_COUNTERPARTS = {
+    HandTask: _HandMirror,
+    ComTask: _ComMirror,
+    OrientationTask: _OrientationMirror,
+    HeightTask: _HeightMirror,
+    PostureTask: _PostureMirror,
+}
