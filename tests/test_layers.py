@@ -25,7 +25,17 @@ LAYERS = (
     ("support", "robot", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     ("qp",),
-    ("controller", "placo_tasks", "placo_program", "placo_backend", "backends", "posture_plan", "planner", "supervisor"),
+    (
+        "controller",
+        "placo_tasks",
+        "placo_program",
+        "placo_backend",
+        "backends",
+        "posture_plan",
+        "planner",
+        "denoise",
+        "supervisor",
+    ),
     ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker"),
     ("report", "doctor", "cli"),
 )

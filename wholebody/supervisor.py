@@ -8,9 +8,9 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
-from wholebody.backends import make_controller
 from wholebody.config import ControllerConfig
-from wholebody.controller import BodyReference, PalmReference, TickReport
+from wholebody.controller import BodyReference, PalmReference, TickReport, WholeBodyController
+from wholebody.denoise import denoised
 from wholebody.errors import InputError
 from wholebody.limits.balance import natural_frequency
 from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport, PostureState, PostureTrack
@@ -34,7 +34,7 @@ class Supervisor:
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         self.spec, self.config = spec, config or ControllerConfig()
-        self.controller = make_controller(spec, self.config)
+        self.controller = WholeBodyController(spec, self.config)
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config.planner)
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
@@ -62,6 +62,7 @@ class Supervisor:
         self._fallen = False
         self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
         self._refused: StatusReport | None = None
+        self._noisy: tuple[str, ...] = ()
         self._last_state = state
 
     @property
@@ -110,11 +111,12 @@ class Supervisor:
             return self._refuse("chunk_from_future", f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
         try:
             commanded = HandMotion(self._smoother.motion.rows.copy())
-            plan = self.planner.plan(chunk, now, self._posture, commanded)
+            meant, noisy = denoised(chunk, self.planner.caps)
+            plan = self.planner.plan(meant, now, self._posture, commanded)
         except (InputError, RuntimeError, ValueError) as error:
             return self._refuse("planning_failed", str(error))
         self._plan, self._chunk, self._refused = plan, chunk, None
-        self.plan_report = plan.report
+        self.plan_report, self._noisy = plan.report, noisy
         self._clock = PathClock(plan.start, plan.rate, 0.0)
         return self._report_plan()
 
@@ -226,6 +228,9 @@ class Supervisor:
             report = self._plan.report
             detail = f"targets moved by up to {report.clamped.max():.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
+        elif self._noisy:
+            detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
+            self.status = StatusReport(Status.SLOWED, "noisy_chunk", detail)
         elif self._clock.rate < 0.98:
             self.status = StatusReport(Status.SLOWED, "tracking", f"slowed to {self._clock.rate:.2f} of chunk speed")
         else:

@@ -1,0 +1,113 @@
+"""Noise in a chunk, taken out before it is planned.
+
+A chunk whose steps scatter, as an untrained or badly trained policy's do, asks a hand for accelerations that no hand
+has, at every step. What such a chunk means is the curve through the scatter. How smooth that curve is follows from the
+numbers themselves, by generalised cross-validation: white noise leaves a straight line, a smooth motion stays as it is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from policy.ensemble import SPREAD_MAX
+from policy.rotations import matrix_to_rotvec
+from policy.se3 import make_transform
+from wholebody.reference import HandCaps, MotionCaps
+
+ROUGH_SHARE = 0.25
+"""Share of a chunk's steps past the acceleration cap from which on it counts as noisy: a glitch or a jump is not."""
+STIFFNESS = 10.0 ** np.linspace(-2.0, 9.0, 45)
+"""Penalties that are tried on second differences: from nothing to a straight line, for any number of steps."""
+CAUTION = 1.4
+"""Weight of the degrees of freedom; with 1 it takes noise for motion every so often.
+
+Source: Kim and Gu 2004, "Smoothing spline Gaussian regression: more scalable computation via efficient approximation".
+"""
+
+
+def denoised(chunk: ActionChunk, caps: Sequence[HandCaps]) -> tuple[ActionChunk, tuple[str, ...]]:
+    """The chunk without the noise of the parts that scatter, and the names of those parts.
+
+    Args:
+        chunk: A valid chunk.
+        caps: Of the left and of the right hand.
+
+    Returns:
+        The chunk itself and no names if nothing scatters.
+    """
+    changes = {}
+    for side, cap in zip(("l", "r"), caps, strict=True):
+        name, fingers = f"T_world_{side}hand", f"q_{side}hand"
+        T, q = getattr(chunk, name), getattr(chunk, fingers)
+        smoothed = _poses(T, chunk.fps, cap)
+        if smoothed is not T:
+            changes[name] = smoothed
+        if _rough(np.diff(q, axis=0), chunk.fps, cap.finger):
+            changes[fingers] = smooth(np.clip(q, cap.finger_lower, cap.finger_upper))
+    return (dataclasses.replace(chunk, **changes) if changes else chunk), tuple(changes)
+
+
+def _poses(T: np.ndarray, fps: float, caps: HandCaps) -> np.ndarray:
+    """Poses (H, 4, 4), smooth where they scatter; the same array where they do not."""
+    p, R = T[:, :3, 3], T[:, :3, :3]
+    moved, turned = _rough(np.diff(p, axis=0), fps, caps.position), _rough(_turns(R), fps, caps.orientation)
+    if not (moved or turned):
+        return T
+    return make_transform(_smooth_rotations(R) if turned else R, smooth(p) if moved else p)
+
+
+def smooth(values: np.ndarray) -> np.ndarray:
+    """The curve through scattered values by penalised least squares.
+
+    Args:
+        values: One row a step, shape (H, ...), H at least 3; all columns get the same stiffness.
+
+    Source:
+        Eilers 2003, "A perfect smoother" (the penalty); Craven and Wahba 1979, "Smoothing noisy data with spline
+        functions" (its size).
+    """
+    roughness, U = _basis(len(values))
+    parts = U.T @ values.reshape(len(values), -1)
+    kept = 1.0 / (1.0 + STIFFNESS[:, None] * roughness)
+    left_out = ((1.0 - kept) ** 2) @ (parts**2).sum(axis=1)
+    freedom = 1.0 - CAUTION * kept.mean(axis=1)
+    score = np.where(freedom > 0.0, left_out / np.maximum(freedom, 1e-9) ** 2, np.inf)
+    return (U @ (kept[score.argmin()][:, None] * parts)).reshape(values.shape)
+
+
+@lru_cache(maxsize=8)
+def _basis(steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (H,) and eigenvectors (H, H) of the penalty on second differences."""
+    D = np.diff(np.eye(steps), 2, axis=0)
+    roughness, U = np.linalg.eigh(D.T @ D)
+    return np.maximum(roughness, 0.0), U
+
+
+def _turns(R: np.ndarray) -> np.ndarray:
+    """Turn from each step to the next, world axes, shape (H - 1, 3), [rad]."""
+    return matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2))
+
+
+def _rough(steps: np.ndarray, fps: float, caps: MotionCaps) -> bool:
+    """Whether differences between steps, shape (H - 1, n), change faster than the cap on acceleration too often."""
+    if len(steps) < 2:
+        return False
+    size = np.linalg.norm(np.diff(steps, axis=0), axis=1) * fps**2
+    return bool((size > caps.acceleration).mean() > ROUGH_SHARE)
+
+
+def _smooth_rotations(R: np.ndarray) -> np.ndarray:
+    """The rotations nearest to the smoothed matrices; the last good one where the scatter leaves no direction."""
+    U, s, Vt = np.linalg.svd(smooth(R))
+    U[..., :, 2] *= np.linalg.det(U @ Vt)[..., None]
+    mean, good = U @ Vt, s[..., 1] > SPREAD_MAX
+    last = np.maximum.accumulate(np.where(good, np.arange(len(R)), -1))
+    first = int(np.argmax(good)) if good.any() else None
+    if first is None:
+        return np.broadcast_to(R[0], R.shape).copy()
+    return mean[np.where(last < 0, first, last)]
