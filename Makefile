@@ -11,6 +11,9 @@ BIN := $(VENV)/bin
 PYTEST = -m pytest -q
 # Extra arguments: make test ARGS="-k controller"
 ARGS ?=
+# Folder of recorded motions (.csv) for the long studies: make regression MOTIONS=~/motions
+MOTIONS ?=
+REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 
 .PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest bench lock clean
 
@@ -36,10 +39,10 @@ test: $(VENV)/.all-installed ## Run the tests
 	$(BIN)/python $(PYTEST) -m "not regression and not latest" $(ARGS)
 
 regression: $(VENV)/.all-installed ## Run the long studies against their stored values
-	$(BIN)/python $(PYTEST) -m regression $(ARGS)
+	$(REGRESSION) $(ARGS)
 
 regression-update: $(VENV)/.all-installed ## Run the long studies and store their values, stamped with the versions used
-	$(BIN)/python $(PYTEST) -m regression --regression-update $(ARGS)
+	$(REGRESSION) --regression-update $(ARGS)
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	$(LATEST)/bin/python $(PYTEST) -m "not regression" $(ARGS)

@@ -1,14 +1,19 @@
 """What all tests share: stored values, hypothesis profiles, and the files that a core-only environment leaves out."""
 
+import os
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from stored import StoredValues
+from stored import Measured, StoredValues
 
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
-collect_ignore_glob = [] if find_spec("lerobot") else ["test_lerobot*.py"]
+NEED_LEROBOT = ["test_lerobot*.py", "test_pi05_example.py", "test_policy_contract.py"]
+collect_ignore_glob = [] if find_spec("lerobot") else list(NEED_LEROBOT)
+# Recordings of people are not a part of this repository.
+MOTIONS = os.environ.get("G1_MOTIONS", "")
+collect_ignore_glob += [] if MOTIONS else ["test_recorded_motions.py"]
 
 # Same examples in every run; --hypothesis-profile=explore looks for new ones. Deadlines mean nothing on a busy machine.
 settings.register_profile("steady", deadline=None, derandomize=True)
@@ -16,6 +21,7 @@ settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile("steady")
 
 PASSED = pytest.StashKey[bool]()
+MEASURED = pytest.StashKey[dict[str, list[Measured]]]()
 
 
 def pytest_addoption(parser):
@@ -36,5 +42,14 @@ def stored(request):
     path = Path(__file__).parent / "regression" / f"{request.path.stem}.json"
     values = StoredValues(path, request.node.name, update=request.config.getoption("--regression-update"))
     yield values
+    request.config.stash.setdefault(MEASURED, {})[request.node.name] = values.measured
     if request.node.stash.get(PASSED, False):
         values.save()
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """What the studies gave, beside their stored values and their bars."""
+    for test, measured in config.stash.get(MEASURED, {}).items():
+        terminalreporter.write_line(f"{test}: " + "; ".join(map(str, measured)))
+    if config.stash.get(MEASURED, {}) and not MOTIONS:
+        terminalreporter.write_line("recorded motions were left out: make regression MOTIONS=FOLDER brings them in")

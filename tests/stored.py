@@ -1,14 +1,38 @@
-"""Values that a simulation gave before, kept in JSON beside the versions that gave them."""
+"""Values that a simulation gave before, kept in JSON beside the versions that gave them, and the bars to meet."""
 
 from __future__ import annotations
 
 import json
 import math
 import platform
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A value with what it was before, None if never, and the bar it should meet."""
+
+    name: str
+    value: float
+    before: float | None
+    at_most: float = math.inf
+    at_least: float = -math.inf
+
+    def meets(self, value: float | None) -> bool:
+        """Whether a value of this kind is inside the bar."""
+        return value is not None and self.at_least <= value <= self.at_most
+
+    def __str__(self) -> str:
+        text = f"{self.name} = {self.value:.4g}"
+        text += "" if self.before is None else f" (stored {self.before:.4g})"
+        for sign, bound in (("<=", self.at_most), (">=", self.at_least)):
+            if math.isfinite(bound):
+                text += f", bar {sign} {bound:g}: {'met' if self.meets(self.value) else 'MISSED'}"
+        return text
 
 
 class StoredValues:
@@ -22,29 +46,34 @@ class StoredValues:
         self.path = path
         self.test = test
         self.update = update
-        self.measured: dict[str, float] = {}
+        self.measured: list[Measured] = []
         self.entry = _read(path).get(test, {"versions": {}, "values": {}})
 
-    def check(self, name: str, value: float, *, tolerance: float) -> None:
+    def check(
+        self, name: str, value: float, *, tolerance: float, at_most: float = math.inf, at_least: float = -math.inf
+    ) -> None:
         """Compare a value with the stored one; when updating, note it instead.
 
         Args:
             name: What was measured, with its unit if it is not SI, for example ``rms_mm``.
             value: The number; must be finite.
             tolerance: Largest absolute difference that is not a regression, in the unit of the value.
+            at_most, at_least: The bar. Once met it stays met, whatever the tolerance; until then it is only reported.
 
         Raises:
-            AssertionError: If the value is not finite, not stored, or off by more than the tolerance.
+            AssertionError: If the value is not finite, not stored, off by more than the tolerance, or past a bar that
+                the stored value meets.
         """
         value = float(value)
         assert math.isfinite(value), f"{name} = {value}"
-        self.measured[name] = value
+        one = Measured(name, value, self.entry["values"].get(name), at_most, at_least)
+        self.measured.append(one)
         if self.update:
             return
-        assert name in self.entry["values"], f"{name} = {value:.6g} has no stored value: make regression-update"
-        expected = self.entry["values"][name]
-        assert abs(value - expected) <= tolerance, (
-            f"{name} = {value:.6g}, stored {expected:.6g}, tolerance {tolerance:g}; stored with "
+        assert one.before is not None, f"{name} = {value:.6g} has no stored value: make regression-update"
+        assert not one.meets(one.before) or one.meets(value), f"{one}: it was met before"
+        assert abs(value - one.before) <= tolerance, (
+            f"{name} = {value:.6g}, stored {one.before:.6g}, tolerance {tolerance:g}; stored with "
             f"{self.entry['versions']}, now {current_versions()}; if the change is meant: make regression-update"
         )
 
@@ -53,7 +82,8 @@ class StoredValues:
         if not (self.update and self.measured):
             return
         content = _read(self.path)
-        content[self.test] = {"versions": current_versions(), "values": self.measured}
+        values = {one.name: one.value for one in self.measured}
+        content[self.test] = {"versions": current_versions(), "values": values}
         self.path.parent.mkdir(exist_ok=True)
         self.path.write_text(json.dumps(content, indent=2, sort_keys=True) + "\n")
 

@@ -26,6 +26,22 @@ def test_a_value_that_was_never_stored_fails(tmp_path):
         StoredValues(path, "test_b", update=False).check("rms_mm", 1.5, tolerance=1.0)
 
 
+def test_a_bar_once_met_stays_met_whatever_the_tolerance(tmp_path):
+    path = store(tmp_path)
+    values = StoredValues(path, "test_a", update=False)
+    values.check("rms_mm", 1.9, tolerance=1.0, at_most=2.0)
+    with pytest.raises(AssertionError, match=r"rms_mm = 2\.1 \(stored 1\.5\), bar <= 2: MISSED: it was met before"):
+        values.check("rms_mm", 2.1, tolerance=1.0, at_most=2.0)
+    with pytest.raises(AssertionError, match=r"bar >= 1\.4: MISSED"):
+        values.check("rms_mm", 1.3, tolerance=1.0, at_least=1.4)
+
+
+def test_a_bar_that_was_never_met_is_reported_only(tmp_path):
+    values = StoredValues(store(tmp_path), "test_a", update=False)
+    values.check("rms_mm", 1.6, tolerance=0.2, at_most=1.0)
+    assert str(values.measured[-1]) == "rms_mm = 1.6 (stored 1.5), bar <= 1: MISSED"
+
+
 @pytest.mark.parametrize("update", [True, False])
 def test_nan_is_never_stored_and_never_passes(tmp_path, update):
     path = store(tmp_path)
