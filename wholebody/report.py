@@ -52,9 +52,9 @@ def lines(verdict: Verdict) -> list[str]:
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {_gist(verdict)}"]
     text += [f"  {_violation(violation)}" for violation in verdict.violations]
     text.append(
-        f"  palms    {1e3 * verdict.rms_m:.2f} mm RMS, {1e3 * verdict.max_m:.1f} mm at most, "
+        f"  palms    {1e3 * verdict.rms_m:.2f} mm RMS, {1e3 * verdict.max_m:.2f} mm at most, "
         f"{1e3 * verdict.end_m:.2f} mm at the end; turned by {np.rad2deg(verdict.turn_rms_rad):.2f} deg RMS, "
-        f"{np.rad2deg(verdict.turn_max_rad):.1f} deg at most"
+        f"{np.rad2deg(verdict.turn_max_rad):.2f} deg at most"
     )
     text.append(f"  time     factor {verdict.time_factor:.3f}; {_durations(verdict)}")
     margin = verdict.pressure_margin_m
