@@ -1,4 +1,4 @@
-"""From one recording format or action layout to another."""
+"""From one recording format or action layout to another; datasets by `policy.dataset_conversion`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from policy.anchor import Anchor
 from policy.chunk import ActionChunk
 from policy.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
 from policy.codec import encode
+from policy.dataset_conversion import DatasetSettings, convert_dataset, episode_numbers
 from policy.errors import FileFormatError
 from policy.inverse_kinematics import upper_body_joints
 from policy.joints import BODY_JOINTS, LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS
@@ -18,6 +19,8 @@ from policy.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv
 from policy.rotations import matrix_to_quaternion
 from policy.se3 import interpolate, inverse
 from policy.spec import ActionSpec
+
+__all__ = ["DatasetSettings", "chunk_motion", "convert", "convert_dataset", "episode_numbers"]
 
 
 def convert(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -17,6 +17,7 @@ import typer
 
 if TYPE_CHECKING:
     from policy.base import Policy
+    from policy.convert import DatasetSettings
     from policy.executor import Executor
     from policy.spec import ActionSpec
     from wholebody.checker import Checker
@@ -95,7 +96,7 @@ def check(
     payload_kg: PayloadKg = (0.0, 0.0),
     assume_spec: AssumeSpec = "",
 ) -> None:
-    """Judge inputs by planning and simulating them. Exit code 0 feasible, 1 any infeasible, 2 malformed."""
+    """Judge inputs by simulating them. Exit code 0 feasible (repaired ones too), 1 any infeasible, 2 any malformed."""
     from policy.errors import PolicyError
 
     _check_times(duration, hold)
@@ -144,7 +145,7 @@ def run(
     sheet: Annotated[Path | None, typer.Option(help="Write six frames of the run as one picture (.png).")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every control period to an .npz.")] = None,
 ) -> None:
-    """Run a source of chunks through the controller in MuJoCo and say how it went. Exit code 1 after a fall."""
+    """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall."""
     quiet, outputs = json_to == "-", (video, sheet, record)
     _check_times(duration, hold)
     _check_places(json_to, *outputs)
@@ -178,17 +179,52 @@ def run(
 
 @app.command()
 def convert(
-    source: Annotated[Path, typer.Argument(help="Chunk .npz or motion .csv.")],
-    target: Annotated[Path, typer.Argument(help="File to write, .npz or .csv.")],
-    to: Annotated[str, typer.Option(help="Layout of a written .npz.")] = "wbc32",
+    source: Annotated[Path, typer.Argument(help="Chunk .npz, motion .csv, or folder of a LeRobot dataset.")],
+    target: Annotated[
+        Path | None, typer.Argument(help="What to write; for a dataset, SOURCE_LAYOUT if not given.")
+    ] = None,
+    to: Annotated[str, typer.Option(help="Layout to write: built-in name or JSON file.")] = "wbc32",
     csv_fps: CsvFps = 60.0,
     assume_spec: AssumeSpec = "",
+    waist: Annotated[
+        tuple[float, float, float], typer.Option(help="Datasets: waist yaw, roll, pitch where not recorded [rad].")
+    ] = (0.0, 0.0, 0.0),
+    unit: Annotated[str, typer.Option(help="Datasets: unit of the recorded joints, rad or deg.")] = "rad",
+    synergy: Annotated[str, typer.Option(help="Datasets: map between one closing number and fingers.")] = "",
+    episodes: Annotated[str, typer.Option(help="Datasets: episodes to convert, such as 0-3,7; all if empty.")] = "",
+    keep_joints: Annotated[bool, typer.Option(help="Datasets: keep the joints as source.* columns.")] = False,
+    check: Annotated[bool, typer.Option(help="Datasets: go back to joints from every frame and report.")] = True,
+    least_range: Annotated[float, typer.Option(help="Datasets: floor under ranges of statistics [m, rad].")] = 0.0,
+    link_videos: Annotated[bool, typer.Option(help="Datasets: hard-link videos instead of copying.")] = False,
+    without_camera_stats: Annotated[bool, typer.Option(help="Datasets: accept cameras without statistics.")] = False,
+    json_to: JsonTo = "",
 ) -> None:
-    """Convert between chunk files and motion files."""
-    from policy.convert import convert as convert_file
+    """Convert between chunk files and motion files, or a dataset of joints to one of wrists."""
+    layout = _assumed(to) or "wbc32"
+    if source.suffix.lower() in (".npz", ".csv") and not source.is_dir():
+        from policy.convert import convert as convert_file
 
-    convert_file(source, target, to=to, csv_fps=csv_fps, assume=_assumed(assume_spec))
-    print(f"wrote {target}")
+        if target is None:
+            raise ValueError("name the file to write, ending in .npz or .csv")
+        convert_file(source, target, to=layout, csv_fps=csv_fps, assume=_assumed(assume_spec))
+        print(f"wrote {target}")
+        return
+    from policy.convert import DatasetSettings, episode_numbers
+
+    settings = DatasetSettings(
+        to=layout,
+        waist=waist,
+        unit=unit,
+        synergy=synergy or None,
+        assume=_assumed(assume_spec),
+        episodes=episode_numbers(episodes) if episodes else None,
+        keep_joints=keep_joints,
+        check=check,
+        least_range=least_range,
+        link_videos=link_videos,
+        without_camera_stats=without_camera_stats,
+    )
+    _convert_dataset(source, target, settings, json_to)
 
 
 @app.command()
@@ -232,11 +268,29 @@ def doctor(
 
 @app.command()
 def config() -> None:
-    """Print every setting with its default, as YAML that --config takes."""
+    """Print every setting with its default, as YAML for --config."""
     from wholebody.config import ControllerConfig
     from wholebody.config_file import dump_config
 
     print(dump_config(ControllerConfig()), end="")
+
+
+def _convert_dataset(source: Path, target: Path | None, settings: DatasetSettings, json_to: str) -> None:
+    import json
+
+    from policy.convert import convert_dataset
+
+    _check_places(json_to)
+    quiet = json_to == "-"
+    name = settings.to if isinstance(settings.to, str) else settings.to.name
+    target = target or source.absolute().with_name(f"{source.absolute().name}_{name}")
+    with _progress(source.name, quiet=quiet) as progress:
+        result = convert_dataset(source, target, settings, progress=progress)
+    if not quiet:
+        print("\n".join(result.lines()))
+    if json_to:
+        text = json.dumps(result.to_dict(), indent=2)
+        print(text) if quiet else Path(json_to).write_text(text + "\n")
 
 
 def _open(name: str, csv_fps: float, assume_spec: str) -> Policy:
@@ -280,13 +334,14 @@ def _checker(
 
     settings = load_config(config) if config else None
     sensors = replace(REALISTIC if realistic else SensorConfig(), delay=1e-3 * delay_ms)
-    return Checker(
-        scene,
-        settings,
-        episode=EpisodeConfig(hold=hold),
-        sensors=sensors if realistic or delay_ms else None,
-        payload_kg=payload_kg,
-    )
+    with _waiting("loading the robot; the first time takes longest"):
+        return Checker(
+            scene,
+            settings,
+            episode=EpisodeConfig(hold=hold),
+            sensors=sensors if realistic or delay_ms else None,
+            payload_kg=payload_kg,
+        )
 
 
 def _check_times(duration: float, hold: float) -> None:
@@ -326,6 +381,15 @@ def _table_printer(names: list[str]) -> Callable[[Verdict], None]:
     return lambda verdict: print(table_line(row(verdict), width), flush=True)
 
 
+def _waiting(text: str) -> AbstractContextManager:
+    """A note on a terminal for as long as something takes."""
+    if not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(text)
+
+
 @contextmanager
 def _progress(name: str, *, quiet: bool) -> Iterator[Callable[[float, float], None] | None]:
     """A progress bar on a terminal, nothing elsewhere."""
@@ -352,7 +416,8 @@ def _write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, 
             if output is None:
                 continue
             try:
-                render(file, output)
+                with _waiting(f"drawing {output}"):
+                    render(file, output)
                 print(f"wrote {output}", file=sys.stderr)
             except RenderError as error:
                 print(f"wholebody: '{output}' was not written: {error}", file=sys.stderr)
