@@ -43,6 +43,7 @@ regression: $(VENV)/.all-installed ## Run the long studies against their stored 
 
 regression-update: $(VENV)/.all-installed ## Run the long studies and store their values, stamped with the versions used
 	$(REGRESSION) --regression-update $(ARGS)
+	$(BIN)/python tests/stored.py
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	$(LATEST)/bin/python $(PYTEST) -m "not regression" $(ARGS)

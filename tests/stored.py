@@ -1,4 +1,7 @@
-"""Values that a simulation gave before, kept in JSON beside the versions that gave them, and the bars to meet."""
+"""Values that a simulation gave before, kept in JSON beside the versions that gave them, and the bars to meet.
+
+``python tests/stored.py`` writes the table of all of them into ``docs/measured.md``.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,10 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "tests" / "regression"
+DOCUMENT = ROOT / "docs" / "measured.md"
+BEGIN, END = "<!-- stored values: make regression-update -->", "<!-- end of stored values -->"
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
 
@@ -38,8 +45,8 @@ class Measured:
 class StoredValues:
     """The stored values of one test.
 
-    The file holds ``{test: {"versions": {...}, "values": {name: number}}}``: each test has its own stamp, so storing
-    one test again says nothing about the others.
+    The file holds ``{test: {"versions": {...}, "values": {name: number}, "bars": {name: [least, most]}}}``: each test
+    has its own stamp, so storing one test again says nothing about the others.
     """
 
     def __init__(self, path: Path, test: str, *, update: bool) -> None:
@@ -83,7 +90,9 @@ class StoredValues:
             return
         content = _read(self.path)
         values = {one.name: one.value for one in self.measured}
-        content[self.test] = {"versions": current_versions(), "values": values}
+        bars = {one.name: [_finite(one.at_least), _finite(one.at_most)] for one in self.measured}
+        bars = {name: bar for name, bar in bars.items() if bar != [None, None]}
+        content[self.test] = {"versions": current_versions(), "values": values, "bars": bars}
         self.path.parent.mkdir(exist_ok=True)
         self.path.write_text(json.dumps(content, indent=2, sort_keys=True) + "\n")
 
@@ -101,3 +110,40 @@ def current_versions() -> dict[str, str]:
 
 def _read(path: Path) -> dict[str, dict[str, dict]]:
     return json.loads(path.read_text()) if path.exists() else {}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def document(text: str, folder: Path = FOLDER) -> str:
+    """A document with the table of all stored values between its two marks."""
+    before, _, rest = text.partition(BEGIN)
+    if not rest:
+        raise ValueError(f"no line '{BEGIN}' in the document")
+    return before + BEGIN + "\n" + "\n".join(_table(folder)) + "\n" + END + rest.partition(END)[2]
+
+
+def _table(folder: Path) -> list[str]:
+    lines = ["| `make regression ARGS='-k \"…\"'` | Measured (bar) |", "|---|---|"]
+    for path in sorted(folder.glob("*.json")):
+        for test, entry in _read(path).items():
+            name, _, case = test.removesuffix("]").partition("[")
+            chosen = f"{name} and {case}" if case.isidentifier() else name
+            values = [_cell(key, value, entry.get("bars", {}).get(key)) for key, value in entry["values"].items()]
+            lines.append(f"| `{chosen}`{'' if case.isidentifier() or not case else f' {case}'} | {', '.join(values)} |")
+    return lines
+
+
+def _cell(name: str, value: float, bar: list[float | None] | None) -> str:
+    text = f"{name} {value:.3g}"
+    if bar is None:
+        return text
+    least, most = bar
+    met = (least is None or value >= least) and (most is None or value <= most)
+    sign, bound = ("≥", least) if least is not None else ("≤", most)
+    return f"{text} ({sign} {bound:g})" if met else f"**{text}** ({sign} {bound:g})"
+
+
+if __name__ == "__main__":
+    DOCUMENT.write_text(document(DOCUMENT.read_text()))

@@ -1,7 +1,7 @@
 """The store behind `make regression`: what is written is found again, what changed is reported with its versions."""
 
 import pytest
-from stored import StoredValues, current_versions
+from stored import BEGIN, DOCUMENT, END, StoredValues, current_versions, document
 
 
 def store(tmp_path, value=1.5):
@@ -67,3 +67,21 @@ def test_comparing_writes_nothing(tmp_path):
     values.check("rms_mm", 1.55, tolerance=0.1)
     values.save()
     assert path.read_text() == before
+
+
+def test_the_document_shows_the_stored_values_and_marks_missed_bars(tmp_path):
+    values = StoredValues(tmp_path / "test_x.json", "test_reach[low]", update=True)
+    values.check("end_mm", 2.5, tolerance=0.1, at_most=2.0)
+    values.check("distance_mm", 12.0, tolerance=0.1, at_least=10.0)
+    values.check("rms_mm", 1.25, tolerance=0.1)
+    values.save()
+    text = document(f"before\n{BEGIN}\nold\n{END}\nafter\n", tmp_path)
+    assert text.startswith("before\n")
+    assert text.endswith(f"{END}\nafter\n")
+    assert "old" not in text
+    assert "| `test_reach and low` | distance_mm 12 (≥ 10), **end_mm 2.5** (≤ 2), rms_mm 1.25 |" in text
+
+
+def test_the_documentation_shows_what_is_stored():
+    text = DOCUMENT.read_text()
+    assert text == document(text), "python tests/stored.py writes it anew"
