@@ -42,7 +42,7 @@ class ExecutorConfig:
     real_time: bool = False
     """Real-time chunking: tell the policy what will be executed before its chunk arrives."""
     execution_horizon: int = 10
-    """Real-time chunking: step from which on a chunk is free. LeRobot's default."""
+    """Real-time chunking: step from which on a chunk is free, LeRobot's default; later if the delay is longer."""
     delay_window: int = 10
     """Real-time chunking: the largest of so many last latencies is expected; a slow first call is forgotten."""
 
@@ -175,7 +175,8 @@ class Executor:
         if executed is None or left < 1:
             return None
         delay = ceil(max(self._latencies, default=0.0) * running.fps)
-        horizon = min(self.config.execution_horizon, left)
+        # A prefix that ends before the chunk arrives would leave the stitch free.
+        horizon = min(max(self.config.execution_horizon, delay + self.config.execution_horizon // 2), left)
         return Prefix(executed, left, min(delay, horizon), horizon)
 
     def _collect(self, now: float) -> ActionChunk | None:

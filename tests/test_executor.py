@@ -282,6 +282,14 @@ def test_a_slow_first_call_is_forgotten_by_the_expected_delay():
     runner = started(policy, latency=lambda: durations.pop() if durations else 0.1, config=config)
     run(runner, 8.0)
     delays = [prefix.inference_delay for _, prefix in policy.prefixes]
-    # At first the expected delay is cut to the 14 steps that are left of the running chunk.
+    # At first the expected delay is cut to the steps that are left of the running chunk.
     assert delays[0] > 10
     assert delays[-1] == 3
+
+
+def test_the_prefix_of_a_slow_policy_lasts_until_its_chunk_arrives_and_beyond():
+    policy = Continuing()
+    runner = started(policy, latency=0.4, config=ExecutorConfig(real_time=True))
+    run(runner, 1.5)
+    (_, prefix), *_ = policy.prefixes
+    assert (prefix.inference_delay, prefix.execution_horizon) == (12, 17)
