@@ -117,7 +117,8 @@ def open_checkpoint(
         findings.append(Finding("processors", "ok", f"{' and '.join(f'{name}.json' for name in PROCESSORS)} loaded"))
     if layouts:
         inner = _inner_layouts(layouts, processors)
-        findings += check_features(config, inner, environment=options.environment is not None)
+        given = options.environment is not None
+        findings += check_features(config, inner, cameras=options.cameras, environment=given)
         if processors:
             findings += check_stats(config, processors, inner, allow_narrow=options.allow_narrow)
             findings.append(check_relative(config, processors, inner))

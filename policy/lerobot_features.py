@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from policy.errors import did_you_mean
 from policy.lerobot_finding import Finding
 from policy.lerobot_stats import ACTION, STATE
 from policy.spec import ActionSpec
@@ -53,16 +54,26 @@ def absolute_step(processor: Any) -> Any | None:
 
 
 def check_features(
-    config: PreTrainedConfig, layouts: Mapping[str, ActionSpec], *, environment: bool = False
+    config: PreTrainedConfig,
+    layouts: Mapping[str, ActionSpec],
+    *,
+    cameras: Iterable[str] = (),
+    environment: bool = False,
 ) -> list[Finding]:
     """What `config.json` says against the layouts.
 
     Args:
         config: Of the policy.
         layouts: What the numbers of ``action`` and, where the policy has one, ``observation.state`` are.
+        cameras: Cameras that the user thinks it has.
         environment: Whether something gives ``observation.environment_state``.
     """
     findings = [*_check_action(config, layouts[ACTION]), *_check_inputs(config, environment)]
+    known = camera_keys(config)
+    for name in cameras:
+        if name not in known:
+            text = f"the policy has no camera '{name}'; {did_you_mean(name, known)}it has {', '.join(known) or 'none'}"
+            findings.append(Finding("features", "error", text, "cameras maps the policy's names to the robot's"))
     if STATE in layouts:
         findings += _check_width(config, STATE, config.robot_state_feature, layouts[STATE], "max_state_dim")
     if findings:

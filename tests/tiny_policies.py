@@ -215,8 +215,12 @@ def config(kind, *, spec=SPEC, cameras=CAMERAS, size=64, folder=None, **changes)
     )
 
 
-def write_checkpoint(kind, folder, *, spec=SPEC, seed=0, statistics=None, with_spec=True, cameras=CAMERAS, **changes):
-    """Save a tiny policy with its processors, as training would; returns the folder."""
+def build(kind, folder, *, spec=SPEC, seed=0, statistics=None, cameras=CAMERAS, **changes):
+    """A tiny policy with its processors, as training makes them; tokenizer and backbone are written into the folder.
+
+    Returns:
+        Network, pre-processor, post-processor.
+    """
     from lerobot.policies.factory import get_policy_class, make_pre_post_processors
     from lerobot.processor import tokenizer_processor
 
@@ -229,16 +233,21 @@ def write_checkpoint(kind, folder, *, spec=SPEC, seed=0, statistics=None, with_s
     torch.manual_seed(seed)
     with tiny_backbones():
         network = get_policy_class(kind)(settings)
-    network.save_pretrained(folder)
+    network.eval()
     statistics = stats(spec, cameras=cameras) if statistics is None else statistics
     local = partial(tokenizer_processor.AutoTokenizer.from_pretrained, tokenizer)
     with mock.patch.object(tokenizer_processor.AutoTokenizer, "from_pretrained", side_effect=lambda name: local()):
         processors = make_pre_post_processors(settings, dataset_stats=statistics)
-    for processor in processors:
-        processor.save_pretrained(folder)
+    return network, *processors
+
+
+def write_checkpoint(kind, folder, *, spec=SPEC, with_spec=True, **changes):
+    """Save a tiny policy with its processors, as training would; returns the folder."""
+    for part in build(kind, folder, spec=spec, **changes):
+        part.save_pretrained(folder)
     if with_spec:
         write_specs(folder, spec)
-    return folder
+    return Path(folder)
 
 
 def saved(kind, tmp_path_factory):
