@@ -254,7 +254,7 @@ def test_real_time_chunking_passes_what_is_executed_from_the_observation_on_and_
     (seen, prefix), *_ = policy.prefixes
     assert prefix.executed.t_obs == seen.time
     assert prefix.inference_delay == 6  # 0.2 s at 30 Hz
-    assert prefix.execution_horizon == 10
+    assert prefix.execution_horizon == 11
     assert prefix.steps == 24  # from 0.834 s to the last step at 1.633 s
     wanted = scripted("wave").script(prefix.executed.times)
     left = prefix.executed.T_world_lhand[: prefix.steps, :3, :3]
