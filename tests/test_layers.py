@@ -24,7 +24,7 @@ LAYERS = (
     ("resources", "errors", "types", "config", "config_file"),
     ("support", "robot", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
-    ("qp",),
+    {"qp", "posture"},
     (
         "controller",
         "placo_tasks",
@@ -37,7 +37,7 @@ LAYERS = (
         "supervisor",
     ),
     ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker"),
-    ("report", "doctor", "cli"),
+    ("report", "doctor", "bench", "cli"),
 )
 COMPOSITION = LAYERS[5:]
 

@@ -6,16 +6,18 @@ Then each solver alone, with no second one to help, closes the loop over standin
 import numpy as np
 import pytest
 from test_qp import standing
+from typer.testing import CliRunner
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import reach
+from wholebody.bench import bench
 from wholebody.controller import WholeBodyController
 from wholebody.qp.presolve import polish, prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import PRIMAL_TOLERANCE, available, solve
 from wholebody.runtime import EpisodeConfig
-from wholebody.solver_study import study
+from wholebody.solver_study import HEADINGS, SolverRow, cells, study
 from wholebody.types import RobotState
 
 SOLVERS = ("daqp", "quadprog", "proxqp", "piqp", "osqp")
@@ -111,3 +113,13 @@ def test_each_solver_alone_stands_and_begins_a_reach(solver):
     assert row.largest < 2e-3
     assert row.time_factor == pytest.approx(1.0, abs=0.01)
     assert row.primal <= PRIMAL_TOLERANCE[solver]
+
+
+def test_the_table_has_a_cell_for_every_heading():
+    row = SolverRow("daqp", "reach", 600, 1, False, 1e-3, 2.5e-3, 1.0, 1e-9, 1e-7, 5e-4, 2e-3)
+    expected = ("daqp", "reach", "no", "1 of 600", "1.00 / 2.5", "1.000", "1e-09", "1e-07", "0.50 / 2.00")
+    assert cells(row) == expected
+    assert len(HEADINGS) == len(expected)
+    typed = CliRunner().invoke(bench, ["solvers", "--names", "daqp,gurobi"])
+    assert isinstance(typed.exception, ValueError)
+    assert "gurobi" in str(typed.exception)

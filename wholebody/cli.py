@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from wholebody.bench import bench
+
 if TYPE_CHECKING:
     from policy.base import Policy
     from policy.convert import DatasetSettings
@@ -33,6 +35,7 @@ SCENE_OF = {"grasp": "table_cylinder"}
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
 )
+app.add_typer(bench, name="bench")
 
 EXIT_OK, EXIT_INFEASIBLE, EXIT_MISUSE = 0, 1, 2
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.spec import RobotSpec
-from policy.base import Policy
+from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.runtime import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.sim.plant import MujocoPlant
@@ -67,7 +67,7 @@ class _Watched(Supervisor):
 def study(
     spec: RobotSpec,
     solver: str,
-    policies: Sequence[Policy],
+    policies: Sequence[ScriptedPolicy],
     *,
     config: ControllerConfig | None = None,
     seconds: float = 10.0,
@@ -114,6 +114,17 @@ def _row(solver: str, motion: str, watched: _Watched, result: EpisodeResult) -> 
         median=float(median),
         p99=float(p99),
     )
+
+
+def standing(seconds: float) -> ScriptedPolicy:
+    """Both hands stay where they are in the stance."""
+    pose = stance_pose()
+
+    def script(t: np.ndarray) -> HandMotion:
+        palms = [np.tile(p, (len(t), 1)) for p in (pose.p_world_lpalm, pose.p_world_rpalm)]
+        return HandMotion(*palms, pose.R_world_lhand, pose.R_world_rhand, pose.q_lhand, pose.q_rhand)
+
+    return ScriptedPolicy("standing", script, seconds)
 
 
 HEADINGS = ("solver", "motion", "fell", "failures", "RMS / max mm", "time factor", "primal", "dual", "p50 / p99 ms")

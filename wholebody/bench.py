@@ -1,0 +1,51 @@
+"""The command `wholebody bench`: measurements that the documentation quotes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+bench = typer.Typer(no_args_is_help=True, help="Measurements that the documentation quotes.")
+
+SOLVERS = "daqp,quadprog,proxqp,piqp,osqp"
+
+
+@bench.callback()
+def _group() -> None:
+    """Keeps the names of subcommands while there is only one."""
+
+
+@bench.command()
+def solvers(
+    names: Annotated[str, typer.Option(help="QP solvers, or placo for the backend of that name.")] = SOLVERS,
+    seconds: Annotated[float, typer.Option(help="Time after which the lissajous is cut short [s].")] = 10.0,
+    json_to: Annotated[str, typer.Option("--json", help="Also write the rows as JSON to a file.")] = "",
+) -> None:
+    """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
+    from models.g1 import g1
+    from policy.scripts import lissajous, reach
+    from wholebody.qp.solvers import available
+    from wholebody.solver_study import HEADINGS, cells, standing, study
+
+    wanted = [name.strip() for name in names.split(",")]
+    unknown = sorted(set(wanted) - {*available(), "placo"})
+    if unknown:
+        raise ValueError(f"unknown solvers {unknown}; available: {', '.join(available())}, placo")
+    typer.echo(_line(HEADINGS))
+    typer.echo(_line(["---"] * len(HEADINGS)))
+    spec, rows = g1(), []
+    for name in wanted:
+        for policy in (standing(5.0), reach(0.5, 1.0), lissajous(scored=seconds - 2.0)):
+            rows += study(spec, name, [policy], seconds=seconds)
+            typer.echo(_line(cells(rows[-1])))
+    if json_to:
+        Path(json_to).write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
+    raise typer.Exit(1 if any(row.failures or row.fell for row in rows) else 0)
+
+
+def _line(cells: tuple[str, ...] | list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
