@@ -1,5 +1,6 @@
 """Strategy: what the documents tell a reader to type exists, the links lead somewhere, and the short program runs."""
 
+import json
 import re
 import runpy
 from pathlib import Path
@@ -8,6 +9,7 @@ import pytest
 import typer
 
 from wholebody.cli import app
+from wholebody.resources import verdict_schema
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
@@ -52,3 +54,10 @@ def test_every_make_target_exists(document):
 def test_every_link_leads_to_a_file(document):
     for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text()):
         assert (document.parent / target).exists(), f"{document.name} links to {target}"
+
+
+def test_every_reason_code_and_answer_is_explained():
+    schema = json.loads(verdict_schema().read_text())["$defs"]
+    codes = schema["violation"]["properties"]["code"]["enum"] + schema["verdict"]["properties"]["verdict"]["enum"]
+    text = (ROOT / "docs" / "verdict.md").read_text()
+    assert [code for code in codes if f"| `{code}` |" not in text] == []
