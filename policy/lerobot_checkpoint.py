@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from lerobot.configs import PreTrainedConfig
 
 PROCESSORS = ("policy_preprocessor", "policy_postprocessor")
+TOKENIZER_CURE = (
+    "π0 and π0.5 need the tokenizer of google/paligemma-3b-pt-224, which asks for an accepted licence: download it "
+    "once and say tokenizer=FOLDER, or put it into the checkpoint as 'tokenizer'"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,14 +192,10 @@ def read_processors(folder: Path, config: PreTrainedConfig, options: LoadOptions
             processors = make_pre_post_processors(
                 config, str(folder), preprocessor_overrides=overrides, postprocessor_overrides={}
             )
-    except OSError as error:
-        cure = (
-            "π0 and π0.5 need the tokenizer of google/paligemma-3b-pt-224, which asks for an accepted licence: "
-            "download it once and say tokenizer=FOLDER, or put it into the checkpoint as 'tokenizer'"
-        )
+    except (OSError, ValueError, KeyError, TypeError, ImportError, RuntimeError) as error:
+        # LeRobot wraps what the hub raises, and says which step it was.
+        cure = TOKENIZER_CURE if "tokenizer_processor" in str(error) else "save them again"
         raise fail("processors", f"the processors of {folder} do not load: {error}", cure) from error
-    except (ValueError, KeyError, TypeError, ImportError, RuntimeError) as error:
-        raise fail("processors", f"the processors of {folder} do not load: {error}", "save them again") from error
     if any(isinstance(step, G1WristsToJointsStep) for step in processors[1].steps):
         pair(*processors)
     return processors

@@ -29,8 +29,8 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """Text and cure in one."""
-        return f"{self.text}; {self.cure}" if self.cure else self.text
+        """Text and cure in one, on one line; what LeRobot or a hub says may have several."""
+        return " ".join((f"{self.text}; {self.cure}" if self.cure else self.text).split())
 
 
 class CheckpointError(PolicyError, ValueError):

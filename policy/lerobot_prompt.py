@@ -90,6 +90,6 @@ def require_whole_prompt(config: PreTrainedConfig, step: Any, batch: dict[str, A
     if count > step.max_length:
         lost = step.input_tokenizer.decode(step.input_tokenizer(prompt, truncation=False)["input_ids"][kept:])
         raise ObservationError(
-            f"the prompt has {count} tokens and would be cut to {step.max_length}, without '{lost.strip()[-60:]}'; "
+            f"the prompt has {count} tokens and would be cut to {step.max_length}, without {lost.strip()[-60:]!r}; "
             "shorten the task"
         )
