@@ -80,9 +80,11 @@ def test_real_time_chunking_gets_what_was_executed_and_the_robot_stands(robot, c
 def test_a_tiny_pi05_with_random_weights_runs_for_30_s(robot, checkpoint, stored, settings):
     result = episode(robot, checkpoint, 30.0, settings=settings)
     require_standing(result)
-    assert result.creep < 5e-3
-    assert result.execution.starvations <= 1
     stored.check("chunks", len(result.execution.deliveries), tolerance=0)
+    stored.check("latency_max_ms", 1e3 * result.execution.latencies.max(), tolerance=1.0)
+    stored.check("starved_s", result.execution.starved, tolerance=0.5)
     stored.check("tilt_deg", np.rad2deg(result.tilt), tolerance=2.0)
-    stored.check("seam_mm", 1e3 * worst(result, "distance"), tolerance=0.05)
-    stored.check("seam_m_s", worst(result, "velocity"), tolerance=0.01)
+    stored.check("creep_mm", 1e3 * result.creep, tolerance=1.0, at_most=5.0)
+    stored.check("seam_mm", 1e3 * worst(result, "distance"), tolerance=0.05, at_most=1e3 * SEAM)
+    stored.check("seam_deg", np.rad2deg(worst(result, "angle")), tolerance=0.05)
+    stored.check("seam_m_s", worst(result, "velocity"), tolerance=0.01, at_most=SEAM_VELOCITY)

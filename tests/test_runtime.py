@@ -73,15 +73,18 @@ def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(ro
 @pytest.mark.regression
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize(("fault", "code"), HEADLINES.items())
-def test_a_policy_that_failed_10_s_ago_leaves_the_robot_standing(robot, fault, code):
+def test_a_policy_that_failed_10_s_ago_leaves_the_robot_standing(robot, stored, fault, code):
     result, report = run_faulty(robot, fault, horizon=50, after=10.0, settings=ExecutorConfig())
     assert result.fall is None
     assert result.tilt < TILT
-    assert result.creep < 5e-3
     assert code in report.counts
     assert (len(report.deliveries) > 10) == (fault == "hangs 2 s"), "what has only hung goes on"
-    assert worst(result, "distance") <= SEAM
-    assert worst(result, "velocity") <= SEAM_VELOCITY
+    stored.check("chunks", len(report.deliveries), tolerance=0)
+    stored.check("starved_s", report.starved, tolerance=0.1)
+    stored.check("tilt_deg", np.rad2deg(result.tilt), tolerance=0.5)
+    stored.check("creep_mm", 1e3 * result.creep, tolerance=0.5, at_most=5.0)
+    stored.check("seam_mm", 1e3 * worst(result, "distance"), tolerance=0.05, at_most=1e3 * SEAM)
+    stored.check("seam_m_s", worst(result, "velocity"), tolerance=0.01, at_most=SEAM_VELOCITY)
 
 
 def test_late_chunks_are_stitched_without_a_jump_and_lose_nothing(robot):
@@ -116,11 +119,12 @@ def test_latency_of_up_to_400_ms_costs_less_than_3_mm(robot, stored, settings):
     assert late.execution.starvations == 0
     assert worst(late, "distance") <= SEAM
     assert worst(late, "velocity") <= SEAM_VELOCITY
-    assert late.rms - prompt.rms <= LATE
     stored.check("prompt_rms_mm", 1e3 * prompt.rms, tolerance=0.5)
     stored.check("late_rms_mm", 1e3 * late.rms, tolerance=0.5)
-    stored.check("seam_mm", 1e3 * worst(late, "distance"), tolerance=0.05)
-    stored.check("seam_m_s", worst(late, "velocity"), tolerance=0.01)
+    stored.check("lost_rms_mm", 1e3 * (late.rms - prompt.rms), tolerance=0.5, at_most=1e3 * LATE)
+    stored.check("seam_mm", 1e3 * worst(late, "distance"), tolerance=0.05, at_most=1e3 * SEAM)
+    stored.check("seam_deg", np.rad2deg(worst(late, "angle")), tolerance=0.05)
+    stored.check("seam_m_s", worst(late, "velocity"), tolerance=0.01, at_most=SEAM_VELOCITY)
 
 
 def test_a_policy_is_told_the_task_and_shown_the_images(robot):
