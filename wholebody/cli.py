@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from wholebody.verdict import Verdict
 
 SOURCES = (
-    "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz or motion .csv."
+    "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
+    "or address of a policy server (ws://HOST:PORT)."
 )
 SCENE_OF = {"grasp": "table_cylinder"}
 """Scenes of scripted policies that need more than the floor."""
@@ -111,7 +112,7 @@ def check(
             policy = _open(name, csv_fps, assume_spec)
             judge = checker(scene or SCENE_OF.get(name, "floor"))
             with _progress(name, quiet=quiet) as progress:
-                verdict, _ = judge.check(policy, name, duration or policy.duration, progress=progress)
+                verdict, _ = judge.check(policy, name, _length(policy, duration), progress=progress)
         except (PolicyError, OSError) as error:
             # The other inputs are judged all the same; the exit code is that of the worst.
             text = str(error)
@@ -166,7 +167,7 @@ def run(
     for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
         title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
         with _progress(title, quiet=quiet) as progress:
-            length = duration or policy.duration
+            length = _length(policy, duration)
             verdict, _ = checker.check(executor, name, length, progress=progress, recorder=recorder)
         verdicts.append(verdict)
         show(verdict)
@@ -269,6 +270,53 @@ def doctor(
     raise typer.Exit(diagnosis.exit_code)
 
 
+@app.command("serve-policy")
+def serve_policy(
+    source: Annotated[str, typer.Argument(help=f"Folder of a LeRobot checkpoint. {SOURCES}")],
+    host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; 0: any free one.")] = 8000,
+    task: Annotated[str, typer.Option(help="Checkpoint: task where the client gives none.")] = "",
+    tokenizer: Annotated[Path | None, typer.Option(help="Checkpoint: folder of the tokenizer.")] = None,
+    device: Annotated[str, typer.Option(help="Checkpoint: cpu, cuda, ...; a GPU if there is one.")] = "",
+    dtype: Annotated[str, typer.Option(help="Checkpoint: float32 or bfloat16; as saved if not given.")] = "",
+    num_steps: Annotated[int, typer.Option(help="Checkpoint: denoising steps; 0: as saved.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Checkpoint: makes sampling reproducible.")] = None,
+    real_time_chunking: RealTimeChunking = False,
+    allow_random_weights: Annotated[bool, typer.Option(help="Checkpoint: go on without weights, for timing.")] = False,
+    csv_fps: CsvFps = 60.0,
+    assume_spec: AssumeSpec = "",
+) -> None:
+    """Serve a policy over a websocket, in openpi's protocol, to one robot at a time. Ends with Ctrl-C."""
+    from policy.server import LOOPBACK, PolicyServer
+
+    if Path(source).is_dir():
+        from policy.lerobot import LeRobotPolicy
+
+        policy = LeRobotPolicy.from_pretrained(
+            source,
+            assume_spec=_assumed(assume_spec),
+            task=task,
+            tokenizer=tokenizer,
+            device=device or None,
+            dtype=dtype or None,
+            num_steps=num_steps or None,
+            seed=seed,
+            rtc=real_time_chunking,
+            allow_random_weights=allow_random_weights,
+        )
+        for finding in policy.warnings:
+            print(f"wholebody: {finding.sentence}", file=sys.stderr)
+    else:
+        policy = _open(source, csv_fps, assume_spec)
+    server = PolicyServer(policy, host=host, port=port)
+    print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
+    if host not in (LOOPBACK, "localhost", "::1"):
+        print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
+    with suppress(KeyboardInterrupt):
+        server.serve_forever()
+    server.close()
+
+
 @app.command()
 def config() -> None:
     """Print every setting with its default, as YAML for --config."""
@@ -300,9 +348,21 @@ def _open(name: str, csv_fps: float, assume_spec: str) -> Policy:
     from policy.replay import open_recording
     from policy.scripts import scripted
 
+    if name.startswith(("ws://", "wss://")):
+        from policy.remote import RemotePolicy
+
+        return RemotePolicy.connect(name, assume_spec=_assumed(assume_spec))
     if Path(name).suffix.lower() in (".npz", ".csv"):
         return open_recording(name, csv_fps=csv_fps, assume=_assumed(assume_spec))
     return scripted(name)
+
+
+def _length(policy: Policy, duration: float) -> float:
+    """Seconds to run."""
+    length = duration or policy.duration
+    if length is None:
+        raise ValueError("this policy has no end: say how long with --duration SECONDS")
+    return length
 
 
 def _executor(

@@ -1,0 +1,72 @@
+"""`wholebody serve-policy` and a run against it, in processes of their own."""
+
+import json
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import pytest
+from policy_cases import observation
+
+from policy.remote import RemotePolicy
+from policy.scripts import scripted
+
+CODE = "from wholebody.cli import main; main()"
+
+
+def command(*arguments):
+    return [sys.executable, "-c", CODE, *arguments]
+
+
+@contextmanager
+def serving(*arguments):
+    """Address and process of a server."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command("serve-policy", *arguments, "--port", "0"), text=True, **pipes) as process:
+        try:
+            line = process.stdout.readline()
+            assert line, process.stderr.read()
+            yield line, process
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=30)
+
+
+def test_a_served_policy_is_announced_used_from_another_process_and_ended_by_ctrl_c():
+    with serving("wave") as (line, process):
+        assert line.startswith(f"serving 'wave' ({scripted('wave').spec.id}) at ws://127.0.0.1:")
+        uri = line.split()[-1]
+        policy, local = RemotePolicy.connect(uri), scripted("wave")
+        local.reset()
+        for k in range(2):
+            chunk, expected = policy.infer(observation(0.5 * k)), local.infer(observation(0.5 * k))
+            assert all(chunk.arrays()[name].tobytes() == value.tobytes() for name, value in expected.arrays().items())
+        policy.close()
+        run = command("run", uri, "--duration", "0.2", "--hold", "0.2", "--json", "-")
+        done = subprocess.run(run, capture_output=True, text=True, timeout=250, check=False)
+        assert done.returncode == 0, done.stderr
+        (verdict,) = json.loads(done.stdout)
+        assert (verdict["name"], verdict["fell"]) == (uri, False)
+    assert process.returncode == 0
+
+
+def test_serving_to_every_network_is_possible_and_warned_of():
+    with serving("wave", "--host", "0.0.0.0") as (line, process):
+        assert "ws://127.0.0.1:" in line
+        assert "whoever reaches 0.0.0.0 can use the policy" in process.stderr.readline()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("serve-policy", "waev"), "no script is called 'waev'; did you mean 'wave'?"),
+        (("serve-policy", "wave", "--host", "256.0.0.1"), "wholebody: "),
+        (("run", "ws://127.0.0.1:1"), "nobody listens there; start the server"),
+    ],
+)
+def test_misuse_ends_with_a_sentence_and_code_2(arguments, complaint):
+    done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert "Traceback" not in done.stderr
