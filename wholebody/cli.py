@@ -359,7 +359,7 @@ def _open(name: str, csv_fps: float, assume_spec: str) -> Policy:
 
 def _length(policy: Policy, duration: float) -> float:
     """Seconds to run."""
-    length = duration or policy.duration
+    length = duration or getattr(policy, "duration", None)
     if length is None:
         raise ValueError("this policy has no end: say how long with --duration SECONDS")
     return length
