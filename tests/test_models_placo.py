@@ -9,7 +9,7 @@ import pytest
 
 from models import SpecError, g1
 from models.pinocchio_model import frame_id, load_collision, load_pinocchio
-from models.placo_model import load_placo
+from models.placo_model import contact_frame, load_placo
 
 PARAMS = [pytest.param(True, id="dex3"), pytest.param(False, id="rubber")]
 
@@ -92,3 +92,15 @@ def test_placo_loads_in_a_second():
         load_placo(g1())
         times.append(time.perf_counter() - start)
     assert min(times) < 1.5
+
+
+def test_contact_points_become_frames_when_wanted(pair):
+    spec, plain, _ = pair
+    robot = load_placo(spec, contact_points=True)
+    for foot in spec.feet:
+        T = robot.get_T_world_frame(foot.frame)
+        for i, point in enumerate(foot.points):
+            found = robot.get_T_world_frame(contact_frame(foot, i))[:3, 3]
+            np.testing.assert_allclose(found, T[:3, :3] @ point + T[:3, 3], atol=1e-9)
+    assert contact_frame(spec.feet[0], 0) not in list(plain.frame_names())
+    assert robot.total_mass() == pytest.approx(plain.total_mass())

@@ -136,6 +136,16 @@ def test_an_answer_that_breaks_the_equation_of_motion_is_noticed(backend):
     assert np.isnan(backend.physics_error(replace(solution, dv=np.full_like(solution.dv, np.nan))))
 
 
+def test_a_tick_of_the_backend_is_placos(backend):
+    q = stance_q(backend.spec, backend.robot.model)
+    state = RobotState(0.0, q, np.zeros(backend.robot.nv))
+    backend.reset(state)
+    place(backend, np.random.default_rng(5))
+    command, report = backend.step(state, near(backend.robot, backend.spec, np.random.default_rng(6)))
+    assert (report.level, report.qp.solver) == (0, "placo")
+    np.testing.assert_array_equal(command.tau, report.solution.tau[backend.robot.pin_to_motor])
+
+
 def test_without_any_answer_the_last_torques_are_held(backend, monkeypatch):
     state = RobotState(0.0, stance_q(backend.spec, backend.robot.model), np.zeros(backend.robot.nv))
     backend.reset(state)

@@ -62,6 +62,11 @@ def test_where_a_safety_bound_is_already_broken_the_slack_is_used(programs, solv
     np.testing.assert_allclose(answer.x[-2:], expected.x[-2:], atol=1e-4)
 
 
+def test_osqp_says_so_where_it_does_not_arrive(programs):
+    expected, answer = solve(programs[LOST]), solve(programs[LOST], "osqp")
+    assert not answer.ok or np.abs(answer.x - expected.x)[:49].max() < 1e-2
+
+
 def test_preparing_and_restoring_change_neither_the_answer_nor_its_multipliers(programs):
     program = programs[PUSHED]
     for slack in (False, True):
