@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import socket
 import threading
 from contextlib import ExitStack, suppress
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from websockets.sync.client import ClientConnection
+
+logger = logging.getLogger("policy.remote")
 
 PORT = 8000
 """Port of openpi's server."""
@@ -84,6 +87,7 @@ class Channel:
         self._headers = {"Authorization": f"Api-Key {api_key}"} if api_key else None
         self._connection: ClientConnection | None = None
         self._held = ExitStack()
+        self._told = ""
 
     @property
     def is_open(self) -> bool:
@@ -182,6 +186,7 @@ class Channel:
         """Data of a frame; a text frame is a traceback."""
         if isinstance(frame, str):
             self.close()
+            self._tell(frame)
             raise RemoteServerError(frame, uri=self.uri)
         try:
             data = unpack(frame)
@@ -193,6 +198,12 @@ class Channel:
             text = f"the frame holds {type(data).__name__}; a map is expected. Is this a policy server?"
             raise RemoteAnswerError(text, uri=self.uri)
         return data
+
+    def _tell(self, traceback: str) -> None:
+        """Log a server's traceback, once: whoever asks again and again gets the same one."""
+        if traceback != self._told:
+            self._told = traceback
+            logger.error("%s failed:\n%s", self.uri, traceback.rstrip())
 
 
 def full_uri(uri: str) -> str:

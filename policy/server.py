@@ -66,7 +66,6 @@ class PolicyServer:
 
         self.policy = policy
         self.metadata = metadata_of(policy, name)
-        self._worker = _Worker()
         self._session: str | None = None
         self._guard = threading.Lock()
         self._client: ServerConnection | None = None
@@ -83,6 +82,7 @@ class PolicyServer:
             close_timeout=CLOSE_TIMEOUT,
             max_size=FRAME_MAX,
         )
+        self._worker = _Worker()
 
     @property
     def uri(self) -> str:

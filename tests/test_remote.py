@@ -107,6 +107,17 @@ def test_a_text_frame_is_the_servers_traceback_and_the_next_request_connects_aga
         assert peer.connections == 2
 
 
+def test_a_servers_traceback_is_logged_once_however_often_it_comes(caplog):
+    with Peer(play(SERVER["failure_and_close"])) as peer:
+        policy = connect(peer)
+        for k in range(3):
+            with pytest.raises(RemoteServerError):
+                policy.infer(seen(0.1 * k))
+    (record,) = (record for record in caplog.records if record.name == "policy.remote")
+    assert record.levelname == "ERROR"
+    assert 'raise ValueError("the state is not finite")' in record.getMessage()
+
+
 def test_a_text_frame_in_place_of_metadata_is_said():
     script = play_raw(frame(b"RuntimeError: out of memory", text=True))
     with Peer(script) as peer, pytest.raises(RemoteServerError, match="out of memory"):

@@ -96,6 +96,7 @@ def array(**changes):
     ("frame", "complaint"),
     [
         (array(dtype="|O", shape=[1]), "numbers, booleans and text travel"),
+        (array(dtype="|O8", shape=[1]), "numbers, booleans and text travel"),
         (array(dtype="O", shape=[1]), "numbers, booleans and text travel"),
         (array(dtype="f4,O"), "numbers, booleans and text travel"),
         (array(dtype="|V8", shape=[1]), "numbers, booleans and text travel"),

@@ -5,12 +5,14 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import pytest
 from policy_cases import observation
 
 from policy.remote import RemotePolicy
 from policy.scripts import scripted
+from wholebody import cli
 
 CODE = "from wholebody.cli import main; main()"
 
@@ -55,6 +57,13 @@ def test_serving_to_every_network_is_possible_and_warned_of():
     with serving("wave", "--host", "0.0.0.0") as (line, process):
         assert "ws://127.0.0.1:" in line
         assert "whoever reaches 0.0.0.0 can use the policy" in process.stderr.readline()
+
+
+def test_a_policy_without_an_end_needs_a_duration():
+    with pytest.raises(ValueError, match="say how long with --duration SECONDS"):
+        cli._length(SimpleNamespace(duration=None), 0.0)
+    assert cli._length(SimpleNamespace(duration=None), 2.0) == 2.0
+    assert cli._length(SimpleNamespace(duration=9.0), 0.0) == 9.0
 
 
 @pytest.mark.parametrize(
