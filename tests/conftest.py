@@ -9,7 +9,13 @@ from hypothesis import settings
 from stored import Measured, StoredValues
 
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
-NEED_LEROBOT = ["test_lerobot*.py", "test_pi05_example.py", "test_policy_contract.py", "test_server_lerobot.py"]
+NEED_LEROBOT = [
+    "test_lerobot*.py",
+    "test_dataset*.py",
+    "test_pi05_example.py",
+    "test_policy_contract.py",
+    "test_server_lerobot.py",
+]
 collect_ignore_glob = [] if find_spec("lerobot") else list(NEED_LEROBOT)
 # Recordings of people are not a part of this repository.
 MOTIONS = os.environ.get("G1_MOTIONS", "")

@@ -1,0 +1,107 @@
+"""How far wrists are from themselves after joints, wbc32 in single precision and joints again, and how fast that is.
+
+    python benchmarks/dataset_conversion.py [--motions FOLDER]
+
+Without a folder: joints that swing as sines around the middle of their ranges, each at 0.05 to 0.3 Hz, with amplitudes
+of a share of the range. With one: the arms of recorded motions (CSV, 60 Hz), every second frame, where a recorded joint
+exceeds its limits set to them. Each becomes a dataset folder as Unitree writes it, which is converted and checked.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from models.g1 import g1
+from policy.anchor import Anchor
+from policy.convert import DatasetSettings, convert_dataset
+from policy.dataset import INDICES, Episode
+from policy.dataset_report import ConvertedDataset
+from policy.dataset_writer import DatasetWriter, set_column
+from policy.joint_layout import UNITREE_DEX3, joint_layout
+from policy.joints import BODY_JOINTS
+from policy.motion_csv import read_motion_csv
+
+LAYOUT = joint_layout(list(UNITREE_DEX3), 28)
+INDEX = [g1().index(name) for name in LAYOUT.names]
+LOW, HIGH = g1().position_min[INDEX], g1().position_max[INDEX]
+FPS, EPISODES, FRAMES = 30.0, 4, 600
+
+
+def main() -> None:
+    """Print one line a set."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--motions", type=Path, help="folder of motion .csv files")
+    arguments = parser.parse_args()
+    print(f"{'set':28} {'frames':>7} {'mm':>9} {'deg':>9} {'fingers':>8} {'missed':>6} {'frames/s':>9} {'forward':>8}")
+    if arguments.motions is None:
+        for share in (0.1, 0.2, 0.3, 0.35, 0.45):
+            report(f"sines, {share:g} of the range", [sines(share, seed) for seed in range(EPISODES)])
+    else:
+        for file in sorted(arguments.motions.glob("*.csv")):
+            report(file.stem, [recorded(file)])
+
+
+def sines(share: float, seed: int) -> np.ndarray:
+    """Joint vectors (FRAMES + 1, 28) [rad]."""
+    rng = np.random.default_rng(seed)
+    phase = 2.0 * np.pi * rng.uniform(0.05, 0.3, 28) * np.arange(FRAMES + 1)[:, None] / FPS
+    return 0.5 * (LOW + HIGH) + share * (HIGH - LOW) * np.sin(phase + rng.uniform(0.0, 2.0 * np.pi, 28))
+
+
+def recorded(file: Path) -> np.ndarray:
+    """Joint vectors (n, 28) [rad] with the hands at rest."""
+    motion, nominal = read_motion_csv(file), Anchor.nominal()
+    arms = [BODY_JOINTS.index(name) for name in LAYOUT.names[:14]]
+    hands = np.concatenate([nominal.q_lhand, nominal.q_rhand])
+    q = np.hstack([motion.q_body[:, arms], np.tile(hands, (len(motion), 1))])[::2]
+    return np.clip(q, LOW, HIGH)
+
+
+def report(name: str, recordings: list[np.ndarray]) -> None:
+    """Convert once with the way back and once without, and print both."""
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "joints"
+        write(source, [q.astype(np.float32) for q in recordings])
+        convert_dataset(source, Path(folder) / "warm", DatasetSettings(episodes=(0,), check=False))
+        checked = convert_dataset(source, Path(folder) / "checked")
+        forward = convert_dataset(source, Path(folder) / "forward", DatasetSettings(check=False))
+    print(line(name, checked, forward), flush=True)
+
+
+def line(name: str, checked: ConvertedDataset, forward: ConvertedDataset) -> str:
+    """One row of the table; the worse of action and state."""
+    trips = checked.trips.values()
+    millimetres = 1e3 * max(trip.position for trip in trips)
+    degrees = np.rad2deg(max(trip.rotation for trip in trips))
+    fingers, missed = max(trip.fingers for trip in trips), sum(trip.unreached for trip in trips)
+    return (
+        f"{name:28} {checked.source.frames:7} {millimetres:9.5f} {degrees:9.6f} {fingers:8.1g} {missed:6} "
+        f"{checked.frames_per_second:9.0f} {forward.frames_per_second:8.0f}"
+    )
+
+
+def write(folder: Path, recordings: list[np.ndarray]) -> None:
+    """A dataset of commanded joints and of measured ones, which are a frame behind."""
+    import pyarrow
+
+    vector = {"dtype": "float32", "shape": [28], "names": [list(UNITREE_DEX3)]}
+    numbers = {key: {"dtype": "int64", "shape": [1], "names": None} for key in INDICES}
+    numbers["timestamp"]["dtype"] = "float32"
+    info = {"fps": FPS, "robot_type": "Unitree_G1_Dex3", "features": {"observation.state": vector, "action": vector}}
+    info["features"] |= numbers
+    with DatasetWriter(folder, info, ("move",)) as writer:
+        for index, q in enumerate(recordings):
+            n = len(q) - 1
+            rows = pyarrow.table({"timestamp": (np.arange(n) / FPS).astype(np.float32), "frame_index": np.arange(n)})
+            rows = set_column(rows, "task_index", np.zeros(n, dtype=np.int64))
+            rows = set_column(set_column(rows, "observation.state", q[:-1]), "action", q[1:])
+            writer.add(Episode(index, n, ("move",), folder, 0), writer.numbered(rows), {})
+        writer.finish({}, {})
+
+
+if __name__ == "__main__":
+    main()
