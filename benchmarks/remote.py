@@ -4,8 +4,11 @@ python benchmarks/remote.py [REQUESTS]
 """
 
 import dataclasses
+import os
 import subprocess
 import sys
+from pathlib import Path
+from time import process_time
 
 import numpy as np
 
@@ -25,12 +28,15 @@ def main(requests: int = 200) -> None:
     with subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True) as server:
         try:
             policy = RemotePolicy.connect(server.stdout.readline().split()[-1])
-            print(f"| Images | Sent [MB] | Beside the policy's own time, median [ms] | 99 % [ms] |\n{'|---' * 4}|")
+            print("| Images | Sent [MB] | Beside the policy's own time, median, 99 % [ms] | CPU of both sides [ms] |")
+            print(f"{'|---' * 4}|")
             for name, size in SIZES.items():
                 images = {} if size is None else {camera: np.zeros((*size, 3), np.uint8) for camera in CAMERAS}
+                before = cpu(server.pid)
                 cost = measure(policy, dataclasses.replace(still, images=images), requests)
-                sent = sum(image.nbytes for image in images.values()) / 1e6
-                print(f"| {name} | {sent:.1f} | {np.median(cost):.1f} | {np.percentile(cost, 99):.1f} |", flush=True)
+                busy = 1e3 * (cpu(server.pid) - before) / requests
+                sent, worst = sum(image.nbytes for image in images.values()) / 1e6, np.percentile(cost, 99)
+                print(f"| {name} | {sent:.1f} | {np.median(cost):.1f}, {worst:.1f} | {busy:.1f} |", flush=True)
             policy.close()
         finally:
             server.terminate()
@@ -44,6 +50,12 @@ def measure(policy: RemotePolicy, still: Observation, requests: int) -> np.ndarr
         policy.infer(dataclasses.replace(still, time=0.02 * k))
         cost.append(policy.timing["round_trip_ms"] - policy.timing["infer_ms"])
     return np.array(cost[5:])
+
+
+def cpu(server: int) -> float:
+    """CPU time that this process and the server have used, [s]; Linux only."""
+    fields = Path(f"/proc/{server}/stat").read_text().rsplit(")", 1)[1].split()
+    return process_time() + sum(int(field) for field in fields[11:13]) / os.sysconf("SC_CLK_TCK")
 
 
 if __name__ == "__main__":
