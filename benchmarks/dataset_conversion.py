@@ -1,16 +1,18 @@
 """How far wrists are from themselves after joints, wbc32 in single precision and joints again, and how fast that is.
 
-    python benchmarks/dataset_conversion.py [--motions FOLDER]
+    python benchmarks/dataset_conversion.py [--motions FOLDER | --anywhere]
 
-Without a folder: joints that swing as sines around the middle of their ranges, each at 0.05 to 0.3 Hz, with amplitudes
-of a share of the range. With one: the arms of recorded motions (CSV, 60 Hz), every second frame, where a recorded joint
-exceeds its limits set to them. Each becomes a dataset folder as Unitree writes it, which is converted and checked.
+Without an option: joints that swing as sines around the middle of their ranges, each at 0.05 to 0.3 Hz, with amplitudes
+of a share of the range. With a folder: the arms of recorded motions (CSV, 60 Hz), every second frame, clipped to the
+joint limits. Each set becomes a dataset folder as Unitree writes it, which is converted and checked. ``--anywhere``
+searches for single poses in reach, each from the stance, which is harder than from the frame before.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +23,10 @@ from policy.convert import DatasetSettings, convert_dataset
 from policy.dataset import INDICES, Episode
 from policy.dataset_report import ConvertedDataset
 from policy.dataset_writer import DatasetWriter, set_column
+from policy.inverse_kinematics import ARMS, reach
 from policy.joint_layout import UNITREE_DEX3, joint_layout
 from policy.joints import BODY_JOINTS
+from policy.kinematics import IK_TOLERANCE, kinematics
 from policy.motion_csv import read_motion_csv
 
 LAYOUT = joint_layout(list(UNITREE_DEX3), 28)
@@ -35,7 +39,12 @@ def main() -> None:
     """Print one line a set."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--motions", type=Path, help="folder of motion .csv files")
+    parser.add_argument("--anywhere", action="store_true", help="single poses, each from the stance")
     arguments = parser.parse_args()
+    if arguments.anywhere:
+        anywhere("anywhere in the joint ranges", edge=False)
+        anywhere("within a tenth of a joint limit", edge=True)
+        return
     print(f"{'set':28} {'frames':>7} {'mm':>9} {'deg':>9} {'fingers':>8} {'missed':>6} {'frames/s':>9} {'forward':>8}")
     if arguments.motions is None:
         for share in (0.1, 0.2, 0.3, 0.35, 0.45):
@@ -43,6 +52,23 @@ def main() -> None:
     else:
         for file in sorted(arguments.motions.glob("*.csv")):
             report(file.stem, [recorded(file)])
+
+
+def anywhere(name: str, *, edge: bool, poses: int = 1500) -> None:
+    """Search for poses of one arm at random, and print how many are missed and how many a second are found."""
+    rng, q0, n = np.random.default_rng(5), Anchor.nominal().q_body, len(BODY_JOINTS)
+    low, high = g1().position_min[:n], g1().position_max[:n]
+    began, missed = time.process_time(), 0
+    for number in range(poses):
+        share = rng.uniform(0.0, 1.0, n)
+        if edge:
+            share = np.where(share < 0.5, 0.1 * share, 1.0 - 0.1 * share)
+        hand = ("rhand", "lhand")[number % 2]
+        q, arm = q0.copy(), ARMS[hand]
+        q[arm] = (low + share * (high - low))[arm]
+        _, error = reach({hand: kinematics().poses(q)[hand]}, arm, q0, q0)
+        missed += not error <= IK_TOLERANCE
+    print(f"{name:32} {missed} of {poses} missed, {poses / (time.process_time() - began):.0f} poses/s")
 
 
 def sines(share: float, seed: int) -> np.ndarray:
