@@ -70,7 +70,7 @@ def test_comparing_writes_nothing(tmp_path):
 
 
 def test_the_document_shows_the_stored_values_and_marks_missed_bars(tmp_path):
-    values = StoredValues(tmp_path / "test_x.json", "test_reach[low]", update=True)
+    values = StoredValues(tmp_path / "test_regression.json", "test_reach[low]", update=True)
     values.check("end_mm", 2.5, tolerance=0.1, at_most=2.0)
     values.check("distance_mm", 12.0, tolerance=0.1, at_least=10.0)
     values.check("rms_mm", 1.25, tolerance=0.1)
