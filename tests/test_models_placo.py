@@ -85,12 +85,12 @@ def test_a_stance_that_collides_is_refused():
 
 
 def test_placo_loads_in_a_second():
-    """From the original URDF it took 4 to 9 s."""
+    """From the original URDF it took 4 to 9 s. Processor time: the machine may have other work."""
     times = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = time.process_time()
         load_placo(g1())
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     assert min(times) < 1.5
 
 
