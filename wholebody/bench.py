@@ -22,13 +22,14 @@ def _group() -> None:
 @bench.command()
 def solvers(
     names: Annotated[str, typer.Option(help="QP solvers, or placo for the backend of that name.")] = SOLVERS,
-    seconds: Annotated[float, typer.Option(help="Time after which the lissajous is cut short [s].")] = 10.0,
+    seconds: Annotated[float, typer.Option(help="Length of the lissajous, with its 2 s of blending in.")] = 10.0,
     json_to: Annotated[str, typer.Option("--json", help="Also write the rows as JSON to a file.")] = "",
 ) -> None:
     """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
     from models.g1 import g1
     from policy.scripts import lissajous, reach
     from wholebody.qp.solvers import available
+    from wholebody.runtime import EpisodeConfig
     from wholebody.solver_study import HEADINGS, cells, standing, study
 
     wanted = [name.strip() for name in names.split(",")]
@@ -39,8 +40,8 @@ def solvers(
     typer.echo(_line(["---"] * len(HEADINGS)))
     spec, rows = g1(), []
     for name in wanted:
-        for policy in (standing(5.0), reach(0.5, 1.0), lissajous(scored=seconds - 2.0)):
-            rows += study(spec, name, [policy], seconds=seconds)
+        for policy, length in ((standing(2.0), 2.0), (reach(0.5, 1.0), 4.0), (lissajous(), seconds)):
+            rows += study(spec, name, [policy], seconds=length, episode=EpisodeConfig(hold=1.0))
             typer.echo(_line(cells(rows[-1])))
     if json_to:
         Path(json_to).write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
