@@ -41,6 +41,10 @@ def acceleration(values, fps):
     return np.linalg.norm(np.diff(values, 2, axis=0), axis=1).max() * fps**2
 
 
+def jerk(values, fps):
+    return np.linalg.norm(np.diff(values, 3, axis=0), axis=1).max() * fps**3
+
+
 @pytest.mark.parametrize("name", ["lissajous", "wave", "reach"])
 def test_a_motion_that_can_be_done_is_returned_as_it_is(name):
     chunk = script(name)
@@ -63,7 +67,7 @@ def test_noise_of_20_mm_on_a_moving_hand_is_taken_out(seed):
     assert names == ("T_world_lhand",)
     clean.validate()
     error = np.linalg.norm((clean.T_world_lhand - chunk.T_world_lhand)[:, :3, 3], axis=1)
-    assert np.sqrt(np.mean(error**2)) < 0.7 * NOISE  # of sqrt(3) times as much
+    assert np.sqrt(np.mean(error**2)) < 0.8 * NOISE  # of sqrt(3) times as much
     assert acceleration(clean.T_world_lhand[:, :3, 3], chunk.fps) < CAPS[0].position.acceleration
     assert clean.T_world_rhand is chunk.T_world_rhand
     np.testing.assert_array_equal(clean.T_world_lhand[:, :3, :3], chunk.T_world_lhand[:, :3, :3])
@@ -96,15 +100,29 @@ def test_a_straight_line_and_a_parabola_come_through_smoothing():
     np.testing.assert_allclose(smooth(t**2), t**2, atol=1e-3)
 
 
-def test_white_noise_leaves_a_straight_line():
+def test_white_noise_leaves_an_arc():
     rng = np.random.default_rng(0)
     for _ in range(50):
-        line = smooth(NOISE * rng.normal(size=(50, 3)))
-        assert acceleration(line, 50.0) < 4.0
-        assert np.linalg.norm(line, axis=1).max() < 1.5 * NOISE
+        arc = smooth(NOISE * rng.normal(size=(50, 3)))
+        assert acceleration(arc, 50.0) < 4.0  # of 250
+        assert np.linalg.norm(arc, axis=1).max() < 2.0 * NOISE
 
 
-@pytest.mark.parametrize("steps", [1, 2, 3])
+@pytest.mark.parametrize("scatter", [3e-4, 1e-3, 5e-3])
+@pytest.mark.parametrize("fps", [30.0, 50.0])
+def test_the_scatter_of_a_trained_policy_becomes_smaller_and_its_jerk_that_of_the_motion(scatter, fps):
+    chunk = script(fps=fps)
+    shaken = noisy(chunk, position=scatter)
+    clean, names = denoised(shaken, CAPS)
+    if fps == 30.0 and scatter < 5e-4:
+        assert names == ()  # not worth it: 200 m/s^3
+        return
+    before, after = ((c.T_world_lhand - chunk.T_world_lhand)[:, :3, 3] for c in (shaken, clean))
+    assert np.sqrt(np.mean(after**2)) < 0.7 * np.sqrt(np.mean(before**2))
+    assert jerk(clean.T_world_lhand[:, :3, 3], fps) < 2.0 * jerk(chunk.T_world_lhand[:, :3, 3], fps)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3, 4, 5, 6, 7])
 def test_short_chunks_pass(steps):
     chunk = script()
     cut = {name: value[:steps] for name, value in noisy(chunk, position=0.5).arrays().items()}

@@ -1,8 +1,9 @@
 """Noise in a chunk, taken out before it is planned.
 
-A chunk whose steps scatter, as an untrained or badly trained policy's do, asks a hand for accelerations that no hand
-has, at every step. What such a chunk means is the curve through the scatter. How smooth that curve is follows from the
-numbers themselves, by generalised cross-validation: white noise leaves a straight line, a smooth motion stays as it is.
+Policies scatter: a trained one by a millimetre a step, an untrained one by centimetres, and a millimetre at 50 Hz is
+already 10 m/s^2 and 1000 m/s^3, back and forth, which no plan follows. What such a chunk means is the curve through the
+scatter. It is told from motion by its jerk, which turns round from step to step, whatever its size. How smooth the
+curve is follows from the numbers, by generalised cross-validation: of white noise an arc is left, of a smooth motion all.
 """
 
 from __future__ import annotations
@@ -14,15 +15,20 @@ from functools import lru_cache
 import numpy as np
 
 from policy.chunk import ActionChunk
-from policy.ensemble import SPREAD_MAX
 from policy.rotations import matrix_to_rotvec
 from policy.se3 import make_transform
 from wholebody.reference import HandCaps, MotionCaps
 
-ROUGH_SHARE = 0.25
-"""Share of a chunk's steps past the acceleration cap from which on it counts as noisy: a glitch or a jump is not."""
+SCATTER_SHARE = 0.5
+"""Share of a chunk's steps at which the jerk must turn round; of white noise it is 0.8, of a glitch or a jump 0.1."""
+JERK_SHARE = 0.25
+"""Share of the jerk cap below which scatter does not matter: for a hand 0.1 mm at 50 Hz, 0.5 mm at 30 Hz."""
+SPREAD_MIN = 0.3
+"""Least second singular value of a mean of rotations; scatter of 0.5 rad leaves 0.8, one from all there are 0.2."""
+ORDER = 3
+"""Of the differences that are penalised: jerk. Penalising acceleration would flatten what moves."""
 STIFFNESS = 10.0 ** np.linspace(-2.0, 9.0, 45)
-"""Penalties that are tried on second differences: from nothing to a straight line, for any number of steps."""
+"""Penalties that are tried on them: from next to nothing to an arc, for any number of steps."""
 CAUTION = 1.4
 """Weight of the degrees of freedom; with 1 it takes noise for motion every so often.
 
@@ -47,7 +53,7 @@ def denoised(chunk: ActionChunk, caps: Sequence[HandCaps]) -> tuple[ActionChunk,
         smoothed = _poses(T, chunk.fps, cap)
         if smoothed is not T:
             changes[name] = smoothed
-        if _rough(np.diff(q, axis=0), chunk.fps, cap.finger):
+        if _scatters(np.diff(q, axis=0), chunk.fps, cap.finger):
             changes[fingers] = smooth(np.clip(q, cap.finger_lower, cap.finger_upper))
     return (dataclasses.replace(chunk, **changes) if changes else chunk), tuple(changes)
 
@@ -55,7 +61,8 @@ def denoised(chunk: ActionChunk, caps: Sequence[HandCaps]) -> tuple[ActionChunk,
 def _poses(T: np.ndarray, fps: float, caps: HandCaps) -> np.ndarray:
     """Poses (H, 4, 4), smooth where they scatter; the same array where they do not."""
     p, R = T[:, :3, 3], T[:, :3, :3]
-    moved, turned = _rough(np.diff(p, axis=0), fps, caps.position), _rough(_turns(R), fps, caps.orientation)
+    moved = _scatters(np.diff(p, axis=0), fps, caps.position)
+    turned = _scatters(_turns(R), fps, caps.orientation)
     if not (moved or turned):
         return T
     return make_transform(_smooth_rotations(R) if turned else R, smooth(p) if moved else p)
@@ -65,7 +72,7 @@ def smooth(values: np.ndarray) -> np.ndarray:
     """The curve through scattered values by penalised least squares.
 
     Args:
-        values: One row a step, shape (H, ...), H at least 3; all columns get the same stiffness.
+        values: One row a step, shape (H, ...), H more than `ORDER`; all columns get the same stiffness.
 
     Source:
         Eilers 2003, "A perfect smoother" (the penalty); Craven and Wahba 1979, "Smoothing noisy data with spline
@@ -82,8 +89,8 @@ def smooth(values: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _basis(steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (H,) and eigenvectors (H, H) of the penalty on second differences."""
-    D = np.diff(np.eye(steps), 2, axis=0)
+    """Eigenvalues (H,) and eigenvectors (H, H) of the penalty."""
+    D = np.diff(np.eye(steps), ORDER, axis=0)
     roughness, U = np.linalg.eigh(D.T @ D)
     return np.maximum(roughness, 0.0), U
 
@@ -93,19 +100,22 @@ def _turns(R: np.ndarray) -> np.ndarray:
     return matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2))
 
 
-def _rough(steps: np.ndarray, fps: float, caps: MotionCaps) -> bool:
-    """Whether differences between steps, shape (H - 1, n), change faster than the cap on acceleration too often."""
-    if len(steps) < 2:
+def _scatters(steps: np.ndarray, fps: float, caps: MotionCaps) -> bool:
+    """Whether the jerk of a motion with these differences between steps, shape (H - 1, n), turns round all the time."""
+    jerk = np.diff(steps, ORDER - 1, axis=0) * fps**ORDER
+    if len(jerk) < ORDER:
         return False
-    size = np.linalg.norm(np.diff(steps, axis=0), axis=1) * fps**2
-    return bool((size > caps.acceleration).mean() > ROUGH_SHARE)
+    size = np.linalg.norm(jerk, axis=1)
+    back = np.einsum("ki,ki->k", jerk[1:], jerk[:-1]) < 0.0
+    matters = np.maximum(size[1:], size[:-1]) > JERK_SHARE * caps.jerk
+    return bool((back & matters).mean() > SCATTER_SHARE)
 
 
 def _smooth_rotations(R: np.ndarray) -> np.ndarray:
     """The rotations nearest to the smoothed matrices; the last good one where the scatter leaves no direction."""
     U, s, Vt = np.linalg.svd(smooth(R))
     U[..., :, 2] *= np.linalg.det(U @ Vt)[..., None]
-    mean, good = U @ Vt, s[..., 1] > SPREAD_MAX
+    mean, good = U @ Vt, s[..., 1] > SPREAD_MIN
     last = np.maximum.accumulate(np.where(good, np.arange(len(R)), -1))
     first = int(np.argmax(good)) if good.any() else None
     if first is None:
