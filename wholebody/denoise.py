@@ -3,7 +3,7 @@
 Policies scatter: a trained one by a millimetre a step, an untrained one by centimetres, and a millimetre at 50 Hz is
 already 10 m/s^2 and 1000 m/s^3, back and forth, which no plan follows. What such a chunk means is the curve through the
 scatter. It is told from motion by its jerk, which turns round from step to step, whatever its size. How smooth the
-curve is follows from the numbers, by generalised cross-validation: of white noise an arc is left, of a smooth motion all.
+curve is follows from the numbers, by generalised cross-validation: white noise leaves an arc, a smooth motion stays.
 """
 
 from __future__ import annotations
