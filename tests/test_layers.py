@@ -37,7 +37,7 @@ LAYERS = (
         "supervisor",
     ),
     ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker"),
-    ("report", "doctor", "bench", "cli"),
+    ("report", "doctor", "bench", "sources", "cli"),
 )
 COMPOSITION = LAYERS[5:]
 

@@ -1,0 +1,77 @@
+"""What a command line names as input, opened as a policy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from policy.base import Policy
+    from policy.spec import ActionSpec
+
+
+def open_source(name: str, csv_fps: float, assume: ActionSpec | None) -> Policy:
+    """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, file, or script.
+
+    Args:
+        name: As in `expanded`.
+        csv_fps: Frame rate of motion files [Hz].
+        assume: Layout that the user vouches for.
+
+    Raises:
+        PolicyError: If there is nothing of that name, or it is malformed.
+    """
+    from policy.replay import open_recording
+    from policy.scripts import scripted
+
+    if name.startswith(("ws://", "wss://")):
+        from policy.remote import RemotePolicy
+
+        return RemotePolicy.connect(name, assume_spec=assume)
+    folder, _, number = name.rpartition("#")
+    if number.isdecimal() and is_dataset(folder):
+        from policy.dataset_replay import open_episode
+
+        return open_episode(folder, int(number), assume=assume)
+    if Path(name).suffix.lower() in (".npz", ".csv"):
+        return open_recording(name, csv_fps=csv_fps, assume=assume)
+    return scripted(name)
+
+
+def expanded(name: str, episodes: str) -> list[str]:
+    """A dataset folder as one name an episode, ``FOLDER#3``; anything else as it is.
+
+    Args:
+        name: What the user named.
+        episodes: Episodes such as ``0-3,7``; all if empty.
+
+    Raises:
+        DatasetError: If the dataset cannot be read, or the text names no episodes.
+    """
+    if not is_dataset(name):
+        return [name]
+    from policy.convert import episode_numbers
+    from policy.dataset_replay import episode_count
+
+    numbers = episode_numbers(episodes) if episodes else range(episode_count(name))
+    return [f"{name}#{number}" for number in numbers]
+
+
+def is_dataset(name: str) -> bool:
+    """Whether a name is the folder of a LeRobot dataset."""
+    return (Path(name) / "meta" / "info.json").is_file()
+
+
+def layout_named(text: str) -> ActionSpec | None:
+    """A layout that the user names: a built-in one or a JSON file; None for no text.
+
+    Raises:
+        SpecError: If there is none of that name, or the file is malformed.
+        OSError: If the file cannot be read.
+    """
+    from policy.layouts import builtin
+    from policy.spec import ActionSpec
+
+    if not text:
+        return None
+    return ActionSpec.from_json(Path(text).read_text()) if text.endswith(".json") else builtin(text)
