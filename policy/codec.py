@@ -98,6 +98,11 @@ def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
         ChunkError: If the chunk is malformed, or the arms of a joint layout cannot reach a pose.
     """
     chunk.validate()
+    return encode_valid(spec, chunk, anchor)
+
+
+def encode_valid(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
+    """`encode` for a chunk that was validated or made from something that was."""
     actions = np.empty((len(chunk), spec.dim))
     for slot in spec.slots:
         if slot.name.endswith(("_wrist_position", "_wrist_rotation")):

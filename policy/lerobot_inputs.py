@@ -165,9 +165,9 @@ class Inputs:
                     f"camera '{name}' is {size[1]} x {size[0]}, in training {trained[1]} x {trained[0]}: "
                     "the network sees other black bars"
                 )
-            # A copy: the camera may write on, and torch takes no view with negative strides.
-            pixels = torch.from_numpy(np.array(image)).to(self.config.device)
-            tensors[key] = pixels.permute(2, 0, 1).contiguous().to(torch.float32).div_(255.0)
+            # Always a copy: the camera may write on, and torch takes no view with negative strides.
+            pixels = np.array(image.transpose(2, 0, 1), order="C")
+            tensors[key] = torch.from_numpy(pixels).to(self.config.device).to(torch.float32).div_(255.0)
         return tensors, notes
 
     def _check_cameras(self, observation: Observation) -> None:

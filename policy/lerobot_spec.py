@@ -18,7 +18,7 @@ import numpy as np
 
 from policy.anchor import Anchor
 from policy.chunk import ActionChunk
-from policy.codec import encode
+from policy.codec import encode_valid
 from policy.errors import SpecError
 from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST
 from policy.observation import Observation
@@ -63,7 +63,7 @@ def state_numbers(layout: ActionSpec, observation: Observation, anchor: Anchor |
         q_waist=anchor.q_body[None, WAIST],
         base_height=anchor.T_world_base[2:3, 3],
     )
-    return encode(layout, now, anchor)[0]
+    return encode_valid(layout, now, anchor)[0]
 
 
 def write_specs(folder: str | Path, spec: ActionSpec, state: ActionSpec | None = None) -> None:

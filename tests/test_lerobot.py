@@ -5,6 +5,7 @@ calls return, and where LeRobot does something in silence, the test shows that f
 """
 
 import dataclasses
+from time import thread_time
 
 import numpy as np
 import pytest
@@ -416,3 +417,24 @@ def test_a_checkpoint_of_another_layout_of_the_same_size_is_refused(tmp_path_fac
 def test_state_layouts_are_absolute():
     with pytest.raises(SpecError, match="a state is absolute in every slot"):
         write_specs("nowhere", builtin("gr00t_g1"), builtin("gr00t_g1"))
+
+
+def test_the_adapter_costs_little_beside_lerobots_own_processors(tmp_path):
+    """In CPU time of the thread, the network left out; absolute numbers are in docs/measured-policies.md."""
+    policy = load(tiny.write_checkpoint("act", tmp_path / "act", size=224))
+    chunk = torch.zeros(1, 50, 32)
+    policy.checkpoint.network.predict_action_chunk = lambda batch: chunk
+    _, pre, post = tiny.build("act", tmp_path / "plain", size=224)
+    ours, plain = [], []
+    for i in range(25):
+        seen = tiny.observation(0.1 * i, size=224)
+        raw = {f"observation.images.{name}": image for name, image in seen.images.items()}
+        raw["observation.state"] = np.zeros(32, np.float32)
+        start = thread_time()
+        policy.infer(seen)
+        middle = thread_time()
+        post(pre(prepare_observation_for_inference(raw, torch.device("cpu"), task="")) and chunk)
+        ours.append(middle - start)
+        plain.append(thread_time() - middle)
+    # Measured 2.0 to 2.7; the rest is kinematics, decoding and checks.
+    assert np.median(ours) < 4.0 * np.median(plain)
