@@ -16,9 +16,9 @@ from wholebody.qp.presolve import Candidate, polish, prepare
 from wholebody.qp.problem import QPSolution, QuadraticProgram, Residuals
 from wholebody.qp.residuals import kkt_residuals
 
-PRIMAL_TOLERANCE = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-4}
+PRIMAL_TOLERANCE = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-3}
 """Largest accepted constraint violation per solver [m/s^2, rad/s^2, N, N m]; osqp is a low-accuracy method."""
-DUAL_TOLERANCE = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-4}
+DUAL_TOLERANCE = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-3}
 """Largest accepted scaled stationarity and complementarity residual per solver."""
 EXACT = 1e-9
 """Residuals below which an answer is not polished."""
