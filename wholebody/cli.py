@@ -16,19 +16,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wholebody.bench import bench
+from wholebody.sources import expanded, layout_named, open_source
 
 if TYPE_CHECKING:
     from policy.base import Policy
     from policy.convert import DatasetSettings
     from policy.executor import Executor
-    from policy.spec import ActionSpec
     from wholebody.checker import Checker
     from wholebody.sim.recorder import Recorder
     from wholebody.verdict import Verdict
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
-    "or address of a policy server (ws://HOST:PORT)."
+    "folder of a LeRobot dataset, or address of a policy server (ws://HOST:PORT)."
 )
 SCENE_OF = {"grasp": "table_cylinder"}
 """Scenes of scripted policies that need more than the floor."""
@@ -64,6 +64,7 @@ ReplaceEvery = Annotated[int, typer.Option(help="Steps of a chunk after which th
 RealTimeChunking = Annotated[
     bool, typer.Option("--real-time-chunking", help="Tell the policy what is being executed (π0, π0.5, SmolVLA).")
 ]
+Episodes = Annotated[str, typer.Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")]
 
 
@@ -100,6 +101,7 @@ def check(
     delay_ms: DelayMs = 0.0,
     payload_kg: PayloadKg = (0.0, 0.0),
     assume_spec: AssumeSpec = "",
+    episodes: Episodes = "",
 ) -> None:
     """Judge inputs by simulating them. Exit code 0 feasible (repaired ones too), 1 any infeasible, 2 any malformed."""
     from policy.errors import PolicyError
@@ -108,9 +110,9 @@ def check(
     _check_places(json_to)
     quiet, worst, verdicts = json_to == "-", EXIT_OK, []
     checker = cache(lambda scene: _checker(scene, config, hold, realistic, delay_ms, payload_kg))
-    for name in inputs:
+    for name in (one for given in inputs for one in expanded(given, episodes)):
         try:
-            policy = _open(name, csv_fps, assume_spec)
+            policy = open_source(name, csv_fps, layout_named(assume_spec))
             judge = checker(scene or SCENE_OF.get(name, "floor"))
             with _progress(name, quiet=quiet) as progress:
                 verdict, _ = judge.check(policy, name, _length(policy, duration), progress=progress)
@@ -142,6 +144,7 @@ def run(
     delay_ms: DelayMs = 0.0,
     payload_kg: PayloadKg = (0.0, 0.0),
     assume_spec: AssumeSpec = "",
+    episodes: Episodes = "",
     latency_ms: LatencyMs = None,
     replace_every: ReplaceEvery = 25,
     ensemble: Ensemble = None,
@@ -156,10 +159,12 @@ def run(
     _check_places(json_to, *outputs)
     if motions and any(outputs):
         raise ValueError("--video, --sheet and --record show one run; name one source instead of --motions")
-    names = sorted(str(path) for path in motions.glob("*.csv")) if motions else [source]
+    names = sorted(str(path) for path in motions.glob("*.csv")) if motions else expanded(source, episodes)
     if not names:
         raise ValueError(f"no .csv files in '{motions}'")
-    policies = [_open(name, csv_fps, assume_spec) for name in names]
+    if len(names) > 1 and any(outputs) and not motions:
+        raise ValueError(f"--video, --sheet and --record show one run; {source} has {len(names)}: say --episodes 0")
+    policies = [open_source(name, csv_fps, layout_named(assume_spec)) for name in names]
     executors = [_executor(policy, latency_ms, replace_every, ensemble, real_time_chunking) for policy in policies]
     scene = scene or SCENE_OF.get(source, "floor")
     checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []
@@ -205,13 +210,13 @@ def convert(
     json_to: JsonTo = "",
 ) -> None:
     """Convert between chunk files and motion files, or a dataset of joints to one of wrists."""
-    layout = _assumed(to) or "wbc32"
+    layout = layout_named(to) or "wbc32"
     if source.suffix.lower() in (".npz", ".csv") and not source.is_dir():
         from policy.convert import convert as convert_file
 
         if target is None:
             raise ValueError("name the file to write, ending in .npz or .csv")
-        convert_file(source, target, to=layout, csv_fps=csv_fps, assume=_assumed(assume_spec))
+        convert_file(source, target, to=layout, csv_fps=csv_fps, assume=layout_named(assume_spec))
         print(f"wrote {target}")
         return
     from policy.convert import DatasetSettings, episode_numbers
@@ -221,7 +226,7 @@ def convert(
         waist=waist,
         unit=unit,
         synergy=synergy or None,
-        assume=_assumed(assume_spec),
+        assume=layout_named(assume_spec),
         episodes=episode_numbers(episodes) if episodes else None,
         keep_joints=keep_joints,
         check=check,
@@ -254,9 +259,9 @@ def doctor(
     diagnosis = examine(
         checkpoint,
         dataset=dataset,
-        spec=_assumed(spec),
-        assume_spec=_assumed(assume_spec),
-        assume_state=_assumed(assume_state),
+        spec=layout_named(spec),
+        assume_spec=layout_named(assume_spec),
+        assume_state=layout_named(assume_state),
         task=task,
         tokenizer=tokenizer,
         device=device or None,
@@ -295,7 +300,7 @@ def serve_policy(
 
         policy = LeRobotPolicy.from_pretrained(
             source,
-            assume_spec=_assumed(assume_spec),
+            assume_spec=layout_named(assume_spec),
             task=task,
             tokenizer=tokenizer,
             device=device or None,
@@ -308,7 +313,7 @@ def serve_policy(
         for finding in policy.warnings:
             print(f"wholebody: {finding.sentence}", file=sys.stderr)
     else:
-        policy = _open(source, csv_fps, assume_spec)
+        policy = open_source(source, csv_fps, layout_named(assume_spec))
     server = PolicyServer(policy, host=host, port=port)
     print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
     if host not in (LOOPBACK, "localhost", "::1"):
@@ -345,19 +350,6 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
         print(text) if quiet else Path(json_to).write_text(text + "\n")
 
 
-def _open(name: str, csv_fps: float, assume_spec: str) -> Policy:
-    from policy.replay import open_recording
-    from policy.scripts import scripted
-
-    if name.startswith(("ws://", "wss://")):
-        from policy.remote import RemotePolicy
-
-        return RemotePolicy.connect(name, assume_spec=_assumed(assume_spec))
-    if Path(name).suffix.lower() in (".npz", ".csv"):
-        return open_recording(name, csv_fps=csv_fps, assume=_assumed(assume_spec))
-    return scripted(name)
-
-
 def _length(policy: Policy, duration: float) -> float:
     """Seconds to run."""
     length = duration or getattr(policy, "duration", None)
@@ -379,16 +371,6 @@ def _executor(
     if latency_ms is not None:
         latency = uniform_latency(*(1e-3 * bound for bound in latency_ms))
     return simulated_executor(policy, latency=latency, config=config)
-
-
-def _assumed(text: str) -> ActionSpec | None:
-    """The layout that a user vouches for: a built-in name or a JSON file."""
-    from policy.layouts import builtin
-    from policy.spec import ActionSpec
-
-    if not text:
-        return None
-    return ActionSpec.from_json(Path(text).read_text()) if text.endswith(".json") else builtin(text)
 
 
 def _checker(
