@@ -8,8 +8,9 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
+from wholebody.backends import make_controller
 from wholebody.config import ControllerConfig
-from wholebody.controller import BodyReference, PalmReference, TickReport, WholeBodyController
+from wholebody.controller import BodyReference, PalmReference, TickReport
 from wholebody.denoise import denoised
 from wholebody.errors import InputError
 from wholebody.limits.balance import natural_frequency
@@ -34,7 +35,7 @@ class Supervisor:
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         self.spec, self.config = spec, config or ControllerConfig()
-        self.controller = WholeBodyController(spec, self.config)
+        self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config.planner)
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
