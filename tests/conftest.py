@@ -42,6 +42,14 @@ def pytest_runtest_makereport(item, call):
     return report
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem):
+    result = yield
+    if isinstance(pyfuncitem.funcargs.get("stored"), StoredValues):
+        pyfuncitem.funcargs["stored"].judge()
+    return result
+
+
 @pytest.fixture
 def stored(request):
     """Values of this test from `tests/regression/<test file>.json`; rewritten by `make regression-update`."""

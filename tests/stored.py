@@ -56,12 +56,13 @@ class StoredValues:
         self.test = test
         self.update = update
         self.measured: list[Measured] = []
+        self.problems: list[str] = []
         self.entry = _read(path).get(test, {"versions": {}, "values": {}})
 
     def check(
         self, name: str, value: float, *, tolerance: float, at_most: float = math.inf, at_least: float = -math.inf
     ) -> None:
-        """Compare a value with the stored one; when updating, note it instead.
+        """Compare a value with the stored one, for `judge`; when updating, only note it.
 
         Args:
             name: What was measured, with its unit if it is not SI, for example ``rms_mm``.
@@ -70,8 +71,7 @@ class StoredValues:
             at_most, at_least: The bar. Once met it stays met, whatever the tolerance; until then it is only reported.
 
         Raises:
-            AssertionError: If the value is not finite, not stored, off by more than the tolerance, or past a bar that
-                the stored value meets.
+            AssertionError: If the value is not finite.
         """
         value = float(value)
         assert math.isfinite(value), f"{name} = {value}"
@@ -79,12 +79,24 @@ class StoredValues:
         self.measured.append(one)
         if self.update:
             return
-        assert one.before is not None, f"{name} = {value:.6g} has no stored value: make regression-update"
-        assert not one.meets(one.before) or one.meets(value), f"{one}: it was met before"
-        assert abs(value - one.before) <= tolerance, (
-            f"{name} = {value:.6g}, stored {one.before:.6g}, tolerance {tolerance:g}; stored with "
-            f"{self.entry['versions']}, now {current_versions()}; if the change is meant: make regression-update"
-        )
+        if one.before is None:
+            self.problems.append(f"{name} = {value:.6g} has no stored value: make regression-update")
+        elif one.meets(one.before) and not one.meets(value):
+            self.problems.append(f"{one}: it was met before")
+        elif not abs(value - one.before) <= tolerance:
+            self.problems.append(
+                f"{name} = {value:.6g}, stored {one.before:.6g}, tolerance {tolerance:g}; stored with "
+                f"{self.entry['versions']}, now {current_versions()}; if the change is meant: make regression-update"
+            )
+
+    def judge(self) -> None:
+        """Called when the test is over, so that all of its values are known.
+
+        Raises:
+            AssertionError: If a value was not stored, is off by more than its tolerance, or past a bar that the stored
+                value meets.
+        """
+        assert not self.problems, "\n".join(self.problems)
 
     def save(self) -> None:
         """Write the values of this test, if updating."""
