@@ -109,48 +109,37 @@ class SafetyConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class PosturePlanConfig:
-    """Weights, limits and margins of the posture plan."""
+    """Scales, limits and margins of the posture plan: an error as large as its scale costs 1."""
 
-    dt: float = 1.0 / 60.0
-    """Step [s]."""
-    position_weight: float = 2e4
-    """Palm positions [1/m^2]."""
-    orientation_weight: float = 340.0
-    """Palm orientations [1/rad^2]."""
-    orientation_give: float = 0.1
-    """Orientation error from which that weight falls: where both cannot be had, position wins [rad]."""
-    com_weight: float = 63.0
-    """Centre of mass over the middle of the support [1/m^2]."""
-    zmp_weight: tuple[float, float] = (0.005, 0.7)
-    """Zero-moment point under the centre of mass, forwards and sideways: room for what the plan does not know, and no
-    swaying from foot to foot, which nothing else holds back [1/m^2]."""
-    torso_weight: float = 10.0
-    """Torso upright: leaning loads the waist, whose 35 N m are soon used up [1/rad^2]."""
-    pelvis_weight: float = 2.5
-    """[1/rad^2]"""
-    height_weight: float = 20.0
-    """[1/m^2]"""
-    posture_weight: float = 0.14
-    """Joints near the stance [1/rad^2]."""
-    time_constant: float = 0.11
-    """With which the tasks below the hands approach their references [s]."""
-    smoothness: float = 1e-6
-    """Price of accelerations [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
-    damping: float = 1e-7
-    """Price of velocities [1/(m/s)^2, 1/(rad/s)^2]."""
-    slack_price: float = 100.0
-    """Price of breaking a limit [s/m, s/rad]: above what a task gains by it."""
-    hand_gain: float = 1.0
-    """Share of a small hand error that one step takes back."""
-    hand_brake: float = 2.0
-    """With which a hand that is far from its target counts on stopping [m/s^2]."""
-    hand_speed: float = 0.5
-    """With which such a hand catches up [m/s]."""
-    hand_turn_brake: float = 4.0
-    """[rad/s^2]"""
-    hand_turn_speed: float = 1.5
-    """[rad/s]"""
-    joint_margin: float = 0.04
+    dt: float = 1.0 / 30.0
+    """Time between two knots [s]."""
+    position: float = 2e-3
+    """Scale of palm positions [m]."""
+    position_give: float = 0.01
+    """Distance beyond which a palm pulls no harder [m]."""
+    orientation: float = 1.2e-2
+    """Scale of palm orientations [rad]."""
+    orientation_give: float = 0.06
+    """Angle beyond which a palm turns no harder [rad]."""
+    com: float = 0.08
+    """Centre of mass off the middle of the support [m]."""
+    zmp: float = 0.06
+    """Zero-moment point off the middle of the support [m]."""
+    torso: float = 0.6
+    """Torso off upright [rad]."""
+    pelvis: float = 0.8
+    """Pelvis off upright [rad]."""
+    height: float = 0.15
+    """Pelvis off the stance's height [m]."""
+    posture: float = 1.5
+    """Joints off the stance [rad]."""
+    waist_torque: float = 60.0
+    """Waist torques: their 35 N m are soon used up [N m]."""
+    smoothness: float = 60.0
+    """Accelerations [m/s^2, rad/s^2]."""
+    stillness: float = 8.0
+    """Speeds [m/s, rad/s]."""
+    joint_margin: float = 0.05
     """Distance kept from joint position limits [rad]."""
     knee_min: float = 0.2
     """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""
@@ -158,73 +147,24 @@ class PosturePlanConfig:
     """Largest elbow angle; 1.57 is straight, and there the hand can no longer be moved along the arm [rad]."""
     speed_share: float = 0.6
     """Share of the joint speed limits that the plan uses."""
-    acceleration: float = 50.0
+    acceleration: float = 70.0
     """Largest joint acceleration [rad/s^2]."""
-    joint_brake: float = 40.0
-    """Deceleration counted on before a position limit [rad/s^2]."""
     com_margin: float = 0.045
     """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
-    com_rate: float = 3.0
-    """Speed at which the centre of mass may approach that distance, per metre left [1/s]."""
-    capture_margin: float = 0.03
-    """Distance of the capture point from the edge of the support [m]."""
-    zmp_margin: float = 0.018
-    """Distance of the zero-moment point from the edge of the support [m]."""
+    zmp_margin: float = 0.028
+    """Distance of the zero-moment point from the edge of the support: room for what the plan does not know [m]."""
     pelvis_tilt: float = 0.55
     """Largest tilt of the pelvis from vertical [rad]."""
     torso_tilt: float = 0.95
     """Largest tilt of the torso from vertical [rad]."""
-    tilt_brake: float = 8.0
-    """[rad/s^2]"""
-    height_min: float = 0.28
+    height_min: float = 0.3
     """Least height of the pelvis [m]."""
-    height_brake: float = 3.0
-    """[m/s^2]"""
-    torque_share: float = 0.9
+    torque_share: float = 0.88
     """Share of the effort limits of waist and arms that the plan uses."""
-    torque_slack_price: float = 0.073
-    """Price of using more, as a speed that the torque would give the joint in one step [s/rad]."""
-    waist_torque_weight: float = 1.3e-7
-    """Waist torques: its 35 N m are soon used up [1/(N m)^2]."""
-    self_distance: float = 0.012
+    self_distance: float = 0.014
     """Least distance between bodies that are not neighbours [m]."""
-    self_trigger: float = 0.06
+    self_trigger: float = 0.025
     """Distance beyond the least one at which a pair of bodies begins to count [m]."""
-    distance_brake: float = 8.0
-    """Deceleration of approaching bodies [m/s^2]."""
-
-
-AGILE = PosturePlanConfig(
-    orientation_weight=1000.0,
-    com_weight=70.0,
-    zmp_weight=(0.005, 0.2),
-    torso_weight=200.0,
-    pelvis_weight=2.0,
-    height_weight=8.0,
-    posture_weight=0.15,
-    torque_slack_price=0.05,
-    smoothness=2e-7,
-    acceleration=80.0,
-    hand_brake=6.0,
-    hand_speed=1.5,
-    hand_turn_brake=18.0,
-    hand_turn_speed=4.0,
-    height_min=0.35,
-    zmp_margin=0.025,
-)
-"""For fast chunks: hard accelerations, and an upright torso, whose swinging would use up the waist."""
-
-GENTLE = PosturePlanConfig(
-    position_weight=200.0,
-    orientation_weight=10.0,
-    zmp_weight=(1.0, 1.0),
-    torso_weight=90.0,
-    smoothness=2.2e-7,
-    acceleration=40.0,
-    height_min=0.35,
-    zmp_margin=0.025,
-)
-"""For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,19 +172,11 @@ class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
-    agile: PosturePlanConfig = AGILE
-    """The posture plan of a chunk that the calm one does not follow."""
-    calm_speed: float = 0.6
-    """Palm speed up to which a chunk is planned calmly [m/s]."""
-    calm_loss: float = 0.01
-    """Largest distance of a calm plan's palm from its target [m]."""
-    gentle: PosturePlanConfig = GENTLE
-    """The posture plan of a chunk that cannot be followed."""
     loss_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
-    slack_max: float = 0.3
-    """Largest slack of a plan that counts as following [m/s, rad/s]."""
-    settle: float = 0.4
+    excess_max: float = 8.0
+    """Largest excess over a bound of a plan that counts as following, in units of the bound's scale."""
+    settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.006
     """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
@@ -263,7 +195,7 @@ class ControllerConfig:
     backend: str = "native"
     """Whose program is solved: 'native', or 'placo' for a second opinion on the dynamics."""
     solver: str = "daqp"
-    """Name of the QP solver."""
+    """'compiled', or the name of a QP solver such as 'daqp' for the same program in readable Python."""
     fallback: str = "quadprog"
     """Second solver, asked when the first one's answer fails the residual check; 'none' to do without."""
     hand: HandConfig = field(default_factory=HandConfig)

@@ -21,6 +21,8 @@ from wholebody.robot import Robot
 
 GRID = 0.002
 """Spacing of the sampled posture [s]."""
+GUESS_DISTANCE = 0.03
+"""Up to which the plan before is worth beginning with [m]."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class PlanReport:
         slowdown: Factor by which the chunk takes longer, at least 1.
         zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
         reasons: Stable reason codes.
-        failed_steps: Steps at which the posture plan found no solution and braked.
+        excess: Largest excess of the posture plan over one of its bounds, in units of the bound's scale.
     """
 
     steps: np.ndarray
@@ -107,7 +109,7 @@ class PlanReport:
     slowdown: float
     zmp_margin: np.ndarray
     reasons: tuple[str, ...] = ()
-    failed_steps: int = 0
+    excess: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,14 @@ class ChunkPlanner:
             HandCaps(finger_lower=tuple(low[i]), finger_upper=tuple(high[i])) if len(i) else HandCaps() for i in fingers
         )
 
-    def plan(self, chunk: ActionChunk, now: float, start: PostureState, commanded: HandMotion) -> ChunkPlan:
+    def plan(
+        self,
+        chunk: ActionChunk,
+        now: float,
+        start: PostureState,
+        commanded: HandMotion,
+        before: np.ndarray | None = None,
+    ) -> ChunkPlan:
         """Plan the rest of a chunk.
 
         Args:
@@ -168,8 +177,10 @@ class ChunkPlanner:
             now: Present time [s].
             start: Where the posture plan is now.
             commanded: What the two hands are commanded to do now, rows (2, 40).
+            before: What the plan before would have done from now on, configurations one step of the posture plan apart,
+                shape (k, nq), the first one a step from now; a good guess where both plans agree.
         """
-        attempt = self._best(chunk, now, start, commanded)
+        attempt = self._best(chunk, now, start, commanded, before)
         paths, clamped = self._clamp(attempt, commanded)
         motion, steps = attempt.motion, attempt.steps
         support = self.posture.support
@@ -179,32 +190,30 @@ class ChunkPlanner:
             reasons.append("out_of_reach")
         if attempt.slowdown > 1.0:
             reasons.append("too_fast_for_balance")
-        if motion.failed:
+        excess = float(motion.excess.max())
+        if excess > self.config.excess_max:
             reasons.append("posture_infeasible")
-        report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), motion.failed)
+        report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), excess)
         return ChunkPlan(paths, self._track(attempt), float(steps[0]), float(steps[-1]), report)
 
-    def _best(self, chunk, now, start, commanded) -> _Attempt:
-        """Calm if that follows, else agile, else slower; with hands that only pull where nothing follows."""
-        c = self.config
-        if _speed(chunk) <= c.calm_speed:
-            attempt = self._attempt(chunk, now, start, commanded, 1.0)
-            if self._follows(attempt, c.calm_loss):
-                return attempt
+    def _best(self, chunk, now, start, commanded, before) -> _Attempt:
+        """At the chunk's own speed if that follows, else slower; where nothing follows, what is least bad."""
+        c, tried = self.config, []
         for slowdown in (1.0, *c.slowdowns):
-            attempt = self._attempt(chunk, now, start, commanded, slowdown, c.agile)
-            if self._follows(attempt, c.loss_max):
+            attempt = self._attempt(chunk, now, start, commanded, slowdown, before if slowdown == 1.0 else None)
+            if self._follows(attempt):
                 return attempt
+            tried.append(attempt)
             # What is out of reach at the end stays so at any speed.
-            if attempt.distance[-1].max() > c.loss_max:
+            if attempt.distance[-1].max() > c.loss_max and attempt.motion.excess.max() < c.excess_max:
                 break
-        return self._attempt(chunk, now, start, commanded, 1.0, c.gentle)
+        return min(tried, key=lambda attempt: attempt.motion.excess.max())
 
-    def _follows(self, attempt: _Attempt, loss: float) -> bool:
-        motion = attempt.motion
-        return attempt.loss <= loss and motion.failed == 0 and motion.slack.max() <= self.config.slack_max
+    def _follows(self, attempt: _Attempt) -> bool:
+        c = self.config
+        return attempt.loss <= c.loss_max and attempt.motion.excess.max() <= c.excess_max
 
-    def _attempt(self, chunk, now, start, commanded, slowdown, posture=None) -> _Attempt:
+    def _attempt(self, chunk, now, start, commanded, slowdown, before=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
         s0 = now - chunk.t_obs
         times = np.arange(len(chunk)) / chunk.fps
@@ -223,9 +232,21 @@ class ChunkPlanner:
         ]
         palms = wanted.copy()
         palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
-        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), posture)
+        guess = None if before is None else self._continued(before, palms)
+        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), guess)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
+
+    def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
+        """Of the plan before, what is still near the palms wanted, (k, nq)."""
+        same = 0
+        for q, T in zip(before, palms[1:-1], strict=False):
+            pin.forwardKinematics(self.model, self.data, q)
+            reached = [pin.updateFramePlacement(self.model, self.data, frame).translation for frame in self.palm_ids]
+            if np.linalg.norm(np.array(reached) - T[:, :3, 3], axis=1).max() > GUESS_DISTANCE:
+                break
+            same += 1
+        return before[:same]
 
     def _clamp(self, attempt: _Attempt, commanded: HandMotion) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
         """Move the targets that the plan does not reach to where it does; a small remainder is left to the QP."""

@@ -113,13 +113,21 @@ class Supervisor:
         try:
             commanded = HandMotion(self._smoother.motion.rows.copy())
             meant, noisy = denoised(chunk, self.planner.caps)
-            plan = self.planner.plan(meant, now, self._posture, commanded)
+            plan = self.planner.plan(meant, now, self._posture, commanded, self._rest_of_plan())
         except (InputError, RuntimeError, ValueError) as error:
             return self._refuse("planning_failed", str(error))
         self._plan, self._chunk, self._refused = plan, chunk, None
         self.plan_report, self._noisy = plan.report, noisy
         self._clock = PathClock(plan.start, plan.rate, 0.0)
         return self._report_plan()
+
+    def _rest_of_plan(self) -> np.ndarray | None:
+        """Configurations that the present plan goes through from now on, one step of the posture plan apart."""
+        if self._plan is None:
+            return None
+        track, step = self._plan.posture, self._clock.rate * self.config.planner.posture.dt
+        s = self._clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - self._clock.s) / max(step, 1e-3))
+        return track.q[[track.row(x) for x in s]]
 
     def step(self, state: RobotState) -> JointCommand:
         """Command for one control period."""
