@@ -9,7 +9,11 @@ import pytest
 import torch
 from dataset_cases import IMAGE, LENGTHS, TASKS, VIDEO, image, joints_of, write_v21, write_v30
 from joint_cases import DEX1, DEX3
+from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature
 from lerobot.datasets import LeRobotDataset
+from lerobot.lerobot_types import TransitionKey
+from lerobot.processor import NormalizerProcessorStep
+from lerobot.processor.converters import create_transition
 from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from policy.dataset import open_dataset
@@ -113,6 +117,16 @@ def test_provenance_and_assumptions_are_written_down(converted):
         assert ActionSpec.from_json((converted.folder / "meta" / file).read_text()).hash == WBC32.hash
 
 
+def by_lerobot(stats, actions):
+    """Actions as a policy that normalises by quantiles sees them in training."""
+    step = NormalizerProcessorStep(
+        features={"action": PolicyFeature(type=FeatureType.ACTION, shape=(actions.shape[1],))},
+        norm_map={FeatureType.ACTION: NormalizationMode.QUANTILES},
+        stats={"action": stats["action"]},
+    )
+    return step(create_transition(action=actions))[TransitionKey.ACTION]
+
+
 def test_quantiles_are_those_of_all_frames_and_lerobots_are_not(tmp_path, v30):
     """LeRobot 0.6.1 averages the quantiles of episodes: where episodes differ, its q01 and q99 are too narrow."""
 
@@ -135,6 +149,12 @@ def test_quantiles_are_those_of_all_frames_and_lerobots_are_not(tmp_path, v30):
     found = stats_of(converted.folder)["action"]
     for name, value in statistics(action).items():
         assert np.allclose(found[name], value, atol=1e-7)
+    normalised = by_lerobot(dataset.meta.stats, torch.from_numpy(action))
+    # 1 % of 35 frames is less than one frame: at each end of each number, one is outside.
+    assert ((normalised.abs() > 1.0 + 1e-5).sum(dim=0) <= 2).all()
+    joints = np.concatenate([spread(*joints_of(episode=e), e)[0] for e in range(3)])
+    before = by_lerobot({"action": {name: np.array(x) for name, x in stored.items()}}, torch.from_numpy(joints))
+    assert (before[:, 3].abs() > 1.5).float().mean() > 0.5
 
 
 def test_statistics_of_cameras_are_carried_over_and_numbering_is_counted_anew(converted, v30):
