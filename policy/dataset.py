@@ -226,11 +226,29 @@ def inside(folder: Path, template: object, **parts: object) -> Path:
     """
     try:
         file = folder / str(template).format(**parts)
-    except (KeyError, IndexError, ValueError, AttributeError) as error:
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError) as error:
         raise DatasetError(f"meta/info.json has the path '{template}', which cannot be filled in: {error!r}") from error
     if not file.resolve().is_relative_to(folder.resolve()):
         raise DatasetError(f"meta/info.json has the path '{template}', which leaves the dataset's folder")
     return file
+
+
+def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
+    """What is said of each episode, by its number.
+
+    Raises:
+        DatasetError: If a number or length is none, or the numbers are not those from 0 on.
+    """
+    for row in rows:
+        index, length = row["episode_index"], row["length"]
+        if type(index) is not int or type(length) is not int or length < 1:
+            raise DatasetError(
+                f"{where} has an episode_index {index!r} of length {length!r}; whole numbers are expected"
+            )
+    rows = sorted(rows, key=lambda row: row["episode_index"])
+    if [row["episode_index"] for row in rows] != list(range(len(rows))):
+        raise DatasetError(f"{where} does not list the episodes 0 to {len(rows) - 1} once each")
+    return rows
 
 
 def vectors(column: pyarrow.ChunkedArray, width: int, key: str, episode: Episode) -> np.ndarray:
@@ -266,6 +284,15 @@ def _check_info(folder: Path, info: Mapping[str, Any]) -> None:
         isinstance(feature, dict) and "dtype" in feature and "shape" in feature for feature in features.values()
     ):
         raise DatasetError(f"{folder}/meta/info.json has no 'features', an object with dtype and shape of each")
+    if not all(_is_shape(feature["shape"]) for feature in features.values()):
+        raise DatasetError(f"{folder}/meta/info.json has a feature whose shape is no list of whole numbers")
+    chunks_size = info.get("chunks_size", 1)
+    if type(chunks_size) is not int or chunks_size < 1:
+        raise DatasetError(f"{folder}/meta/info.json has chunks_size {chunks_size!r}; a positive number is expected")
     for key in features:
         if "/" in key or "\\" in key or ".." in key:
             raise DatasetError(f"{folder}/meta/info.json has the feature '{key}', which is no name but a path")
+
+
+def _is_shape(shape: object) -> bool:
+    return isinstance(shape, list) and all(type(size) is int and size > 0 for size in shape)

@@ -90,6 +90,7 @@ def _trip(trip: RoundTrip) -> dict[str, Any]:
         "position_mm": 1e3 * trip.position,
         "rotation_deg": float(np.rad2deg(trip.rotation)),
         "fingers_rad": trip.fingers,
+        "joints_rad": trip.joints,
         "not_reached": trip.unreached,
         "within_bars": bool(trip.position <= POSITION_BAR and trip.rotation <= ROTATION_BAR and not trip.unreached),
     }

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset import Dataset, Episode, VideoSpan, inside, read_json
+from policy.dataset import Dataset, Episode, VideoSpan, in_order, inside, read_json
 from policy.dataset_stats import merged
 from policy.errors import DatasetError
 
@@ -23,10 +23,8 @@ def read_v21(folder: Path, info: Mapping[str, Any]) -> Dataset:
     """
     meta, features = folder / "meta", info["features"]
     cameras = [key for key, feature in features.items() if feature["dtype"] in ("image", "video")]
-    lines = _lines(meta / "episodes.jsonl", "episode_index", "length", "tasks")
-    lines.sort(key=lambda line: line["episode_index"])
-    if [line["episode_index"] for line in lines] != list(range(len(lines))):
-        raise DatasetError(f"{meta}/episodes.jsonl does not list the episodes 0 to {len(lines) - 1} once each")
+    file = meta / "episodes.jsonl"
+    lines = in_order(_lines(file, "episode_index", "length", "tasks"), file)
     stats = _episode_stats(meta / "episodes_stats.jsonl", cameras)
     videos = [key for key in cameras if features[key]["dtype"] == "video"]
     episodes = tuple(_episode(folder, info, line, videos, stats.get(line["episode_index"], {})) for line in lines)
@@ -39,7 +37,7 @@ def _episode(
     folder: Path, info: Mapping[str, Any], line: Mapping[str, Any], videos: list[str], camera_stats: dict[str, Any]
 ) -> Episode:
     index, length = line["episode_index"], line["length"]
-    parts = {"episode_chunk": index // int(info.get("chunks_size", CHUNK)), "episode_index": index}
+    parts = {"episode_chunk": index // info.get("chunks_size", CHUNK), "episode_index": index}
     end = length / float(info["fps"])
     return Episode(
         index=index,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset import Dataset, Episode, VideoSpan, inside, read_json, read_parquet
+from policy.dataset import Dataset, Episode, VideoSpan, in_order, inside, read_json, read_parquet
 from policy.errors import DatasetError
 
 _PLACES = ("data/", "videos/", "stats/", "meta/episodes/")
@@ -23,9 +23,7 @@ def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
     features = info["features"]
     cameras = [key for key, feature in features.items() if feature["dtype"] in ("image", "video")]
     rows = [row for file in _files(folder) for row in _rows(file, cameras)]
-    rows.sort(key=lambda row: row["episode_index"])
-    if [row["episode_index"] for row in rows] != list(range(len(rows))):
-        raise DatasetError(f"{folder}/meta/episodes does not list the episodes 0 to {len(rows) - 1} once each")
+    rows = in_order(rows, folder / "meta" / "episodes")
     first: dict[Path, int] = {}
     files = [_data_file(folder, info, row) for row in rows]
     for file, row in zip(files, rows, strict=True):

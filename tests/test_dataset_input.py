@@ -109,6 +109,30 @@ def test_a_rate_that_is_none_is_refused(source, fps):
     refused(source, "a positive rate in Hz")
 
 
+@pytest.mark.parametrize("change", [{"chunks_size": 0}, {"features": {"action": {"dtype": "float32", "shape": 28}}}])
+def test_info_with_impossible_numbers_is_refused(source, change):
+    edit_info(source, lambda info: info.update(change))
+    refused(source, r"has chunks_size 0|no list of whole numbers")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        {"episode_index": "0", "length": 12, "tasks": []},
+        {"episode_index": 0, "length": 0, "tasks": []},
+        {"episode_index": 5, "length": 12, "tasks": []},
+    ],
+)
+def test_an_old_list_of_episodes_with_impossible_numbers_is_refused(old, line):
+    (old / "meta" / "episodes.jsonl").write_text(json.dumps(line) + "\n")
+    refused(old, r"whole numbers are expected|once each")
+
+
+def test_a_missing_place_of_an_episode_is_refused(source):
+    edit_table(source / EPISODES, lambda table: table.drop_columns(["data/file_index"]))
+    refused(source, "cannot be filled in")
+
+
 def test_a_missing_action_is_named_with_what_there_is(source):
     edit_info(source, lambda info: info["features"].update(actions=info["features"].pop("action")))
     error = refused(source, "has no feature 'action'; did you mean 'actions'")
