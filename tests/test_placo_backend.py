@@ -169,6 +169,7 @@ def test_an_unknown_backend_is_refused_with_those_that_exist():
 def test_placo_alone_stands_and_begins_a_reach():
     times = EpisodeConfig(settle=0.2, hold=0.2)
     (row,) = study(g1(), "placo", [reach(0.45, 1.0)], seconds=0.8, episode=times)
+    assert row.solver == "placo"
     assert row.ticks == 600
     assert row.failures == 0
     assert not row.fell

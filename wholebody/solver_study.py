@@ -21,7 +21,7 @@ class SolverRow:
     """How one motion went with one solver.
 
     Attributes:
-        solver: Its name. motion: Name of the motion.
+        solver: Who gave the answers. motion: Name of the motion.
         ticks: Control periods. failures: Those in which its answer was not accepted.
         fell: Whether the robot fell.
         rms, largest: Palm error against the chunks at their own times [m].
@@ -93,15 +93,15 @@ def study(
         tell = None if progress is None else lambda t, end, name=policy.name: progress(name, t, end)
         duration = min(seconds, policy.duration)
         result = run_episode(policy, supervisor, plant, duration=duration, config=episode, progress=tell)
-        rows.append(_row(solver, policy.name, supervisor, result))
+        rows.append(_row(policy.name, supervisor, result))
     return rows
 
 
-def _row(solver: str, motion: str, watched: _Watched, result: EpisodeResult) -> SolverRow:
+def _row(motion: str, watched: _Watched, result: EpisodeResult) -> SolverRow:
     worst = np.max(watched.residuals, axis=0)
     median, p99 = np.percentile(watched.seconds, [50, 99])
     return SolverRow(
-        solver=solver,
+        solver=watched.last_tick.qp.solver,
         motion=motion,
         ticks=len(watched.levels),
         failures=int(np.count_nonzero(watched.levels)),
