@@ -36,6 +36,7 @@ format: $(VENV)/.all-installed ## Fix style and formatting
 	$(BIN)/ruff format
 
 test: $(VENV)/.all-installed ## Run the tests
+	@$(BIN)/wholebody warmup
 	$(BIN)/python $(PYTEST) -m "not regression and not latest" $(ARGS)
 
 regression: $(VENV)/.all-installed ## Run the long studies against their stored values

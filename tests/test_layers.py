@@ -36,7 +36,7 @@ LAYERS = (
         "denoise",
         "supervisor",
     ),
-    ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker"),
+    ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker", "warm_up"),
     ("report", "doctor", "bench", "sources", "cli"),
 )
 COMPOSITION = LAYERS[5:]

@@ -324,6 +324,15 @@ def serve_policy(
 
 
 @app.command()
+def warmup() -> None:
+    """Compile the control tick once, for all later runs."""
+    from wholebody.warm_up import warm_up
+
+    print("compiling the control tick: up to a minute, once", file=sys.stderr)
+    print(f"ready after {warm_up():.0f} s", file=sys.stderr)
+
+
+@app.command()
 def config() -> None:
     """Print every setting with its default, as YAML for --config."""
     from wholebody.config import ControllerConfig

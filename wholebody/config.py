@@ -194,7 +194,7 @@ class ControllerConfig:
     """Control period [s]."""
     backend: str = "native"
     """Whose program is solved: 'native', or 'placo' for a second opinion on the dynamics."""
-    solver: str = "daqp"
+    solver: str = "compiled"
     """'compiled', or the name of a QP solver such as 'daqp' for the same program in readable Python."""
     fallback: str = "quadprog"
     """Second solver, asked when the first one's answer fails the residual check; 'none' to do without."""

@@ -16,6 +16,7 @@ from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.proximity import Proximity
+from wholebody.qp.fast import CompiledProgram, Parts
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
@@ -104,6 +105,30 @@ class WholeBodyController:
         fingers = np.isin(np.arange(self.robot.n_joints), self.finger_indices)
         self._brake = np.minimum(self._ddq_max, np.where(fingers, np.inf, self.config.safety.joint_brake))
         self._tau = np.zeros(self.robot.n_joints)
+        self.compiled = CompiledProgram(self._parts()) if self.config.solver == "compiled" else None
+
+    def _parts(self) -> Parts:
+        return Parts(
+            robot=self.robot,
+            feet=self.feet,
+            palms=self.palms,
+            pelvis=self.pelvis,
+            torso=self.torso,
+            height=self.height,
+            com=self.com,
+            momentum=self.momentum,
+            posture=self.posture,
+            balance=self.balance,
+            pelvis_limit=self.pelvis_limit,
+            torso_limit=self.torso_limit,
+            height_limit=self.height_limit,
+            self_collision=self.self_collision,
+            prices=self.dynamics.regularisation,
+            joints=np.array([self._q_min, self._q_max, self._dq_max, self._ddq_max, self._brake]),
+            horizon=self.config.safety.joint_horizon,
+            tau_max=self._tau_max,
+            torque_share=self.config.safety.torque_share,
+        )
 
     def _make_tasks(self) -> None:
         hand, body, spec = self.config.hand, self.config.body, self.spec
@@ -170,6 +195,8 @@ class WholeBodyController:
         self.balance.support = convex_polygon(points[:, :2])
         for foot in self.feet:
             foot.T_world_ref = self.robot.pose(foot.frame).copy()
+        if self.compiled is not None:
+            self.compiled.reset()
 
     def step(self, state: RobotState, reference: BodyReference) -> tuple[JointCommand, TickReport]:
         """One tick.
@@ -178,7 +205,7 @@ class WholeBodyController:
             state: Measured state; finite.
             reference: What to follow.
         """
-        self.robot.update(state.q, state.v)
+        (self.robot.update if self.compiled is None else self.robot.place)(state.q, state.v)
         self.set_reference(reference)
         report = self._solve()
         return self._command(state, report.solution), report
@@ -222,13 +249,37 @@ class WholeBodyController:
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 
     def _solve(self) -> TickReport:
+        if self.compiled is not None:
+            return self._solve_compiled(self.compiled)
         for level, hands in enumerate((True, False)):
-            program = self.build(hands=hands)
-            answer = solve(program, self.config.solver)
-            if not answer.ok and self.config.fallback != "none":
-                answer = solve(program, self.config.fallback)
+            answer = self._solve_readable(hands, (self.config.solver, self.config.fallback))
             if answer.ok:
                 return TickReport(self.dynamics.read(answer), answer, level)
+        return TickReport(None, answer, 2)
+
+    def _solve_readable(self, hands: bool, solvers: tuple[str, ...]) -> QPSolution:
+        program = self.build(hands=hands)
+        answer = solve(program, solvers[0])
+        for solver in solvers[1:]:
+            if not answer.ok and solver != "none":
+                answer = solve(program, solver)
+        return answer
+
+    def _solve_compiled(self, compiled: CompiledProgram) -> TickReport:
+        """The compiled program; where its answer is not acceptable, the readable one and the second solver."""
+        robot = self.robot
+        compiled.load_reference()
+        compiled.load_pairs()
+        for level, hands in enumerate((True, False)):
+            answer = compiled.solve(robot.q, robot.v, hands=hands)
+            robot.com, robot.com_velocity = compiled.com.copy(), compiled.com_velocity.copy()
+            if answer.ok:
+                return TickReport(compiled.read(answer), answer, level)
+            if self.config.fallback != "none":
+                robot.update(robot.q, robot.v)
+                answer = self._solve_readable(hands, (self.config.fallback,))
+                if answer.ok:
+                    return TickReport(self.dynamics.read(answer), answer, level)
         return TickReport(None, answer, 2)
 
     def _command(self, state: RobotState, solution: WholeBodySolution | None) -> JointCommand:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from time import thread_time
 
 import numpy as np
@@ -26,7 +27,7 @@ class PlacoController(WholeBodyController):
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
-        super().__init__(spec, config)
+        super().__init__(spec, replace(config or ControllerConfig(), solver="daqp"))
         tasks = [task for task in (*self.body_tasks, *self.palms) if not isinstance(task, AngularMomentumTask)]
         self.program = PlacoProgram(spec, self.robot, self.feet, tasks, self._placo_limits(), Regularisation())
 

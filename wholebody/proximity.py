@@ -128,6 +128,22 @@ class Proximity:
         nearest = np.argpartition(room, count - 1)[:count]
         return nearest[np.argsort(room[nearest], kind="stable")]
 
+    def nearest(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where near pairs are nearest.
+
+        Args:
+            pairs: Indices of pairs measured in the last `update`, shape (k,).
+
+        Returns:
+            Joints that carry the two bodies, shape (k, 2), and rows ``[normal, point, point]`` in world, shape (k, 9):
+            the normal points from the first body to the second.
+        """
+        rows = np.empty((len(pairs), 9))
+        for row, k in zip(rows, pairs.tolist(), strict=True):
+            result = self._results[k]
+            row[:3], row[3:6], row[6:] = result.normal, result.getNearestPoint1(), result.getNearestPoint2()
+        return self._parents[pairs], rows
+
     def rates(self, data: pin.Data, pairs: np.ndarray, v: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """How motion changes distances.
 

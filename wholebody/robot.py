@@ -86,6 +86,12 @@ class Robot:
         self.J_com = self.J_momentum[:3] / self.mass
         self.drift_com = self.drift_momentum[:3] / self.mass
 
+    def place(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Compute the placements at ``q`` only; all else stays that of the last `update`."""
+        self.q, self.v = q, v
+        pin.forwardKinematics(self.model, self.data, q)
+        pin.updateFramePlacements(self.model, self.data)
+
     def pose(self, frame: str) -> pin.SE3:
         """``T_world_frame``."""
         return self.data.oMf[self.frame_id(frame)]

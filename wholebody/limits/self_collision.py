@@ -38,7 +38,7 @@ class SelfCollisionLimit:
     ) -> None:
         self.proximity, self.trigger, self.brake, self.dt = proximity, trigger, brake, dt
         self.least, self.most = least, most
-        self._driven = np.zeros(0, dtype=int) if driven is None else driven
+        self.driven = np.zeros(0, dtype=int) if driven is None else driven
 
     def rows(self, robot: Robot) -> Rows:
         """One row per near pair."""
@@ -47,5 +47,5 @@ class SelfCollisionLimit:
         J, drift = self.proximity.rates(robot.data, near, robot.v)
         room = self.proximity.distance[near] - self.proximity.margin[near]
         upper = barrier(room, -(J @ robot.v), brake=self.brake, dt=self.dt) + drift
-        J[:, self._driven] = 0.0
+        J[:, self.driven] = 0.0
         return Rows(-J, upper, tuple(self.proximity.labels[k] for k in near))

@@ -45,7 +45,7 @@ class CompiledDynamics:
 
     def __init__(self, model: pin.Model) -> None:
         self.nv, n = model.nv, model.njoints - 1
-        self.table, self.parent = _body_table(model)
+        self.table, self.parent = body_table(model)
         self.armature = np.array(model.armature)
         self.gravity = np.array(model.gravity.linear)
         self.q, self.v = np.zeros(model.nq), np.zeros(model.nv)
@@ -66,10 +66,15 @@ class CompiledDynamics:
         self._compute(*self._arguments)
 
 
-def _body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
+def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
+    """Table and parents of the bodies, as in `dynamics_core`.
+
+    Raises:
+        InputError: If the model has a joint of another kind, or no free-flyer first.
+    """
     n = model.njoints - 1
     if model.joints[1].shortname() != "JointModelFreeFlyer" or model.nv != 5 + n:
-        raise InputError("compiled dynamics need a free-flyer base and revolute joints; use assembly 'python'")
+        raise InputError("compiled dynamics need a free-flyer base and revolute joints; use `compiled: false`")
     table, parent = np.zeros((n, core.BODY)), np.zeros(n, dtype=np.int64)
     for i in range(n):
         joint, row = model.joints[i + 1], table[i]
