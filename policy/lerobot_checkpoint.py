@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from policy.errors import SpecError
 from policy.layouts import builtin
-from policy.lerobot_features import check_features, check_relative, chunk_length
+from policy.lerobot_features import camera_keys, check_features, check_relative, chunk_length
 from policy.lerobot_finding import CheckpointError, Finding, fail
 from policy.lerobot_prompt import check_prompt
 from policy.lerobot_spec import read_action_spec, read_state_spec, state_layout
@@ -50,6 +50,7 @@ class LoadOptions:
         tokenizer: Folder of the tokenizer (for SmolVLA of the whole VLM: configuration and processor); the checkpoint's
             subfolder ``tokenizer`` if there is one, else what the checkpoint names on the hub.
         cameras: Camera of the policy -> camera of the observation, where the names differ.
+        grey_cameras: Show grey to cameras that an observation lacks; for simulations without pictures.
         environment: Gives ``observation.environment_state`` from an observation, for policies that want it.
     """
 
@@ -66,6 +67,7 @@ class LoadOptions:
     task: str = ""
     tokenizer: str | Path | None = None
     cameras: Mapping[str, str] = field(default_factory=dict)
+    grey_cameras: bool = False
     environment: Callable[[Observation], np.ndarray] | None = None
 
 
@@ -123,6 +125,11 @@ def open_checkpoint(
         inner = _inner_layouts(layouts, processors)
         given = options.environment is not None
         findings += check_features(config, inner, cameras=options.cameras, environment=given)
+        if options.grey_cameras and camera_keys(config):
+            text = (
+                f"where the robot has no pictures, {', '.join(camera_keys(config))} see grey: the policy acts blindly"
+            )
+            findings.append(Finding("cameras", "warning", text))
         if processors:
             findings += check_stats(config, processors, inner, allow_narrow=options.allow_narrow)
             findings.append(check_relative(config, processors, inner))

@@ -22,6 +22,7 @@ from policy.lerobot import LeRobotPolicy, RealTimeLeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_layout, state_numbers, write_specs
 from policy.prefix import Prefix, PrefixPolicy
+from wholebody.sources import open_source
 
 
 def load(folder, **options):
@@ -438,3 +439,23 @@ def test_the_adapter_costs_little_beside_lerobots_own_processors(tmp_path):
         plain.append(thread_time() - middle)
     # Measured 2.0 to 2.7; the rest is kinematics, decoding and checks.
     assert np.median(ours) < 4.0 * np.median(plain)
+
+
+def test_cameras_that_the_robot_lacks_see_grey_only_when_that_is_asked_for(tmp_path_factory):
+    policy = load(tiny.saved("pi05", tmp_path_factory), grey_cameras=True, seed=0, clamp=1.0)
+    (warning,) = policy.warnings
+    assert warning.text.endswith("head, left_wrist, right_wrist see grey: the policy acts blindly")
+    blind, grey = tiny.observation(cameras=()), policy.inputs.grey_images()
+    assert np.array_equal(policy.predict(blind), policy.predict(dataclasses.replace(blind, images=grey)))
+    seen = tiny.observation()
+    assert not np.array_equal(policy.predict(seen), policy.predict(blind))
+    with pytest.raises(ObservationError, match="lacks head, left_wrist, right_wrist"):
+        load(tiny.saved("pi05", tmp_path_factory)).infer(blind)
+
+
+def test_a_checkpoint_is_a_source_of_the_command_line(tmp_path_factory):
+    with tiny.tiny_backbones():
+        policy = open_source(str(tiny.saved("pi05", tmp_path_factory)), 60.0, None, "wave")
+    assert len(policy.infer(tiny.observation(cameras=(), task=""))) == 50
+    with pytest.raises(CheckpointError, match="is no configuration of a LeRobot policy"):
+        open_source(str(tiny.saved("smolvla", tmp_path_factory) / "vlm"), 60.0, None)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
-    "folder of a LeRobot dataset, or address of a policy server (ws://HOST:PORT)."
+    "folder of a LeRobot dataset or checkpoint, or address of a policy server (ws://HOST:PORT)."
 )
 SCENE_OF = {"grasp": "table_cylinder"}
 """Scenes of scripted policies that need more than the floor."""
@@ -149,6 +149,7 @@ def run(
     replace_every: ReplaceEvery = 25,
     ensemble: Ensemble = None,
     real_time_chunking: RealTimeChunking = False,
+    task: Annotated[str, typer.Option(help="What a checkpoint is told to do.")] = "",
     video: Annotated[Path | None, typer.Option(help="Write a video (.mp4) of the run.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Write six frames of the run as one picture (.png).")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every control period to an .npz.")] = None,
@@ -164,7 +165,9 @@ def run(
         raise ValueError(f"no .csv files in '{motions}'")
     if len(names) > 1 and any(outputs) and not motions:
         raise ValueError(f"--video, --sheet and --record show one run; {source} has {len(names)}: say --episodes 0")
-    policies = [open_source(name, csv_fps, layout_named(assume_spec)) for name in names]
+    policies = [open_source(name, csv_fps, layout_named(assume_spec), task) for name in names]
+    for finding in (finding for policy in policies for finding in getattr(policy, "warnings", ())):
+        print(f"wholebody: {finding.sentence}", file=sys.stderr)
     executors = [_executor(policy, latency_ms, replace_every, ensemble, real_time_chunking) for policy in policies]
     scene = scene or SCENE_OF.get(source, "floor")
     checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []

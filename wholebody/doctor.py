@@ -6,7 +6,7 @@ Every check of `policy.lerobot`, then a chunk from the nominal stance, decoded a
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,6 @@ from policy.anchor import Anchor
 from policy.chunk import ActionChunk
 from policy.errors import ObservationError, PolicyError
 from policy.lerobot_checkpoint import Checkpoint, LoadOptions, open_checkpoint
-from policy.lerobot_features import camera_keys
 from policy.lerobot_finding import CheckpointError, Finding, Level
 from policy.observation import Observation
 from policy.rotations import angle_between
@@ -32,8 +31,6 @@ START_POSITION_MAX, START_ANGLE_MAX = 0.3, np.pi / 3.0
 """Distance of the first step from the present pose past which a start is contained and reported [m, rad]."""
 DRY_TASK = "pick up the object"
 """Task of the dry run where none is given."""
-GREY = 128
-"""Level of the dry run's images."""
 
 
 @dataclass(frozen=True)
@@ -94,16 +91,11 @@ def examine(
     return Diagnosis(str(checkpoint), tuple(findings))
 
 
-def dry_observation(checkpoint: Checkpoint) -> Observation:
+def dry_observation(policy: LeRobotPolicy) -> Observation:
     """The nominal stance, seen by grey cameras of the sizes in training."""
-    anchor, config = Anchor.nominal(), checkpoint.network.config
-    named = checkpoint.options.cameras
-    images = {
-        named.get(name, name): np.full((*config.image_features[key].shape[1:], 3), GREY, dtype=np.uint8)
-        for name, key in camera_keys(config).items()
-    }
-    task = checkpoint.options.task or DRY_TASK
-    return Observation(0.0, anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base, images, task)
+    anchor, task = Anchor.nominal(), policy.checkpoint.options.task or DRY_TASK
+    seen = Observation(0.0, anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base)
+    return replace(seen, images=policy.inputs.grey_images(), task=task)
 
 
 def _against_dataset(checkpoint: Checkpoint, dataset: str | Path) -> list[Finding]:
@@ -119,7 +111,8 @@ def _dry_run(checkpoint: Checkpoint) -> list[Finding]:
     """One chunk from the nominal stance, twice: the first call is slower."""
     from policy.lerobot import LeRobotPolicy
 
-    policy, observation = LeRobotPolicy(checkpoint), dry_observation(checkpoint)
+    policy = LeRobotPolicy(checkpoint)
+    observation = dry_observation(policy)
     try:
         policy.infer(observation)
         policy.reset()

@@ -10,13 +10,14 @@ if TYPE_CHECKING:
     from policy.spec import ActionSpec
 
 
-def open_source(name: str, csv_fps: float, assume: ActionSpec | None) -> Policy:
-    """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, file, or script.
+def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str = "") -> Policy:
+    """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
 
     Args:
         name: As in `expanded`.
         csv_fps: Frame rate of motion files [Hz].
         assume: Layout that the user vouches for.
+        task: What a checkpoint is told to do.
 
     Raises:
         PolicyError: If there is nothing of that name, or it is malformed.
@@ -33,6 +34,11 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None) -> Policy:
         from policy.dataset_replay import open_episode
 
         return open_episode(folder, int(number), assume=assume)
+    if (Path(name) / "config.json").is_file():
+        from policy.lerobot import LeRobotPolicy
+
+        # The simulation takes no pictures; that is a warning of the policy.
+        return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, grey_cameras=True)
     if Path(name).suffix.lower() in (".npz", ".csv"):
         return open_recording(name, csv_fps=csv_fps, assume=assume)
     return scripted(name)
