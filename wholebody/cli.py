@@ -65,6 +65,7 @@ RealTimeChunking = Annotated[
     bool, typer.Option("--real-time-chunking", help="Tell the policy what is being executed (π0, π0.5, SmolVLA).")
 ]
 Episodes = Annotated[str, typer.Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")]
+Task = Annotated[str, typer.Option(help="What a checkpoint is told to do.")]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")]
 
 
@@ -102,6 +103,7 @@ def check(
     payload_kg: PayloadKg = (0.0, 0.0),
     assume_spec: AssumeSpec = "",
     episodes: Episodes = "",
+    task: Task = "",
 ) -> None:
     """Judge inputs by simulating them. Exit code 0 feasible (repaired ones too), 1 any infeasible, 2 any malformed."""
     from policy.errors import PolicyError
@@ -112,7 +114,7 @@ def check(
     checker = cache(lambda scene: _checker(scene, config, hold, realistic, delay_ms, payload_kg))
     for name in (one for given in inputs for one in expanded(given, episodes)):
         try:
-            policy = open_source(name, csv_fps, layout_named(assume_spec))
+            policy = _opened(name, csv_fps, assume_spec, task)
             judge = checker(scene or SCENE_OF.get(name, "floor"))
             with _progress(name, quiet=quiet) as progress:
                 verdict, _ = judge.check(policy, name, _length(policy, duration), progress=progress)
@@ -149,7 +151,7 @@ def run(
     replace_every: ReplaceEvery = 25,
     ensemble: Ensemble = None,
     real_time_chunking: RealTimeChunking = False,
-    task: Annotated[str, typer.Option(help="What a checkpoint is told to do.")] = "",
+    task: Task = "",
     video: Annotated[Path | None, typer.Option(help="Write a video (.mp4) of the run.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Write six frames of the run as one picture (.png).")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every control period to an .npz.")] = None,
@@ -165,9 +167,7 @@ def run(
         raise ValueError(f"no .csv files in '{motions}'")
     if len(names) > 1 and any(outputs) and not motions:
         raise ValueError(f"--video, --sheet and --record show one run; {source} has {len(names)}: say --episodes 0")
-    policies = [open_source(name, csv_fps, layout_named(assume_spec), task) for name in names]
-    for finding in (finding for policy in policies for finding in getattr(policy, "warnings", ())):
-        print(f"wholebody: {finding.sentence}", file=sys.stderr)
+    policies = [_opened(name, csv_fps, assume_spec, task) for name in names]
     executors = [_executor(policy, latency_ms, replace_every, ensemble, real_time_chunking) for policy in policies]
     scene = scene or SCENE_OF.get(source, "floor")
     checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []
@@ -360,6 +360,14 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
     if json_to:
         text = json.dumps(result.to_dict(), indent=2)
         print(text) if quiet else Path(json_to).write_text(text + "\n")
+
+
+def _opened(name: str, csv_fps: float, assume_spec: str, task: str) -> Policy:
+    """A source, with what should be known before it runs on standard error."""
+    policy = open_source(name, csv_fps, layout_named(assume_spec), task)
+    for finding in getattr(policy, "warnings", ()):
+        print(f"wholebody: {name}: {finding.sentence}", file=sys.stderr)
+    return policy
 
 
 def _length(policy: Policy, duration: float) -> float:
