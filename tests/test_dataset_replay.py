@@ -16,7 +16,7 @@ from policy.joint_conversion import JointConversion
 from policy.joint_layout import joint_layout
 from policy.layouts import builtin
 from wholebody import cli
-from wholebody.sources import expanded
+from wholebody.sources import expanded, open_source
 
 
 @pytest.fixture(scope="module")
@@ -75,15 +75,18 @@ def test_a_folder_is_as_many_inputs_as_it_has_episodes(joints):
     assert expanded("reach", "0") == ["reach"]
 
 
-def test_episodes_are_checked_one_by_one(joints, monkeypatch, capsys):
-    arguments = ("check", str(joints), "--episodes", "0,7", "--duration", "0.1", "--hold", "0.1", "--json", "-")
-    monkeypatch.setattr(sys, "argv", ["wholebody", *arguments])
+def test_an_episode_is_a_source_of_its_own(joints):
+    assert open_source(f"{joints}#2", 60.0, None).name == "joints#2"
+
+
+def test_an_episode_that_is_not_there_is_misuse(joints, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["wholebody", "check", str(joints), "--episodes", "7", "--json", "-"])
     with pytest.raises(SystemExit) as end:
         cli.main()
     said = capsys.readouterr()
     assert end.value.code == 2
-    assert "no episode 7" in said.err
-    assert "#0" in said.out
+    assert "no episode 7; it has 0 to 2" in said.err
+    assert json.loads(said.out) == []
 
 
 def test_a_picture_needs_one_episode(joints, monkeypatch, capsys, tmp_path):
