@@ -36,7 +36,18 @@ LAYERS = (
         "denoise",
         "supervisor",
     ),
-    ("score", "stitching", "runtime", "solver_study", "timing", "verdict", "checker", "warm_up"),
+    (
+        "score",
+        "stitching",
+        "runtime",
+        "solver_study",
+        "timing",
+        "verdict",
+        "checker",
+        "warm_up",
+        "reach_script",
+        "tick_bench",
+    ),
     ("report", "doctor", "bench", "sources", "cli"),
 )
 COMPOSITION = LAYERS[5:]

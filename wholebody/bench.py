@@ -11,7 +11,7 @@ import typer
 
 bench = typer.Typer(no_args_is_help=True, help="Measurements that the documentation quotes.")
 
-SOLVERS = "daqp,quadprog,proxqp,piqp,osqp"
+SOLVERS = "compiled,daqp,quadprog,proxqp,piqp,osqp"
 
 
 @bench.callback()
@@ -33,9 +33,10 @@ def solvers(
     from wholebody.solver_study import HEADINGS, cells, standing, study
 
     wanted = [name.strip() for name in names.split(",")]
-    unknown = sorted(set(wanted) - {*available(), "placo"})
+    known = ("compiled", *available(), "placo")
+    unknown = sorted(set(wanted) - set(known))
     if unknown:
-        raise ValueError(f"unknown solvers {unknown}; available: {', '.join(available())}, placo")
+        raise ValueError(f"unknown solvers {unknown}; available: {', '.join(known)}")
     typer.echo(_line(HEADINGS))
     typer.echo(_line(["---"] * len(HEADINGS)))
     spec, rows = g1(), []
@@ -46,6 +47,20 @@ def solvers(
     if json_to:
         Path(json_to).write_text(json.dumps([asdict(row) for row in rows], indent=2) + "\n")
     raise typer.Exit(1 if any(row.failures or row.fell for row in rows) else 0)
+
+
+@bench.command()
+def tick(
+    row: Annotated[str, typer.Option(help="parity: the rows of other controllers; default: ours.")] = "default",
+    ticks: Annotated[int, typer.Option(help="Timed ticks; the script is repeated as often as needed.")] = 3000,
+    hands: Annotated[bool, typer.Option(help="With the Dex3 hands, 43 joints, or without, 29.")] = True,
+) -> None:
+    """Time one controller tick on the reach script and print one line of JSON."""
+    from wholebody.tick_bench import ROWS, bench_tick
+
+    if row not in ROWS or ticks < 1:
+        raise ValueError(f"row '{row}' with {ticks} ticks; rows: {', '.join(ROWS)}; at least one tick")
+    typer.echo(json.dumps(bench_tick(row, ticks, hands=hands)))
 
 
 def _line(cells: tuple[str, ...] | list[str]) -> str:

@@ -198,6 +198,8 @@ class ControllerConfig:
     """'compiled', or the name of a QP solver such as 'daqp' for the same program in readable Python."""
     fallback: str = "quadprog"
     """Second solver, asked when the first one's answer fails the residual check; 'none' to do without."""
+    bounds: str = "all"
+    """'all', or 'physics' for dynamics, contacts, friction, torque and joint limits alone, to compare with others."""
     hand: HandConfig = field(default_factory=HandConfig)
     body: BodyConfig = field(default_factory=BodyConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)

@@ -11,6 +11,7 @@ from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
+from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.joint import viable_acceleration_bounds
@@ -123,6 +124,7 @@ class WholeBodyController:
             torso_limit=self.torso_limit,
             height_limit=self.height_limit,
             self_collision=self.self_collision,
+            safety=self._safety,
             prices=self.dynamics.regularisation,
             joints=np.array([self._q_min, self._q_max, self._dq_max, self._ddq_max, self._brake]),
             horizon=self.config.safety.joint_horizon,
@@ -179,7 +181,11 @@ class WholeBodyController:
         self.height_limit = HeightLimit(
             spec.base_body, band=safety.height_band, lowest=safety.height_lowest, brake=safety.height_brake
         )
-        self.limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
+        self._safety = c.bounds == "all"
+        if not self._safety and c.bounds != "physics":
+            raise InputError(f"bounds is '{c.bounds}'; it must be 'all' or 'physics'")
+        limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
+        self.limits = limits if self._safety else ()
         q_stance = stance_q(spec, self.robot.model)
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
         self.self_collision = SelfCollisionLimit(
@@ -245,7 +251,7 @@ class WholeBodyController:
             slowed = self.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-10.0 * robot.v[6:])
         rows = [limit.rows(robot) for limit in self.limits]
-        collision = [self.self_collision.rows(robot)]
+        collision = [self.self_collision.rows(robot)] if self._safety else []
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 
     def _solve(self) -> TickReport:

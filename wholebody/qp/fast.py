@@ -52,6 +52,7 @@ class Parts:
         palms: Tasks of the hands.
         pelvis, torso, height, com, momentum, posture: The other tasks.
         balance, pelvis_limit, torso_limit, height_limit, self_collision: The soft limits.
+        safety: Whether the soft limits have rows.
         prices: Of accelerations, forces and slacks.
         joints: Rows ``q_min q_max dq_max ddq_max brake``, Pinocchio order, shape (5, n_joints).
         horizon: Over which joint bounds are kept viable [s].
@@ -73,6 +74,7 @@ class Parts:
     torso_limit: OrientationLimit
     height_limit: HeightLimit
     self_collision: SelfCollisionLimit
+    safety: bool
     prices: Regularisation
     joints: np.ndarray
     horizon: float
@@ -118,7 +120,7 @@ class CompiledProgram:
 
     def reset(self) -> None:
         """Take over where the feet and the support are; the working set is forgotten."""
-        support, reals = self.parts.balance.support, self._reals
+        support, reals = self.parts.balance.support if self.parts.safety else None, self._reals
         edges = 0 if support is None else len(support.offsets)
         if edges:
             reals[b.EDGES][:edges] = np.column_stack([support.normals, support.offsets])
@@ -148,6 +150,8 @@ class CompiledProgram:
 
     def load_pairs(self) -> None:
         """Measure the near pairs; the robot's placements must be those of its present state."""
+        if not self.parts.safety:
+            return
         limit, robot = self.parts.self_collision, self.parts.robot
         proximity = limit.proximity
         proximity.update(robot.q, robot.data, limit.trigger, limit.least)
@@ -240,7 +244,7 @@ class CompiledProgram:
         self._ints[b.OWNER][:] = np.repeat(np.arange(len(p.feet)), len(foot.points))
         self._ints[b.DRIVEN][:] = limit.driven
         counts = self._ints[b.COUNTS]
-        counts[b.N_CONTACTS], counts[b.TRUNK], counts[b.ITERATION_LIMIT] = len(p.feet), 1, ITERATION_LIMIT
+        counts[b.N_CONTACTS], counts[b.TRUNK], counts[b.ITERATION_LIMIT] = len(p.feet), p.safety, ITERATION_LIMIT
 
 
 def _sizes(p: Parts, rows: int) -> np.ndarray:
@@ -285,8 +289,9 @@ def _arenas(p: Parts) -> tuple[Arena, Arena]:
     nv, nj, nb = model.nv, model.nv - 6, model.njoints - 1
     n_bound = int(_moves(p).any(0).sum())
     m, nr = 6 * n_contacts, n_bound - 6 * n_contacts
-    ny, nf, frames, most = nr + nv - n_bound, 3 * n_points, n_contacts + 4, p.self_collision.most
-    soft = n_points + 15 + most
+    ny, nf, frames, most = nr + nv - n_bound, 3 * n_points, n_contacts + 4, p.self_collision.most if p.safety else 0
+    edges = n_points if p.safety else 0
+    soft = edges + 15 + most if p.safety else 0
     rows, nu = 2 * nj + 5 * n_points + soft + 2, ny + nf + 2
     reals = {
         b.TABLE: (nb, 25), b.ARMATURE: (nv,), b.GRAVITY: (3,), b.FRAME_TABLE: (frames, 12),
@@ -294,7 +299,7 @@ def _arenas(p: Parts) -> tuple[Arena, Arena]:
         b.POSTURE_GAIN: (3, nj), b.HAND_GAIN: (6,), b.COM_GAIN: (6,), b.MOMENTUM_GAIN: (2,), b.PELVIS_GAIN: (4,),
         b.TORSO_GAIN: (4,), b.HEIGHT_GAIN: (4,), b.CONTACT: (5,), b.BALANCE: (2,), b.PELVIS_LIMIT: (4,),
         b.TORSO_LIMIT: (4,), b.HEIGHT_LIMIT: (4,), b.COLLISION_LIMIT: (2,), b.PRICES: (4,), b.OPTIONS: (3,),
-        b.FOOT_REF: (n_contacts, 12), b.EDGES: (n_points, 3), b.MOVES: (n_contacts, nv),
+        b.FOOT_REF: (n_contacts, 12), b.EDGES: (edges, 3), b.MOVES: (n_contacts, nv),
         b.Q_: (model.nq,), b.V_: (nv,), b.HAND_REF: (2, 24), b.SHARE: (2,), b.COM_REF: (15,), b.PELVIS_REF: (15,),
         b.TORSO_REF: (15,), b.HEIGHT_REF: (3,), b.POSTURE_REF: (3, nj), b.PAIRS: (most, 10),
         b.R_: (nb, 9), b.P_: (nb, 3), b.S_: (nv, 6), b.TWIST: (nb, 6), b.DRIFT: (nb, 6), b.INERTIA_: (nb, 10),

@@ -1,0 +1,28 @@
+"""Strategy: a short run of each row: nobody fails, wrists follow, limits hold; times are only looked at for shape."""
+
+import numpy as np
+import pytest
+
+from models.g1 import g1
+from wholebody.reach_script import ReachScript
+from wholebody.tick_bench import ROWS, bench_tick
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_short_run_follows_the_script_and_keeps_the_limits(row):
+    result = bench_tick(row, 200)
+    assert result["fails"] == 0
+    assert result["ee_med_mm"] < 2.0
+    assert result["max_q_over"] <= 2e-5
+    assert result["com_margin_min_mm"] > 20.0
+    for times in (result["tick_us"], result["cpu_us"]):
+        assert 0.0 < times["p50"] <= times["p99"] <= times["max"]
+
+
+def test_the_targets_of_the_script_move_as_their_twists_say():
+    script = ReachScript(g1(), 1200, 0.002)
+    for k in (300, 1000):
+        before, now, after = (script.reference(k + i).palms for i in (-1, 0, 1))
+        for a, b, c in zip(before, now, after, strict=True):
+            speed = (c.T_world.translation - a.T_world.translation) / 0.004
+            np.testing.assert_allclose(b.twist[:3], speed, atol=1e-9)
