@@ -108,7 +108,7 @@ def test_a_multiplier_on_a_side_that_does_not_exist_is_an_error(programs):
     assert kkt_residuals(program, answer.x, answer.y, z, answer.z_box).complementarity > 1e-3
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", [*SOLVERS, "compiled"])
 def test_each_solver_alone_stands_and_begins_a_reach(solver):
     times = EpisodeConfig(settle=0.2, hold=0.2)
     (row,) = study(g1(), solver, [reach(0.45, 1.0)], seconds=0.8, episode=times)
@@ -118,7 +118,7 @@ def test_each_solver_alone_stands_and_begins_a_reach(solver):
     assert not row.fell
     assert row.largest < 2e-3
     assert row.time_factor == pytest.approx(1.0, abs=0.01)
-    assert row.primal <= PRIMAL_TOLERANCE[solver]
+    assert row.primal <= PRIMAL_TOLERANCE.get(solver, 1e-6)
 
 
 def test_the_table_has_a_cell_for_every_heading():

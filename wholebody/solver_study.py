@@ -27,7 +27,8 @@ class SolverRow:
         rms, largest: Palm error against the chunks at their own times [m].
         time_factor: Time on chunks over chunk time covered.
         primal, dual: Worst constraint violation, and worst scaled stationarity or complementarity, of any answer.
-        median, p99: Thread CPU time of solving and judging one program [s].
+        median, p99: Thread CPU time of solving and judging one program [s]; 0 for the compiled one, which is part of a
+            compiled tick.
     """
 
     solver: str
@@ -78,7 +79,7 @@ def study(
 
     Args:
         spec: The robot.
-        solver: Name of the QP solver, or "placo" for the controller backend of that name.
+        solver: Name of the QP solver, "compiled", or "placo" for the controller backend of that name.
         policies: The motions.
         config: Everything else about the controller.
         seconds: Time after which a motion is cut short [s].
@@ -141,5 +142,5 @@ def cells(row: SolverRow) -> tuple[str, ...]:
         f"{row.time_factor:.3f}",
         f"{row.primal:.0e}",
         f"{row.dual:.0e}",
-        f"{1e3 * row.median:.2f} / {1e3 * row.p99:.2f}",
+        f"{1e3 * row.median:.2f} / {1e3 * row.p99:.2f}" if row.median else "in the tick",
     )
