@@ -421,7 +421,7 @@ def test_state_layouts_are_absolute():
 
 
 def test_the_adapter_costs_little_beside_lerobots_own_processors(tmp_path):
-    """In CPU time of the thread, the network left out; absolute numbers are in docs/measured-policies.md."""
+    """In CPU time of the thread, the network left out; absolute numbers are in docs/checkpoints.md."""
     policy = load(tiny.write_checkpoint("act", tmp_path / "act", size=224))
     chunk = torch.zeros(1, 50, 32)
     policy.checkpoint.network.predict_action_chunk = lambda batch: chunk
