@@ -105,6 +105,18 @@ def test_a_later_chunk_replaces_the_rest_of_the_one_before():
     assert np.allclose(errors[3:, 0], 0.0, atol=1e-9)
 
 
+def test_a_step_that_two_chunks_have_in_common_is_scored_once():
+    """A plan begins with the state that it was made from, one tick before the chunk is taken over."""
+    meter = score()
+    meter.add(chunk(), report())
+    still(meter, end=0.1)
+    second = report()
+    second.steps = second.steps - 0.002
+    meter.add(chunk(t_obs=0.1), second)
+    times, _, _ = still(meter, 0.1, 0.3).table()
+    assert np.allclose(times, np.arange(1, 10) / FPS)
+
+
 def test_a_first_chunk_far_from_the_hands_is_measured_where_it_is_joined():
     far = chunk(moved=(0.0, 0.3, 0.4), turned=(0.0, 0.5, 0.0))
     distance, angle = start_jump(far, 0.0, commanded(), SPEC)

@@ -40,8 +40,8 @@ class Score:
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
         # Steps that were due before it came, or as it came, were the business of the chunk before.
-        now = chunk.t_obs + report.steps[0]
-        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, now + 1e-6))
+        since = max([float(chunk.t_obs + report.steps[0]), *self._times[-1:]])
+        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, since + 1e-6))
         self._fair = demandable(chunk, report)
 
     def measure(self, state: RobotState, commanded: Mapping[str, np.ndarray]) -> None:
