@@ -27,10 +27,14 @@ class Arena:
             shape = shapes.get(block, (0,))
             rows, columns = shape if len(shape) == 2 else (1, shape[0])
             self.table[block] = start, rows, columns
-            # Blocks begin at multiples of 64 bytes.
-            start += -(-rows * columns // 8) * 8
+            start += rows * columns
         self._shapes = shapes
         self.memory = np.zeros(start + 8, dtype=dtype)
+
+    def span(self, first: int, last: int) -> np.ndarray:
+        """Blocks from ``first`` to ``last``, which follow each other without gaps, as one vector."""
+        start, rows, columns = self.table[last]
+        return self.memory[self.table[first, 0] : start + rows * columns]
 
     def __getitem__(self, block: int) -> np.ndarray:
         """A block in its shape, sharing the memory."""

@@ -11,8 +11,8 @@ from wholebody.qp.bounds_core import (
     point_offsets,
 )
 from wholebody.qp.cost_core import (
+    add_frame,
     add_posture,
-    add_row,
     add_wrench,
     contact_gram,
     frame_targets,
@@ -330,11 +330,10 @@ def cost(reals, ints):
         mem.vector(ints, mem.FREE),
         mem.matrix(reals, mem.Z_),
     )
-    dv_p, H, g, row = (
+    dv_p, H, g = (
         mem.vector(reals, mem.DV_P),
         mem.matrix(reals, mem.H_),
         mem.vector(reals, mem.G_),
-        mem.vector(reals, mem.X_Y),
     )
     F, FR, w_p, prices = (
         mem.matrix(reals, mem.F_),
@@ -345,7 +344,7 @@ def cost(reals, ints):
     ny = g.shape[0]
     for a in range(ny):
         g[a] = 0.0
-        for b in range(a, ny):
+        for b in range(ny):
             H[a, b] = 0.0
     for a in range(6):
         w_p[a] = 0.0
@@ -368,16 +367,20 @@ def cost(reals, ints):
     add_wrench(FR, w_p, K, k, ny, mem.matrix(reals, mem.KF_), H, g)
     J, target, weight = (
         mem.matrix(reals, mem.FJ_),
-        mem.vector(reals, mem.TARGET),
-        mem.vector(reals, mem.WEIGHT),
+        mem.matrix(reals, mem.TARGET),
+        mem.matrix(reals, mem.WEIGHT),
     )
-    for r in range(target.shape[0]):
-        if weight[r] > 0.0:
-            reduce_row(J[r], bound, free, Z, row)
-            left = target[r]
+    rows, weighted = mem.matrix(reals, mem.FRAME_ROWS), mem.matrix(reals, mem.KF_)
+    left = mem.vector(reals, mem.SCRATCH)
+    for f in range(target.shape[0]):
+        if not has_weight(weight[f]):
+            continue
+        for r in range(6):
+            reduce_row(J[6 * f + r], bound, free, Z, rows[r])
+            left[r] = target[f, r]
             for i in range(bound.shape[0]):
-                left -= J[r, bound[i]] * dv_p[i]
-            add_row(row, weight[r], left, ny, H, g)
+                left[r] -= J[6 * f + r, bound[i]] * dv_p[i]
+        add_frame(rows, weight[f], left, weighted, ny, H, g)
     add_posture(
         mem.matrix(reals, mem.POSTURE_GAIN)[2],
         mem.vector(reals, mem.POSTURE_TARGET),
@@ -390,6 +393,11 @@ def cost(reals, ints):
         g,
     )
     return factor(mem.matrix(reals, mem.H_), mem.matrix(reals, mem.U_), g, mem.vector(reals, mem.Y0))
+
+
+def has_weight(weight):
+    """Whether one of six weights is not zero."""
+    return weight[0] + weight[1] + weight[2] + weight[3] + weight[4] + weight[5] > 0.0
 
 
 def reduce_wrench(F, bound, free, Z, dv_p, FR, w_p):

@@ -18,8 +18,9 @@ rows columns`` of the table; `wholebody.qp.arena` makes the table, compiled code
  ROOT) = range(53, 86)  # fmt: skip
 # The working set and the answer.
 (QR_Q, QR_R, RHS, LAM, SIDES, Y_, WANTED, ROW_M, U_VEC, X_Y, DV, FORCE, SLACK, TAU_OUT, A_V, A_F, A_S, WRENCH, SIX_A,
- SIX_B, SCRATCH, COEFFICIENTS, DUAL, GRADIENT, GRADIENT_F, REDUCED_G, RESIDUALS, SIZE) = range(86, 114)  # fmt: skip
-BLOCKS = 114
+ SIX_B, SCRATCH, COEFFICIENTS, DUAL, GRADIENT, GRADIENT_F, REDUCED_G, RESIDUALS, SIZE,
+ FRAME_ROWS) = range(86, 115)  # fmt: skip
+BLOCKS = 115
 
 # Integers.
 (PARENT, FRAME_BODY, BOUND, FREE, OWNER, DRIVEN, PAIR_BODY, PAIR_NOW, PAIR_BEFORE, ROWS, COUNTS) = range(11)

@@ -151,14 +151,27 @@ def expand(y, dv_p, bound, free, Z, dv):
         dv[free[k]] = y[nr + k]
 
 
-def add_row(row, weight, target, ny, H, g):
-    """Add ``1/2 weight (row y - target)^2`` to the cost; upper triangle of H."""
+def add_six(left, right, ny, H):
+    """Add ``left' right`` of two blocks of rows (6, ny), symmetric, to the upper triangle of H."""
+    r0, r1, r2, r3, r4, r5 = right[0], right[1], right[2], right[3], right[4], right[5]
     for a in range(ny):
-        c = weight * row[a]
-        if c != 0.0:
-            g[a] -= c * target
-            for b in range(a, ny):
-                H[a, b] += c * row[b]
+        c0, c1, c2, c3, c4, c5 = left[0, a], left[1, a], left[2, a], left[3, a], left[4, a], left[5, a]
+        if c0 == 0.0 and c1 == 0.0 and c2 == 0.0 and c3 == 0.0 and c4 == 0.0 and c5 == 0.0:
+            continue
+        row = H[a]
+        # Whole rows: what lies below the diagonal is never read, and vectors need no ragged start.
+        for b in range(ny):
+            row[b] += c0 * r0[b] + c1 * r1[b] + c2 * r2[b] + c3 * r3[b] + c4 * r4[b] + c5 * r5[b]
+
+
+def add_frame(rows, weight, left, weighted, ny, H, g):
+    """Add ``1/2 sum weight_r (rows_r y - left_r)^2`` of the six rows of a frame to the cost; upper triangle of H."""
+    for r in range(6):
+        w, t, row, scaled = weight[r], weight[r] * left[r], rows[r], weighted[r]
+        for j in range(ny):
+            scaled[j] = w * row[j]
+            g[j] -= t * row[j]
+    add_six(rows, weighted, ny, H)
 
 
 def wrench_cost(centre, mass, W, root, target, weight, price, K, k):
@@ -225,11 +238,7 @@ def add_wrench(FR, w_p, K, k, ny, KF, H, g):
             target -= K[a, b] * w_p[b]
         for j in range(ny):
             g[j] -= target * FR[a, j]
-    for i in range(ny):
-        for a in range(6):
-            c = FR[a, i]
-            for j in range(i, ny):
-                H[i, j] += c * KF[a, j]
+    add_six(FR, KF, ny, H)
 
 
 def add_posture(weight, target, price, bound, free, Z, dv_p, H, g):

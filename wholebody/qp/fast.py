@@ -110,6 +110,7 @@ class CompiledProgram:
         self.q, self.v, self.counts = reals[b.Q_], reals[b.V_], self._ints[b.COUNTS]
         self._parts = (self.dv, reals[b.FORCE], self.slack)
         self.code = b.SOLVED
+        self._reference = reals.span(b.HAND_REF, b.POSTURE_REF)
         self._call = ((reals.memory, reals.table), (self._ints.memory, self._ints.table))
         self._move, self._assemble, self._search, self._conclude = compiled_stages()
 
@@ -131,22 +132,22 @@ class CompiledProgram:
 
     def load_reference(self) -> None:
         """Copy the references of the tasks."""
-        p, reals = self.parts, self._reals
-        for row, task in zip(reals[b.HAND_REF], p.palms, strict=True):
-            row[:9], row[9:12] = task.T_world_ref.rotation.ravel(), task.T_world_ref.translation
-            row[12:18], row[18:24] = task.twist_ref, task.acceleration_ref
-        share = reals[b.SHARE]
-        share[0], share[1] = p.palms[0].share, p.palms[1].share
-        com = reals[b.COM_REF]
-        com[:3], com[3:6], com[6:9] = p.com.position_ref, p.com.velocity_ref, p.com.acceleration_ref
-        com[9:12], com[12:] = p.momentum.momentum_ref, p.momentum.rate_ref
-        for block, task in ((b.PELVIS_REF, p.pelvis), (b.TORSO_REF, p.torso)):
-            row = reals[block]
-            row[:9], row[9:12], row[12:] = task.R_world_ref.ravel(), task.rate_ref, task.acceleration_ref
-        height = reals[b.HEIGHT_REF]
-        height[0], height[1], height[2] = p.height.z_ref, p.height.dz_ref, p.height.ddz_ref
-        posture = reals[b.POSTURE_REF]
-        posture[0], posture[1], posture[2] = p.posture.q_ref, p.posture.dq_ref, p.posture.ddq_ref
+        p = self.parts
+        left, right = p.palms
+        scalars = (left.share, right.share)
+        height = (p.height.z_ref, p.height.dz_ref, p.height.ddz_ref)
+        # One call for all: each assignment to a slice would take as long as all of the copying.
+        np.concatenate(
+            (
+                *_palm(left), *_palm(right), scalars,
+                p.com.position_ref, p.com.velocity_ref, p.com.acceleration_ref, p.momentum.momentum_ref,
+                p.momentum.rate_ref,
+                p.pelvis.R_world_ref.reshape(9), p.pelvis.rate_ref, p.pelvis.acceleration_ref,
+                p.torso.R_world_ref.reshape(9), p.torso.rate_ref, p.torso.acceleration_ref, height,
+                p.posture.q_ref, p.posture.dq_ref, p.posture.ddq_ref,
+            ),
+            out=self._reference,
+        )  # fmt: skip
 
     def load_pairs(self) -> None:
         """Measure the near pairs; the robot's placements must be those of its present state."""
@@ -247,6 +248,11 @@ class CompiledProgram:
         counts[b.N_CONTACTS], counts[b.TRUNK], counts[b.ITERATION_LIMIT] = len(p.feet), p.safety, ITERATION_LIMIT
 
 
+def _palm(task: HandTask) -> tuple[np.ndarray, ...]:
+    T = task.T_world_ref
+    return T.rotation.reshape(9), T.translation, task.twist_ref, task.acceleration_ref
+
+
 def _sizes(p: Parts, rows: int) -> np.ndarray:
     """About one over the length of each row in the metric of the cost: violations are compared in these units."""
     n, points = p.robot.n_joints, sum(len(foot.points) for foot in p.feet)
@@ -316,7 +322,7 @@ def _arenas(p: Parts) -> tuple[Arena, Arena]:
         b.FORCE: (nf,), b.SLACK: (2,), b.TAU_OUT: (nj,), b.A_V: (nv,), b.A_F: (nf,), b.A_S: (2,),
         b.WRENCH: (n_contacts, 6), b.SIX_A: (6,), b.SIX_B: (6,), b.SCRATCH: (max(m, 12),),
         b.COEFFICIENTS: (nu + 1,), b.DUAL: (rows,), b.GRADIENT: (nv,), b.GRADIENT_F: (nf,), b.REDUCED_G: (ny,),
-        b.RESIDUALS: (3,), b.SIZE: (rows,),
+        b.RESIDUALS: (3,), b.SIZE: (rows,), b.FRAME_ROWS: (6, ny),
     }  # fmt: skip
     ints = {
         b.PARENT: (nb,), b.FRAME_BODY: (frames,), b.BOUND: (n_bound,), b.FREE: (nv - n_bound,), b.OWNER: (n_points,),

@@ -29,17 +29,24 @@ def add_scaled(a, factor, b, n):
 
 def cholesky(H, n):
     """Upper factor ``U`` with ``U' U = H``, in place in the upper triangle; False if H is not positive definite."""
-    for k in range(n):
-        if not H[k, k] > 0.0:
+    for i in range(n):
+        row, m, k = H[i, i:], n - i, 0
+        while k + 4 <= i:
+            c0, c1, c2, c3 = H[k, i], H[k + 1, i], H[k + 2, i], H[k + 3, i]
+            r0, r1, r2, r3 = H[k, i:], H[k + 1, i:], H[k + 2, i:], H[k + 3, i:]
+            for j in range(m):
+                row[j] -= c0 * r0[j] + c1 * r1[j] + c2 * r2[j] + c3 * r3[j]
+            k += 4
+        while k < i:
+            c0, r0 = H[k, i], H[k, i:]
+            for j in range(m):
+                row[j] -= c0 * r0[j]
+            k += 1
+        if not row[0] > 0.0:
             return False
-        size = 1.0 / math.sqrt(H[k, k])
-        for j in range(k, n):
-            H[k, j] *= size
-        for i in range(k + 1, n):
-            c = H[k, i]
-            if c != 0.0:
-                for j in range(i, n):
-                    H[i, j] -= c * H[k, j]
+        size = 1.0 / math.sqrt(row[0])
+        for j in range(m):
+            row[j] *= size
     return True
 
 
@@ -49,17 +56,15 @@ def solve_transposed(U, b, n):
         c = b[k] / U[k, k]
         b[k] = c
         if c != 0.0:
-            for j in range(k + 1, n):
-                b[j] -= c * U[k, j]
+            left, row = b[k + 1 :], U[k, k + 1 :]
+            for j in range(n - k - 1):
+                left[j] -= c * row[j]
 
 
 def solve_upper(U, b, n):
     """``U x = b`` in place, U upper triangular."""
     for k in range(n - 1, -1, -1):
-        total = b[k]
-        for j in range(k + 1, n):
-            total -= U[k, j] * b[j]
-        b[k] = total / U[k, k]
+        b[k] = (b[k] - dot(U[k, k + 1 :], b[k + 1 :], n - k - 1)) / U[k, k]
 
 
 def inverse_6(A, U, inverse):
