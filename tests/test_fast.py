@@ -226,6 +226,22 @@ def test_no_answer_is_given_where_there_is_none_in_time_or_at_all(default):
     assert solved(controller, q, v, reference).ok
 
 
+def test_the_command_is_that_of_the_readable_integration(default):
+    controller, q_stance = default
+    q, v, reference = draw(controller, q_stance, np.random.default_rng(17), 0.5)
+    state = RobotState(0.25, q, v)
+    controller.q_des[:], controller.dq_des[:] = q[7:] + 0.01, v[6:] - 0.02
+    before = controller.compiled.desired.copy()
+    found, report = controller.step(state, reference)
+    assert report.qp.solver == "compiled"
+    after = controller.compiled.desired.copy()
+    controller.compiled.desired[:] = before
+    expected = controller._command(state, report.solution)
+    np.testing.assert_allclose(controller.compiled.desired, after, atol=1e-13)
+    for name in ("time", "q", "dq", "tau", "kp", "kd"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-13)
+
+
 def test_a_state_that_is_not_finite_has_no_answer(default):
     controller, q_stance = default
     q, v, reference = draw(controller, q_stance, np.random.default_rng(15), 0.5)

@@ -128,6 +128,8 @@ class WholeBodyController:
             prices=self.dynamics.regularisation,
             joints=np.array([self._q_min, self._q_max, self._dq_max, self._ddq_max, self._brake]),
             horizon=self.config.safety.joint_horizon,
+            dt=self.config.dt,
+            leak=self.config.dt / self.config.leak,
             tau_max=self._tau_max,
             torque_share=self.config.safety.torque_share,
         )
@@ -195,7 +197,8 @@ class WholeBodyController:
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
         self.robot.update(state.q, state.v)
-        self.q_des, self.dq_des = state.q[7:].copy(), state.v[6:].copy()
+        self.q_des, self.dq_des = np.empty((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
+        self.q_des[:], self.dq_des[:] = state.q[7:], state.v[6:]
         self._tau = self.robot.nle[6:].copy()
         points = np.vstack([foot.points_world(self.robot) for foot in self.feet])
         self.balance.support = convex_polygon(points[:, :2])
@@ -214,6 +217,10 @@ class WholeBodyController:
         (self.robot.update if self.compiled is None else self.robot.place)(state.q, state.v)
         self.set_reference(reference)
         report = self._solve()
+        if self.compiled is not None and report.solution is not None and report.qp.solver == "compiled":
+            self._tau = report.solution.tau
+            q, dq, tau = self.compiled.command()
+            return JointCommand(state.time, q, dq, tau, self.spec.kp, self.spec.kd), report
         return self._command(state, report.solution), report
 
     def set_reference(self, r: BodyReference) -> None:
@@ -294,12 +301,12 @@ class WholeBodyController:
             ddq = -self.dq_des / 0.1
         else:
             ddq, self._tau = solution.dv[6:], solution.tau
-        self.q_des = self.q_des + dt * self.dq_des + 0.5 * dt**2 * ddq + leak * (state.q[7:] - self.q_des)
-        self.dq_des = self.dq_des + dt * ddq + leak * (state.v[6:] - self.dq_des)
+        self.q_des += dt * self.dq_des + 0.5 * dt**2 * ddq + leak * (state.q[7:] - self.q_des)
+        self.dq_des += dt * ddq + leak * (state.v[6:] - self.dq_des)
         # Fingers press on what they hold: their position loop acts around the reference, not the leaking state.
         i = self.finger_indices
         self.q_des[i], self.dq_des[i] = self.posture.q_ref[i], self.posture.dq_ref[i]
-        self.q_des = np.clip(self.q_des, self._q_min, self._q_max)
+        np.clip(self.q_des, self._q_min, self._q_max, out=self.q_des)
         order = self.robot.pin_to_motor
         return JointCommand(
             state.time, self.q_des[order], self.dq_des[order], self._tau[order], self.spec.kp, self.spec.kd

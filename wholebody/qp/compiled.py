@@ -22,6 +22,7 @@ CORES = (
     "assemble_core",
     "solve_core",
     "judge_core",
+    "command_core",
 )
 """Modules of this package whose functions compile as they stand."""
 
@@ -31,6 +32,7 @@ STAGES = (
     ("assemble_core", "assemble"),
     ("solve_core", "search"),
     ("judge_core", "conclude"),
+    ("command_core", "command"),
 )
 """What a tick calls one after the other. One function around them would be optimised once more as a whole: seconds of
 compiling for a few microseconds of calling."""

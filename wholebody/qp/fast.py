@@ -56,6 +56,8 @@ class Parts:
         prices: Of accelerations, forces and slacks.
         joints: Rows ``q_min q_max dq_max ddq_max brake``, Pinocchio order, shape (5, n_joints).
         horizon: Over which joint bounds are kept viable [s].
+        dt: Control period [s].
+        leak: Share of its difference from the measured state that the desired one loses in a period.
         tau_max: Effort limits, shape (n_joints,), [N m].
         torque_share: Share of them that the program may plan with.
     """
@@ -78,6 +80,8 @@ class Parts:
     prices: Regularisation
     joints: np.ndarray
     horizon: float
+    dt: float
+    leak: float
     tau_max: np.ndarray
     torque_share: float
 
@@ -91,6 +95,7 @@ class CompiledProgram:
         tau: Joint torques in Pinocchio order, shape (n_joints,), [N m].
         slack: Of the balance and of the collision rows, shape (2,).
         dual: Multiplier of each row in the order of `rows_core`, positive at the upper side.
+        desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
         com, com_velocity: Of the state of the last call, shape (3,) each.
         code: What the last call came to, one of `blocks_core`.
 
@@ -105,6 +110,7 @@ class CompiledProgram:
         self.dv, self.forces, self.tau, self.slack = (
             reals[b.DV], reals[b.FORCE].reshape(-1, 3), reals[b.TAU_OUT], reals[b.SLACK]
         )  # fmt: skip
+        self.desired, self._motors = reals[b.DESIRED], reals[b.COMMAND]
         self.dual, self.residuals = reals[b.DUAL], reals[b.RESIDUALS]
         self.com, self.com_velocity = reals[b.SUMS_][:3], reals[b.SUMS_][3:6]
         self.q, self.v, self.counts = reals[b.Q_], reals[b.V_], self._ints[b.COUNTS]
@@ -112,7 +118,7 @@ class CompiledProgram:
         self.code = b.SOLVED
         self._reference = reals.span(b.HAND_REF, b.POSTURE_REF)
         self._call = ((reals.memory, reals.table), (self._ints.memory, self._ints.table))
-        self._move, self._assemble, self._search, self._conclude = compiled_stages()
+        self._move, self._assemble, self._search, self._conclude, self._command = compiled_stages()
 
     @property
     def iterations(self) -> int:
@@ -200,6 +206,11 @@ class CompiledProgram:
         """Residuals of the last answer, infinite if there is none."""
         return Residuals(*self.residuals.tolist()) if self.code == b.SOLVED else Residuals(np.inf, np.inf, np.inf)
 
+    def command(self) -> np.ndarray:
+        """Integrate the last answer; positions, speeds and torques in motor order, shape (3, n_joints)."""
+        self._command(*self._call)
+        return self._motors.copy()
+
     def read(self, answer: QPSolution) -> WholeBodySolution:
         """The parts of the last answer."""
         nv, n = len(self.dv), len(answer.x)
@@ -243,7 +254,8 @@ class CompiledProgram:
         reals[b.MOVES][:] = moves
         self._ints[b.BOUND][:], self._ints[b.FREE][:] = np.flatnonzero(moves.any(0)), np.flatnonzero(~moves.any(0))
         self._ints[b.OWNER][:] = np.repeat(np.arange(len(p.feet)), len(foot.points))
-        self._ints[b.DRIVEN][:] = limit.driven
+        self._ints[b.DRIVEN][:], self._ints[b.FINGERS][:] = limit.driven, limit.driven - 6
+        self._ints[b.MOTORS][:], reals[b.STEP][:] = p.robot.pin_to_motor, (p.dt, p.leak)
         counts = self._ints[b.COUNTS]
         counts[b.N_CONTACTS], counts[b.TRUNK], counts[b.ITERATION_LIMIT] = len(p.feet), p.safety, ITERATION_LIMIT
 
@@ -322,11 +334,12 @@ def _arenas(p: Parts) -> tuple[Arena, Arena]:
         b.FORCE: (nf,), b.SLACK: (2,), b.TAU_OUT: (nj,), b.A_V: (nv,), b.A_F: (nf,), b.A_S: (2,),
         b.WRENCH: (n_contacts, 6), b.SIX_A: (6,), b.SIX_B: (6,), b.SCRATCH: (max(m, 12),),
         b.COEFFICIENTS: (nu + 1,), b.DUAL: (rows,), b.GRADIENT: (nv,), b.GRADIENT_F: (nf,), b.REDUCED_G: (ny,),
-        b.RESIDUALS: (3,), b.SIZE: (rows,), b.FRAME_ROWS: (6, ny),
+        b.RESIDUALS: (3,), b.SIZE: (rows,), b.FRAME_ROWS: (6, ny), b.DESIRED: (2, nj), b.COMMAND: (3, nj), b.STEP: (2,),
     }  # fmt: skip
     ints = {
         b.PARENT: (nb,), b.FRAME_BODY: (frames,), b.BOUND: (n_bound,), b.FREE: (nv - n_bound,), b.OWNER: (n_points,),
         b.DRIVEN: (len(p.self_collision.driven),), b.PAIR_BODY: (2 * most,), b.PAIR_NOW: (most,),
         b.PAIR_BEFORE: (most,), b.ROWS: (nu + 1,), b.COUNTS: (b.COUNTS_SIZE,),
+        b.MOTORS: (nj,), b.FINGERS: (len(p.self_collision.driven),),
     }  # fmt: skip
     return Arena(reals, b.BLOCKS, np.float64), Arena(ints, b.INT_BLOCKS, np.int64)

@@ -1,0 +1,38 @@
+"""From the answer to the joint command: the integrated desired state; compiles with numba as it stands."""
+
+from wholebody.qp import blocks_core as mem
+
+
+def command(reals, ints):
+    """Integrate the accelerations into the desired state, and write the command in motor order.
+
+    The desired state leaks towards the measured one and stays inside the joint limits; that of the fingers is their
+    reference, since they press on what they hold.
+    """
+    q, v, dv, tau = (
+        mem.vector(reals, mem.Q_),
+        mem.vector(reals, mem.V_),
+        mem.vector(reals, mem.DV),
+        mem.vector(reals, mem.TAU_OUT),
+    )
+    desired, out, joints = (
+        mem.matrix(reals, mem.DESIRED),
+        mem.matrix(reals, mem.COMMAND),
+        mem.matrix(reals, mem.JOINTS),
+    )
+    reference, step = mem.matrix(reals, mem.POSTURE_REF), mem.vector(reals, mem.STEP)
+    fingers, motors = mem.vector(ints, mem.FINGERS), mem.vector(ints, mem.MOTORS)
+    dt, leak = step[0], step[1]
+    n = tau.shape[0]
+    for j in range(n):
+        a, x, dx = dv[6 + j], desired[0, j], desired[1, j]
+        desired[0, j] = x + dt * dx + 0.5 * dt * dt * a + leak * (q[7 + j] - x)
+        desired[1, j] = dx + dt * a + leak * (v[6 + j] - dx)
+    for k in range(fingers.shape[0]):
+        j = fingers[k]
+        desired[0, j], desired[1, j] = reference[0, j], reference[1, j]
+    for j in range(n):
+        desired[0, j] = min(max(desired[0, j], joints[0, j]), joints[1, j])
+    for k in range(n):
+        j = motors[k]
+        out[0, k], out[1, k], out[2, k] = desired[0, j], desired[1, j], tau[j]
