@@ -60,7 +60,7 @@ def run_faulty(robot, fault, *, horizon, at, after, settings):
 def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(robot, fault, code, caplog):
     settings = ExecutorConfig(replace_every=10, hang_after=0.4)
     with caplog.at_level(logging.WARNING, logger="policy.executor"):
-        result, report = run_faulty(robot, fault, horizon=20, at=0.25, after=0.65, settings=settings)
+        result, report = run_faulty(robot, fault, horizon=20, at=0.25, after=0.85, settings=settings)
     assert result.fall is None
     assert result.tilt < TILT
     assert len(report.deliveries) == 1
