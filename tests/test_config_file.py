@@ -25,10 +25,10 @@ def test_a_file_changes_only_what_it_names(tmp_path):
 
 
 def test_a_changed_part_keeps_the_defaults_of_its_owner_not_of_its_class(tmp_path):
-    default = ControllerConfig().planner.gentle
-    config = load_config(written(tmp_path, "planner:\n  gentle:\n    damping: 1e-6\n"))
-    assert config.planner.gentle.damping == 1e-6
-    assert config.planner.gentle.position_weight == default.position_weight
+    default = ControllerConfig().planner.posture
+    config = load_config(written(tmp_path, "planner:\n  posture:\n    com: 1e-1\n"))
+    assert config.planner.posture.com == 0.1
+    assert config.planner.posture.position == default.position
 
 
 def test_an_empty_file_is_the_default(tmp_path):

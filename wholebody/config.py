@@ -111,15 +111,15 @@ class SafetyConfig:
 class PosturePlanConfig:
     """Scales, limits and margins of the posture plan: an error as large as its scale costs 1."""
 
-    dt: float = 1.0 / 30.0
+    dt: float = 1.0 / 15.0
     """Time between two knots [s]."""
     position: float = 2e-3
     """Scale of palm positions [m]."""
-    position_give: float = 0.01
+    position_give: float = 0.02
     """Distance beyond which a palm pulls no harder [m]."""
     orientation: float = 1.2e-2
     """Scale of palm orientations [rad]."""
-    orientation_give: float = 0.06
+    orientation_give: float = 0.02
     """Angle beyond which a palm turns no harder [rad]."""
     com: float = 0.08
     """Centre of mass off the middle of the support [m]."""
@@ -139,7 +139,7 @@ class PosturePlanConfig:
     """Accelerations [m/s^2, rad/s^2]."""
     stillness: float = 8.0
     """Speeds [m/s, rad/s]."""
-    joint_margin: float = 0.05
+    joint_margin: float = 0.08
     """Distance kept from joint position limits [rad]."""
     knee_min: float = 0.2
     """Least knee angle: a straight leg cannot move the pelvis up or down any more [rad]."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from models.spec import RobotSpec
@@ -21,8 +21,12 @@ from wholebody.robot import Robot
 
 GRID = 0.002
 """Spacing of the sampled posture [s]."""
+COARSE = 5
+"""Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""
+GOOD_LOSS, GOOD_EXCESS = 0.008, 1.5
+"""Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
 
 @dataclass(frozen=True)
@@ -77,16 +81,18 @@ class PostureState:
 
     Attributes:
         q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
         v_before: Velocity half a step of the posture plan earlier, shape (nv,).
     """
 
     q: np.ndarray
+    v: np.ndarray
     v_before: np.ndarray
 
     @classmethod
     def still(cls, q: np.ndarray, nv: int) -> PostureState:
         """At rest at ``q``."""
-        return cls(q.copy(), np.zeros(nv))
+        return cls(q.copy(), np.zeros(nv), np.zeros(nv))
 
 
 @dataclass(frozen=True)
@@ -194,13 +200,17 @@ class ChunkPlanner:
         if excess > self.config.excess_max:
             reasons.append("posture_infeasible")
         report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), excess)
-        return ChunkPlan(paths, self._track(attempt), float(steps[0]), float(steps[-1]), report)
+        return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
 
     def _best(self, chunk, now, start, commanded, before) -> _Attempt:
         """At the chunk's own speed if that follows, else slower; where nothing follows, what is least bad."""
         c, tried = self.config, []
         for slowdown in (1.0, *c.slowdowns):
             attempt = self._attempt(chunk, now, start, commanded, slowdown, before if slowdown == 1.0 else None)
+            if before is not None and slowdown == 1.0 and not self._good(attempt):
+                # The plan before may have led to where the search cannot leave: begin anew.
+                anew = self._attempt(chunk, now, start, commanded, slowdown)
+                attempt = min(attempt, anew, key=lambda one: one.motion.cost)
             if self._follows(attempt):
                 return attempt
             tried.append(attempt)
@@ -208,6 +218,9 @@ class ChunkPlanner:
             if attempt.distance[-1].max() > c.loss_max and attempt.motion.excess.max() < c.excess_max:
                 break
         return min(tried, key=lambda attempt: attempt.motion.excess.max())
+
+    def _good(self, attempt: _Attempt) -> bool:
+        return attempt.loss <= GOOD_LOSS and attempt.motion.excess.max() <= GOOD_EXCESS
 
     def _follows(self, attempt: _Attempt) -> bool:
         c = self.config
@@ -274,36 +287,36 @@ class ChunkPlanner:
             paths.append(bent.joined(_slower(commanded.rows[i], attempt.slowdown), float(steps[0])))
         return tuple(paths), distance * share
 
-    def _track(self, attempt: _Attempt) -> PostureTrack:
-        """The posture on the grid: positions as smooth curves, derivatives interpolated between the steps.
+    def _track(self, attempt: _Attempt, v_start: np.ndarray) -> PostureTrack:
+        """The posture on the grid: one smooth curve through the knots, and everything else from it.
 
-        The derivatives of a spline would overshoot where the plan brakes hard, past what the joints can do.
+        Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
         """
-        steps, motion, rate = attempt.steps, attempt.motion, attempt.slowdown
-        dt = self.posture.config.dt / rate
-        # Velocities of the plan lie between the steps; at rest after the last one.
-        between = rate * np.vstack([motion.v, np.zeros(self.model.nv)])
-        v, a = 0.5 * (between[:-1] + between[1:]), np.diff(between, axis=0) / dt
-        com, com_velocity, momentum, turns = self._bodies(motion.q, v)
-        dq = np.array([_configuration_rate(q, rates) for q, rates in zip(motion.q, v, strict=True)])
+        steps, motion = attempt.steps, attempt.motion
+        rates = _configuration_rate(motion.q[0], attempt.slowdown * v_start), np.zeros(self.model.nq)
+        curve = CubicSpline(steps, _continuous(motion.q), bc_type=((1, rates[0]), (1, rates[1])))
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
-        q = CubicHermiteSpline(steps, motion.q, dq)(grid)
-        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-        between_steps = _Interpolation(steps, grid)
+        coarse = np.arange(steps[0], steps[-1] + COARSE * GRID, COARSE * GRID)
+        q, dq, ddq = (curve(np.minimum(grid, steps[-1]), order) for order in range(3))
+        norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+        q[:, 3:7] /= norm
+        v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
+        rows = np.minimum(COARSE * np.arange(len(coarse)), len(grid) - 1)
+        com, com_velocity, momentum, turns = self._bodies(q[rows], v[rows])
+        between = _Interpolation(coarse, grid)
         bodies = []
         for R in turns:
-            spin, change = _angular_rates(R, dt)
-            bodies.append((between_steps.rotations(R), between_steps(spin), between_steps(change)))
-        com_acceleration, momentum_rate = (np.gradient(x, dt, axis=0) for x in (com_velocity, momentum))
-        lift = np.gradient(dq[:, 2], dt)
+            spin, change = _angular_rates(R, COARSE * GRID)
+            bodies.append((between.rotations(R), between(spin), between(change)))
+        com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
         track = PostureTrack(
             start=float(steps[0]),
             q=q,
-            v=between_steps(v),
-            ddq=between_steps(a[:, 6:]),
-            com=np.stack([between_steps(x) for x in (com, com_velocity, com_acceleration)]),
-            momentum=np.stack([between_steps(x) for x in (momentum, momentum_rate)]),
-            height=np.stack([q[:, 2], *between_steps(np.stack([dq[:, 2], lift], axis=1)).T]),
+            v=v,
+            ddq=ddq[:, 7:].copy(),
+            com=np.stack([between(x) for x in (com, com_velocity, com_acceleration)]),
+            momentum=np.stack([between(x) for x in (momentum, momentum_rate)]),
+            height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
             pelvis=bodies[0],
             torso=bodies[1],
         )
@@ -369,3 +382,25 @@ def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     R = pin.Quaternion(q[3:7]).toRotationMatrix()
     turn = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[3:6]
     return np.concatenate([R @ v[:3], turn, v[6:]])
+
+
+def _continuous(q: np.ndarray) -> np.ndarray:
+    """Configurations (K, nq) with neighbouring quaternions on the same side."""
+    q = q.copy()
+    flips = np.cumprod(np.where(np.sum(q[1:, 3:7] * q[:-1, 3:7], axis=1) < 0.0, -1.0, 1.0))
+    q[1:, 3:7] *= flips[:, None]
+    return q
+
+
+def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """Velocities (K, nv) for configurations with unit quaternions and their derivatives (K, nq)."""
+    R = Rotation.from_quat(q[:, 3:7])
+    x, y, z, w = q[:, 3:7].T
+    dx, dy, dz, dw = dq[:, 3:7].T
+    # The vector part of 2 conj(q) dq: the angular velocity in base axes.
+    spin = 2.0 * np.stack([
+        w * dx - x * dw - y * dz + z * dy,
+        w * dy - y * dw - z * dx + x * dz,
+        w * dz - z * dw - x * dy + y * dx,
+    ], axis=1)  # fmt: skip
+    return np.concatenate([R.inv().apply(dq[:, :3]), spin, dq[:, 7:]], axis=1)

@@ -175,7 +175,7 @@ class Supervisor:
         q, v = track.q[k].copy(), rate * track.v[k]
         dq, ddq = v[6:].copy(), rate**2 * track.ddq[k]
         before = track.row(self._clock.s - 0.5 * rate * self.config.planner.posture.dt)
-        self._posture = PostureState(track.q[k].copy(), rate * track.v[before])
+        self._posture = PostureState(track.q[k].copy(), rate * track.v[k], rate * track.v[before])
         for i, joints in enumerate(self._fingers):
             q[7 + joints], dq[joints], ddq[joints] = motion.q_finger[i], motion.dq_finger[i], motion.ddq_finger[i]
         return BodyReference(
