@@ -36,7 +36,10 @@ def test_every_command_and_option_exists(document):
     commands = typer.main.get_command(app).commands
     for _, name, *arguments in typed(document.read_text(), "wholebody"):
         assert name in commands, f"{document.name}: wholebody {name}"
-        options = {option for parameter in commands[name].params for option in parameter.opts}
+        command = commands[name]
+        if arguments and arguments[0] in getattr(command, "commands", {}):
+            command = command.commands[arguments[0]]
+        options = {option for parameter in command.params for option in parameter.opts}
         for argument in arguments:
             if argument.startswith("--"):
                 assert argument in options, f"{document.name}: wholebody {name} {argument}"
