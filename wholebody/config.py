@@ -85,6 +85,8 @@ class SafetyConfig:
     """Distance of a body joint from the posture plan at which the hands begin to give way to it [rad]."""
     posture_stop: float = 0.45
     """Distance at which they have given way [rad]."""
+    posture_lost: float = 0.15
+    """Distance of a body joint from the posture plan at which the next plan begins where the robot is [rad]."""
     balance_slow: float = 0.02
     """Distance of the capture point from the edge below which the chunk is slowed [m]."""
     trunk_rate: float = 3.0
@@ -119,7 +121,7 @@ class PosturePlanConfig:
     """Distance beyond which a palm pulls no harder [m]."""
     orientation: float = 1.2e-2
     """Scale of palm orientations [rad]."""
-    orientation_give: float = 0.02
+    orientation_give: float = 0.01
     """Angle beyond which a palm turns no harder [rad]."""
     com: float = 0.08
     """Centre of mass off the middle of the support [m]."""

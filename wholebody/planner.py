@@ -25,7 +25,7 @@ COARSE = 5
 """Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""
-GOOD_LOSS, GOOD_EXCESS = 0.008, 1.5
+GOOD_LOSS, GOOD_EXCESS = 0.004, 1.0
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
 

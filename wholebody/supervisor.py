@@ -113,7 +113,8 @@ class Supervisor:
         try:
             commanded = HandMotion(self._smoother.motion.rows.copy())
             meant, noisy = denoised(chunk, self.planner.caps)
-            plan = self.planner.plan(meant, now, self._posture, commanded, self._rest_of_plan())
+            start, before = self._start()
+            plan = self.planner.plan(meant, now, start, commanded, before)
         except (InputError, RuntimeError, ValueError) as error:
             return self._refuse("planning_failed", str(error))
         self._plan, self._chunk, self._refused = plan, chunk, None
@@ -121,13 +122,22 @@ class Supervisor:
         self._clock = PathClock(plan.start, plan.rate, 0.0)
         return self._report_plan()
 
-    def _rest_of_plan(self) -> np.ndarray | None:
-        """Configurations that the present plan goes through from now on, one step of the posture plan apart."""
+    def _start(self) -> tuple[PostureState, np.ndarray | None]:
+        """Where the next plan begins, and what the present one would have done from now on.
+
+        A plan continues the one before, so that nothing jumps; a robot that has left its plan is planned from where it
+        is. The rest of the plan is configurations one step of the posture plan apart.
+        """
+        state, limit = self._last_state, self.config.safety.posture_lost
+        distance = np.abs(state.q[7:] - self._posture.q[7:])
+        distance[self.controller.finger_indices] = 0.0
+        if distance.max() > limit:
+            return PostureState(state.q.copy(), state.v.copy(), state.v.copy()), None
         if self._plan is None:
-            return None
+            return self._posture, None
         track, step = self._plan.posture, self._clock.rate * self.config.planner.posture.dt
         s = self._clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - self._clock.s) / max(step, 1e-3))
-        return track.q[[track.row(x) for x in s]]
+        return self._posture, track.q[[track.row(x) for x in s]]
 
     def step(self, state: RobotState) -> JointCommand:
         """Command for one control period."""
