@@ -63,7 +63,7 @@ class SafetyConfig:
 
     balance_margin: float = 0.02
     """Distance of the capture point from the edge of the support [m]."""
-    balance_gain: float = 5.0
+    balance_gain: float = 10.0
     """[1/s]"""
     pelvis_angle: float = 0.2
     """Largest rotation of the pelvis away from the plan, per axis [rad]."""
@@ -169,14 +169,32 @@ class PosturePlanConfig:
     """Distance beyond the least one at which a pair of bodies begins to count [m]."""
 
 
+GENTLE = PosturePlanConfig(
+    position=0.02,
+    orientation=0.15,
+    orientation_give=0.1,
+    com=0.03,
+    zmp=0.03,
+    torso=0.2,
+    pelvis=0.2,
+    posture=0.5,
+    height=0.05,
+    smoothness=20.0,
+    stillness=2.0,
+)
+"""For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
+    gentle: PosturePlanConfig = GENTLE
+    """The posture plan of a chunk that cannot be followed within the bounds."""
     loss_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
-    excess_max: float = 8.0
+    excess_max: float = 3.0
     """Largest excess over a bound of a plan that counts as following, in units of the bound's scale."""
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""

@@ -203,7 +203,7 @@ class ChunkPlanner:
         return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
 
     def _best(self, chunk, now, start, commanded, before) -> _Attempt:
-        """At the chunk's own speed if that follows, else slower; where nothing follows, what is least bad."""
+        """At the chunk's own speed if that follows, else slower; else what comes nearest within the bounds."""
         c, tried = self.config, []
         for slowdown in (1.0, *c.slowdowns):
             attempt = self._attempt(chunk, now, start, commanded, slowdown, before if slowdown == 1.0 else None)
@@ -215,9 +215,16 @@ class ChunkPlanner:
                 return attempt
             tried.append(attempt)
             # What is out of reach at the end stays so at any speed.
-            if attempt.distance[-1].max() > c.loss_max and attempt.motion.excess.max() < c.excess_max:
+            if attempt.distance[-1].max() > c.loss_max:
                 break
-        return min(tried, key=lambda attempt: attempt.motion.excess.max())
+        safe = [attempt for attempt in tried if attempt.motion.excess.max() <= c.excess_max]
+        if safe:
+            return min(safe, key=lambda attempt: attempt.loss)
+        # Hands that only pull: the bounds win over them by orders of magnitude.
+        gentle = self._attempt(chunk, now, start, commanded, 1.0, before, c.gentle)
+        if gentle.motion.excess.max() > c.excess_max:
+            return min(gentle, self._attempt(chunk, now, start, commanded, 1.0, None, c.gentle), key=_excess)
+        return gentle
 
     def _good(self, attempt: _Attempt) -> bool:
         return attempt.loss <= GOOD_LOSS and attempt.motion.excess.max() <= GOOD_EXCESS
@@ -226,7 +233,7 @@ class ChunkPlanner:
         c = self.config
         return attempt.loss <= c.loss_max and attempt.motion.excess.max() <= c.excess_max
 
-    def _attempt(self, chunk, now, start, commanded, slowdown, before=None) -> _Attempt:
+    def _attempt(self, chunk, now, start, commanded, slowdown, before=None, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
         s0 = now - chunk.t_obs
         times = np.arange(len(chunk)) / chunk.fps
@@ -246,7 +253,7 @@ class ChunkPlanner:
         palms = wanted.copy()
         palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
         guess = None if before is None else self._continued(before, palms)
-        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), guess)
+        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), guess, posture)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
 
@@ -369,6 +376,10 @@ def _speed(chunk: ActionChunk) -> float:
     """Largest speed of a wrist between two steps [m/s]."""
     steps = [np.diff(T[:, :3, 3], axis=0) for T in (chunk.T_world_lhand, chunk.T_world_rhand)]
     return float(np.linalg.norm(steps, axis=2).max() * chunk.fps)
+
+
+def _excess(attempt: _Attempt) -> float:
+    return float(attempt.motion.excess.max())
 
 
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:

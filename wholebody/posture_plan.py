@@ -72,6 +72,7 @@ class PosturePlanner:
         T_palms: np.ndarray,
         q_fingers: np.ndarray,
         guess: np.ndarray | None = None,
+        config: PosturePlanConfig | None = None,
     ) -> PostureMotion:
         """Motion along the path, beginning with the state given and ending at rest.
 
@@ -81,16 +82,17 @@ class PosturePlanner:
             T_palms: Palm poses in world, shape (K, 2, 4, 4), ``config.dt`` apart; the first one belongs to ``q``.
             q_fingers: Finger joints, left hand then right hand as `RobotSpec.tools` lists them, shape (K, n_fingers).
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.
+            config: Scales to use instead of the planner's own; step, limits and margins stay the planner's.
         """
-        knots, K = self.knots, len(T_palms)
+        knots, K, config = self.knots, len(T_palms), config or self.config
         start = np.empty((K, knots.model.nq))
         start[0], known = q[knots.body], 1
         if guess is not None and len(guess):
             known = 1 + len(guess)
             start[1:known] = guess[:, knots.body]
-        follow(knots, self.config, start, T_palms, known)
+        follow(knots, config, start, T_palms, known)
         program = Program(knots, self.config.dt, T_palms, q_fingers, v[knots.columns])
-        body, program = optimise(program, start, self.config)
+        body, program = optimise(program, start, config)
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
         qs[:, knots.body], qs[:, knots.fingers] = body, q_fingers
         vs[:, knots.columns] = program.half[:-1]
