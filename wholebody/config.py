@@ -123,7 +123,7 @@ class PosturePlanConfig:
     """Scale of palm orientations [rad]."""
     orientation_give: float = 0.01
     """Angle beyond which a palm turns no harder [rad]."""
-    com: float = 0.08
+    com: float = 0.025
     """Centre of mass off the middle of the support [m]."""
     zmp: float = 0.06
     """Zero-moment point off the middle of the support [m]."""
@@ -173,7 +173,7 @@ GENTLE = PosturePlanConfig(
     position=0.02,
     orientation=0.15,
     orientation_give=0.1,
-    com=0.03,
+    com=0.02,
     zmp=0.03,
     torso=0.2,
     pelvis=0.2,
