@@ -63,7 +63,7 @@ class SafetyConfig:
 
     balance_margin: float = 0.02
     """Distance of the capture point from the edge of the support [m]."""
-    balance_gain: float = 10.0
+    balance_gain: float = 5.0
     """[1/s]"""
     pelvis_angle: float = 0.2
     """Largest rotation of the pelvis away from the plan, per axis [rad]."""
