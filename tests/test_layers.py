@@ -48,7 +48,7 @@ LAYERS = (
         "reach_script",
         "tick_bench",
     ),
-    ("report", "doctor", "bench", "sources", "cli"),
+    ("report", "doctor", "bench", "sources", "console", "cli"),
 )
 COMPOSITION = LAYERS[5:]
 

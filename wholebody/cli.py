@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wholebody.bench import bench
+from wholebody.console import (
+    check_places,
+    print_nothing,
+    print_verdict,
+    progress_bar,
+    table_printer,
+    waiting,
+    write_json,
+    write_pictures,
+    write_text,
+)
 from wholebody.sources import expanded, layout_named, open_source
 
 if TYPE_CHECKING:
@@ -23,8 +32,6 @@ if TYPE_CHECKING:
     from policy.convert import DatasetSettings
     from policy.executor import Executor
     from wholebody.checker import Checker
-    from wholebody.sim.recorder import Recorder
-    from wholebody.verdict import Verdict
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
@@ -109,14 +116,14 @@ def check(
     from policy.errors import PolicyError
 
     _check_times(duration, hold)
-    _check_places(json_to)
+    check_places(json_to)
     quiet, worst, verdicts = json_to == "-", EXIT_OK, []
     checker = cache(lambda scene: _checker(scene, config, hold, realistic, delay_ms, payload_kg))
     for name in (one for given in inputs for one in expanded(given, episodes)):
         try:
             policy = _opened(name, csv_fps, assume_spec, task)
             judge = checker(scene or SCENE_OF.get(name, "floor"))
-            with _progress(name, quiet=quiet) as progress:
+            with progress_bar(name, quiet=quiet) as progress:
                 verdict, _ = judge.check(policy, name, _length(policy, duration), progress=progress)
         except (PolicyError, OSError) as error:
             # The other inputs are judged all the same; the exit code is that of the worst.
@@ -127,8 +134,8 @@ def check(
         verdicts.append(verdict)
         worst = max(worst, EXIT_INFEASIBLE if verdict.verdict == "infeasible" else EXIT_OK)
         if not quiet:
-            _print_verdict(verdict)
-    _write_json(json_to, verdicts)
+            print_verdict(verdict)
+    write_json(json_to, verdicts)
     raise typer.Exit(worst)
 
 
@@ -159,7 +166,7 @@ def run(
     """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall."""
     quiet, outputs = json_to == "-", (video, sheet, record)
     _check_times(duration, hold)
-    _check_places(json_to, *outputs)
+    check_places(json_to, *outputs)
     if motions and any(outputs):
         raise ValueError("--video, --sheet and --record show one run; name one source instead of --motions")
     names = sorted(str(path) for path in motions.glob("*.csv")) if motions else expanded(source, episodes)
@@ -172,10 +179,10 @@ def run(
     scene = scene or SCENE_OF.get(source, "floor")
     checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []
     recorder = checker.recorder() if any(outputs) else None
-    show = _print_nothing if quiet else _table_printer(names) if motions else _print_verdict
+    show = print_nothing if quiet else table_printer(names) if motions else print_verdict
     for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
         title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
-        with _progress(title, quiet=quiet) as progress:
+        with progress_bar(title, quiet=quiet) as progress:
             length = _length(policy, duration)
             verdict, _ = checker.check(executor, name, length, progress=progress, recorder=recorder)
         verdicts.append(verdict)
@@ -184,9 +191,9 @@ def run(
         from wholebody.report import table_summary
 
         print(table_summary(verdicts))
-    _write_json(json_to, verdicts)
+    write_json(json_to, verdicts)
     if recorder is not None:
-        _write_pictures(recorder, video, sheet, record)
+        write_pictures(recorder, video, sheet, record)
     raise typer.Exit(EXIT_INFEASIBLE if any(v.fell for v in verdicts) else EXIT_OK)
 
 
@@ -258,7 +265,7 @@ def doctor(
     """Check a LeRobot checkpoint and say what would help. Exit code 0 well, 1 with warnings, 2 not fit to be run."""
     from wholebody.doctor import examine
 
-    _check_places(json_to)
+    check_places(json_to)
     diagnosis = examine(
         checkpoint,
         dataset=dataset,
@@ -275,7 +282,7 @@ def doctor(
     if json_to != "-":
         print("\n".join(diagnosis.lines()))
     if json_to:
-        _write_text(json_to, diagnosis.to_json())
+        write_text(json_to, diagnosis.to_json())
     raise typer.Exit(diagnosis.exit_code)
 
 
@@ -349,17 +356,16 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
 
     from policy.convert import convert_dataset
 
-    _check_places(json_to)
+    check_places(json_to)
     quiet = json_to == "-"
     name = settings.to if isinstance(settings.to, str) else settings.to.name
     target = target or source.absolute().with_name(f"{source.absolute().name}_{name}")
-    with _progress(source.name, quiet=quiet) as progress:
+    with progress_bar(source.name, quiet=quiet) as progress:
         result = convert_dataset(source, target, settings, progress=progress)
     if not quiet:
         print("\n".join(result.lines()))
     if json_to:
-        text = json.dumps(result.to_dict(), indent=2)
-        print(text) if quiet else Path(json_to).write_text(text + "\n")
+        write_text(json_to, json.dumps(result.to_dict(), indent=2))
 
 
 def _opened(name: str, csv_fps: float, assume_spec: str, task: str) -> Policy:
@@ -403,7 +409,7 @@ def _checker(
 
     settings = load_config(config) if config else None
     sensors = replace(REALISTIC if realistic else SensorConfig(), delay=1e-3 * delay_ms)
-    with _waiting("loading the robot; the first time takes longest"):
+    with waiting("loading the robot; the first time takes longest"):
         return Checker(
             scene,
             settings,
@@ -417,90 +423,3 @@ def _check_times(duration: float, hold: float) -> None:
     for name, seconds, meaning in (("--duration", duration, " (0: the whole input)"), ("--hold", hold, "")):
         if not (isfinite(seconds) and seconds >= 0.0):
             raise ValueError(f"{name} is {seconds} s; it must be at least 0{meaning}")
-
-
-def _check_places(
-    json_to: str, video: Path | None = None, sheet: Path | None = None, record: Path | None = None
-) -> None:
-    """Refuse outputs that cannot be written before minutes of simulation, not after."""
-    for path, ending in ((video, ".mp4"), (sheet, ".png"), (record, ".npz")):
-        if path is not None and path.suffix != ending:
-            raise ValueError(f"cannot write '{path}': its name must end in {ending}")
-    for path in (video, sheet, record, Path(json_to) if json_to not in ("", "-") else None):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
-
-
-def _print_verdict(verdict: Verdict) -> None:
-    from wholebody.report import lines
-
-    print("\n".join(lines(verdict)), flush=True)
-
-
-def _print_nothing(verdict: Verdict) -> None:
-    """Standard output is for JSON alone."""
-
-
-def _table_printer(names: list[str]) -> Callable[[Verdict], None]:
-    """Print the heading; what it returns prints a motion's row as soon as that motion is over."""
-    from wholebody.report import HEADINGS, row, table_line
-
-    width = max(len(Path(name).stem) for name in names)
-    print(table_line(HEADINGS, width), flush=True)
-    return lambda verdict: print(table_line(row(verdict), width), flush=True)
-
-
-def _waiting(text: str) -> AbstractContextManager:
-    """A note on a terminal for as long as something takes."""
-    if not sys.stderr.isatty():
-        return nullcontext()
-    from rich.console import Console
-
-    return Console(stderr=True).status(text)
-
-
-@contextmanager
-def _progress(name: str, *, quiet: bool) -> Iterator[Callable[[float, float], None] | None]:
-    """A progress bar on a terminal, nothing elsewhere."""
-    if quiet or not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=1.0)
-        yield lambda time, end: bar.update(task, completed=time / end)
-
-
-def _write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, record: Path | None) -> None:
-    """The recording and what is drawn from it; without OpenGL the run still counts."""
-    from wholebody.errors import RenderError
-    from wholebody.sim.render import render
-
-    with TemporaryDirectory() as folder:
-        file = record or Path(folder) / "run.npz"
-        recorder.save(file)
-        for output in (video, sheet):
-            if output is None:
-                continue
-            try:
-                with _waiting(f"drawing {output}"):
-                    render(file, output)
-                print(f"wrote {output}", file=sys.stderr)
-            except RenderError as error:
-                print(f"wholebody: '{output}' was not written: {error}", file=sys.stderr)
-
-
-def _write_json(target: str, verdicts: list[Verdict]) -> None:
-    from wholebody.report import to_json
-
-    if target:
-        _write_text(target, to_json(verdicts))
-
-
-def _write_text(target: str, text: str) -> None:
-    if target == "-":
-        print(text)
-    else:
-        Path(target).write_text(text + "\n")

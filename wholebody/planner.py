@@ -151,6 +151,11 @@ class _Attempt:
         """Largest distance of a palm from where it should be [m]."""
         return float(self.distance.max())
 
+    @property
+    def excess(self) -> float:
+        """Largest excess over a bound, in units of the bound's scale."""
+        return float(self.motion.excess.max())
+
 
 class ChunkPlanner:
     """Plans chunks, each from where the plan before is."""
@@ -196,10 +201,9 @@ class ChunkPlanner:
             reasons.append("out_of_reach")
         if attempt.slowdown > 1.0:
             reasons.append("too_fast_for_balance")
-        excess = float(motion.excess.max())
-        if excess > self.config.excess_max:
+        if attempt.excess > self.config.excess_max:
             reasons.append("posture_infeasible")
-        report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), excess)
+        report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), attempt.excess)
         return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
 
     def _best(self, chunk, now, start, commanded, before) -> _Attempt:
@@ -217,21 +221,22 @@ class ChunkPlanner:
             # What is out of reach at the end stays so at any speed.
             if attempt.distance[-1].max() > c.loss_max:
                 break
-        safe = [attempt for attempt in tried if attempt.motion.excess.max() <= c.excess_max]
+        safe = [attempt for attempt in tried if attempt.excess <= c.excess_max]
         if safe:
             return min(safe, key=lambda attempt: attempt.loss)
         # Hands that only pull: the bounds win over them by orders of magnitude.
         gentle = self._attempt(chunk, now, start, commanded, 1.0, before, c.gentle)
-        if gentle.motion.excess.max() > c.excess_max:
-            return min(gentle, self._attempt(chunk, now, start, commanded, 1.0, None, c.gentle), key=_excess)
+        if gentle.excess > c.excess_max:
+            anew = self._attempt(chunk, now, start, commanded, 1.0, None, c.gentle)
+            return min(gentle, anew, key=lambda one: one.excess)
         return gentle
 
     def _good(self, attempt: _Attempt) -> bool:
-        return attempt.loss <= GOOD_LOSS and attempt.motion.excess.max() <= GOOD_EXCESS
+        return attempt.loss <= GOOD_LOSS and attempt.excess <= GOOD_EXCESS
 
     def _follows(self, attempt: _Attempt) -> bool:
         c = self.config
-        return attempt.loss <= c.loss_max and attempt.motion.excess.max() <= c.excess_max
+        return attempt.loss <= c.loss_max and attempt.excess <= c.excess_max
 
     def _attempt(self, chunk, now, start, commanded, slowdown, before=None, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
@@ -301,7 +306,7 @@ class ChunkPlanner:
         """
         steps, motion = attempt.steps, attempt.motion
         rates = _configuration_rate(motion.q[0], attempt.slowdown * v_start), np.zeros(self.model.nq)
-        curve = CubicSpline(steps, _continuous(motion.q), bc_type=((1, rates[0]), (1, rates[1])))
+        curve = CubicSpline(steps, _one_sided(motion.q), bc_type=((1, rates[0]), (1, rates[1])))
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
         coarse = np.arange(steps[0], steps[-1] + COARSE * GRID, COARSE * GRID)
         q, dq, ddq = (curve(np.minimum(grid, steps[-1]), order) for order in range(3))
@@ -360,9 +365,7 @@ class _Interpolation:
     def rotations(self, R: np.ndarray) -> np.ndarray:
         """Rotations (K, 3, 3) on the grid; neighbours are close, so normalised quaternions will do."""
         quat = Rotation.from_matrix(R).as_quat()
-        flips = np.cumprod(np.where(np.sum(quat[1:] * quat[:-1], axis=1) < 0.0, -1.0, 1.0))
-        quat[1:] *= flips[:, None]
-        return Rotation.from_quat(self(quat)).as_matrix()
+        return Rotation.from_quat(self(_same_side(quat))).as_matrix()
 
 
 def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -370,16 +373,6 @@ def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     turn = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec() / dt
     spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
     return spin, np.gradient(spin, dt, axis=0)
-
-
-def _speed(chunk: ActionChunk) -> float:
-    """Largest speed of a wrist between two steps [m/s]."""
-    steps = [np.diff(T[:, :3, 3], axis=0) for T in (chunk.T_world_lhand, chunk.T_world_rhand)]
-    return float(np.linalg.norm(steps, axis=2).max() * chunk.fps)
-
-
-def _excess(attempt: _Attempt) -> float:
-    return float(attempt.motion.excess.max())
 
 
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:
@@ -395,12 +388,17 @@ def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.concatenate([R @ v[:3], turn, v[6:]])
 
 
-def _continuous(q: np.ndarray) -> np.ndarray:
+def _one_sided(q: np.ndarray) -> np.ndarray:
     """Configurations (K, nq) with neighbouring quaternions on the same side."""
     q = q.copy()
-    flips = np.cumprod(np.where(np.sum(q[1:, 3:7] * q[:-1, 3:7], axis=1) < 0.0, -1.0, 1.0))
-    q[1:, 3:7] *= flips[:, None]
+    q[:, 3:7] = _same_side(q[:, 3:7])
     return q
+
+
+def _same_side(quat: np.ndarray) -> np.ndarray:
+    """Quaternions (K, 4) with signs that make neighbours close."""
+    flips = np.cumprod(np.where(np.sum(quat[1:] * quat[:-1], axis=1) < 0.0, -1.0, 1.0))
+    return quat * np.concatenate([[1.0], flips])[:, None]
 
 
 def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:

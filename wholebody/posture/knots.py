@@ -13,8 +13,6 @@ from wholebody.posture.distances import Distances
 from wholebody.reference.compiled import compiled
 from wholebody.support import convex_polygon
 
-GRAVITY = 9.81
-"""[m/s^2]"""
 N_BODY = 35
 """Velocities of the body without fingers."""
 N_FREE = N_BODY - 12
@@ -69,7 +67,7 @@ class Knots:
         self._set_frames()
         self._set_limits(list(model.names[2:]))
         self.mass = float(pin.computeTotalMass(full))
-        self.weight = self.mass * GRAVITY
+        self.weight = -self.mass * full.gravity.linear[2]
         self._move_to(self.q_stance)
         self._R_feet, self._p_feet = self._R[4:].copy(), self._p[4:].copy()
         self._com = pin.centerOfMass(model, self.data, self.q_stance)[:2].copy()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from wholebody.config import PosturePlanConfig
@@ -18,25 +16,19 @@ STEP_MAX = 0.4
 DAMPING, DAMPING_MIN, DAMPING_MAX = 1e-4, 1e-7, 1e6
 
 
-def optimise(
-    program: Program, q: np.ndarray, config: PosturePlanConfig, log: Callable[[str], None] | None = None
-) -> tuple[np.ndarray, Program]:
+def optimise(program: Program, q: np.ndarray, config: PosturePlanConfig) -> tuple[np.ndarray, Program]:
     """The best motion found from q (K, 36) on, and its program, weighed with firm bounds."""
     damping = DAMPING
     program.linearise(q)
     for softness, rounds in ROUNDS:
         cost = program.weigh(config, softness)
         program.prepare()
-        if log:
-            log(f"softness {softness} cost {cost:.5g} {_rounded(program.parts)}")
         for _ in range(rounds):
             z, promise, damping = _trusted_step(program, damping)
             candidate, q_new = program.fresh(), program.moved(q, z)
             candidate.linearise(q_new)
             cost_new = candidate.weigh(config, softness)
             ratio = (cost - cost_new) / max(promise, 1e-12)
-            if log:
-                log(f"  cost {cost_new:.5g} {_rounded(candidate.parts)} damping {damping:.1e} ratio {ratio:.2f}")
             if not cost_new < cost:
                 damping *= 4.0
                 continue
@@ -55,7 +47,3 @@ def _trusted_step(program: Program, damping: float) -> tuple[np.ndarray, float, 
         if np.abs(z).max() < STEP_MAX or damping > DAMPING_MAX:
             return z, promise, damping
         damping *= 4.0
-
-
-def _rounded(parts: dict[str, float]) -> dict[str, float]:
-    return {name: round(value, 1) for name, value in parts.items() if value > 0.05}

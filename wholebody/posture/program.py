@@ -166,11 +166,10 @@ class Program:
         g["most_acceleration"].w = tiled((weights.ACCELERATION * softness) ** -2, N_BODY - 6)
         g["most_speed"].w = tiled(weights.SPEED**-2 * firm, N_BODY - 6)
         g["position"].w[0] = g["sided"].w[0] = 0.0
-        self.parts = {}
-        for name, group in g.items():
+        self.cost = weights.give(g["position"].r[1:], config)
+        for group in g.values():
             r = group.r if group.sign is None else np.maximum(group.sign * group.r, 0.0)
-            self.parts[name] = float(np.sum(group.w * r**2))
-        self.cost = weights.give(g["position"].r[1:], config) + sum(self.parts.values())
+            self.cost += float(np.sum(group.w * r**2))
         return self.cost
 
     def palms(self) -> np.ndarray:
@@ -225,7 +224,10 @@ class Program:
             band[0] += extra
             factor, info = dpbtrf(band, lower=1, overwrite_ab=1)
             if info:
-                raise RuntimeError(f"the plan's program is not positive definite at variable {info}")
+                raise RuntimeError(
+                    f"the posture plan's program is singular at variable {info}: is a scale in planner.posture or "
+                    "planner.gentle zero or huge? `wholebody config` prints those that work"
+                )
             newton = dpbtrs(factor, -g, lower=1)[0]
             direction, change = newton - z, self._along(newton) - along
             t = search(self._r, self._w, self._sign, along, change, z, direction, extra)

@@ -1,0 +1,104 @@
+"""What commands show on the terminal, and the files that they write."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from wholebody.sim.recorder import Recorder
+    from wholebody.verdict import Verdict
+
+
+def check_places(
+    json_to: str, video: Path | None = None, sheet: Path | None = None, record: Path | None = None
+) -> None:
+    """Refuse outputs that cannot be written before minutes of simulation, not after."""
+    for path, ending in ((video, ".mp4"), (sheet, ".png"), (record, ".npz")):
+        if path is not None and path.suffix != ending:
+            raise ValueError(f"cannot write '{path}': its name must end in {ending}")
+    for path in (video, sheet, record, Path(json_to) if json_to not in ("", "-") else None):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
+
+
+def print_verdict(verdict: Verdict) -> None:
+    """The answer in words, its first line the verdict."""
+    from wholebody.report import lines
+
+    print("\n".join(lines(verdict)), flush=True)
+
+
+def print_nothing(verdict: Verdict) -> None:
+    """Standard output is for JSON alone."""
+
+
+def table_printer(names: list[str]) -> Callable[[Verdict], None]:
+    """Print the heading; what it returns prints a motion's row as soon as that motion is over."""
+    from wholebody.report import HEADINGS, row, table_line
+
+    width = max(len(Path(name).stem) for name in names)
+    print(table_line(HEADINGS, width), flush=True)
+    return lambda verdict: print(table_line(row(verdict), width), flush=True)
+
+
+def waiting(text: str) -> AbstractContextManager:
+    """A note on a terminal for as long as something takes."""
+    if not sys.stderr.isatty():
+        return nullcontext()
+    from rich.console import Console
+
+    return Console(stderr=True).status(text)
+
+
+@contextmanager
+def progress_bar(name: str, *, quiet: bool) -> Iterator[Callable[[float, float], None] | None]:
+    """A progress bar on a terminal, nothing elsewhere."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=1.0)
+        yield lambda time, end: bar.update(task, completed=time / end)
+
+
+def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, record: Path | None) -> None:
+    """The recording and what is drawn from it; without OpenGL the run still counts."""
+    from wholebody.errors import RenderError
+    from wholebody.sim.render import render
+
+    with TemporaryDirectory() as folder:
+        file = record or Path(folder) / "run.npz"
+        recorder.save(file)
+        for output in (video, sheet):
+            if output is None:
+                continue
+            try:
+                with waiting(f"drawing {output}"):
+                    render(file, output)
+                print(f"wrote {output}", file=sys.stderr)
+            except RenderError as error:
+                print(f"wholebody: '{output}' was not written: {error}", file=sys.stderr)
+
+
+def write_json(target: str, verdicts: list[Verdict]) -> None:
+    """All verdicts as JSON, to a file or with '-' to standard output; nothing for no target."""
+    from wholebody.report import to_json
+
+    if target:
+        write_text(target, to_json(verdicts))
+
+
+def write_text(target: str, text: str) -> None:
+    """Text to a file, or with '-' to standard output."""
+    if target == "-":
+        print(text)
+    else:
+        Path(target).write_text(text + "\n")
