@@ -1,7 +1,9 @@
 """Strategy: the compiled program against the readable one on thousands of random states, active limits included.
 
-The readable program is solved by daqp and polished for its active set, so that its answer is exact to rounding; the few
-answers that are not are left out.
+The readable program is solved by daqp, and for the active set that it found in extended precision: the answer is exact
+for its data; the few whose active set is not the right one are left out. The data themselves are rounded, in different
+ways in the two programs, and where active rows are nearly parallel that alone moves the answer by more than the
+tolerance; how far is computed for each state.
 """
 
 from dataclasses import replace
@@ -17,7 +19,7 @@ from wholebody.config import ControllerConfig
 from wholebody.controller import PalmReference, WholeBodyController
 from wholebody.qp import blocks_core as mem
 from wholebody.qp.fast import ITERATION_LIMIT
-from wholebody.qp.presolve import polish, prepare
+from wholebody.qp.presolve import prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import solve
 from wholebody.types import RobotState
@@ -28,6 +30,8 @@ EXACT = 1e-10
 """Residuals of a reference answer that is fit to compare with."""
 TOLERANCE = 1e-8
 """Largest |difference| / max(1, |value|) of accelerations, torques and forces."""
+ROUNDINGS = 4.0
+"""Where rounding the data of the program moves its answer further than that: this many standard deviations of it."""
 
 
 def make(config, hands=True):
@@ -81,19 +85,50 @@ def active_set(z, edges=()):
 
 
 def readable(controller, hands):
-    """The readable program's answer, exact where it can be polished."""
+    """The readable program's answer, exact where it can be, and how far rounding its data moves ``x`` and torques."""
     # Measured once: from another guess, GJK finds another pair of nearest points between parallel faces.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(controller.self_collision.proximity, "update", lambda *_: None)
         program = controller.build(hands=hands)
     answer = solve(program)
     if not answer.ok:
-        return answer
+        return answer, np.inf, np.inf
     prepared = prepare(program, slack=True)
-    candidate = (answer.x / prepared.scale, answer.y, answer.z, answer.z_box * prepared.scale)
-    x, y, z, z_box = prepared.restore(polish(prepared.program, candidate))
+    z, z_box = answer.z, answer.z_box * prepared.scale
+    exact, K, right, inverse = solve_active(prepared.program, z, z_box)
+    n, n_eq = len(answer.x), len(answer.y)
+    rows, box = np.flatnonzero(z), np.flatnonzero(z_box)
+    z[rows], z_box[box] = exact[n + n_eq :][: len(rows)], exact[n + n_eq + len(rows) :]
+    x, y, z, z_box = prepared.restore((exact[:n], exact[n : n + n_eq], z, z_box))
     residuals = kkt_residuals(program, x, y, z, z_box)
-    return replace(answer, x=x, y=y, z=z, z_box=z_box, residuals=residuals)
+    noise = np.finfo(float).eps ** 2 * (K**2 @ exact**2 + right**2)
+    moved = prepared.scale[:, None] * inverse[:n]
+    torque = torque_map(controller) @ moved[:-2]
+    spreads = (np.sqrt(rows_moved**2 @ noise) for rows_moved in (moved, torque))
+    return replace(answer, x=x, y=y, z=z, z_box=z_box, residuals=residuals), *spreads
+
+
+def solve_active(qp, z, z_box):
+    """The program's answer if the rows with multipliers are all that bind; their system and its inverse."""
+    rows, box, n = np.flatnonzero(z), np.flatnonzero(z_box), len(qp.g)
+    E = np.vstack([qp.A, qp.C[rows], np.eye(n)[box]])
+    sides = np.where(z > 0.0, qp.upper, qp.lower)[rows], np.where(z_box > 0.0, qp.x_max, qp.x_min)[box]
+    right = np.concatenate([-qp.g, qp.b, *sides])
+    K = np.block([[qp.H, E.T], [E, np.zeros((len(E), len(E)))]])
+    # Rows that depend on each other make K singular; refinement takes the effect of the regularisation out.
+    inverse = np.linalg.inv(K + np.diag(np.concatenate([np.full(n, 1e-9), np.full(len(E), -1e-9)])))
+    answer, extended = np.zeros(len(right), dtype=np.longdouble), K.astype(np.longdouble)
+    for _ in range(8):
+        answer += inverse @ (right - extended @ answer).astype(float)
+    return answer.astype(float), K, right, inverse
+
+
+def torque_map(controller):
+    """Joint torques for each acceleration and force, shape (n_joints, nv + n_forces)."""
+    points = np.vstack(
+        [foot.force_jacobian(controller.robot, foot.acceleration(controller.robot)[0]) for foot in controller.feet]
+    )
+    return np.hstack([controller.robot.M[6:], -points[:, 6:].T])
 
 
 def multipliers(controller, z):
@@ -109,8 +144,11 @@ def multipliers(controller, z):
     return np.concatenate(rows), box
 
 
-def difference(found, expected):
-    return np.max(np.abs(found - expected) / np.maximum(1.0, np.abs(expected)))
+def difference(found, expected, spread=0.0):
+    """Largest scaled difference; next to where rounding moves the expected value further, a share of the tolerance."""
+    size = np.maximum(1.0, np.abs(expected))
+    allowed = np.maximum(1.0, ROUNDINGS * spread / (TOLERANCE * size))
+    return np.max(np.abs(found - expected) / size / allowed)
 
 
 @pytest.fixture(scope="module")
@@ -124,17 +162,18 @@ def default():
 def test_compiled_and_readable_program_have_the_same_answer(default, size, hands, states):
     controller, q_stance = default
     rng = np.random.default_rng(int(10 * size) + hands)
-    active, differences = 0, []
+    active, differences, sensitive = 0, [], 0
     for _ in range(states):
         q, v, reference = draw(controller, q_stance, rng, size)
         found = solved(controller, q, v, reference, hands)
-        expected = readable(controller, hands)
+        expected, spread, torque_spread = readable(controller, hands)
         assert found.ok, (controller.compiled.code, found.residuals)
         if not expected.residuals.within(EXACT, EXACT):
             continue
         solution, wanted = controller.compiled.read(found), controller.dynamics.read(expected)
-        parts = ((solution.dv, wanted.dv), (solution.forces, wanted.forces), (solution.tau, wanted.tau))
-        differences.append(max(difference(*part) for part in (*parts, (solution.slack, wanted.slack))))
+        parts = ((found.x, expected.x, spread), (solution.tau, wanted.tau, torque_spread))
+        differences.append(max(difference(*part) for part in parts))
+        sensitive += any(difference(value + ROUNDINGS * far, value) > TOLERANCE for _, value, far in parts)
         z, z_box = multipliers(controller, found.z)
         edges = (
             controller.robot.n_joints + 4 * len(solution.forces) + np.arange(controller.compiled.counts[mem.N_EDGES])
@@ -143,10 +182,9 @@ def test_compiled_and_readable_program_have_the_same_answer(default, size, hands
         assert active_set(z_box[:-2]) == active_set(expected.z_box[:-2])
         active += len(active_set(z)) + len(active_set(z_box[:-2]))
     compared = len(differences)
-    assert compared >= 0.75 * states
-    # In one state of a thousand, two active rows are parallel but for 1e-6, and both answers are that much less exact.
-    assert np.max(differences) <= 1e-6
-    assert np.mean(np.array(differences) > TOLERANCE) <= 0.003
+    assert compared >= 0.85 * states
+    assert np.max(differences) <= TOLERANCE
+    assert sensitive <= 0.02 * states
     assert active >= (10 if hands else 4) * compared, "the states are too easy: limits have to be active"
 
 
@@ -156,10 +194,10 @@ def test_a_robot_with_rubber_hands_has_the_same_answer_too():
     for _ in range(50):
         q, v, reference = draw(controller, q_stance, rng, 0.5)
         found = solved(controller, q, v, reference)
-        expected = readable(controller, True)
+        expected, spread, _ = readable(controller, True)
         assert found.ok
         if expected.residuals.within(EXACT, EXACT):
-            assert difference(found.x[: len(q) - 1], expected.x[: len(q) - 1]) <= TOLERANCE
+            assert difference(found.x, expected.x, spread) <= TOLERANCE
 
 
 def test_the_working_set_of_the_last_tick_changes_the_way_but_not_the_answer(default):

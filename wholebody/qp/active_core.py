@@ -135,15 +135,14 @@ def point_of(count, nu, Q, y, u):
         add_scaled(u, y[k], Q[k], nu)
 
 
-def correct(count, R, left, y):
-    """Correct ``y`` for what is ``left`` (count,) of its rows' violation: ``y -= R'^-1 left``, in place."""
+def step_back(count, R, left, Q, u):
+    """Take out of ``u`` what is ``left`` (count,) of the violation of its rows: ``u -= Q R'^-1 left``."""
     for k in range(count):
         total = left[k]
         for i in range(k):
             total -= R[i, k] * left[i]
         left[k] = total / R[k, k]
-    for k in range(count):
-        y[k] -= left[k]
+        add_scaled(u, -left[k], Q[k], u.shape[0])
 
 
 def worst(value, lower, upper, size, n, tolerance):

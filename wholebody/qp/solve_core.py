@@ -3,13 +3,13 @@
 import math
 
 from wholebody.qp import blocks_core as mem
-from wholebody.qp.active_core import append, correct, exchange, point_of, remove, settle, worst
+from wholebody.qp.active_core import append, exchange, point_of, remove, settle, step_back, worst
 from wholebody.qp.cost_core import expand
 from wholebody.qp.linear_core import dot, solve_upper
 from wholebody.qp.rows_core import add_spread, describe, evaluate, transform, wrench_of
 
-REFINEMENTS = 3
-EXACT = 1e-11
+REFINEMENTS = 4
+EXACT = 2e-13
 """Violation of a row of the working set that is taken for none [m/s^2, rad/s^2, N, N m]."""
 FACE = 2
 """Entry of CONTACT that holds the slope of the friction pyramid."""
@@ -221,11 +221,7 @@ def search(reals, ints):
         point(reals, ints)
         row = worst(value, lower, upper, mem.vector(reals, mem.SIZE), upper.shape[0], tolerance)
         if row < 0 or holds(row, rows, count):
-            for _ in range(REFINEMENTS):
-                if not refine(count, reals, ints):
-                    break
-                point_of(count, nu, Q, y, u)
-                point(reals, ints)
+            refine(count, reals, ints)
             row = worst(value, lower, upper, mem.vector(reals, mem.SIZE), upper.shape[0], tolerance)
             if row < 0 or holds(row, rows, count):
                 return mem.SOLVED
@@ -245,18 +241,29 @@ def search(reals, ints):
 
 
 def refine(count, reals, ints):
-    """Correct the boundary point for what rounding left of the violation of its rows; False if that is nothing."""
+    """Correct the boundary point for what rounding left of the violation of its rows, as long as it gets less.
+
+    The correction is added to ``u``: the price of the slacks makes ``y`` so large that ``Q y`` is rounded at 1e-12, and
+    forces are 300 times that.
+    """
+    left, largest = mem.vector(reals, mem.COEFFICIENTS), math.inf
+    for _ in range(REFINEMENTS):
+        before, largest = largest, violation(count, left, reals, ints)
+        if not EXACT < largest < 0.5 * before:
+            return
+        step_back(count, mem.matrix(reals, mem.QR_R), left, mem.matrix(reals, mem.QR_Q), mem.vector(reals, mem.U_VEC))
+        point(reals, ints)
+
+
+def violation(count, left, reals, ints):
+    """How far the rows of the working set are beyond their sides, into ``left`` (count,); the largest amount."""
     value, lower, upper = mem.vector(reals, mem.VALUE), mem.vector(reals, mem.LOWER), mem.vector(reals, mem.UPPER)
-    rows, sides, left = mem.vector(ints, mem.ROWS), mem.vector(reals, mem.SIDES), mem.vector(reals, mem.COEFFICIENTS)
-    largest = 0.0
+    rows, sides, largest = mem.vector(ints, mem.ROWS), mem.vector(reals, mem.SIDES), 0.0
     for k in range(count):
         i = rows[k]
         left[k] = value[i] - upper[i] if sides[k] > 0.0 else lower[i] - value[i]
         largest = max(largest, abs(left[k]))
-    if largest <= EXACT:
-        return False
-    correct(count, mem.matrix(reals, mem.QR_R), left, mem.vector(reals, mem.Y_))
-    return True
+    return largest
 
 
 def holds(row, rows, count):
