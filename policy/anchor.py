@@ -11,7 +11,7 @@ from models.g1 import g1
 from policy.joints import BODY_JOINTS
 from policy.kinematics import kinematics
 from policy.observation import Observation
-from policy.rotations import matrix_to_quaternion, quaternion_to_matrix
+from policy.rotations import nearest_rotation, quaternion_to_matrix
 from policy.se3 import make_transform, yaw_frame
 
 
@@ -43,10 +43,9 @@ class Anchor:
         """
         observation.validate()
         T = np.asarray(observation.T_world_base, dtype=float)
-        # Through a unit quaternion: the measured rotation may carry rounding that a chunk must not inherit.
-        R = quaternion_to_matrix(matrix_to_quaternion(T[:3, :3], "xyzw"), "xyzw")
+        # The measured rotation may carry rounding that a chunk must not inherit.
         return cls(
-            make_transform(R, T[:3, 3]),
+            make_transform(nearest_rotation(T[:3, :3]), T[:3, 3]),
             np.asarray(observation.q_body, dtype=float),
             np.asarray(observation.q_lhand, dtype=float),
             np.asarray(observation.q_rhand, dtype=float),

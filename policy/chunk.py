@@ -13,6 +13,7 @@ ROTATION_TOLERANCE = 1e-6
 """Largest residual of a pose's rotation: decoding orthonormalises, so more than rounding is a mistake."""
 
 _POSES = ("T_world_lhand", "T_world_rhand")
+_LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _OPTIONAL = {"q_larm": 7, "q_rarm": 7, "q_waist": 3, "base_height": 0, "base_velocity": 3}
 
 
@@ -66,11 +67,12 @@ class ActionChunk:
         names = (*_POSES, "q_lhand", "q_rhand", *_OPTIONAL)
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
-    def validate(self, *, after: ActionChunk | None = None) -> None:
+    def validate(self, *, after: ActionChunk | None = None, rotations: bool = True) -> None:
         """Check everything that can be checked without a robot.
 
         Args:
             after: The chunk before it in the same episode: number and time must increase from it.
+            rotations: Check the poses too; they need it unless they were just made from rotations.
 
         Raises:
             ChunkError: With the offending step and field.
@@ -81,7 +83,8 @@ class ActionChunk:
             raise ChunkError("the chunk has no step; at least one is expected", slot="T_world_lhand")
         for name in _POSES:
             self._check_array(name, (steps, 4, 4))
-            self._check_poses(name)
+        if rotations:
+            self._check_poses()
         for name in ("q_lhand", "q_rhand"):
             self._check_array(name, (steps, 7))
         for name, width in _OPTIONAL.items():
@@ -97,31 +100,32 @@ class ActionChunk:
             raise ChunkError(
                 f"fps is {self.fps}; a positive rate in Hz is expected, so that time increases", slot="fps"
             )
-        if not np.all(np.diff(self.times) > 0.0):
+        times = self.times
+        if not (times[1:] > times[:-1]).all():
             raise ChunkError(f"times do not increase at t_obs {self.t_obs} s and {self.fps} Hz", slot="t_obs")
 
     def _check_array(self, name: str, shape: tuple[int, ...]) -> None:
         value = np.asarray(getattr(self, name))
         if value.shape != shape:
             raise ChunkError(f"{name} has shape {value.shape}; {shape} is expected", slot=name)
-        if not np.issubdtype(value.dtype, np.floating):
+        if value.dtype.kind != "f":
             raise ChunkError(f"{name} has the type {value.dtype}; floating point is expected", slot=name)
-        bad = ~np.isfinite(value)
-        if bad.any():
-            index = [int(i) for i in np.argwhere(bad)[0]]
+        finite = np.isfinite(value)
+        if not finite.all():
+            index = [int(i) for i in np.argwhere(~finite)[0]]
             raise ChunkError(f"{name} is {value[tuple(index)]} at step {index[0]}", step=index[0], slot=name)
 
-    def _check_poses(self, name: str) -> None:
-        T = np.asarray(getattr(self, name))
-        residual = rotation_residual(T[:, :3, :3])
-        bad = ~(residual <= ROTATION_TOLERANCE) | (np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]) > ROTATION_TOLERANCE).any(1)
+    def _check_poses(self) -> None:
+        T = np.stack([self.T_world_lhand, self.T_world_rhand])
+        residual = rotation_residual(T[..., :3, :3])
+        bad = ~(residual <= ROTATION_TOLERANCE) | (np.abs(T[..., 3, :] - _LAST_ROW) > ROTATION_TOLERANCE).any(-1)
         if bad.any():
-            step = int(np.flatnonzero(bad)[0])
+            hand, step = (int(i) for i in np.argwhere(bad)[0])
             raise ChunkError(
-                f"{name} is no rigid transform at step {step}: rotation residual {residual[step]:.2g}, "
-                f"allowed {ROTATION_TOLERANCE}, last row {T[step, 3].tolist()}",
+                f"{_POSES[hand]} is no rigid transform at step {step}: rotation residual {residual[hand, step]:.2g}, "
+                f"allowed {ROTATION_TOLERANCE}, last row {T[hand, step, 3].tolist()}",
                 step=step,
-                slot=name,
+                slot=_POSES[hand],
             )
 
     def _check_order(self, before: ActionChunk) -> None:

@@ -84,7 +84,8 @@ def decode(
         base_velocity=_resolved(velocity, actions, anchor).reshape(steps, 3) if velocity else None,
         notes=notes,
     )
-    chunk.validate()
+    # Every pose above is a product of rotations that were made orthonormal.
+    chunk.validate(rotations=False)
     return chunk
 
 
@@ -104,11 +105,11 @@ def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
 def encode_valid(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     """`encode` for a chunk that was validated or made from something that was."""
     actions = np.empty((len(chunk), spec.dim))
+    for side, hand in _SIDES:
+        for slot, numbers in encode_wrist(spec, side, getattr(chunk, f"T_world_{hand}"), anchor):
+            actions[:, slot.indices] = numbers
     for slot in spec.slots:
-        if slot.name.endswith(("_wrist_position", "_wrist_rotation")):
-            poses = chunk.T_world_lhand if slot.name.startswith("left") else chunk.T_world_rhand
-            actions[:, slot.indices] = encode_wrist(slot, spec, poses, anchor)
-        else:
+        if not slot.name.endswith(("_wrist_position", "_wrist_rotation")):
             numbers = slot.from_si(_values_for(slot, spec, chunk, anchor))
             actions[:, slot.indices] = _to_mode(slot, numbers, anchor)
     return actions
@@ -116,12 +117,13 @@ def encode_valid(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.nda
 
 def _checked(spec: ActionSpec, actions: np.ndarray) -> np.ndarray:
     actions = np.asarray(actions)
-    if not (np.issubdtype(actions.dtype, np.floating) or np.issubdtype(actions.dtype, np.integer)):
+    if actions.dtype.kind not in "fiu":
         raise ChunkError(f"the actions are of type {actions.dtype}; numbers are expected")
     if actions.ndim != 2 or actions.shape[1] != spec.dim or len(actions) < 1:
         raise ChunkError(f"the actions have shape {actions.shape}; '{spec.name}' has (steps, {spec.dim})")
-    bad = ~np.isfinite(actions)
-    if bad.any():
+    finite = np.isfinite(actions)
+    if not finite.all():
+        bad = ~finite
         step, column = (int(i) for i in np.argwhere(bad)[0])
         name = next(slot.name for slot in spec.slots if column < slot.start + slot.size)
         raise ChunkError(

@@ -7,6 +7,7 @@ before its middle finger, the left one after it, so hands are always mapped by n
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -28,14 +29,21 @@ RIGHT_ARM = slice(BODY_JOINTS.index(RIGHT_ARM_JOINTS[0]), BODY_JOINTS.index(RIGH
 
 
 def permutation(source: Sequence[str], target: Sequence[str]) -> np.ndarray:
-    """Indices such that ``x_target = x_source[indices]``, matched by joint name.
+    """Indices such that ``x_target = x_source[indices]``, matched by joint name; read-only.
 
     Raises:
         SpecError: If a target joint is missing from the source, or a name occurs twice.
     """
+    return _permutation(tuple(source), tuple(target))
+
+
+@lru_cache(maxsize=256)
+def _permutation(source: tuple[str, ...], target: tuple[str, ...]) -> np.ndarray:
     if len(set(source)) != len(source):
         raise SpecError(f"a joint name occurs twice in {list(source)}")
     missing = [name for name in target if name not in source]
     if missing:
         raise SpecError(f"joints {missing} are missing; there are {list(source)}")
-    return np.array([list(source).index(name) for name in target], dtype=int)
+    indices = np.array([source.index(name) for name in target], dtype=int)
+    indices.flags.writeable = False
+    return indices

@@ -51,6 +51,9 @@ class LeRobotPolicy:
         self.spec = checkpoint.spec
         self.name = f"{checkpoint.network.config.type} {checkpoint.folder.name}"
         self.inputs = Inputs(checkpoint)
+        step = normaliser(checkpoint.postprocessor, inverse=True)
+        by_deviation = step is not None and mode_of(step, "ACTION") == "MEAN_STD"
+        self._beyond = BEYOND * (0.5 * DEVIATIONS_99 if by_deviation else 1.0)
         self._clock = EpisodeClock()
         self.reset()
 
@@ -124,7 +127,7 @@ class LeRobotPolicy:
         seq, _ = self._clock.tick(observation.time)
         actions, notes = self._predict(observation, anchor, prefix=prefix, seq=seq)
         chunk = decode(self.spec, actions, anchor, seq=seq, t_obs=observation.time)
-        return dataclasses.replace(chunk, notes=(*notes, *chunk.notes))
+        return dataclasses.replace(chunk, notes=(*notes, *chunk.notes)) if notes else chunk
 
     def _predict(
         self,
@@ -165,14 +168,13 @@ class LeRobotPolicy:
 
     def _contained(self, chunk: Any) -> tuple[Any, list[str]]:
         """The normalised chunk, clamped if that is wanted, and what lies beyond training."""
-        limit, step = self.checkpoint.options.clamp, normaliser(self.checkpoint.postprocessor, inverse=True)
-        end = BEYOND * (0.5 * DEVIATIONS_99 if step and mode_of(step, "ACTION") == "MEAN_STD" else 1.0)
-        size = chunk.abs()
-        share, most = float((size > end).float().mean()), float(size.max())
+        limit, end, size = self.checkpoint.options.clamp, self._beyond, chunk.abs()
+        most = float(size.max())
         if limit is not None:
             chunk = chunk.clamp(-limit, limit)
-        if not share:
+        if most <= end:
             return chunk, []
+        share = float((size > end).float().mean())
         done = "" if limit is None else f", clamped to {limit:g}"
         return chunk, [f"{100 * share:.0f} % of the numbers are beyond {end:.2g} (normalised), up to {most:.2g}{done}"]
 

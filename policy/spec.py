@@ -76,9 +76,13 @@ class ActionSpec:
         """Name, version and the first digits of the hash, as in ``wbc32-v1-0a1b2c3d4e5f``."""
         return f"{self.name}-v{self.version}-{self.hash[:12]}"
 
+    @cached_property
+    def _slots(self) -> dict[str, Slot]:
+        return {slot.name: slot for slot in self.slots}
+
     def slot(self, name: str) -> Slot | None:
         """The slot that drives something, or None."""
-        return next((slot for slot in self.slots if slot.name == name), None)
+        return self._slots.get(name)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `from_dict` gives the same spec back."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from policy.anchor import Anchor
@@ -48,17 +50,21 @@ def decode_wrist(spec: ActionSpec, side: str, actions: np.ndarray, anchor: Ancho
             raise ChunkError(
                 f"{rotation.name} at step {error.index}: {error}", step=error.index, slot=rotation.name
             ) from error
-    return reference.T_world_frame @ translated(make_transform(R, p), -np.array(position.tcp_offset))
+    return reference.T_world_frame @ _moved(make_transform(R, p), [-x for x in position.tcp_offset])
 
 
-def encode_wrist(slot: Slot, spec: ActionSpec, T_world_hand: np.ndarray, anchor: Anchor) -> np.ndarray:
-    """Numbers (H, size) of a wrist position or rotation slot for poses (H, 4, 4)."""
-    position = spec.slot(slot.name.replace("_rotation", "_position"))
+def encode_wrist(
+    spec: ActionSpec, side: str, T_world_hand: np.ndarray, anchor: Anchor
+) -> Iterator[tuple[Slot, np.ndarray]]:
+    """Numbers (H, size) of the slots of a wrist, if there are any, for poses (H, 4, 4)."""
+    position, rotation = spec.slot(f"{side}_wrist_position"), spec.slot(f"{side}_wrist_rotation")
+    if position is None:
+        return
     reference = _Reference(position, anchor)
-    T = translated(inverse(reference.T_world_frame) @ T_world_hand, position.tcp_offset)
-    if slot.kind == "position":
-        return slot.from_si(_encode_position(slot, T[:, :3, 3], reference))
-    return _encode_rotation(slot, T[:, :3, :3], reference)
+    T = _moved(inverse(reference.T_world_frame) @ T_world_hand, position.tcp_offset)
+    yield position, position.from_si(_encode_position(position, T[:, :3, 3], reference))
+    if rotation is not None:
+        yield rotation, _encode_rotation(rotation, T[:, :3, :3], reference)
 
 
 class _Reference:
@@ -75,8 +81,12 @@ class _Reference:
         if self._T is None:
             hand = "lhand" if self.position.name.startswith("left") else "rhand"
             T_world_hand = self.anchor.T_world_base @ self.anchor.poses[hand]
-            self._T = translated(inverse(self.T_world_frame) @ T_world_hand, self.position.tcp_offset)
+            self._T = _moved(inverse(self.T_world_frame) @ T_world_hand, self.position.tcp_offset)
         return self._T
+
+
+def _moved(T: np.ndarray, offset: Sequence[float]) -> np.ndarray:
+    return translated(T, offset) if any(offset) else T
 
 
 def _frame(slot: Slot, anchor: Anchor) -> np.ndarray:
