@@ -68,7 +68,6 @@ def solved(controller, q, v, reference, hands=True):
     controller.robot.update(q, v)
     controller.set_reference(reference)
     controller.compiled.load_reference()
-    controller.compiled.load_pairs()
     return controller.compiled.solve(q, v, hands=hands)
 
 

@@ -22,7 +22,7 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # The names of a set are siblings: none imports another.
 LAYERS = (
     ("resources", "errors", "types", "config", "config_file"),
-    ("support", "robot", "proximity"),
+    ("support", "robot", "gjk_core", "shapes", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     {"qp", "posture"},
     (

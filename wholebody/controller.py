@@ -282,7 +282,6 @@ class WholeBodyController:
         """The compiled program; where its answer is not acceptable, the readable one and the second solver."""
         robot = self.robot
         compiled.load_reference()
-        compiled.load_pairs()
         for level, hands in enumerate((True, False)):
             answer = compiled.solve(robot.q, robot.v, hands=hands)
             robot.com, robot.com_velocity = compiled.com.copy(), compiled.com_velocity.copy()

@@ -36,6 +36,9 @@ class Proximity:
         distance: Distance when last measured, shape (n,), negative where the hulls overlap [m].
         bound: Lower bound of the distance now, shape (n,), equal to the distance where it was measured now [m].
         margin: Distance to keep, shape (n,), [m].
+        rows: Normal from the first body to the second and the nearest points ``[normal, point, point]`` in world when
+            last measured, shape (n, 9).
+        radii: How far a turn of a joint can move a point of a shape, as `sweep_radii`.
     """
 
     def __init__(
@@ -56,11 +59,12 @@ class Proximity:
         parents = np.array([shape.parentJoint for shape in self.geometry.geometryObjects])
         self._parents = parents[self.pairs]
         self._supports = _supports(model)
-        self._sweep = _pair_sweep(sweep_radii(model, self.geometry)[self.pairs])
+        self.radii = sweep_radii(model, self.geometry)
+        self._sweep = _pair_sweep(self.radii[self.pairs])
         pin.computeDistances(model, model.createData(), self.geometry, self.data, q_stance)
-        self._results: dict[int, coal.DistanceResult] = {}
+        self._scratch: pin.Data | None = None
         self.distance = np.array([result.min_distance for result in self.data.distanceResults])
-        self.bound = self.distance.copy()
+        self.bound, self.rows = self.distance.copy(), np.zeros((len(self.pairs), 9))
         self.margin = np.minimum(distance, self.distance - STANCE_SLACK)
         self._joints = q_stance[7:].copy()
 
@@ -90,7 +94,7 @@ class Proximity:
             least: Number of nearest pairs that are measured in any case; nearest by distance less margin.
         """
         self.bound -= self._sweep @ np.abs(q[7:] - self._joints)
-        self._joints = q[7:].copy()
+        self._joints[:] = q[7:]
         pin.updateGeometryPlacements(self.model, data, self.geometry, self.data)
         room = self.bound - self.margin
         known = room < trigger
@@ -104,12 +108,38 @@ class Proximity:
             known[unknown] = True
             self._measure(unknown, room)
 
+    def share(self, distance: np.ndarray, bound: np.ndarray, rows: np.ndarray, joints: np.ndarray) -> None:
+        """Keep the state in memory of somebody else from now on, who may go on with it; shapes as in the attributes.
+
+        ``joints`` (n_joints,) are the joint positions of the last `update`.
+        """
+        distance[:], bound[:], rows[:], joints[:] = self.distance, self.bound, self.rows, self._joints
+        self.distance, self.bound, self.rows, self._joints = distance, bound, rows, joints
+
+    def measure(self, q: np.ndarray, pairs: np.ndarray) -> None:
+        """Measure some pairs (k,) at a configuration (nq,), whatever their bounds say, and without regard to the past.
+
+        From another guess, the direction in which overlapping hulls are found to come apart is another one by 1e-4.
+        """
+        if self._scratch is None:
+            self._scratch = self.model.createData()
+        pin.updateGeometryPlacements(self.model, self._scratch, self.geometry, self.data, q)
+        items, request = self.geometry.geometryObjects, coal.DistanceRequest()
+        for k in pairs.tolist():
+            (a, b), result = self.pairs[k].tolist(), coal.DistanceResult()
+            placed = (coal.Transform3s(self.data.oMg[i].rotation, self.data.oMg[i].translation) for i in (a, b))
+            coal.distance(items[a].geometry, next(placed), items[b].geometry, next(placed), request, result)
+            self._store(k, result)
+
     def _measure(self, pairs: np.ndarray, room: np.ndarray) -> None:
         for k in pairs.tolist():
-            # Kept, because looking a result up in the wrapped vector takes as long as measuring it.
-            result = self._results[k] = pin.computeDistance(self.geometry, self.data, k)
-            distance = self.bound[k] = self.distance[k] = result.min_distance
-            room[k] = distance - self.margin[k]
+            self._store(k, pin.computeDistance(self.geometry, self.data, k))
+            room[k] = self.distance[k] - self.margin[k]
+
+    def _store(self, k: int, result: coal.DistanceResult) -> None:
+        row = self.rows[k]
+        self.bound[k] = self.distance[k] = result.min_distance
+        row[:3], row[3:6], row[6:] = result.normal, result.getNearestPoint1(), result.getNearestPoint2()
 
     def near(self, trigger: float, most: int | None = None, least: int = 0) -> np.ndarray:
         """Indices of the pairs within the trigger of their margin, nearest first.
@@ -128,22 +158,6 @@ class Proximity:
         nearest = np.argpartition(room, count - 1)[:count]
         return nearest[np.argsort(room[nearest], kind="stable")]
 
-    def nearest(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where near pairs are nearest.
-
-        Args:
-            pairs: Indices of pairs measured in the last `update`, shape (k,).
-
-        Returns:
-            Joints that carry the two bodies, shape (k, 2), and rows ``[normal, point, point]`` in world, shape (k, 9):
-            the normal points from the first body to the second.
-        """
-        rows = np.empty((len(pairs), 9))
-        for row, k in zip(rows, pairs.tolist(), strict=True):
-            result = self._results[k]
-            row[:3], row[3:6], row[6:] = result.normal, result.getNearestPoint1(), result.getNearestPoint2()
-        return self._parents[pairs], rows
-
     def rates(self, data: pin.Data, pairs: np.ndarray, v: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """How motion changes distances.
 
@@ -158,10 +172,9 @@ class Proximity:
         """
         if not len(pairs):
             return np.zeros((0, self.model.nv)), np.zeros(0)
-        results = [self._results[k] for k in pairs.tolist()]
-        normal = np.array([result.normal for result in results])
-        normal = np.concatenate([-normal, normal])
-        p = np.array([r.getNearestPoint1() for r in results] + [r.getNearestPoint2() for r in results])
+        rows = self.rows[pairs]
+        normal = np.concatenate([-rows[:, :3], rows[:, :3]])
+        p = np.concatenate([rows[:, 3:6], rows[:, 6:]])
         joints = self._parents[pairs].T.ravel()
         # A world-frame motion (u, w) moves the point p along n by n . u + (p x n) . w.
         row = np.hstack([normal, _cross(p, normal)])

@@ -11,24 +11,27 @@ from pathlib import Path
 from types import CellType, FunctionType, ModuleType
 
 CORES = (
-    "linear_core",
-    "motion_core",
-    "dynamics_core",
-    "bounds_core",
-    "cost_core",
-    "rows_core",
-    "active_core",
-    "blocks_core",
-    "assemble_core",
-    "solve_core",
-    "judge_core",
-    "command_core",
+    "wholebody.gjk_core",
+    "wholebody.qp.linear_core",
+    "wholebody.qp.motion_core",
+    "wholebody.qp.dynamics_core",
+    "wholebody.qp.bounds_core",
+    "wholebody.qp.cost_core",
+    "wholebody.qp.rows_core",
+    "wholebody.qp.active_core",
+    "wholebody.qp.blocks_core",
+    "wholebody.qp.assemble_core",
+    "wholebody.qp.nearest_core",
+    "wholebody.qp.solve_core",
+    "wholebody.qp.judge_core",
+    "wholebody.qp.command_core",
 )
-"""Modules of this package whose functions compile as they stand."""
+"""Modules whose functions compile as they stand."""
 
 
 STAGES = (
     ("assemble_core", "move"),
+    ("nearest_core", "nearest"),
     ("assemble_core", "assemble"),
     ("solve_core", "search"),
     ("judge_core", "conclude"),
@@ -49,8 +52,8 @@ def compiled_stages() -> tuple[Callable, ...]:
     import numba
     from numba.extending import register_jitable
 
-    modules = {name: import_module(f"wholebody.qp.{name}") for name in CORES}
-    stages = [(modules[name], function) for name, function in STAGES]
+    modules = {name: import_module(name) for name in CORES}
+    stages = [(modules[f"wholebody.qp.{name}"], function) for name, function in STAGES]
     _register_blocks()
     for module in modules.values():
         for function in _functions(module):

@@ -21,6 +21,7 @@ from wholebody.qp.arena import Arena
 from wholebody.qp.compiled import compiled_stages
 from wholebody.qp.dynamics import body_table
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
+from wholebody.qp.nearest import Blocks, near_shapes, near_tables
 from wholebody.qp.problem import QPSolution, Residuals
 from wholebody.robot import Robot
 from wholebody.tasks.com import ComTask
@@ -104,8 +105,12 @@ class CompiledProgram:
 
     def __init__(self, parts: Parts) -> None:
         self.parts = parts
-        self._reals, self._ints = _arenas(parts)
+        tables = near_tables(parts.robot.spec, parts.self_collision.proximity) if parts.safety else ({}, {})
+        self._reals, self._ints = _arenas(parts, *tables)
         self._fill()
+        for arena, blocks in zip((self._reals, self._ints), tables, strict=True):
+            for block, values in blocks.items():
+                arena[block][:] = values
         reals = self._reals
         self.dv, self.forces, self.tau, self.slack = (
             reals[b.DV], reals[b.FORCE].reshape(-1, 3), reals[b.TAU_OUT], reals[b.SLACK]
@@ -118,7 +123,7 @@ class CompiledProgram:
         self.code = b.SOLVED
         self._reference = reals.span(b.HAND_REF, b.POSTURE_REF)
         self._call = ((reals.memory, reals.table), (self._ints.memory, self._ints.table))
-        self._move, self._assemble, self._search, self._conclude, self._command = compiled_stages()
+        self._move, self._nearest, self._assemble, self._search, self._conclude, self._command = compiled_stages()
 
     @property
     def iterations(self) -> int:
@@ -155,25 +160,17 @@ class CompiledProgram:
             out=self._reference,
         )  # fmt: skip
 
-    def load_pairs(self) -> None:
-        """Measure the near pairs; the robot's placements must be those of its present state."""
+    def find_pairs(self) -> None:
+        """Measure the near pairs at the placements that the last call computed."""
         if not self.parts.safety:
             return
-        limit, robot = self.parts.self_collision, self.parts.robot
-        proximity = limit.proximity
-        proximity.update(robot.q, robot.data, limit.trigger, limit.least)
-        near = proximity.near(limit.trigger, limit.most, limit.least)
-        k = len(near)
-        if k:
-            joints, rows = proximity.nearest(near)
-            self._reals[b.PAIRS][:k, :9] = rows
-            self._reals[b.PAIRS][:k, 9] = proximity.distance[near] - proximity.margin[near]
-            self._ints[b.PAIR_BODY][: 2 * k] = joints.ravel() - 1
-            self._ints[b.PAIR_NOW][:k] = near
-        self.counts[b.N_PAIRS] = k
+        while self._nearest(*self._call):
+            # Bodies that touch have a depth, which only the slower algorithm finds.
+            unsure = self._ints[b.UNSURE_PAIRS][: self.counts[b.N_UNSURE]]
+            self.parts.self_collision.proximity.measure(self.q, unsure)
 
     def solve(self, q: np.ndarray, v: np.ndarray, *, hands: bool = True) -> QPSolution:
-        """Solve at a state; references and pairs are those loaded last.
+        """Solve at a state; references are those loaded last.
 
         Args:
             q: Configuration, shape (nq,).
@@ -187,6 +184,7 @@ class CompiledProgram:
         self.counts[b.HANDS] = hands
         call = self._call
         self._move(*call)
+        self.find_pairs()
         self.code = self._assemble(*call)
         if self.code == b.SOLVED:
             self.code = self._search(*call)
@@ -256,7 +254,11 @@ class CompiledProgram:
         self._ints[b.OWNER][:] = np.repeat(np.arange(len(p.feet)), len(foot.points))
         self._ints[b.DRIVEN][:], self._ints[b.FINGERS][:] = limit.driven, limit.driven - 6
         self._ints[b.MOTORS][:], reals[b.STEP][:] = p.robot.pin_to_motor, (p.dt, p.leak)
+        if p.safety:
+            limit.proximity.share(reals[b.DISTANCE_], reals[b.BOUND_], reals[b.MEASURED], reals[b.TURNED])
+            reals[b.TRIGGER][:] = limit.trigger
         counts = self._ints[b.COUNTS]
+        counts[b.LEAST_PAIRS] = limit.least
         counts[b.N_CONTACTS], counts[b.TRUNK], counts[b.ITERATION_LIMIT] = len(p.feet), p.safety, ITERATION_LIMIT
 
 
@@ -298,7 +300,7 @@ def _moves(p: Parts) -> np.ndarray:
     return moves
 
 
-def _arenas(p: Parts) -> tuple[Arena, Arena]:
+def _arenas(p: Parts, near_reals: Blocks, near_ints: Blocks) -> tuple[Arena, Arena]:
     """Memory for everything; the sizes follow from robot and contacts."""
     each = {len(foot.points) for foot in p.feet}
     if len(each) != 1 or p.torso.frame == p.pelvis.frame:
@@ -342,4 +344,13 @@ def _arenas(p: Parts) -> tuple[Arena, Arena]:
         b.PAIR_BEFORE: (most,), b.ROWS: (nu + 1,), b.COUNTS: (b.COUNTS_SIZE,),
         b.MOTORS: (nj,), b.FINGERS: (len(p.self_collision.driven),),
     }  # fmt: skip
+    if p.safety:
+        for shapes, blocks, changing in zip(
+            (reals, ints),
+            (near_reals, near_ints),
+            near_shapes(len(p.self_collision.proximity.pairs), nj, len(near_reals[b.REACH]), most),
+            strict=True,
+        ):
+            shapes.update({block: values.shape for block, values in blocks.items()})
+            shapes.update(changing)
     return Arena(reals, b.BLOCKS, np.float64), Arena(ints, b.INT_BLOCKS, np.int64)

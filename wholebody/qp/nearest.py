@@ -1,0 +1,54 @@
+"""Tables of shapes and pairs for the compiled tick."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.spec import RobotSpec
+from wholebody import gjk_core
+from wholebody.proximity import Proximity
+from wholebody.qp import blocks_core as b
+from wholebody.shapes import shape_table
+
+Blocks = dict[int, np.ndarray]
+
+
+def near_tables(spec: RobotSpec, proximity: Proximity) -> tuple[Blocks, Blocks]:
+    """Blocks of reals and of integers that do not change, by number.
+
+    The sweep of a pair is that of its two shapes less the joints that carry both. Those are the first ones of both
+    chains, so it is the sum of two suffixes of the chains' own sweeps.
+    """
+    table, pairs = shape_table(spec, proximity.geometry), proximity.pairs
+    joints, reach, start = [], [], [0]
+    for row in proximity.radii:
+        carried = np.flatnonzero(row)
+        joints.append(np.append(carried, 0))
+        reach.append(np.append(row[carried], 0.0))
+        start.append(start[-1] + len(carried) + 1)
+    carries = proximity.radii > 0.0
+    shared = (carries[pairs[:, 0]] & carries[pairs[:, 1]]).sum(1)
+    level = np.array(start)[pairs] + shared[:, None]
+    first = table.shapes[:, gjk_core.FIRST]
+    state = np.column_stack([np.zeros(len(pairs), dtype=np.int64), first[pairs]])
+    reals = {
+        b.REACH: np.concatenate(reach),
+        b.ROUNDS: table.rounds,
+        b.VERTICES: table.vertices,
+        b.KEEP: proximity.margin,
+    }
+    ints = {
+        b.CHAIN_START: np.array(start), b.CHAIN_JOINT: np.concatenate(joints), b.PAIR_SHAPES: pairs,
+        b.PAIR_LEVEL: level, b.GJK_STATE: state, b.SHAPES: table.shapes, b.EDGE_START: table.start,
+        b.EDGE_END: table.neighbours,
+    }  # fmt: skip
+    return reals, ints
+
+
+def near_shapes(n_pairs: int, n_joints: int, n_reach: int, most: int) -> tuple[dict, dict]:
+    """Shapes of the blocks that do change."""
+    reals = {
+        b.TRIGGER: (1,), b.TURNED: (n_joints,), b.SUFFIX: (n_reach,), b.ROOM: (n_pairs,), b.DISTANCE_: (n_pairs,),
+        b.BOUND_: (n_pairs,), b.MEASURED: (n_pairs, 9), b.SIMPLEX: (4 * n_pairs, 6), b.GJK: (gjk_core.SCRATCH,),
+    }  # fmt: skip
+    return reals, {b.KNOWN: (n_pairs,), b.UNSURE_PAIRS: (n_pairs,), b.NEAREST: (most,)}
