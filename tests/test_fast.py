@@ -18,7 +18,7 @@ from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig
 from wholebody.controller import PalmReference, WholeBodyController
 from wholebody.qp import blocks_core as mem
-from wholebody.qp.fast import ITERATION_LIMIT
+from wholebody.qp.memory import ITERATION_LIMIT
 from wholebody.qp.presolve import prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import solve
@@ -67,7 +67,6 @@ def solved(controller, q, v, reference, hands=True):
     """The compiled program's answer."""
     controller.robot.update(q, v)
     controller.set_reference(reference)
-    controller.compiled.load_reference()
     return controller.compiled.solve(q, v, hands=hands)
 
 
@@ -169,7 +168,7 @@ def test_compiled_and_readable_program_have_the_same_answer(default, size, hands
         assert found.ok, (controller.compiled.code, found.residuals)
         if not expected.residuals.within(EXACT, EXACT):
             continue
-        solution, wanted = controller.compiled.read(found), controller.dynamics.read(expected)
+        solution, wanted = controller.compiled.answer().solution(), controller.dynamics.read(expected)
         parts = ((found.x, expected.x, spread), (solution.tau, wanted.tau, torque_spread))
         differences.append(max(difference(*part) for part in parts))
         sensitive += any(difference(value + ROUNDINGS * far, value) > TOLERANCE for _, value, far in parts)
@@ -243,8 +242,7 @@ def test_an_answer_that_is_not_one_is_not_believed(default):
     for array, change in ((compiled.dv, 1e-3), (compiled.forces, 1e-2), (compiled.dv, np.nan)):
         assert compiled.solve(q, v).ok
         array[0] += change
-        compiled.conclude()
-        assert not compiled.judged().within(1e-6, 1e-6)
+        assert not compiled.conclude()
 
 
 def test_no_answer_is_given_where_there_is_none_in_time_or_at_all(default):

@@ -26,6 +26,7 @@ LAYERS = (
     {"reference", "tasks", "limits", "contacts", "sim"},
     {"qp", "posture"},
     (
+        "body_reference",
         "controller",
         "placo_tasks",
         "placo_program",

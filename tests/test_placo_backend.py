@@ -117,7 +117,7 @@ def test_a_far_reference_pulls_placo_as_it_pulls_us(ours, theirs):
     """The proportional parts of our tasks are limited, placo's are not."""
     place(ours, np.random.default_rng(1))
     hand = ours.palms[0]
-    hand.T_world_ref = pin.SE3(hand.T_world_ref.rotation, hand.T_world_ref.translation + np.array([0.5, 0.0, 0.0]))
+    hand.p_world_ref[0] += 0.5
     objective = hand.objective(ours.robot)
     theirs.solve()
     part = next(m for m in theirs._mirrors if getattr(m, "task", None) is hand).frame.position()

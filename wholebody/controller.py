@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
+from wholebody.body_reference import BodyReference, PackedReference, PalmReference, ReferenceMemory
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
@@ -17,8 +18,9 @@ from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.proximity import Proximity
-from wholebody.qp.fast import CompiledProgram, Parts
+from wholebody.qp.fast import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
+from wholebody.qp.memory import Parts
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
 from wholebody.robot import Robot
@@ -31,54 +33,42 @@ from wholebody.tasks.orientation import OrientationTask
 from wholebody.tasks.posture import PostureTask
 from wholebody.types import JointCommand, RobotState
 
-
-@dataclass(frozen=True, kw_only=True)
-class PalmReference:
-    """Reference of one palm point: pose, twist and acceleration in world axes [m, rad; per s; per s^2]."""
-
-    T_world: pin.SE3
-    twist: np.ndarray
-    acceleration: np.ndarray
+__all__ = ["BodyReference", "PackedReference", "PalmReference", "TickReport", "WholeBodyController"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class BodyReference:
-    """Everything the controller follows at one tick.
-
-    Attributes:
-        palms: Left and right palm.
-        q: Posture plan, shape (nq,), Pinocchio convention; the finger entries are the finger references.
-        dq, ddq: Joint speeds and accelerations of it, shape (n_joints,), Pinocchio order.
-        pelvis, torso: Planned orientation (3, 3), angular rate (3,) and acceleration (3,), world axes.
-        height: Planned height of the pelvis, its rate and acceleration [m, m/s, m/s^2].
-        com: Planned centre of mass, its velocity and acceleration, shape (3,) each.
-        momentum: Planned angular momentum about the centre of mass and its rate, shape (3,) each [N m s, N m].
-    """
-
-    palms: tuple[PalmReference, PalmReference]
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    pelvis: tuple[np.ndarray, np.ndarray, np.ndarray]
-    torso: tuple[np.ndarray, np.ndarray, np.ndarray]
-    height: tuple[float, float, float]
-    com: tuple[np.ndarray, np.ndarray, np.ndarray]
-    momentum: tuple[np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
 class TickReport:
     """What one tick did.
 
-    Attributes:
-        solution: Accelerations, forces and torques; None if no program had an acceptable solution.
-        qp: The last solver answer.
+    Args:
+        solution: Accelerations, forces and torques; None if no program had an acceptable solution; or a function that
+            gives them when they are asked for.
+        qp: The last solver answer, or such a function.
         level: 0 the full program, 1 without hands and with free joint bounds, 2 no solution: last torques held.
     """
 
-    solution: WholeBodySolution | None
-    qp: QPSolution
-    level: int
+    __slots__ = ("_qp", "_solution", "level")
+
+    def __init__(
+        self,
+        solution: WholeBodySolution | Callable[[], WholeBodySolution] | None,
+        qp: QPSolution | Callable[[], QPSolution],
+        level: int,
+    ) -> None:
+        self._solution, self._qp, self.level = solution, qp, level
+
+    @property
+    def solution(self) -> WholeBodySolution | None:
+        """Accelerations, forces and torques, or None."""
+        if callable(self._solution):
+            self._solution = self._solution()
+        return self._solution
+
+    @property
+    def qp(self) -> QPSolution:
+        """The last solver answer."""
+        if callable(self._qp):
+            self._qp = self._qp()
+        return self._qp
 
 
 class WholeBodyController:
@@ -107,6 +97,28 @@ class WholeBodyController:
         self._brake = np.minimum(self._ddq_max, np.where(fingers, np.inf, self.config.safety.joint_brake))
         self._tau = np.zeros(self.robot.n_joints)
         self.compiled = CompiledProgram(self._parts()) if self.config.solver == "compiled" else None
+        self._bind_references()
+
+    def _bind_references(self) -> None:
+        """Tasks and limits read their references where the program does."""
+        compiled = self.compiled
+        row = np.zeros(96 + 3 * self.robot.n_joints) if compiled is None else compiled.reference
+        shares = np.ones(2) if compiled is None else compiled.share
+        memory = self._reference = ReferenceMemory(row)
+        for i, palm in enumerate(self.palms):
+            palm.bind(memory.palms[i], shares[i : i + 1])
+        for item, part in (
+            (self.com, memory.com),
+            (self.momentum, memory.momentum),
+            (self.pelvis, memory.pelvis),
+            (self.torso, memory.torso),
+            (self.height, memory.height),
+            (self.posture, memory.posture),
+            (self.pelvis_limit, memory.pelvis),
+            (self.torso_limit, memory.torso),
+            (self.height_limit, memory.height),
+        ):
+            item.bind(part)
 
     def _parts(self) -> Parts:
         return Parts(
@@ -207,34 +219,37 @@ class WholeBodyController:
         if self.compiled is not None:
             self.compiled.reset()
 
-    def step(self, state: RobotState, reference: BodyReference) -> tuple[JointCommand, TickReport]:
+    def step(self, state: RobotState, reference: BodyReference | PackedReference) -> tuple[JointCommand, TickReport]:
         """One tick.
 
         Args:
-            state: Measured state; finite.
+            state: Measured state; finite, and not changed afterwards.
             reference: What to follow.
         """
-        (self.robot.update if self.compiled is None else self.robot.place)(state.q, state.v)
-        self.set_reference(reference)
-        report = self._solve()
-        if self.compiled is not None and report.solution is not None and report.qp.solver == "compiled":
-            self._tau = report.solution.tau
-            q, dq, tau = self.compiled.command()
-            return JointCommand(state.time, q, dq, tau, self.spec.kp, self.spec.kd), report
+        reference.pack(self._reference.row)
+        robot, compiled = self.robot, self.compiled
+        if compiled is None:
+            robot.update(state.q, state.v)
+            report = self._solve()
+            return self._command(state, report.solution), report
+        robot.place(state.q, state.v)
+        for level, hands in enumerate((True, False)):
+            if compiled.compute(state.q, state.v, hands=hands):
+                compiled.integrate()
+                answer = compiled.answer()
+                robot.com, robot.com_velocity = answer.centre()
+                self._tau = answer.torques()
+                q, dq, tau = answer.command()
+                command = JointCommand(state.time, q, dq, tau, self.spec.kp, self.spec.kd)
+                return command, TickReport(answer.solution, answer.qp, level)
+            report = self._fall_back(level, hands)
+            if report.level < 2:
+                break
         return self._command(state, report.solution), report
 
-    def set_reference(self, r: BodyReference) -> None:
+    def set_reference(self, reference: BodyReference | PackedReference) -> None:
         """Hand the reference to tasks and limits."""
-        for task, palm in zip(self.palms, r.palms, strict=True):
-            task.set_reference(palm.T_world, palm.twist, palm.acceleration)
-        self.com.set_reference(*r.com)
-        self.momentum.set_reference(*r.momentum)
-        for item, planned in ((self.pelvis, r.pelvis), (self.torso, r.torso), (self.height, r.height)):
-            item.set_reference(*planned)
-        self.pelvis_limit.set_reference(*r.pelvis)
-        self.torso_limit.set_reference(*r.torso)
-        self.height_limit.set_reference(*r.height)
-        self.posture.set_reference(r.q[7:], r.dq, r.ddq)
+        reference.pack(self._reference.row)
 
     def build(self, *, hands: bool = True) -> QuadraticProgram:
         """The program at the present state; without hands also the joint bounds are wide: the arms give way."""
@@ -262,8 +277,6 @@ class WholeBodyController:
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 
     def _solve(self) -> TickReport:
-        if self.compiled is not None:
-            return self._solve_compiled(self.compiled)
         for level, hands in enumerate((True, False)):
             answer = self._solve_readable(hands, (self.config.solver, self.config.fallback))
             if answer.ok:
@@ -278,21 +291,14 @@ class WholeBodyController:
                 answer = solve(program, solver)
         return answer
 
-    def _solve_compiled(self, compiled: CompiledProgram) -> TickReport:
-        """The compiled program; where its answer is not acceptable, the readable one and the second solver."""
+    def _fall_back(self, level: int, hands: bool) -> TickReport:
+        """The readable program and the second solver, where the compiled answer is not acceptable."""
         robot = self.robot
-        compiled.load_reference()
-        for level, hands in enumerate((True, False)):
-            answer = compiled.solve(robot.q, robot.v, hands=hands)
-            robot.com, robot.com_velocity = compiled.com.copy(), compiled.com_velocity.copy()
-            if answer.ok:
-                return TickReport(compiled.read(answer), answer, level)
-            if self.config.fallback != "none":
-                robot.update(robot.q, robot.v)
-                answer = self._solve_readable(hands, (self.config.fallback,))
-                if answer.ok:
-                    return TickReport(self.dynamics.read(answer), answer, level)
-        return TickReport(None, answer, 2)
+        robot.update(robot.q, robot.v)
+        answer = self.compiled.answer(ok=False).qp()
+        if self.config.fallback != "none":
+            answer = self._solve_readable(hands, (self.config.fallback,))
+        return TickReport(self.dynamics.read(answer), answer, level) if answer.ok else TickReport(None, answer, 2)
 
     def _command(self, state: RobotState, solution: WholeBodySolution | None) -> JointCommand:
         dt, leak = self.config.dt, self.config.dt / self.config.leak

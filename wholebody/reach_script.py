@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.spec import RobotSpec
-from wholebody.controller import BodyReference, PalmReference
+from wholebody.body_reference import BodyReference, PackedReference, PalmReference
 from wholebody.robot import Robot
 from wholebody.support import convex_polygon
 
@@ -81,6 +81,7 @@ class ReachScript:
         self._posture = self._fingers(t)
         self._rates = np.gradient(self._posture[:, 7:], dt, axis=0)
         self._still = np.zeros(robot.n_joints)
+        self._rows = np.array([self.reference(k).pack() for k in range(len(t))])
 
     def _hand(self, side: int, t: np.ndarray) -> tuple[np.ndarray, ...]:
         """Positions, rotations, twists and accelerations of one palm; the wrist's are kept in ``wrists``."""
@@ -139,3 +140,7 @@ class ReachScript:
             com=(self._com, zero, zero),
             momentum=(zero, zero),
         )
+
+    def packed(self, k: int) -> PackedReference:
+        """The same, packed before the clock starts."""
+        return PackedReference(self._rows[k])

@@ -24,7 +24,7 @@ class Robot:
     def __init__(self, spec: RobotSpec) -> None:
         self.spec = spec
         self.model: pin.Model = load_pinocchio(spec)
-        self.data: pin.Data = self.model.createData()
+        self._data, self._placed = self.model.createData(), True
         self.nq, self.nv = self.model.nq, self.model.nv
         self.n_joints = self.nv - 6
         self.mass = float(pin.computeTotalMass(self.model))
@@ -66,10 +66,8 @@ class Robot:
 
     def update(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute kinematics and dynamics at ``q`` (nq,) and ``v`` (nv,), Pinocchio convention."""
-        model, data = self.model, self.data
-        self.q, self.v = q, v
-        zero = self._zero if hasattr(self, "_zero") else np.zeros(self.nv)
-        self._zero = zero
+        model, data, zero = self.model, self._data, np.zeros(self.nv)
+        self.q, self.v, self._placed = q, v, True
         pin.forwardKinematics(model, data, q, v, zero)
         pin.updateFramePlacements(model, data)
         pin.computeJointJacobiansTimeVariation(model, data, q, v)
@@ -87,10 +85,22 @@ class Robot:
         self.drift_com = self.drift_momentum[:3] / self.mass
 
     def place(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Compute the placements at ``q`` only; all else stays that of the last `update`."""
-        self.q, self.v = q, v
-        pin.forwardKinematics(self.model, self.data, q)
-        pin.updateFramePlacements(self.model, self.data)
+        """Placements are those of ``q`` from now on, computed when first asked for; the rest is of the last `update`.
+
+        Args:
+            q: Configuration (nq,), which the caller does not change afterwards.
+            v: Velocity (nv,), likewise.
+        """
+        self.q, self.v, self._placed = q, v, False
+
+    @property
+    def data(self) -> pin.Data:
+        """Pinocchio's data, with the placements of ``q``."""
+        if not self._placed:
+            pin.forwardKinematics(self.model, self._data, self.q)
+            pin.updateFramePlacements(self.model, self._data)
+            self._placed = True
+        return self._data
 
     def pose(self, frame: str) -> pin.SE3:
         """``T_world_frame``."""

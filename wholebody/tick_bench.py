@@ -99,7 +99,7 @@ def _once(
     count = min(len(wall), 3000)
     for k in range(WARM_UP + count):
         c0, t0 = thread_time_ns(), perf_counter_ns()
-        _, report = controller.step(RobotState(k * dt, q, v), script.reference(k))
+        _, report = controller.step(RobotState(k * dt, q, v), script.packed(k))
         dv = report.solution.dv
         middle = v + 0.5 * dt * dv
         v = v + dt * dv

@@ -22,14 +22,18 @@ class OrientationLimit:
 
     def __init__(self, frame: str, *, angle_max: float, rate_max: float, brake: float, dt: float = 0.02) -> None:
         self.frame, self.angle_max, self.rate_max, self.brake, self.dt = frame, angle_max, rate_max, brake, dt
-        self.R_world_ref = np.eye(3)
-        self.rate_ref, self.acceleration_ref = np.zeros(3), np.zeros(3)
+        self.bind(np.zeros(15))
+        self.R_world_ref[:] = np.eye(3)
         axes = ("roll", "pitch", "yaw")
         self._labels = tuple(f"{frame}.{axis}.{side}" for side in ("max", "min") for axis in axes)
 
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: rotation (9), rate (3) and acceleration (3)."""
+        self.R_world_ref, self.rate_ref, self.acceleration_ref = memory[:9].reshape(3, 3), memory[9:12], memory[12:]
+
     def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
         """Set the planned orientation (3, 3), angular rate (3,) [rad/s] and acceleration (3,) [rad/s^2], world axes."""
-        self.R_world_ref, self.rate_ref, self.acceleration_ref = R_world_ref, rate, acceleration
+        self.R_world_ref[:], self.rate_ref[:], self.acceleration_ref[:] = R_world_ref, rate, acceleration
 
     def rows(self, robot: Robot) -> Rows:
         """Six rows: three axes, both sides."""
@@ -59,12 +63,17 @@ class HeightLimit:
 
     def __init__(self, frame: str, *, band: float, lowest: float, brake: float, dt: float = 0.02) -> None:
         self.frame, self.band, self.lowest, self.brake, self.dt = frame, band, lowest, brake, dt
-        self.z_ref: float | None = None
-        self.dz_ref = self.ddz_ref = 0.0
+        self._reference: np.ndarray | None = None
+
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the plan from memory of somebody else: height, rate and acceleration (3,)."""
+        self._reference = memory
 
     def set_reference(self, z: float, dz: float, ddz: float) -> None:
         """Set the planned height [m], its rate [m/s] and acceleration [m/s^2]."""
-        self.z_ref, self.dz_ref, self.ddz_ref = z, dz, ddz
+        if self._reference is None:
+            self._reference = np.zeros(3)
+        self._reference[:] = z, dz, ddz
 
     def rows(self, robot: Robot) -> Rows:
         """One row for the lowest height, and two around the plan if there is one."""
@@ -72,10 +81,11 @@ class HeightLimit:
         rate = robot.velocity(self.frame)[2]
         J, drift = robot.jacobian(self.frame)[2], robot.drift(self.frame)[2]
         rows = [(-J, z - self.lowest, -rate, drift)]
-        if self.z_ref is not None:
-            away = rate - self.dz_ref
-            rows.append((J, self.z_ref + self.band - z, away, self.ddz_ref - drift))
-            rows.append((-J, z - self.z_ref + self.band, -away, drift - self.ddz_ref))
+        if self._reference is not None:
+            planned, planned_rate, acceleration = self._reference
+            away = rate - planned_rate
+            rows.append((J, planned + self.band - z, away, acceleration - drift))
+            rows.append((-J, z - planned + self.band, -away, drift - acceleration))
         margin, speed, extra = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
         upper = barrier(margin, speed, brake=self.brake, dt=self.dt) + extra
         labels = (f"{self.frame}.height.lowest", f"{self.frame}.height.max", f"{self.frame}.height.min")

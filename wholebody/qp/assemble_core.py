@@ -71,8 +71,9 @@ def move(reals, ints):
     centre = mem.vector(reals, mem.CENTRE)
     for k in range(3):
         centre[k] = sums[k] - q[k]
+    now = mem.vector(reals, mem.CENTRE_NOW)
     for k in range(6):
-        root[k] = force[0, k]
+        root[k], now[k] = force[0, k], sums[k]
 
 
 def limit(reals, ints):

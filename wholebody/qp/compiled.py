@@ -43,7 +43,10 @@ compiling for a few microseconds of calling."""
 
 @cache
 def compiled_stages() -> tuple[Callable, ...]:
-    """The stages of a tick, compiled, or loaded from numba's cache on disk.
+    """The stages of a tick, compiled, or loaded from numba's cache on disk; arguments are ``reals, ints``.
+
+    They are called by their entry points: looking at the types of the arguments takes as long as a small stage. So the
+    arguments have to be pairs of an array and its table, of floats and of integers.
 
     numba takes a second to import, so it is imported here. Its cache notices changes of the file of a function only;
     the digest of all files is therefore part of each stage, as a constant that it closes over. No fastmath: the result
@@ -61,7 +64,16 @@ def compiled_stages() -> tuple[Callable, ...]:
                 register_jitable(error_model="numpy")(function)
     digest = _digest(list(modules.values()))
     make = numba.njit(cache=True, error_model="numpy", nogil=True)
-    return tuple(make(_closed(getattr(module, function), digest)) for module, function in stages)
+    return tuple(_entry(make(_closed(getattr(module, function), digest))) for module, function in stages)
+
+
+def _entry(stage: Callable) -> Callable:
+    """The native entry of a stage for the types of the two memories."""
+    from numba import float64, int64, types
+
+    reals, ints = (types.Tuple((kind[::1], int64[:, ::1])) for kind in (float64, int64))
+    stage.compile((reals, ints))
+    return stage.overloads[stage.signatures[0]].entry_point
 
 
 def _closed(function: Callable, digest: int) -> Callable:

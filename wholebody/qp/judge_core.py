@@ -196,7 +196,7 @@ def judge(reals, ints):
 
 
 def conclude(reals, ints):
-    """Torques, the multiplier of every row, positive at the upper side, and the residuals."""
+    """Torques, multipliers of all rows, positive at the upper side, and residuals; whether those are accepted."""
     dv, f, tau = (
         mem.vector(reals, mem.DV),
         mem.vector(reals, mem.FORCE),
@@ -218,3 +218,8 @@ def conclude(reals, ints):
     for i in range(now.shape[0]):
         before[i] = now[i]
     judge(reals, ints)
+    r, options = mem.vector(reals, mem.RESIDUALS), mem.vector(reals, mem.OPTIONS)
+    dual_accepted = options[mem.DUAL_ACCEPTED]
+    # Written so that NaN is refused.
+    good = r[mem.STATIONARITY] <= dual_accepted and r[mem.COMPLEMENTARITY] <= dual_accepted
+    return good and r[mem.PRIMAL] <= options[mem.PRIMAL_ACCEPTED]

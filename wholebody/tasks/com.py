@@ -20,13 +20,15 @@ class ComTask:
     def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float], pull: float = 5.0) -> None:
         self.kp, self.kd, self.pull = kp, kd, pull
         self.weight = np.array(weight)
-        self.position_ref = np.zeros(3)
-        self.velocity_ref = np.zeros(3)
-        self.acceleration_ref = np.zeros(3)
+        self.bind(np.zeros(9))
+
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: position, velocity and acceleration (9,)."""
+        self.position_ref, self.velocity_ref, self.acceleration_ref = memory[:3], memory[3:6], memory[6:]
 
     def set_reference(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> None:
         """Set position [m], velocity [m/s] and acceleration [m/s^2], each (3,), in world."""
-        self.position_ref, self.velocity_ref, self.acceleration_ref = position, velocity, acceleration
+        self.position_ref[:], self.velocity_ref[:], self.acceleration_ref[:] = position, velocity, acceleration
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""

@@ -35,21 +35,43 @@ class HandTask:
         self.frame = frame
         self.kp, self.kd, self.pull = kp, kd, pull
         self.weight = np.array([position_weight] * 3 + [orientation_weight] * 3)
-        self.share = 1.0
+        self.bind(np.zeros(24), np.ones(1))
+        self.R_world_ref[:] = np.eye(3)
+
+    def bind(self, memory: np.ndarray, share: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: rotation (9), position (3), twist (6), acceleration (6).
+
+        Args:
+            memory: Shape (24,).
+            share: Memory of `share`, shape (1,).
+        """
+        self.R_world_ref, self.p_world_ref, self._share = memory[:9].reshape(3, 3), memory[9:12], share
+        self.twist_ref, self.acceleration_ref = memory[12:18], memory[18:]
+
+    @property
+    def share(self) -> float:
         """Factor on the weights, 0 to 1: how much the reference is trusted."""
-        self.T_world_ref = pin.SE3.Identity()
-        self.twist_ref = np.zeros(6)
-        self.acceleration_ref = np.zeros(6)
+        return float(self._share[0])
+
+    @share.setter
+    def share(self, share: float) -> None:
+        self._share[0] = share
+
+    @property
+    def T_world_ref(self) -> pin.SE3:
+        """Pose of the reference."""
+        return pin.SE3(self.R_world_ref, self.p_world_ref)
 
     def set_reference(self, T_world_ref: pin.SE3, twist: np.ndarray, acceleration: np.ndarray) -> None:
         """Set pose, twist (6,) and acceleration (6,), both ``_lwa`` [m/s, rad/s; m/s^2, rad/s^2]."""
-        self.T_world_ref, self.twist_ref, self.acceleration_ref = T_world_ref, twist, acceleration
+        self.R_world_ref[:], self.p_world_ref[:] = T_world_ref.rotation, T_world_ref.translation
+        self.twist_ref[:], self.acceleration_ref[:] = twist, acceleration
 
     def error(self, robot: Robot) -> np.ndarray:
         """Reference minus present pose: world translation [m] and world rotation vector [rad], shape (6,)."""
         T = robot.pose(self.frame)
-        rotation = pin.log3(self.T_world_ref.rotation @ T.rotation.T)
-        return np.concatenate([self.T_world_ref.translation - T.translation, rotation])
+        rotation = pin.log3(self.R_world_ref @ T.rotation.T)
+        return np.concatenate([self.p_world_ref - T.translation, rotation])
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with six rows, linear first."""

@@ -19,11 +19,30 @@ class HeightTask:
     def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 5.0) -> None:
         self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
         self.weight = np.array([weight])
-        self.z_ref = self.dz_ref = self.ddz_ref = 0.0
+        self._reference = np.zeros(3)
+
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: height, rate and acceleration (3,)."""
+        self._reference = memory
 
     def set_reference(self, z: float, dz: float, ddz: float) -> None:
         """Set height [m], its rate [m/s] and acceleration [m/s^2]."""
-        self.z_ref, self.dz_ref, self.ddz_ref = z, dz, ddz
+        self._reference[:] = z, dz, ddz
+
+    @property
+    def z_ref(self) -> float:
+        """Height [m]."""
+        return float(self._reference[0])
+
+    @property
+    def dz_ref(self) -> float:
+        """Its rate [m/s]."""
+        return float(self._reference[1])
+
+    @property
+    def ddz_ref(self) -> float:
+        """Its acceleration [m/s^2]."""
+        return float(self._reference[2])
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with one row."""

@@ -18,11 +18,15 @@ class AngularMomentumTask:
     def __init__(self, *, kd: float, weight: float) -> None:
         self.kd = kd
         self.weight = np.full(3, weight)
-        self.momentum_ref, self.rate_ref = np.zeros(3), np.zeros(3)
+        self.bind(np.zeros(6))
+
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: momentum and rate (6,)."""
+        self.momentum_ref, self.rate_ref = memory[:3], memory[3:]
 
     def set_reference(self, momentum: np.ndarray, rate: np.ndarray) -> None:
         """Set angular momentum (3,) [N m s] and its rate (3,) [N m], in world axes."""
-        self.momentum_ref, self.rate_ref = momentum, rate
+        self.momentum_ref[:], self.rate_ref[:] = momentum, rate
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""

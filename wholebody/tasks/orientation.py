@@ -20,12 +20,16 @@ class OrientationTask:
     def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 20.0) -> None:
         self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
         self.weight = np.full(3, weight)
-        self.R_world_ref = np.eye(3)
-        self.rate_ref, self.acceleration_ref = np.zeros(3), np.zeros(3)
+        self.bind(np.zeros(15))
+        self.R_world_ref[:] = np.eye(3)
+
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: rotation (9), rate (3) and acceleration (3)."""
+        self.R_world_ref, self.rate_ref, self.acceleration_ref = memory[:9].reshape(3, 3), memory[9:12], memory[12:]
 
     def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
         """Set orientation (3, 3), angular rate (3,) [rad/s] and acceleration (3,) [rad/s^2], in world axes."""
-        self.R_world_ref, self.rate_ref, self.acceleration_ref = R_world_ref, rate, acceleration
+        self.R_world_ref[:], self.rate_ref[:], self.acceleration_ref[:] = R_world_ref, rate, acceleration
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""

@@ -20,12 +20,16 @@ class PostureTask:
     def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray, pull: float = 100.0) -> None:
         self.kp, self.kd, self.weight, self.pull = kp, kd, weight, pull
         n = len(weight)
-        self.q_ref, self.dq_ref, self.ddq_ref = np.zeros(n), np.zeros(n), np.zeros(n)
+        self.bind(np.zeros((3, n)))
         self._J = np.hstack([np.zeros((n, 6)), np.eye(n)])
+
+    def bind(self, memory: np.ndarray) -> None:
+        """Read the reference from memory of somebody else: rows position, velocity, acceleration (3, n_joints)."""
+        self.q_ref, self.dq_ref, self.ddq_ref = memory
 
     def set_reference(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
         """Set joint positions [rad], velocities [rad/s], accelerations [rad/s^2], each (n_joints,)."""
-        self.q_ref, self.dq_ref, self.ddq_ref = q, dq, ddq
+        self.q_ref[:], self.dq_ref[:], self.ddq_ref[:] = q, dq, ddq
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with one row a joint."""

@@ -1,0 +1,94 @@
+"""What the controller follows at one tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+PALM, COM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 63, 78, 93, 96
+"""Where the parts of a packed reference begin, after the left palm; `ReferenceMemory` says what they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PalmReference:
+    """Reference of one palm point: pose, twist and acceleration in world axes [m, rad; per s; per s^2]."""
+
+    T_world: pin.SE3
+    twist: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyReference:
+    """Everything the controller follows at one tick.
+
+    Attributes:
+        palms: Left and right palm.
+        q: Posture plan, shape (nq,), Pinocchio convention; the finger entries are the finger references.
+        dq, ddq: Joint speeds and accelerations of it, shape (n_joints,), Pinocchio order.
+        pelvis, torso: Planned orientation (3, 3), angular rate (3,) and acceleration (3,), world axes.
+        height: Planned height of the pelvis, its rate and acceleration [m, m/s, m/s^2].
+        com: Planned centre of mass, its velocity and acceleration, shape (3,) each.
+        momentum: Planned angular momentum about the centre of mass and its rate, shape (3,) each [N m s, N m].
+    """
+
+    palms: tuple[PalmReference, PalmReference]
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    pelvis: tuple[np.ndarray, np.ndarray, np.ndarray]
+    torso: tuple[np.ndarray, np.ndarray, np.ndarray]
+    height: tuple[float, float, float]
+    com: tuple[np.ndarray, np.ndarray, np.ndarray]
+    momentum: tuple[np.ndarray, np.ndarray]
+
+    def pack(self, out: np.ndarray | None = None) -> np.ndarray:
+        """All of it in one row, as `ReferenceMemory` lays it out, shape (96 + 3 n_joints,)."""
+        left, right = self.palms
+        # One call for all: each assignment to a slice would take as long as all of the copying.
+        return np.concatenate(
+            (
+                left.T_world.rotation.reshape(9), left.T_world.translation, left.twist, left.acceleration,
+                right.T_world.rotation.reshape(9), right.T_world.translation, right.twist, right.acceleration,
+                *self.com, *self.momentum,
+                self.pelvis[0].reshape(9), self.pelvis[1], self.pelvis[2],
+                self.torso[0].reshape(9), self.torso[1], self.torso[2], self.height,
+                self.q[7:], self.dq, self.ddq,
+            ),
+            out=out,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PackedReference:
+    """The same as one row, for a source that computes many at once; see `BodyReference.pack`."""
+
+    row: np.ndarray
+
+    def pack(self, out: np.ndarray) -> np.ndarray:
+        """Copy the row."""
+        out[:] = self.row
+        return out
+
+
+class ReferenceMemory:
+    """A packed reference by its parts, which share its memory.
+
+    Attributes:
+        row: All of it, shape (96 + 3 n_joints,).
+        palms: Rotation (9), position (3), twist (6) and acceleration (6) of both palms, shape (24,) each.
+        com: Position, velocity and acceleration, shape (9,).
+        momentum: Angular momentum and its rate, shape (6,).
+        pelvis, torso: Rotation (9), rate (3) and acceleration (3), shape (15,).
+        height: Height, rate and acceleration, shape (3,).
+        posture: Joint positions, speeds and accelerations, shape (3, n_joints).
+    """
+
+    def __init__(self, row: np.ndarray) -> None:
+        self.row = row
+        self.palms = row[:PALM], row[PALM:COM]
+        self.com, self.momentum = row[COM : COM + 9], row[COM + 9 : PELVIS]
+        self.pelvis, self.torso, self.height = row[PELVIS:TORSO], row[TORSO:HEIGHT], row[HEIGHT:POSTURE]
+        self.posture = row[POSTURE:].reshape(3, -1)
