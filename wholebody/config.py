@@ -119,7 +119,7 @@ class PosturePlanConfig:
     """Scale of palm positions [m]."""
     position_give: float = 0.02
     """Distance beyond which a palm pulls no harder [m]."""
-    orientation: float = 1.2e-2
+    orientation: float = 0.012
     """Scale of palm orientations [rad]."""
     orientation_give: float = 0.01
     """Angle beyond which a palm turns no harder [rad]."""
@@ -137,10 +137,14 @@ class PosturePlanConfig:
     """Joints off the stance [rad]."""
     waist_torque: float = 60.0
     """Waist torques: their 35 N m are soon used up [N m]."""
-    smoothness: float = 60.0
+    slide: float = 0.05
+    """Acceleration of the soles by the legs' velocities alone [m/s^2]."""
+    smoothness: float = 20.0
     """Accelerations [m/s^2, rad/s^2]."""
     stillness: float = 8.0
     """Speeds [m/s, rad/s]."""
+    leg_stillness: float = 0.6
+    """Speeds of the leg joints: fast legs make soles slide a little [rad/s]."""
     joint_margin: float = 0.08
     """Distance kept from joint position limits [rad]."""
     knee_min: float = 0.2

@@ -15,6 +15,8 @@ from wholebody.support import convex_polygon
 
 N_BODY = 35
 """Velocities of the body without fingers."""
+LEGS = slice(6, 18)
+"""Velocities of the leg joints."""
 N_FREE = N_BODY - 12
 """Directions in which it moves with both feet on the floor."""
 FEET_TOLERANCE = 1e-6
@@ -31,8 +33,8 @@ N_DISTANCES = 16
 DISTANCES = slice(32, 32 + N_DISTANCES)
 EDGES = slice(32 + N_DISTANCES, None)
 # Rows that depend on the motion: quadratic ones, then one-sided ones.
-MOMENT, WAIST = slice(0, 2), slice(2, 5)
-N_MOTION = 5
+MOMENT, WAIST, SLIDE = slice(0, 2), slice(2, 5), slice(5, 9)
+N_MOTION = 9
 LOAD, TORQUES, ZMP_EDGES = slice(0, 1), slice(1, 18), slice(18, None)
 
 
@@ -87,7 +89,7 @@ class Knots:
         ids = [*ids, *(model.getFrameId(name) for name in (spec.torso_body, spec.base_body))]
         ids += [model.getFrameId(foot.frame) for foot in spec.feet]
         frames = [model.frames[i] for i in ids]
-        self._parents = [frame.parentJoint for frame in frames]
+        self._parents, self._soles = [frame.parentJoint for frame in frames], ids[-2:]
         self._local = (
             np.array([frame.placement.rotation for frame in frames]),
             np.array([frame.placement.translation for frame in frames]),
@@ -191,4 +193,23 @@ class Knots:
             np.ascontiguousarray(R), q[:3], self.data.tau, by_q, by_v, by_a, self._upper, self._tau_max,
             self.support.normals, self._room, LOAD_MIN, self.weight, *quadratic, *sided,
         )  # fmt: skip
+        self._slide(q, v, *quadratic)
         return m[:2] / max(m[2], 0.05)
+
+    def _slide(self, q: np.ndarray, v: np.ndarray, r: np.ndarray, D: np.ndarray) -> None:
+        """Fill the row SLIDE: how each sole would accelerate over the floor if pelvis and joints kept their velocities.
+
+        Contact models that correct velocities, MuJoCo's among them, let a sole slide with this times their time
+        constant (10 ms there), always the same way: a sum of ``angular rate squared times length``.
+        """
+        model, data = self.model, self.data
+        kept = np.zeros(N_BODY)
+        kept[:3] = np.cross(v[:3], v[3:6])  # the pelvis keeps its velocity in world, not in its own axes
+        pin.computeForwardKinematicsDerivatives(model, data, q, v, kept)
+        for i, frame in enumerate(self._soles):
+            _, by_q, by_v, by_a = pin.getFrameAccelerationDerivatives(model, data, frame, pin.LOCAL)
+            rows = slice(SLIDE.start + 2 * i, SLIDE.start + 2 * i + 2)
+            r[rows] = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).linear[:2]
+            D[0, rows], D[1, rows] = by_q[:2], by_v[:2]
+            D[1, rows, :3] += np.cross(v[3:6], by_a[:2, :3])
+            D[1, rows, 3:6] += np.cross(by_a[:2, :3], v[:3])

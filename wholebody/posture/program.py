@@ -160,7 +160,7 @@ class Program:
         g["position"].w = weights.position(g["position"].r, config)
         g["motion"].w = tiled(weights.motion(config), at.N_MOTION)
         g["acceleration"].w = tiled(config.smoothness**-2, N_BODY)
-        g["speed"].w = tiled(config.stillness**-2, N_BODY)
+        g["speed"].w = tiled(weights.speed(config), N_BODY)
         g["sided"].w = tiled(weights.sided(g["sided"].r.shape[1]) * firm, g["sided"].r.shape[1])
         g["bound"].w = tiled(weights.bound(g["bound"].r.shape[1]) / softness**2, g["bound"].r.shape[1])
         g["most_acceleration"].w = tiled((weights.ACCELERATION * softness) ** -2, N_BODY - 6)

@@ -66,7 +66,14 @@ def give(r: np.ndarray, config: PosturePlanConfig) -> float:
 def motion(config: PosturePlanConfig) -> np.ndarray:
     """Weights of the quadratic rows of `Knots.motion`, (N_MOTION,)."""
     w = np.zeros(at.N_MOTION)
-    w[at.MOMENT], w[at.WAIST] = config.zmp**-2, config.waist_torque**-2
+    w[at.MOMENT], w[at.WAIST], w[at.SLIDE] = config.zmp**-2, config.waist_torque**-2, config.slide**-2
+    return w
+
+
+def speed(config: PosturePlanConfig) -> np.ndarray:
+    """Weights of the velocities, (N_BODY,)."""
+    w = np.full(at.N_BODY, config.stillness**-2)
+    w[at.LEGS] = config.leg_stillness**-2
     return w
 
 
