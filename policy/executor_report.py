@@ -92,6 +92,7 @@ class ExecutionReport:
             worst, typical = 1e3 * self.latencies.max(), 1e3 * float(np.median(self.latencies))
             said.append(f"latency {typical:.0f} ms median, {worst:.0f} ms at most")
         if self.starvations:
-            said.append(f"starved {self.starvations} times, {self.starved:.2f} s")
+            times = "once" if self.starvations == 1 else f"{self.starvations} times"
+            said.append(f"starved {times}, {self.starved:.2f} s")
         said += [f"{code} {count} times" for code, count in sorted(self.counts.items()) if code != "starved"]
         return ", ".join(said)

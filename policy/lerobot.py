@@ -80,6 +80,11 @@ class LeRobotPolicy:
         return kind(checkpoint, tuple(findings))
 
     @property
+    def cameras(self) -> dict[str, tuple[int, int]]:
+        """Height and width of the cameras that it was trained with, by the robot's names [px]."""
+        return self.inputs.camera_sizes
+
+    @property
     def warnings(self) -> tuple[Finding, ...]:
         """Findings that should be known before running it."""
         return tuple(finding for finding in self.findings if finding.level == "warning")

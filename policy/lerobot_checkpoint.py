@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from policy.errors import SpecError
+from policy.grey_cameras import blind
 from policy.layouts import builtin
 from policy.lerobot_features import camera_keys, check_features, check_relative, chunk_length
 from policy.lerobot_finding import CheckpointError, Finding, fail
@@ -126,10 +127,7 @@ def open_checkpoint(
         given = options.environment is not None
         findings += check_features(config, inner, cameras=options.cameras, environment=given)
         if options.grey_cameras and camera_keys(config):
-            text = (
-                f"where the robot has no pictures, {', '.join(camera_keys(config))} see grey: the policy acts blindly"
-            )
-            findings.append(Finding("cameras", "warning", text))
+            findings.append(blind(camera_keys(config)))
         if processors:
             findings += check_stats(config, processors, inner, allow_narrow=options.allow_narrow)
             findings.append(check_relative(config, processors, inner))

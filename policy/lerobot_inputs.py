@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from policy.anchor import Anchor
 from policy.errors import ObservationError
+from policy.grey_cameras import with_grey
 from policy.lerobot_features import ENVIRONMENT, camera_keys, resizes_images
 from policy.lerobot_prompt import require_whole_prompt, tokenizer_step
 from policy.lerobot_spec import state_numbers
@@ -28,9 +28,6 @@ it was taught, whatever moved in the demonstrations."""
 EXCESS_MAX = 2.0
 """Ranges beyond training at which a state is refused. In π0.5 every number above the range is the same bin 255, and
 every one below it the bin -1: the network cannot tell how far off it is."""
-
-GREY = 128
-"""Level of a grey image."""
 
 
 class Inputs:
@@ -58,10 +55,11 @@ class Inputs:
         """Whether the policy is told its task."""
         return self._tokenizer is not None
 
-    def grey_images(self) -> dict[str, np.ndarray]:
-        """A grey image for every camera, as large as in training."""
-        shapes = {name: tuple(self.config.image_features[key].shape) for name, key in self.cameras.items()}
-        return {name: np.full((*shape[1:], 3), GREY, dtype=np.uint8) for name, shape in shapes.items()}
+    @property
+    def camera_sizes(self) -> dict[str, tuple[int, int]]:
+        """Height and width of every camera in training, by the robot's name [px]."""
+        shapes = {name: self.config.image_features[key].shape for name, key in self.cameras.items()}
+        return {name: (int(height), int(width)) for name, (_, height, width) in shapes.items()}
 
     def batch(
         self, observation: Observation, anchor: Anchor, task: str, left_over: np.ndarray | None = None
@@ -85,7 +83,7 @@ class Inputs:
         if self.reads_text and not task.strip():
             raise ObservationError("there is no task; this policy reads one: give it to reset, or with the observation")
         if self.checkpoint.options.grey_cameras:
-            observation = dataclasses.replace(observation, images={**self.grey_images(), **observation.images})
+            observation = with_grey(observation, self.camera_sizes)
         raw, notes = self._images(observation)
         if self.checkpoint.state is not None:
             numbers = state_numbers(self.checkpoint.state, observation, anchor)

@@ -11,7 +11,9 @@ from uuid import uuid4
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
 from policy.errors import SpecError
+from policy.grey_cameras import blind, with_grey
 from policy.layouts import builtin
+from policy.lerobot_finding import Finding
 from policy.lerobot_spec import state_layout
 from policy.observation import Observation
 from policy.prefix import Prefix
@@ -22,6 +24,8 @@ from policy.spec import ActionSpec, require_same
 
 TIMEOUT_MAX = 86400.0
 """Longest wait that can be asked for [s]: a day."""
+SIDE_MAX = 8192
+"""Largest side of a camera image that a server may ask for [px]."""
 SAME = ("protocol", "action_spec", "sees_robot", "takes_prefix", "name")
 """What a server must say again after a break."""
 
@@ -38,6 +42,8 @@ class RemoteOptions:
         timeout: For an answer [s].
         first_timeout: For the first answer of a connection [s]: openpi's server compiles its network then.
         api_key: For servers that want one.
+        grey_cameras: Show grey to cameras that an observation lacks, where the server says which there are; for
+            simulations without pictures.
     """
 
     assume_spec: ActionSpec | str | None = None
@@ -47,6 +53,7 @@ class RemoteOptions:
     timeout: float = 5.0
     first_timeout: float = 120.0
     api_key: str | None = None
+    grey_cameras: bool = False
 
     def __post_init__(self) -> None:
         for name in ("connect_timeout", "timeout", "first_timeout"):
@@ -85,6 +92,7 @@ class RemotePolicy:
         sees_robot: Whether the policy behind the server uses the robot's state.
         metadata: What the server said of itself.
         duration: How long the policy goes on [s], None if it has no end.
+        cameras: Height and width of the cameras that it wants [px]; empty if it has none, or the server does not say.
         timing: Of the last answer: ``round_trip_ms``, and ``infer_ms`` where the server says it.
     """
 
@@ -100,6 +108,7 @@ class RemotePolicy:
         self.sees_robot = bool(metadata.get("sees_robot", True))
         duration = metadata.get("duration")
         self.duration = float(duration) if isinstance(duration, int | float) else None
+        self.cameras = _cameras(metadata)
         self._channel, self._dialect = channel, dialect
         self._fresh = True
         self._clock = EpisodeClock()
@@ -154,11 +163,18 @@ class RemotePolicy:
         """
         return self._ask(observation, None)
 
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """What should be known before running it."""
+        return (blind(self.cameras),) if self.options.grey_cameras and self.cameras else ()
+
     def close(self) -> None:
         """Hang up."""
         self._channel.close()
 
     def _ask(self, observation: Observation, prefix: Prefix | None) -> ActionChunk:
+        if self.options.grey_cameras:
+            observation = with_grey(observation, self.cameras)
         observation.validate()
         seq, _ = self._clock.tick(observation.time)
         request = self._dialect.request(observation, observation.task or self._task, prefix)
@@ -225,6 +241,17 @@ def _agree(metadata: Mapping[str, Any], spec: ActionSpec | None, assumed: Action
     if spec is not None:
         require_same(spec, stated)
     return stated
+
+
+def _cameras(metadata: Mapping[str, Any]) -> dict[str, tuple[int, int]]:
+    """Sizes that a server states; one that is no size is left out, since nothing but grey images depends on it."""
+    stated = metadata.get("cameras")
+    sizes = {str(name): size for name, size in stated.items()} if isinstance(stated, Mapping) else {}
+    return {name: tuple(size) for name, size in sizes.items() if _is_size(size)}
+
+
+def _is_size(size: Any) -> bool:
+    return isinstance(size, list) and len(size) == 2 and all(type(n) is int and 0 < n <= SIDE_MAX for n in size)
 
 
 def _server_timing(answer: Mapping[str, Any]) -> dict[str, float]:

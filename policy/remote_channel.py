@@ -200,8 +200,12 @@ class Channel:
         return data
 
     def _tell(self, traceback: str) -> None:
-        """Log a server's traceback, once: whoever asks again and again gets the same one."""
-        if traceback != self._told:
+        """Log a server's traceback, once: whoever asks again and again gets the same one.
+
+        A refusal of our own server is no bug, and its last line, which is in the exception too, says all.
+        """
+        refused = traceback.rstrip().rpartition("\n")[2].startswith("policy.errors.")
+        if traceback != self._told and not refused:
             self._told = traceback
             logger.error("%s failed:\n%s", self.uri, traceback.rstrip())
 

@@ -191,6 +191,7 @@ def metadata_of(policy: Policy, name: str = "") -> dict[str, Any]:
         "takes_prefix": isinstance(policy, PrefixPolicy),
         "name": name or str(getattr(policy, "name", type(policy).__name__)),
         "duration": None if duration is None else float(duration),
+        "cameras": {camera: list(size) for camera, size in getattr(policy, "cameras", {}).items()},
     }
 
 

@@ -13,6 +13,8 @@ from models.scenes import SCENES
 from policy.scripts import SCRIPTS
 from wholebody import cli
 from wholebody.resources import verdict_schema
+from wholebody.timing import Timing
+from wholebody.verdict import Verdict
 
 SHORT = ("--duration", "0.2", "--hold", "0.2")
 
@@ -156,3 +158,17 @@ def test_a_folder_of_motions_becomes_a_table(tmp_path):
     assert "1 motion, 0 falls" in answer.stdout
     (verdict,) = json.loads((tmp_path / "study.json").read_text())
     assert verdict["seconds"]["hold"] + verdict["seconds"].get("slowed", 0.0) > 1.0
+
+
+@pytest.mark.parametrize(("chunks", "code"), [(3, 0), (0, 1)])
+def test_a_run_in_which_the_policy_did_nothing_is_no_success(inside, monkeypatch, chunks, code):
+    """``lerobot-rollout`` of 0.6.1 sends no command and ends with code 0 when every call of the policy fails."""
+    verdict = Verdict(name="wave", verdict="infeasible", fell=False, timing=Timing(chunks=chunks))
+    monkeypatch.setattr(cli, "_checker", lambda *_: SimpleNamespace(check=lambda *_, **__: (verdict, None)))
+    assert inside("run", "wave").returncode == code
+
+
+def test_what_has_no_end_is_refused_before_it_is_loaded(inside, tmp_path):
+    (tmp_path / "config.json").write_text("{}")
+    answer = inside("run", str(tmp_path))
+    assert (answer.returncode, answer.stderr) == (2, f"wholebody: {cli.NO_END}\n")

@@ -17,6 +17,7 @@ from policy.anchor import Anchor
 from policy.base import Policy
 from policy.codec import encode
 from policy.errors import ChunkError, ObservationError, PolicyError, SpecError
+from policy.grey_cameras import grey_images
 from policy.layouts import builtin
 from policy.lerobot import LeRobotPolicy, RealTimeLeRobotPolicy
 from policy.lerobot_finding import CheckpointError
@@ -445,7 +446,7 @@ def test_cameras_that_the_robot_lacks_see_grey_only_when_that_is_asked_for(tmp_p
     policy = load(tiny.saved("pi05", tmp_path_factory), grey_cameras=True, seed=0, clamp=1.0)
     (warning,) = policy.warnings
     assert warning.text.endswith("head, left_wrist, right_wrist see grey: the policy acts blindly")
-    blind, grey = tiny.observation(cameras=()), policy.inputs.grey_images()
+    blind, grey = tiny.observation(cameras=()), grey_images(policy.cameras)
     assert np.array_equal(policy.predict(blind), policy.predict(dataclasses.replace(blind, images=grey)))
     seen = tiny.observation()
     assert not np.array_equal(policy.predict(seen), policy.predict(blind))
@@ -459,3 +460,17 @@ def test_a_checkpoint_is_a_source_of_the_command_line(tmp_path_factory):
     assert len(policy.infer(tiny.observation(cameras=(), task=""))) == 50
     with pytest.raises(CheckpointError, match="is no configuration of a LeRobot policy"):
         open_source(str(tiny.saved("smolvla", tmp_path_factory) / "vlm"), 60.0, None)
+
+
+def test_the_command_line_can_ask_a_checkpoint_for_real_time_chunking(tmp_path_factory):
+    with tiny.tiny_backbones():
+        policy = open_source(str(tiny.saved("pi05", tmp_path_factory)), 60.0, None, "wave", rtc=True, num_steps=3)
+    assert isinstance(policy, PrefixPolicy)
+    assert policy.checkpoint.network.config.num_inference_steps == 3
+
+
+def test_a_path_that_holds_nothing_to_run_is_named(tmp_path):
+    with pytest.raises(PolicyError, match=r"neither a checkpoint \(it has no config\.json.*nor a dataset"):
+        open_source(str(tmp_path), 60.0, None)
+    with pytest.raises(PolicyError, match="there is no folder"):
+        open_source(str(tmp_path / "outputs"), 60.0, None)

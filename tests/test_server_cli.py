@@ -22,17 +22,23 @@ def command(*arguments):
 
 
 @contextmanager
-def serving(*arguments):
+def serving(*arguments, ending=signal.SIGINT):
     """Address and process of a server."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command("serve-policy", *arguments, "--port", "0"), text=True, **pipes) as process:
+    # A shell that starts the tests in the background makes their children deaf to Ctrl-C.
+    heedful = f"import signal; signal.signal(signal.SIGINT, signal.default_int_handler); {CODE}"
+    call = [sys.executable, "-c", heedful, "serve-policy", *arguments, "--port", "0"]
+    with subprocess.Popen(call, text=True, **pipes) as process:
         try:
             line = process.stdout.readline()
             assert line, process.stderr.read()
             yield line, process
         finally:
-            process.send_signal(signal.SIGINT)
-            process.wait(timeout=30)
+            process.send_signal(ending)
+            try:
+                process.wait(timeout=30)
+            finally:
+                process.kill()
 
 
 def test_a_served_policy_is_announced_used_from_another_process_and_ended_by_ctrl_c():
@@ -54,9 +60,10 @@ def test_a_served_policy_is_announced_used_from_another_process_and_ended_by_ctr
 
 
 def test_serving_to_every_network_is_possible_and_warned_of():
-    with serving("wave", "--host", "0.0.0.0") as (line, process):
+    with serving("wave", "--host", "0.0.0.0", ending=signal.SIGTERM) as (line, process):
         assert "ws://127.0.0.1:" in line
         assert "whoever reaches 0.0.0.0 can use the policy" in process.stderr.readline()
+    assert process.returncode == 0, "a container's stop ends it as Ctrl-C does"
 
 
 def test_a_policy_without_an_end_needs_a_duration():

@@ -167,3 +167,11 @@ def test_the_summary_counts_motions_falls_and_time_spent_damping():
     fallen = judge("a", result(fall=Fall(2.0, "x"), seconds={"damping": 0.5}))
     assert table_summary([fallen]).startswith("1 motion, 1 fall, 0.5 s damping\n")
     assert table_summary([judge("b", result())] * 2).startswith("2 motions, 0 falls, 0.0 s damping\n")
+
+
+def test_a_policy_that_fails_again_and_again_is_one_line_with_the_first_time():
+    refusals = [Refusal(0.25 * k, "policy_raised", f"KeyError: {k}") for k in range(40)]
+    refusals.insert(7, Refusal(1.6, "policy_hung", "no answer since 0.600 s"))
+    verdict = judge("wave", result(refusals=refusals))
+    said = [(v.subject, v.time) for v in verdict.violations if v.code == "refused"]
+    assert said == [("policy_raised 40 times: KeyError: 0", 0.0), ("policy_hung: no answer since 0.600 s", 1.6)]

@@ -9,13 +9,15 @@ from functools import cache
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from signal import SIGTERM, default_int_handler, signal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from wholebody.bench import bench
 from wholebody.console import (
     check_places,
+    log_to_terminal,
     print_nothing,
     print_verdict,
     progress_bar,
@@ -25,7 +27,7 @@ from wholebody.console import (
     write_pictures,
     write_text,
 )
-from wholebody.sources import expanded, layout_named, open_source
+from wholebody.sources import expanded, is_checkpoint, layout_named, open_source
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -45,6 +47,7 @@ app = typer.Typer(
 )
 app.add_typer(bench, name="bench")
 
+NO_END = "this policy has no end: say how long with --duration SECONDS"
 EXIT_OK, EXIT_INFEASIBLE, EXIT_MISUSE = 0, 1, 2
 
 JsonTo = Annotated[str, typer.Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
@@ -73,6 +76,12 @@ RealTimeChunking = Annotated[
 ]
 Episodes = Annotated[str, typer.Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")]
 Task = Annotated[str, typer.Option(help="What a checkpoint is told to do.")]
+Tokenizer = Annotated[
+    Path | None, typer.Option(help="Checkpoint: folder of its tokenizer, for SmolVLA of its whole VLM.")
+]
+Device = Annotated[str, typer.Option(help="Checkpoint: cpu, cuda, ...; a GPU if there is one.")]
+NumSteps = Annotated[int, typer.Option(help="Checkpoint: denoising steps; 0: as saved.")]
+Seed = Annotated[int | None, typer.Option(help="Checkpoint: makes sampling reproducible.")]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")]
 
 
@@ -82,6 +91,7 @@ def main() -> None:
     from policy.errors import PolicyError
     from wholebody.errors import WholebodyError
 
+    log_to_terminal()
     try:
         app()
     except (PolicyError, WholebodyError, SpecError, OSError, ValueError) as error:
@@ -121,7 +131,7 @@ def check(
     checker = cache(lambda scene: _checker(scene, config, hold, realistic, delay_ms, payload_kg))
     for name in (one for given in inputs for one in expanded(given, episodes)):
         try:
-            policy = _opened(name, csv_fps, assume_spec, task)
+            policy = _opened(name, csv_fps, assume_spec, duration, task=task)
             judge = checker(scene or SCENE_OF.get(name, "floor"))
             with progress_bar(name, quiet=quiet) as progress:
                 verdict, _ = judge.check(policy, name, _length(policy, duration), progress=progress)
@@ -159,11 +169,15 @@ def run(
     ensemble: Ensemble = None,
     real_time_chunking: RealTimeChunking = False,
     task: Task = "",
+    tokenizer: Tokenizer = None,
+    device: Device = "",
+    num_steps: NumSteps = 0,
+    seed: Seed = None,
     video: Annotated[Path | None, typer.Option(help="Write a video (.mp4) of the run.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Write six frames of the run as one picture (.png).")] = None,
     record: Annotated[Path | None, typer.Option(help="Write every control period to an .npz.")] = None,
 ) -> None:
-    """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall."""
+    """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall, or if no chunk was executed."""
     quiet, outputs = json_to == "-", (video, sheet, record)
     _check_times(duration, hold)
     check_places(json_to, *outputs)
@@ -174,7 +188,9 @@ def run(
         raise ValueError(f"no .csv files in '{motions}'")
     if len(names) > 1 and any(outputs) and not motions:
         raise ValueError(f"--video, --sheet and --record show one run; {source} has {len(names)}: say --episodes 0")
-    policies = [_opened(name, csv_fps, assume_spec, task) for name in names]
+    options = {"task": task, "tokenizer": tokenizer, "device": device or None, "num_steps": num_steps or None}
+    options |= {"seed": seed, "rtc": real_time_chunking}
+    policies = [_opened(name, csv_fps, assume_spec, duration, **options) for name in names]
     executors = [_executor(policy, latency_ms, replace_every, ensemble, real_time_chunking) for policy in policies]
     scene = scene or SCENE_OF.get(source, "floor")
     checker, verdicts = _checker(scene, config, hold, realistic, delay_ms, payload_kg), []
@@ -194,7 +210,7 @@ def run(
     write_json(json_to, verdicts)
     if recorder is not None:
         write_pictures(recorder, video, sheet, record)
-    raise typer.Exit(EXIT_INFEASIBLE if any(v.fell for v in verdicts) else EXIT_OK)
+    raise typer.Exit(EXIT_INFEASIBLE if any(v.fell or not v.timing.chunks for v in verdicts) else EXIT_OK)
 
 
 @app.command()
@@ -255,9 +271,9 @@ def doctor(
     assume_spec: Annotated[str, typer.Option(help="Layout of a checkpoint that names none.")] = "",
     assume_state: Annotated[str, typer.Option(help="Layout of its state; that of the actions if not given.")] = "",
     task: Annotated[str, typer.Option(help="Task that will be given.")] = "",
-    tokenizer: Annotated[Path | None, typer.Option(help="Folder of the tokenizer, SmolVLA: of the VLM.")] = None,
-    device: Annotated[str, typer.Option(help="cpu, cuda, ...; a GPU if there is one.")] = "",
-    num_steps: Annotated[int, typer.Option(help="Denoising steps; 0 as saved.")] = 0,
+    tokenizer: Tokenizer = None,
+    device: Device = "",
+    num_steps: NumSteps = 0,
     allow_narrow: Annotated[bool, typer.Option(help="Accept numbers that hardly moved in training.")] = False,
     allow_random_weights: Annotated[bool, typer.Option(help="Go on without weights, for timing.")] = False,
     json_to: JsonTo = "",
@@ -292,11 +308,11 @@ def serve_policy(
     host: Annotated[str, typer.Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; 0: any free one.")] = 8000,
     task: Annotated[str, typer.Option(help="Checkpoint: task where the client gives none.")] = "",
-    tokenizer: Annotated[Path | None, typer.Option(help="Checkpoint: folder of the tokenizer.")] = None,
-    device: Annotated[str, typer.Option(help="Checkpoint: cpu, cuda, ...; a GPU if there is one.")] = "",
+    tokenizer: Tokenizer = None,
+    device: Device = "",
     dtype: Annotated[str, typer.Option(help="Checkpoint: float32 or bfloat16; as saved if not given.")] = "",
-    num_steps: Annotated[int, typer.Option(help="Checkpoint: denoising steps; 0: as saved.")] = 0,
-    seed: Annotated[int | None, typer.Option(help="Checkpoint: makes sampling reproducible.")] = None,
+    num_steps: NumSteps = 0,
+    seed: Seed = None,
     real_time_chunking: RealTimeChunking = False,
     allow_random_weights: Annotated[bool, typer.Option(help="Checkpoint: go on without weights, for timing.")] = False,
     csv_fps: CsvFps = 60.0,
@@ -328,6 +344,8 @@ def serve_policy(
     print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
     if host not in (LOOPBACK, "localhost", "::1"):
         print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
+    # Containers and service managers end a program by this signal.
+    signal(SIGTERM, default_int_handler)
     with suppress(KeyboardInterrupt):
         server.serve_forever()
     server.close()
@@ -368,9 +386,11 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
         write_text(json_to, json.dumps(result.to_dict(), indent=2))
 
 
-def _opened(name: str, csv_fps: float, assume_spec: str, task: str) -> Policy:
+def _opened(name: str, csv_fps: float, assume_spec: str, duration: float, **options: Any) -> Policy:
     """A source, with what should be known before it runs on standard error."""
-    policy = open_source(name, csv_fps, layout_named(assume_spec), task)
+    if not duration and is_checkpoint(name):
+        raise ValueError(NO_END)
+    policy = open_source(name, csv_fps, layout_named(assume_spec), **options)
     for finding in getattr(policy, "warnings", ()):
         print(f"wholebody: {name}: {finding.sentence}", file=sys.stderr)
     return policy
@@ -380,7 +400,7 @@ def _length(policy: Policy, duration: float) -> float:
     """Seconds to run."""
     length = duration or getattr(policy, "duration", None)
     if length is None:
-        raise ValueError("this policy has no end: say how long with --duration SECONDS")
+        raise ValueError(NO_END)
     return length
 
 

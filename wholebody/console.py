@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -12,6 +13,22 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from wholebody.sim.recorder import Recorder
     from wholebody.verdict import Verdict
+
+
+class _Sentences(logging.Formatter):
+    """Our own messages begin as errors do; those of others name their source."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        name = record.name.partition(".")[0]
+        source = "wholebody" if name in ("models", "policy", "wholebody") else record.name
+        return f"{source}: {record.getMessage()}"
+
+
+def log_to_terminal() -> None:
+    """Warnings go to standard error, one line each; without effect where logging is configured already."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Sentences())
+    logging.basicConfig(handlers=[handler], level=logging.WARNING)
 
 
 def check_places(

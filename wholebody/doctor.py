@@ -16,6 +16,7 @@ import numpy as np
 from policy.anchor import Anchor
 from policy.chunk import ActionChunk
 from policy.errors import ObservationError, PolicyError
+from policy.grey_cameras import grey_images
 from policy.lerobot_checkpoint import Checkpoint, LoadOptions, open_checkpoint
 from policy.lerobot_finding import CheckpointError, Finding, Level
 from policy.observation import Observation
@@ -95,7 +96,7 @@ def dry_observation(policy: LeRobotPolicy) -> Observation:
     """The nominal stance, seen by grey cameras of the sizes in training."""
     anchor, task = Anchor.nominal(), policy.checkpoint.options.task or DRY_TASK
     seen = Observation(0.0, anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base)
-    return replace(seen, images=policy.inputs.grey_images(), task=task)
+    return replace(seen, images=grey_images(policy.cameras), task=task)
 
 
 def _against_dataset(checkpoint: Checkpoint, dataset: str | Path) -> list[Finding]:

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from policy.base import Policy
     from policy.spec import ActionSpec
 
 
-def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str = "") -> Policy:
+def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str = "", **options: Any) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
+
+    Cameras of a policy see grey, since the simulation takes no pictures; the policy has a warning that says so.
 
     Args:
         name: As in `expanded`.
         csv_fps: Frame rate of motion files [Hz].
         assume: Layout that the user vouches for.
         task: What a checkpoint is told to do.
+        **options: More of `policy.lerobot_checkpoint.LoadOptions`, for checkpoints.
 
     Raises:
         PolicyError: If there is nothing of that name, or it is malformed.
@@ -28,19 +31,19 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
     if name.startswith(("ws://", "wss://")):
         from policy.remote import RemotePolicy
 
-        return RemotePolicy.connect(name, assume_spec=assume)
+        return RemotePolicy.connect(name, assume_spec=assume, grey_cameras=True)
     folder, _, number = name.rpartition("#")
     if number.isdecimal() and is_dataset(folder):
         from policy.dataset_replay import open_episode
 
         return open_episode(folder, int(number), assume=assume)
-    if (Path(name) / "config.json").is_file():
+    if is_checkpoint(name):
         from policy.lerobot import LeRobotPolicy
 
-        # The simulation takes no pictures; that is a warning of the policy.
-        return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, grey_cameras=True)
+        return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, grey_cameras=True, **options)
     if Path(name).suffix.lower() in (".npz", ".csv"):
         return open_recording(name, csv_fps=csv_fps, assume=assume)
+    _require_no_path(name)
     return scripted(name)
 
 
@@ -66,6 +69,24 @@ def expanded(name: str, episodes: str) -> list[str]:
 def is_dataset(name: str) -> bool:
     """Whether a name is the folder of a LeRobot dataset."""
     return (Path(name) / "meta" / "info.json").is_file()
+
+
+def is_checkpoint(name: str) -> bool:
+    """Whether a name is the folder of a LeRobot checkpoint."""
+    return (Path(name) / "config.json").is_file()
+
+
+def _require_no_path(name: str) -> None:
+    """Refuse folders that hold nothing to run, and paths that lead nowhere."""
+    from policy.errors import PolicyError
+
+    if Path(name).is_dir():
+        raise PolicyError(
+            f"folder '{name}' is neither a checkpoint (it has no config.json; LeRobot's training writes it to "
+            "checkpoints/last/pretrained_model) nor a dataset (no meta/info.json)"
+        )
+    if "/" in name or "\\" in name:
+        raise PolicyError(f"there is no folder '{name}', and no script of that name")
 
 
 def layout_named(text: str) -> ActionSpec | None:

@@ -40,7 +40,8 @@ class Timing:
             median, most = 1e3 * self.latency_median_s, 1e3 * self.latency_max_s
             said.append(f"latency {median:.0f} ms median, {most:.0f} ms at most")
         if self.starvations:
-            said.append(f"starved {self.starvations} times, {self.starved_s:.2f} s")
+            times = "once" if self.starvations == 1 else f"{self.starvations} times"
+            said.append(f"starved {times}, {self.starved_s:.2f} s")
         turn = np.rad2deg(self.seam_rad)
         return f"{', '.join(said)}; seam {1e3 * self.seam_m:.3f} mm, {turn:.3f} deg, {self.seam_m_s:.4f} m/s"
 

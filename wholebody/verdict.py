@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
@@ -174,10 +175,7 @@ def _violations(result: EpisodeResult) -> list[Violation]:
     found = []
     if result.fall is not None:
         found.append(Violation(code="fall", subject=result.fall.cause, time=result.fall.time))
-    found += [
-        Violation(code="refused", subject=f"{refusal.reason}: {refusal.detail}", time=refusal.time)
-        for refusal in result.refusals[:LISTED]
-    ]
+    found += _refusals(result)
     found += _plan_violations(result)
     found += _palm_violations("tracking_error", result.errors, result.times, ERROR_FEASIBLE)
     if result.edge is not None:
@@ -189,6 +187,15 @@ def _violations(result: EpisodeResult) -> list[Violation]:
         first = sorted(contacts.items(), key=lambda item: item[1])[:LISTED]
         found += [Violation(code=code, subject=" - ".join(pair), time=time) for pair, time in first]
     return [_with_step(violation, result) for violation in found]
+
+
+def _refusals(result: EpisodeResult) -> Iterator[Violation]:
+    """The first of every reason, with how many there were: a policy that fails is asked again four times a second."""
+    count = Counter(refusal.reason for refusal in result.refusals)
+    first = {refusal.reason: refusal for refusal in reversed(result.refusals)}
+    for reason in list(count)[:LISTED]:
+        times = f" {count[reason]} times" if count[reason] > 1 else ""
+        yield Violation(code="refused", subject=f"{reason}{times}: {first[reason].detail}", time=first[reason].time)
 
 
 def _plan_violations(result: EpisodeResult) -> Iterator[Violation]:
