@@ -119,7 +119,7 @@ class PosturePlanConfig:
     """Scale of palm positions [m]."""
     position_give: float = 0.02
     """Distance beyond which a palm pulls no harder [m]."""
-    orientation: float = 0.012
+    orientation: float = 8e-3
     """Scale of palm orientations [rad]."""
     orientation_give: float = 0.01
     """Angle beyond which a palm turns no harder [rad]."""
@@ -137,7 +137,7 @@ class PosturePlanConfig:
     """Joints off the stance [rad]."""
     waist_torque: float = 60.0
     """Waist torques: their 35 N m are soon used up [N m]."""
-    slide: float = 0.05
+    slide: float = 0.07
     """Acceleration of the soles by the legs' velocities alone [m/s^2]."""
     smoothness: float = 20.0
     """Accelerations [m/s^2, rad/s^2]."""
@@ -196,6 +196,8 @@ class PlannerConfig:
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
     gentle: PosturePlanConfig = GENTLE
     """The posture plan of a chunk that cannot be followed within the bounds."""
+    turning: float = 0.02
+    """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
     loss_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
     excess_max: float = 3.0

@@ -5,7 +5,7 @@ Slow down along the chunk first, shift the body second (the posture plan), bend 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -215,6 +215,12 @@ class ChunkPlanner:
                 # The plan before may have led to where the search cannot leave: begin anew.
                 anew = self._attempt(chunk, now, start, commanded, slowdown)
                 attempt = min(attempt, anew, key=lambda one: one.motion.cost)
+            if not self._good(attempt):
+                turned = self._attempt(
+                    chunk, now, start, commanded, slowdown, attempt.motion.q[1:],
+                    replace(c.posture, orientation=c.turning),
+                )
+                attempt = min(attempt, turned, key=lambda one: one.loss + GOOD_LOSS * one.excess)
             if self._follows(attempt):
                 return attempt
             tried.append(attempt)
