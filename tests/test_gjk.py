@@ -53,18 +53,18 @@ class Measuring:
     def ours(self, q):
         """Distances, NaN where unsure."""
         pin.forwardKinematics(self.model, self.data, q)
-        R = np.array([M.rotation for M in self.data.oMi[1:]])
-        p = np.array([M.translation for M in self.data.oMi[1:]])
+        R, p = placements(self)
         return np.array([self.pair(k, R, p) for k in range(len(self.pairs))])
 
-    def pair(self, k, R, p):
+    def pair(self, k, R, p, enough=np.inf):
         t, (i, j) = self.table, self.pairs[k]
         a, c = t.shapes[i, core.BODY], t.shapes[j, core.BODY]
         found, code = self._distance(
-            t.shapes[i], t.shapes[j], t.rounds[i], t.rounds[j], t.vertices, t.start, t.neighbours, R[a], p[a], R[c],
-            p[c], self.simplex[k], self.state[k], self.scratch, self.rows[k],
+            t.shapes[i], t.shapes[j], t.rounds[i], t.rounds[j], t.vertices, t.start, t.neighbours, enough, R[a],
+            p[a], R[c], p[c], self.simplex[k], self.state[k], self.scratch, self.rows[k],
         )  # fmt: skip
-        return found if code == core.APART else np.nan
+        self.code = code
+        return found if code != core.UNSURE else np.nan
 
     def coal(self, q):
         pin.computeDistances(self.model, self.data, self.geometry, self.placed, q)
@@ -123,6 +123,30 @@ def test_supporting_planes_prove_each_distance_and_the_nearest_points(robot, tab
             assert measuring.reach(i, normal) == pytest.approx(normal @ first, abs=1e-7)
             assert -measuring.reach(j, -normal) == pytest.approx(normal @ second, abs=1e-7)
             np.testing.assert_allclose(second - first, found[k] * normal, atol=1e-10)
+
+
+def test_a_lower_bound_is_given_only_where_it_is_enough_and_is_one(robot, table):
+    measuring, seen = Measuring(robot, table), 0
+    for q in postures(robot, 8):
+        truth = measuring.ours(q)
+        R, p = placements(measuring)
+        for k in range(0, len(truth), 5):
+            enough = truth[k] * (0.5 + (k % 4) / 4.0)
+            if not enough > 1e-3:
+                continue
+            measuring.state[k, 0] = 0
+            found = measuring.pair(k, R, p, enough)
+            if measuring.code == core.BEYOND:
+                seen += 1
+                assert enough <= found <= truth[k] + 1e-9
+            else:
+                assert found == pytest.approx(truth[k], abs=1e-8)
+    assert seen > 250
+
+
+def placements(measuring):
+    data = measuring.data
+    return np.array([M.rotation for M in data.oMi[1:]]), np.array([M.translation for M in data.oMi[1:]])
 
 
 def test_what_was_found_before_changes_the_way_but_not_the_answer(robot, table):

@@ -21,8 +21,9 @@ HULL, SPHERE, CYLINDER = range(3)
 KIND, FIRST, COUNT, BODY = range(4)
 CENTRE, AXIS, RADIUS, HALF = 0, 3, 6, 7
 
-APART, UNSURE = range(2)
-"""What `distance` answers: it is known, or another algorithm has to find it: the shapes touch, or rounding won."""
+APART, BEYOND, UNSURE = range(3)
+"""What `distance` answers: it is known; or only that the shapes are at least that far apart, which is enough; or
+another algorithm has to find it: the shapes touch, or rounding won."""
 
 STEPS = 64
 """Steps after which rounding has won; from a cold start it takes about ten."""
@@ -200,7 +201,9 @@ def furthest(x, y, z, shape, row, at, side, vertices, start, neighbours, point):
     return at
 
 
-def approach(first, second, row_a, row_b, vertices, start, neighbours, move, n, simplex, hints, W, v, share, trial):
+def approach(
+    first, second, row_a, row_b, vertices, start, neighbours, enough, move, n, simplex, hints, W, v, share, trial
+):
     """Move the simplex to where it is nearest to the origin.
 
     Args:
@@ -211,6 +214,7 @@ def approach(first, second, row_a, row_b, vertices, start, neighbours, move, n, 
         vertices: Of all shapes (any, 3).
         start: Where the neighbours of each vertex begin in the next.
         neighbours: Vertices at the other ends of the edges.
+        enough: Distance from which on a lower bound will do [m].
         move: Placement of the second body in the first (12,).
         n: Number of points that the simplex has, 0 to 4.
         simplex: In and out, rows ``a (3) b (3)`` in the axes of the bodies (5, 6).
@@ -221,7 +225,8 @@ def approach(first, second, row_a, row_b, vertices, start, neighbours, move, n, 
         trial: Scratch (4,).
 
     Returns:
-        Number of points of the simplex, 0 if it is not known whether there is nothing nearer.
+        Number of points of the simplex, 0 if it is not known whether there is nothing nearer; and a lower bound of the
+        distance where that is enough, else -1.
     """
     if n == 0:
         begin(first, second, row_a, row_b, vertices, simplex[0], hints)
@@ -231,7 +236,7 @@ def approach(first, second, row_a, row_b, vertices, start, neighbours, move, n, 
     before, gap = math.inf, math.inf
     for _ in range(STEPS):
         if not nearest_of(W, n, share, trial):
-            return 0
+            return 0, -1.0
         n = keep(W, simplex, n, share)
         for k in range(3):
             v[k] = 0.0
@@ -239,10 +244,10 @@ def approach(first, second, row_a, row_b, vertices, start, neighbours, move, n, 
                 v[k] += share[i] * W[i, k]
         size = math.sqrt(dot3(v, v))
         if not size > TOUCHING:
-            return 0
+            return 0, -1.0
         # Where no step helps any more, what the last one could have gained tells how good it is.
         if not size < before:
-            return n if gap <= GAP_ACCEPTED else 0
+            return n if gap <= GAP_ACCEPTED else 0, -1.0
         before = size
         x, y, z = v[0], v[1], v[2]
         u = move[0] * x + move[3] * y + move[6] * z
@@ -252,15 +257,20 @@ def approach(first, second, row_a, row_b, vertices, start, neighbours, move, n, 
         hints[0] = furthest(-x, -y, -z, first, row_a, hints[0], 0, vertices, start, neighbours, point)
         hints[1] = furthest(u, s, t, second, row_b, hints[1], 3, vertices, start, neighbours, point)
         difference(point, move, W[n])
-        gap = size - dot3(v, W[n]) / size
+        least = dot3(v, W[n]) / size
+        gap = size - least
         if gap <= GAP:
-            return n
+            return n, -1.0
         n += 1
-    return n if gap <= GAP_ACCEPTED else 0
+        if least >= enough:
+            # The simplex has to begin with at most four points.
+            nearest_of(W, n, share, trial)
+            return keep(W, simplex, n, share), least
+    return n if gap <= GAP_ACCEPTED else 0, -1.0
 
 
 def distance(
-    first, second, row_a, row_b, vertices, start, neighbours, R_a, p_a, R_b, p_b, simplex, state, scratch, out
+    first, second, row_a, row_b, vertices, start, neighbours, enough, R_a, p_a, R_b, p_b, simplex, state, scratch, out
 ):
     """Distance of two shapes with the nearest points.
 
@@ -272,6 +282,7 @@ def distance(
         vertices: Of all shapes (any, 3).
         start: Where the neighbours of each vertex begin in the next.
         neighbours: Vertices at the other ends of the edges.
+        enough: Distance from which on a lower bound will do, infinite where it will not [m].
         R_a: Rotation of the first body (3, 3).
         p_a: Its origin (3,).
         R_b: Rotation of the second body.
@@ -283,20 +294,38 @@ def distance(
             placed (9,).
 
     Returns:
-        The distance [m], and `APART` or `UNSURE`; nothing is known where it is unsure.
+        The distance [m] and `APART`, or a lower bound and `BEYOND`; nothing is known if it is `UNSURE`. Only `APART`
+        leaves ``out``.
     """
     move, W, v = scratch[:12], scratch[12:24].reshape((4, 3)), scratch[24:27]
     share, trial, hints = scratch[27:31], scratch[31:35], state[1:3]
     relative(R_a, p_a, R_b, p_b, move)
-    n = approach(
-        first, second, row_a, row_b, vertices, start, neighbours, move, state[0], simplex, hints, W, v, share, trial
+    extra_a = row_a[RADIUS] if first[KIND] == SPHERE else 0.0
+    extra_b = row_b[RADIUS] if second[KIND] == SPHERE else 0.0
+    n, least = approach(
+        first,
+        second,
+        row_a,
+        row_b,
+        vertices,
+        start,
+        neighbours,
+        enough + extra_a + extra_b,
+        move,
+        state[0],
+        simplex,
+        hints,
+        W,
+        v,
+        share,
+        trial,
     )
     state[0] = n
     if n == 0:
         return 0.0, UNSURE
+    if least >= 0.0:
+        return least - extra_a - extra_b, BEYOND
     size = math.sqrt(dot3(v, v))
-    extra_a = row_a[RADIUS] if first[KIND] == SPHERE else 0.0
-    extra_b = row_b[RADIUS] if second[KIND] == SPHERE else 0.0
     for k in range(3):
         out[k] = -(R_a[k, 0] * v[0] + R_a[k, 1] * v[1] + R_a[k, 2] * v[2]) / size
         out[3 + k], out[6 + k] = p_a[k] + extra_a * out[k], p_b[k] - extra_b * out[k]

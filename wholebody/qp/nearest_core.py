@@ -1,11 +1,18 @@
 """The near pairs of bodies, as `wholebody.proximity` finds them; compiles with numba as it stands."""
 
-from wholebody.gjk_core import APART, BODY, distance
+import math
+
+from wholebody.gjk_core import APART, BEYOND, BODY, distance
 from wholebody.qp import blocks_core as mem
+
+SLACK = 0.01
+"""Distance beyond what matters at which a lower bound will do: a pair that is just out of it would be back soon [m]."""
 
 
 def nearest(reals, ints):
     """Measure the pairs that may be near, and list the nearest in PAIRS.
+
+    The nearest of the last time are measured first: whatever is further away than those need not be known exactly.
 
     Returns:
         Number of pairs, listed in UNSURE_PAIRS, that somebody else has to measure before this is called again; zero if
@@ -14,33 +21,32 @@ def nearest(reals, ints):
     counts, known = mem.vector(ints, mem.COUNTS), mem.vector(ints, mem.KNOWN)
     room, bound, keep = mem.vector(reals, mem.ROOM), mem.vector(reals, mem.BOUND_), mem.vector(reals, mem.KEEP)
     trigger, chosen = mem.vector(reals, mem.TRIGGER)[0], mem.vector(ints, mem.NEAREST)
-    n = room.shape[0]
+    n, far = room.shape[0], trigger
     if counts[mem.N_UNSURE] == 0:
         shrink(reals, ints)
         for k in range(n):
             known[k] = 0
     counts[mem.N_UNSURE] = 0
-    inside = 0
     for k in range(n):
         room[k] = bound[k] - keep[k]
-        if room[k] < trigger:
-            if not known[k]:
-                measure(k, reals, ints)
+    least = min(counts[mem.LEAST_PAIRS], n)
+    if counts[mem.N_PAIRS] < least:
+        choose(room, n, least, chosen)
+        counts[mem.N_PAIRS] = least
+    for i in range(counts[mem.N_PAIRS]):
+        measure(chosen[i], math.inf, reals, ints)
+    # The last of as many pairs as there have to be is at least as far as those will be.
+    for i in range(least):
+        far = max(far, room[chosen[i]])
+    inside = 0
+    for k in range(n):
+        if room[k] < far:
+            measure(k, far + SLACK, reals, ints)
             if room[k] < trigger:
                 inside += 1
-    least = min(counts[mem.LEAST_PAIRS], n)
-    unknown = True
-    while unknown and counts[mem.N_UNSURE] == 0:
-        choose(room, n, least, chosen)
-        unknown = False
-        for i in range(least):
-            if not known[chosen[i]]:
-                measure(chosen[i], reals, ints)
-                unknown = True
     if counts[mem.N_UNSURE] == 0:
         count = min(max(inside, least), chosen.shape[0])
-        if count != least:
-            choose(room, n, count, chosen)
+        choose(room, n, count, chosen)
         describe_pairs(count, reals, ints)
     return counts[mem.N_UNSURE]
 
@@ -64,8 +70,14 @@ def shrink(reals, ints):
         bound[k] -= suffix[level[k, 0]] + suffix[level[k, 1]]
 
 
-def measure(k, reals, ints):
-    """Distance of pair ``k`` now; where it stays unsure, the pair is listed as such."""
+def measure(k, enough, reals, ints):
+    """Distance of pair ``k`` now, if it is not known; a lower bound will do for a room of ``enough``.
+
+    Where it stays unsure, the pair is listed as such.
+    """
+    known, keep = mem.vector(ints, mem.KNOWN), mem.vector(reals, mem.KEEP)[k]
+    if known[k]:
+        return
     counts, q, p = mem.vector(ints, mem.COUNTS), mem.vector(reals, mem.Q_), mem.matrix(reals, mem.P_)
     pairs, shapes, R = mem.matrix(ints, mem.PAIR_SHAPES), mem.matrix(ints, mem.SHAPES), mem.cube(reals, mem.R_)
     rounds, simplex, state = (
@@ -83,6 +95,7 @@ def measure(k, reals, ints):
         mem.matrix(reals, mem.VERTICES),
         mem.vector(ints, mem.EDGE_START),
         mem.vector(ints, mem.EDGE_END),
+        enough + keep,
         R[a],
         p[a],
         R[b],
@@ -92,7 +105,11 @@ def measure(k, reals, ints):
         mem.vector(reals, mem.GJK),
         out,
     )
-    mem.vector(ints, mem.KNOWN)[k] = 1
+    if code == BEYOND:
+        mem.vector(reals, mem.BOUND_)[k] = found
+        mem.vector(reals, mem.ROOM)[k] = found - keep
+        return
+    known[k] = 1
     if code != APART:
         mem.vector(ints, mem.UNSURE_PAIRS)[counts[mem.N_UNSURE]] = k
         counts[mem.N_UNSURE] += 1
@@ -101,7 +118,7 @@ def measure(k, reals, ints):
         out[3 + i] += q[i]
         out[6 + i] += q[i]
     mem.vector(reals, mem.DISTANCE_)[k] = mem.vector(reals, mem.BOUND_)[k] = found
-    mem.vector(reals, mem.ROOM)[k] = found - mem.vector(reals, mem.KEEP)[k]
+    mem.vector(reals, mem.ROOM)[k] = found - keep
 
 
 def choose(room, n, count, chosen):
