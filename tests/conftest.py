@@ -12,7 +12,7 @@ from stored import Measured, StoredValues
 NEED_LEROBOT = [
     "test_lerobot*.py",
     "test_dataset*.py",
-    "test_pi05_example.py",
+    "test_pi05_*.py",
     "test_policy_contract.py",
     "test_server_lerobot.py",
 ]

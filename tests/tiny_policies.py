@@ -221,8 +221,7 @@ def build(kind, folder, *, spec=SPEC, seed=0, statistics=None, cameras=CAMERAS, 
     Returns:
         Network, pre-processor, post-processor.
     """
-    from lerobot.policies.factory import get_policy_class, make_pre_post_processors
-    from lerobot.processor import tokenizer_processor
+    from lerobot.policies.factory import get_policy_class
 
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -235,10 +234,17 @@ def build(kind, folder, *, spec=SPEC, seed=0, statistics=None, cameras=CAMERAS, 
         network = get_policy_class(kind)(settings)
     network.eval()
     statistics = stats(spec, cameras=cameras) if statistics is None else statistics
+    return network, *processors(settings, tokenizer, statistics)
+
+
+def processors(settings, tokenizer, statistics):
+    """Pre- and post-processor as training makes them, with a tokenizer from a folder."""
+    from lerobot.policies.factory import make_pre_post_processors
+    from lerobot.processor import tokenizer_processor
+
     local = partial(tokenizer_processor.AutoTokenizer.from_pretrained, tokenizer)
     with mock.patch.object(tokenizer_processor.AutoTokenizer, "from_pretrained", side_effect=lambda name: local()):
-        processors = make_pre_post_processors(settings, dataset_stats=statistics)
-    return network, *processors
+        return make_pre_post_processors(settings, dataset_stats=statistics)
 
 
 def write_checkpoint(kind, folder, *, spec=SPEC, with_spec=True, **changes):

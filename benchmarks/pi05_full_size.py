@@ -1,0 +1,140 @@
+"""π0.5 in full size with random weights, from observation to chunk: `LeRobotPolicy` against plain LeRobot.
+
+    python benchmarks/pi05_full_size.py [--device cuda] [--dtype bfloat16] [--chunks 20]
+    python benchmarks/pi05_full_size.py --tiny --device cpu
+
+4.1 billion parameters: 8.3 GB of GPU memory in bfloat16 and 16.6 GB in float32, and as much of main memory while the
+network is built, which takes minutes. Nothing is downloaded: weights are random, the tokenizer has one token a
+character. ``--tiny`` runs the same lines on two layers of width 64, which says nothing about a robot.
+
+Printed are, for several numbers of denoising steps, the median time of a chunk: the network alone
+(``predict_action_chunk``), plain LeRobot (``prepare_observation_for_inference`` and both processors around it), and
+`LeRobotPolicy.infer`; then what a denoising step costs in each, by a straight line through those times.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import torch
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+import tiny_policies as tiny
+
+from policy.anchor import Anchor
+from policy.lerobot import LeRobotPolicy
+from policy.lerobot_finding import CheckpointError
+from policy.lerobot_spec import state_numbers, write_specs
+
+FULL = {"image_resolution": (224, 224), "paligemma_variant": "gemma_2b", "action_expert_variant": "gemma_300m"}
+"""What `tiny_policies.config` makes smaller, as in ``PI05Config``."""
+STEPS = (1, 2, 5, 10)
+SIZE = 224
+"""Side of the camera images [px]."""
+WAYS = ("network alone", "plain LeRobot", "LeRobotPolicy")
+
+
+def write_folder(folder: Path, **changes: Any) -> Path:
+    """A checkpoint without weights: configuration, processors, tokenizer, layouts."""
+    settings = tiny.config("pi05", folder=folder, size=SIZE, **changes)
+    tokenizer = tiny.write_tokenizer(folder / "tokenizer")
+    for part in (settings, *tiny.processors(settings, tokenizer, tiny.stats())):
+        part.save_pretrained(folder)
+    write_specs(folder, tiny.SPEC)
+    return folder
+
+
+def ways(policy: LeRobotPolicy) -> dict[str, Callable[[int], Any]]:
+    """The three calls; each takes the number of the chunk, which is its observation's time in tenths of a second."""
+    from lerobot.policies.utils import prepare_observation_for_inference
+
+    checkpoint, network = policy.checkpoint, policy.checkpoint.network
+    device = torch.device(network.config.device)
+    seen = tiny.observation(size=SIZE)
+    raw = {f"observation.images.{name}": image for name, image in seen.images.items()}
+    raw["observation.state"] = state_numbers(checkpoint.state, seen, Anchor.measured(seen)).astype(np.float32)
+
+    def prepared() -> dict[str, Any]:
+        return checkpoint.preprocessor(prepare_observation_for_inference(dict(raw), device, task=seen.task))
+
+    batch = prepared()
+    calls = (
+        lambda k: network.predict_action_chunk(batch),
+        lambda k: checkpoint.postprocessor(network.predict_action_chunk(prepared())),
+        lambda k: policy.infer(tiny.observation(0.1 * k, size=SIZE)),
+    )
+    return dict(zip(WAYS, calls, strict=True))
+
+
+def median_ms(call: Callable[[int], Any], chunks: int, device: str) -> float:
+    """Median time of a call, the device's work included [ms]; the first two calls are left out."""
+    times = []
+    for k in range(chunks + 2):
+        _wait(device)
+        start = perf_counter()
+        call(k)
+        _wait(device)
+        times.append(perf_counter() - start)
+    return 1e3 * float(np.median(times[2:]))
+
+
+def measure(policy: LeRobotPolicy, chunks: int) -> np.ndarray:
+    """Median time of a chunk by denoising steps and way, shape (len(STEPS), len(WAYS)) [ms]."""
+    config, table = policy.checkpoint.network.config, []
+    for steps in STEPS:
+        config.num_inference_steps = steps
+        row = []
+        for call in ways(policy).values():
+            policy.reset()
+            row.append(median_ms(call, chunks, config.device))
+        table.append(row)
+    return np.array(table)
+
+
+def _wait(device: str) -> None:
+    if str(device).startswith("cuda"):
+        torch.cuda.synchronize(device)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Build, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda")
+    parser.add_argument("--dtype", default="bfloat16", choices=("float32", "bfloat16"))
+    parser.add_argument("--chunks", type=int, default=20)
+    parser.add_argument("--tiny", action="store_true", help="two layers of width 64 instead")
+    chosen = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        if chosen.tiny:
+            stack.enter_context(tiny.tiny_backbones())
+        path = write_folder(Path(folder) / "pi05", **({} if chosen.tiny else FULL))
+        start = perf_counter()
+        # Clamped: what random weights say would else be no rotation.
+        options = {"device": chosen.device, "dtype": chosen.dtype, "allow_random_weights": True, "clamp": 1.0}
+        try:
+            policy = LeRobotPolicy.from_pretrained(path, **options)
+        except CheckpointError as error:
+            parser.error(str(error))
+        built = perf_counter() - start
+    count = sum(tensor.numel() for tensor in policy.checkpoint.network.parameters())
+    where = torch.cuda.get_device_name(chosen.device) if chosen.device.startswith("cuda") else chosen.device
+    print(f"{count:,} parameters, {chosen.dtype}, {where}; built in {built:.0f} s")
+    table = measure(policy, chosen.chunks)
+    print(f"{'chunk [ms]':22}" + "".join(f"{way:>16}" for way in WAYS))
+    for steps, row in zip(STEPS, table, strict=True):
+        print(f"{f'{steps} denoising steps':22}" + "".join(f"{value:16.1f}" for value in row))
+    slopes = [np.polyfit(STEPS, column, 1)[0] for column in table.T]
+    print(f"{'one denoising step':22}" + "".join(f"{value:16.2f}" for value in slopes))
+
+
+if __name__ == "__main__":
+    main()
