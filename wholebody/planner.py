@@ -25,7 +25,7 @@ COARSE = 5
 """Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""
-GOOD_LOSS, GOOD_EXCESS = 0.004, 1.0
+GOOD_LOSS, GOOD_EXCESS = 0.004, 2.0
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
 
@@ -215,12 +215,12 @@ class ChunkPlanner:
                 # The plan before may have led to where the search cannot leave: begin anew.
                 anew = self._attempt(chunk, now, start, commanded, slowdown)
                 attempt = min(attempt, anew, key=lambda one: one.motion.cost)
-            if not self._good(attempt):
+            if attempt.loss > GOOD_LOSS:
                 turned = self._attempt(
                     chunk, now, start, commanded, slowdown, attempt.motion.q[1:],
                     replace(c.posture, orientation=c.turning),
                 )
-                attempt = min(attempt, turned, key=lambda one: one.loss + GOOD_LOSS * one.excess)
+                attempt = min(attempt, turned, key=lambda one: (one.excess > c.excess_max, one.loss))
             if self._follows(attempt):
                 return attempt
             tried.append(attempt)

@@ -203,13 +203,15 @@ class Knots:
         constant (10 ms there), always the same way: a sum of ``angular rate squared times length``.
         """
         model, data = self.model, self.data
+        u, w = v[:3], v[3:6]
         kept = np.zeros(N_BODY)
-        kept[:3] = np.cross(v[:3], v[3:6])  # the pelvis keeps its velocity in world, not in its own axes
+        turn = pin.skew(w)
+        kept[:3] = -turn @ u  # the pelvis keeps its velocity in world, not in its own axes
         pin.computeForwardKinematicsDerivatives(model, data, q, v, kept)
         for i, frame in enumerate(self._soles):
             _, by_q, by_v, by_a = pin.getFrameAccelerationDerivatives(model, data, frame, pin.LOCAL)
             rows = slice(SLIDE.start + 2 * i, SLIDE.start + 2 * i + 2)
             r[rows] = pin.getFrameAcceleration(model, data, frame, pin.LOCAL).linear[:2]
             D[0, rows], D[1, rows] = by_q[:2], by_v[:2]
-            D[1, rows, :3] += np.cross(v[3:6], by_a[:2, :3])
-            D[1, rows, 3:6] += np.cross(by_a[:2, :3], v[:3])
+            D[1, rows, :3] -= by_a[:2, :3] @ turn
+            D[1, rows, 3:6] += by_a[:2, :3] @ pin.skew(u)
