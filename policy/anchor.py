@@ -12,7 +12,7 @@ from policy.joints import BODY_JOINTS
 from policy.kinematics import kinematics
 from policy.observation import Observation
 from policy.rotations import nearest_rotation, quaternion_to_matrix
-from policy.se3 import make_transform, yaw_frame
+from policy.se3 import inverse, make_transform, yaw_frame
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,11 @@ class Anchor:
         T_world_feet = np.eye(4) if T_world_feet is None else yaw_frame(np.asarray(T_world_feet, dtype=float))
         n, fingers = len(BODY_JOINTS), np.array(spec.hand_neutral)
         return cls(T_world_feet @ T_feet_base, stance.joints[:n].copy(), fingers[:7], fingers[7:])
+
+    @cached_property
+    def T_base_world(self) -> np.ndarray:
+        """World in pelvis, shape (4, 4)."""
+        return inverse(self.T_world_base)
 
     @cached_property
     def poses(self) -> dict[str, np.ndarray]:

@@ -173,13 +173,13 @@ class LeRobotPolicy:
 
     def _contained(self, chunk: Any) -> tuple[Any, list[str]]:
         """The normalised chunk, clamped if that is wanted, and what lies beyond training."""
-        limit, end, size = self.checkpoint.options.clamp, self._beyond, chunk.abs()
+        limit, end, size = self.checkpoint.options.clamp, self._beyond, np.abs(chunk.detach().float().cpu().numpy())
         most = float(size.max())
         if limit is not None:
             chunk = chunk.clamp(-limit, limit)
         if most <= end:
             return chunk, []
-        share = float((size > end).float().mean())
+        share = np.count_nonzero(size > end) / size.size
         done = "" if limit is None else f", clamped to {limit:g}"
         return chunk, [f"{100 * share:.0f} % of the numbers are beyond {end:.2g} (normalised), up to {most:.2g}{done}"]
 

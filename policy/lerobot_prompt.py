@@ -83,10 +83,10 @@ def require_whole_prompt(config: PreTrainedConfig, step: Any, batch: dict[str, A
     prompt = batch["task"][0]
     if config.type == "pi05" and not prompt.rstrip().endswith(PROMPT_END):
         raise ObservationError(f"the prompt of π0.5 ends '{prompt[-20:]}'; it must end '{PROMPT_END}'")
-    kept = int(batch["observation.language.attention_mask"][0].sum())
-    if kept < step.max_length:
+    mask = batch["observation.language.attention_mask"][0]
+    if not bool(mask.all()):
         return
-    count = token_count(step, prompt)
+    kept, count = len(mask), token_count(step, prompt)
     if count > step.max_length:
         lost = step.input_tokenizer.decode(step.input_tokenizer(prompt, truncation=False)["input_ids"][kept:])
         raise ObservationError(

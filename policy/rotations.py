@@ -44,29 +44,27 @@ def rot6d_to_matrix(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
     """
     _check_layout(layout)
     rot6d = _finite(rot6d, 6, "rot6d")
-    first, second = rot6d[..., :3], rot6d[..., 3:]
-    norm, other_norm = _norm(first), _norm(second)
-    least = np.minimum(norm, other_norm)
-    short = least < ROT6D_NORM_MIN
-    if short.any():
+    pair = rot6d.reshape(*rot6d.shape[:-1], 2, 3)
+    norms = _norm(pair)
+    if norms.min(initial=np.inf) < ROT6D_NORM_MIN:
         raise _refusal(
-            short,
-            f"rot6d has a vector of norm {least.min():.3g}, below {ROT6D_NORM_MIN}: its direction is noise; "
+            norms.min(axis=-1) < ROT6D_NORM_MIN,
+            f"rot6d has a vector of norm {norms.min():.3g}, below {ROT6D_NORM_MIN}: its direction is noise; "
             "unit vectors are expected",
         )
-    x = first / norm[..., None]
-    rest = second - _dot(x, second)[..., None] * x
-    height = _norm(rest)
-    parallel = height < ROT6D_SINE_MIN * other_norm
-    if parallel.any():
+    units = pair / norms[..., None]
+    x, y = units[..., 0, :], units[..., 1, :]
+    y = y - _dot(x, y)[..., None] * x
+    sine = _norm(y)
+    if sine.min(initial=np.inf) < ROT6D_SINE_MIN:
         raise _refusal(
-            parallel,
-            f"rot6d has two near-parallel vectors (sine {(height / other_norm).min():.3g} < {ROT6D_SINE_MIN}): "
+            sine < ROT6D_SINE_MIN,
+            f"rot6d has two near-parallel vectors (sine {sine.min():.3g} < {ROT6D_SINE_MIN}): "
             "they must be two different axes",
         )
     rows = np.empty((*rot6d.shape[:-1], 3, 3))
     rows[..., 0, :] = x
-    rows[..., 1, :] = rest / height[..., None]
+    rows[..., 1, :] = y / sine[..., None]
     rows[..., 2, :] = _cross(x, rows[..., 1, :])
     return rows if layout == "rows" else np.swapaxes(rows, -1, -2)
 

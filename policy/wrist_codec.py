@@ -61,7 +61,7 @@ def encode_wrist(
     if position is None:
         return
     reference = _Reference(position, anchor)
-    T = _moved(inverse(reference.T_world_frame) @ T_world_hand, position.tcp_offset)
+    T = _moved(reference.T_frame_world @ T_world_hand, position.tcp_offset)
     yield position, position.from_si(_encode_position(position, T[:, :3, 3], reference))
     if rotation is not None:
         yield rotation, _encode_rotation(rotation, T[:, :3, :3], reference)
@@ -76,12 +76,18 @@ class _Reference:
         self._T: np.ndarray | None = None
 
     @property
+    def T_frame_world(self) -> np.ndarray:
+        """Inverse of the frame; both wrists share that of the pelvis."""
+        in_pelvis = self.T_world_frame is self.anchor.T_world_base
+        return self.anchor.T_base_world if in_pelvis else inverse(self.T_world_frame)
+
+    @property
     def T(self) -> np.ndarray:
         """``T_frame_tool`` at the anchor's joints, (4, 4)."""
         if self._T is None:
             hand = "lhand" if self.position.name.startswith("left") else "rhand"
             T_world_hand = self.anchor.T_world_base @ self.anchor.poses[hand]
-            self._T = _moved(inverse(self.T_world_frame) @ T_world_hand, self.position.tcp_offset)
+            self._T = _moved(self.T_frame_world @ T_world_hand, self.position.tcp_offset)
         return self._T
 
 
