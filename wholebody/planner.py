@@ -28,6 +28,9 @@ GUESS_DISTANCE = 0.03
 GOOD_LOSS, GOOD_EXCESS = 0.004, 2.0
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
+TURN_LOSS = 0.0055
+"""Distance of a palm from its target above which its orientation gives way more [m]."""
+
 
 @dataclass(frozen=True)
 class PostureTrack:
@@ -215,11 +218,9 @@ class ChunkPlanner:
                 # The plan before may have led to where the search cannot leave: begin anew.
                 anew = self._attempt(chunk, now, start, commanded, slowdown)
                 attempt = min(attempt, anew, key=lambda one: one.motion.cost)
-            if attempt.loss > GOOD_LOSS:
-                turned = self._attempt(
-                    chunk, now, start, commanded, slowdown, attempt.motion.q[1:],
-                    replace(c.posture, orientation=c.turning),
-                )
+            if attempt.loss > TURN_LOSS:
+                softer, guess = replace(c.posture, orientation=c.turning), attempt.motion.q[1:]
+                turned = self._attempt(chunk, now, start, commanded, slowdown, guess, softer)
                 attempt = min(attempt, turned, key=lambda one: (one.excess > c.excess_max, one.loss))
             if self._follows(attempt):
                 return attempt
