@@ -54,13 +54,16 @@ def tick(
     row: Annotated[str, typer.Option(help="parity: the rows of other controllers; default: ours.")] = "default",
     ticks: Annotated[int, typer.Option(help="Timed ticks; the script is repeated as often as needed.")] = 3000,
     hands: Annotated[bool, typer.Option(help="With the Dex3 hands, 43 joints, or without, 29.")] = True,
+    variant: Annotated[str, typer.Option(help="Limits that bind: none, torque, speed, friction or near.")] = "none",
 ) -> None:
     """Time one controller tick on the reach script and print one line of JSON."""
-    from wholebody.tick_bench import ROWS, bench_tick
+    from wholebody.tick_bench import ROWS, VARIANTS, bench_tick
 
     if row not in ROWS or ticks < 1:
         raise ValueError(f"row '{row}' with {ticks} ticks; rows: {', '.join(ROWS)}; at least one tick")
-    typer.echo(json.dumps(bench_tick(row, ticks, hands=hands)))
+    if variant not in VARIANTS:
+        raise ValueError(f"unknown variant '{variant}'; available: {', '.join(VARIANTS)}")
+    typer.echo(json.dumps(bench_tick(row, ticks, hands=hands, variant=variant)))
 
 
 def _line(cells: tuple[str, ...] | list[str]) -> str:

@@ -57,13 +57,16 @@ class ReachScript:
         spec: The robot.
         ticks: Number of ticks.
         dt: Control period [s].
+        shift: How far forward, outward and up both hands are brought from the start, in the first second [m].
 
     Attributes:
         q0: Start, shape (nq,).
         wrists: Positions (2, ticks, 3) and rotations (2, ticks, 3, 3) of the wrists in world.
     """
 
-    def __init__(self, spec: RobotSpec, ticks: int, dt: float) -> None:
+    def __init__(
+        self, spec: RobotSpec, ticks: int, dt: float, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> None:
         self.spec, self.robot, self.dt = spec, Robot(spec), dt
         robot = self.robot
         self.q0 = start_configuration(robot)
@@ -77,13 +80,13 @@ class ReachScript:
         points = [T.act(p)[:2] for T, foot in zip(feet, spec.feet, strict=True) for p in foot.points]
         self.support, self.feet = convex_polygon(np.array(points)), feet
         self._bodies = [robot.pose(name).rotation.copy() for name in (spec.base_body, spec.torso_body)]
-        self._palms = [self._hand(side, t) for side in (0, 1)]
+        self._palms = [self._hand(side, t, np.array(shift)) for side in (0, 1)]
         self._posture = self._fingers(t)
         self._rates = np.gradient(self._posture[:, 7:], dt, axis=0)
         self._still = np.zeros(robot.n_joints)
         self._rows = np.array([self.reference(k).pack() for k in range(len(t))])
 
-    def _hand(self, side: int, t: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _hand(self, side: int, t: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, ...]:
         """Positions, rotations, twists and accelerations of one palm; the wrist's are kept in ``wrists``."""
         tool, sign, phase = self.spec.tools[side], 1.0 - 2.0 * side, 0.7 * side
         T = self.robot.pose(tool.wrist_frame)
@@ -96,7 +99,7 @@ class ReachScript:
             ],
             axis=1,
         )
-        p = T.translation + sway * blend[:, None]
+        p = T.translation + (sway + shift * [1.0, sign, 1.0]) * blend[:, None]
         angle = 0.30 * np.sin(0.25 * turn + phase) * blend
         axis = AXIS * [1.0, sign, 1.0]
         axis /= np.linalg.norm(axis)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import dataclass, replace
 from math import sqrt
 from time import perf_counter_ns, thread_time_ns
 
@@ -10,13 +11,17 @@ import numpy as np
 import pinocchio as pin
 
 from models.g1 import g1
+from models.spec import RobotSpec
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
 from wholebody.controller import WholeBodyController
+from wholebody.errors import InputError
 from wholebody.reach_script import ReachScript
 from wholebody.types import RobotState
 
 WARM_UP = 500
 """Ticks before the clock counts."""
+TIMED = 3000
+"""Ticks of the script that are timed before it is repeated."""
 
 PARITY = ControllerConfig(
     bounds="physics",
@@ -52,21 +57,52 @@ ROWS = {"parity": PARITY, "default": ControllerConfig()}
 """Configurations by name."""
 
 
-def bench_tick(row: str, ticks: int, *, hands: bool = True) -> dict:
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """How the script is made harder, so that limits bind.
+
+    Attributes:
+        torque, speed: Shares of the joints' torque and speed limits; fingers keep theirs.
+        friction: Coefficient of the floor.
+        shift: As in `ReachScript`.
+    """
+
+    torque: float = 1.0
+    speed: float = 1.0
+    friction: float = 0.6
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+VARIANTS = {
+    "none": Variant(),
+    "torque": Variant(torque=0.5),
+    "speed": Variant(speed=0.06),
+    "friction": Variant(friction=0.02),
+    "near": Variant(shift=(-0.10, -0.12, 0.0)),
+}
+"""Variants by name: what binds in each is counted in the result."""
+
+
+def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none") -> dict:
     """Run the script and time every tick: set the target, update, assemble, solve, check residuals, integrate.
 
     Args:
         row: Name of a configuration in `ROWS`.
+        variant: Name of one in `VARIANTS`.
         ticks: Number of timed ticks; the script is repeated from the end state of its first 3000 where it is longer.
         hands: Whether the robot has its Dex3 hands.
 
     Returns:
         Times [us], wrist errors [mm, deg], least distance of the centre of mass from the edge of the support [mm],
-        largest position overshoot [rad], number of ticks without an acceptable first answer.
+        largest position overshoot [rad], number of ticks of more than 1 ms of thread CPU time, the worst tick that
+        comes back in every repetition [us], number of ticks without an acceptable first answer, and how many rows
+        bind, on average and at most.
     """
-    config = ROWS[row]
-    controller, script = WholeBodyController(g1(hands=hands), config), ReachScript(g1(hands=hands), 3600, config.dt)
-    judge = _Judge(script)
+    hard = VARIANTS[variant]
+    config = replace(ROWS[row], friction=hard.friction)
+    spec = _tightened(g1(hands=hands), hard)
+    controller, script = WholeBodyController(spec, config), ReachScript(spec, 3600, config.dt, hard.shift)
+    judge = _Judge(script, controller)
     wall, cpu = np.zeros((2, ticks), dtype=np.int64)
     done = fails = 0
     gc.collect()
@@ -79,27 +115,41 @@ def bench_tick(row: str, ticks: int, *, hands: bool = True) -> dict:
         gc.enable()
     return {
         "peer": "wholebody",
-        "variant": row,
+        "variant": row if variant == "none" else f"{row}, {variant}",
         "hands": int(hands),
         "ticks": ticks,
         "tick_us": _summary(wall),
         "cpu_us": _summary(cpu),
+        "cpu_over_1ms": int((cpu > 1_000_000).sum()),
+        "worst_repeated_us": _worst_repeated(cpu),
         "fails": fails,
         **judge.summary(),
     }
 
 
+def _tightened(spec: RobotSpec, hard: Variant) -> RobotSpec:
+    joints = tuple(
+        joint
+        if "_hand_" in joint.name
+        else replace(joint, effort_max=hard.torque * joint.effort_max, velocity_max=hard.speed * joint.velocity_max)
+        for joint in spec.joints
+    )
+    return replace(spec, joints=joints)
+
+
 def _once(
     controller: WholeBodyController, script: ReachScript, judge: _Judge, wall: np.ndarray, cpu: np.ndarray
 ) -> tuple[int, int]:
-    """The script once, at most 3000 timed ticks; how many were timed, and how many of them failed."""
+    """The script once, at most `TIMED` ticks; how many were timed, and how many of them failed."""
     model, dt, fails = controller.robot.model, script.dt, 0
     q, v = script.q0.copy(), np.zeros(model.nv)
     controller.reset(RobotState(0.0, q, v))
-    count = min(len(wall), 3000)
+    count = min(len(wall), TIMED)
     for k in range(WARM_UP + count):
         c0, t0 = thread_time_ns(), perf_counter_ns()
         _, report = controller.step(RobotState(k * dt, q, v), script.packed(k))
+        if report.solution is None:
+            raise InputError(f"no program of tick {k} has a solution: the limits of the variant are too tight")
         dv = report.solution.dv
         middle = v + 0.5 * dt * dv
         v = v + dt * dv
@@ -115,13 +165,14 @@ def _once(
 class _Judge:
     """Errors after each tick, outside the clock."""
 
-    def __init__(self, script: ReachScript) -> None:
-        self.script, self.model = script, script.robot.model
+    def __init__(self, script: ReachScript, controller: WholeBodyController) -> None:
+        self.script, self.model, self.compiled = script, script.robot.model, controller.compiled
         self.data = self.model.createData()
         self._wrists = [script.robot.frame_id(tool.wrist_frame) for tool in script.spec.tools]
         self.errors: list[float] = []
         self.turns: list[float] = []
         self.margins: list[float] = []
+        self.active: list[int] = []
         self.over = 0.0
 
     def add(self, q: np.ndarray, k: int) -> None:
@@ -131,6 +182,7 @@ class _Judge:
             T = self.data.oMf[frame]
             self.errors.append(float(np.linalg.norm(T.translation - p[k])))
             self.turns.append(float(np.linalg.norm(pin.log3(T.rotation.T @ R[k]))))
+        self.active.append(self.compiled.active)
         com = pin.centerOfMass(self.model, self.data, q)
         self.margins.append(self.script.support.margin(com[:2]))
         low, high = self.model.lowerPositionLimit[7:], self.model.upperPositionLimit[7:]
@@ -145,7 +197,21 @@ class _Judge:
             "rot_max_deg": round(float(np.rad2deg(max(self.turns))), 3),
             "com_margin_min_mm": round(1e3 * min(self.margins), 3),
             "max_q_over": round(max(self.over, 0.0), 9),
+            "active_mean": round(float(np.mean(self.active)), 2),
+            "active_max": max(self.active),
         }
+
+
+def _worst_repeated(cpu: np.ndarray) -> float | None:
+    """Largest over the ticks of the script of the median over its repetitions [us]; None with less than three.
+
+    What the tick itself costs comes back in every repetition; what the machine does in between (an interrupt, a host
+    that takes the processor away, which counts as thread time in its guests) does not.
+    """
+    whole = len(cpu) // TIMED
+    if whole < 3:
+        return None
+    return round(1e-3 * float(np.median(cpu[: whole * TIMED].reshape(whole, TIMED), axis=0).max()), 1)
 
 
 def _summary(nanoseconds: np.ndarray) -> dict[str, float]:

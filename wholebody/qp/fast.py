@@ -100,6 +100,11 @@ class CompiledProgram:
         """Changes of the working set in the last call."""
         return int(self.counts[b.ITERATIONS])
 
+    @property
+    def active(self) -> int:
+        """Number of rows in the working set."""
+        return int(self.counts[b.N_WORKING])
+
     def reset(self) -> None:
         """Take over where the feet and the support are; the working set is forgotten."""
         support, reals = self.parts.balance.support if self.parts.safety else None, self._reals
