@@ -15,6 +15,9 @@ ARGS ?=
 MOTIONS ?=
 REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 
+# Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
+export PYTHONDONTWRITEBYTECODE =
+
 .PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest bench lock clean
 
 help: ## List the targets

@@ -4,6 +4,8 @@ long ones behind `make regression` with stored values. What an executor does by 
 
 import dataclasses
 import logging
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from models.g1 import g1
 from policy.clock import MonotonicClock
 from policy.executor import Executor, ExecutorConfig
 from policy.executor_simulated import simulated_executor, uniform_latency
+from policy.remote import RemotePolicy
 from policy.scripts import scripted, wave
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
@@ -68,6 +71,41 @@ def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(ro
     assert code in {refusal.reason for refusal in result.refusals}
     assert any(code in record.getMessage() for record in caplog.records)
     assert result.reasons["starved"] > 0.05
+    assert robot[0].status.reason == "starved"
+
+
+SERVE = """
+from policy.scripts import scripted
+from policy.server import PolicyServer
+
+server = PolicyServer(scripted("wave"), port=0)
+print(server.uri, flush=True)
+server.serve_forever()
+"""
+
+
+def test_a_policy_whose_process_is_killed_leaves_the_robot_standing(robot):
+    with subprocess.Popen([sys.executable, "-c", SERVE], stdout=subprocess.PIPE, text=True) as server:
+        try:
+            remote = RemotePolicy.connect(server.stdout.readline().strip())
+            answer = remote.infer
+
+            def kill_at_quarter(observation):
+                if observation.time > 0.25:
+                    server.kill()
+                    server.wait()
+                return answer(observation)
+
+            remote.infer = kill_at_quarter
+            runner = simulated_executor(remote, config=ExecutorConfig(replace_every=10))
+            result = run_episode(runner, *robot, duration=2.5, config=EpisodeConfig(settle=0.1, hold=0.0))
+            remote.close()
+        finally:
+            server.kill()
+    assert result.fall is None
+    assert result.tilt < TILT
+    assert len(runner.report.deliveries) == 1
+    assert "policy_raised" in runner.report.counts
     assert robot[0].status.reason == "starved"
 
 
