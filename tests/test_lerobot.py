@@ -12,6 +12,7 @@ import pytest
 import tiny_policies as tiny
 import torch
 from lerobot.policies.utils import prepare_observation_for_inference
+from lerobot.processor.relative_action_processor import to_relative_actions
 
 from policy.anchor import Anchor
 from policy.base import Policy
@@ -355,11 +356,37 @@ def test_relative_actions_that_only_one_processor_knows_of_are_refused(tmp_path)
         load(folder)
 
 
+def test_lerobot_subtracts_quaternions_number_by_number_and_we_refuse_such_a_layout(tmp_path):
+    """Trap 19: q and -q are one rotation, and their relative action is 2 q."""
+    q = torch.tensor([[0.5, 0.5, 0.5, 0.5]])
+    assert torch.equal(to_relative_actions(q, -q, [True] * 4), 2.0 * q)
+
+    layout = quaternion_layout()
+    relative = {name: np.full(layout.dim, value, np.float32) for name, value in SMALL.items()}
+    statistics = tiny.stats(layout) | {"action": relative}
+    folder = tiny.write_checkpoint(
+        "pi05", tmp_path / "pi05", spec=layout, statistics=statistics, use_relative_actions=True
+    )
+    with pytest.raises(CheckpointError, match="subtract left_wrist_rotation, right_wrist_rotation number by number"):
+        load(folder)
+
+
+def quaternion_layout():
+    """wbc32 with quaternions for its rotations."""
+    slots, at = [], 0
+    for slot in tiny.SPEC.slots:
+        changed = {"kind": "quaternion", "size": 4, "rot6d_layout": None, "quaternion_order": "xyzw"}
+        slots.append(dataclasses.replace(slot, start=at, **(changed if slot.kind == "rot6d" else {})))
+        at += slots[-1].size
+    return dataclasses.replace(tiny.SPEC, name="quaternions", slots=tuple(slots))
+
+
+SMALL = {"mean": 0.0, "std": 0.01, "min": -0.02, "max": 0.02, "q01": -0.02, "q99": 0.02}
+"""Statistics of actions relative to the state: around zero."""
+
+
 def relative_stats():
-    """Statistics of actions relative to the state: around zero."""
-    statistics = tiny.stats()
-    half = {"mean": 0.0, "std": 0.01, "min": -0.02, "max": 0.02, "q01": -0.02, "q99": 0.02}
-    return statistics | {"action": {name: np.full(32, value, np.float32) for name, value in half.items()}}
+    return tiny.stats() | {"action": {name: np.full(32, value, np.float32) for name, value in SMALL.items()}}
 
 
 def test_real_time_chunking_continues_what_is_executed(tmp_path_factory):

@@ -163,3 +163,11 @@ def test_a_backbone_that_is_not_on_the_machine_is_named(tmp_path, tmp_path_facto
     (folder / "config.json").write_text(text.replace(str(tiny.saved("smolvla", tmp_path_factory) / "vlm"), "./gone"))
     with pytest.raises(CheckpointError, match=r"backbone '\./gone' must be on this machine: say tokenizer=FOLDER"):
         LeRobotPolicy.from_pretrained(folder)
+
+
+def test_lerobot_leaves_pi05_in_training_and_here_it_is_in_evaluation(tmp_path_factory):
+    """Trap 22: drop-out and the like would be on in whatever calls the network directly."""
+    folder = tiny.saved("pi05", tmp_path_factory)
+    with tiny.tiny_backbones():
+        assert PI05Policy.from_pretrained(folder).training
+        assert not LeRobotPolicy.from_pretrained(folder).checkpoint.network.training
