@@ -7,7 +7,7 @@ import numpy as np
 from wholebody.config import PosturePlanConfig
 from wholebody.posture import knots as at
 
-TILT = 5e-3
+TILT = 2e-3
 """Excess of a tilt that costs as much as 1 [rad]; likewise below."""
 LOWEST = 1e-3
 """[m]"""
