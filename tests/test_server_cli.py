@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -73,12 +74,20 @@ def test_a_policy_without_an_end_needs_a_duration():
     assert cli._length(SimpleNamespace(duration=9.0), 0.0) == 9.0
 
 
+def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(monkeypatch, capsys):
+    monkeypatch.setattr(RemotePolicy, "connect", partial(RemotePolicy.connect, connect_timeout=0.3))
+    monkeypatch.setattr(sys, "argv", ["wholebody", "run", "ws://127.0.0.1:1"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    assert "nobody listens there; start the server" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
         (("serve-policy", "waev"), "no script is called 'waev'; did you mean 'wave'?"),
         (("serve-policy", "wave", "--host", "256.0.0.1"), "wholebody: "),
-        (("run", "ws://127.0.0.1:1"), "nobody listens there; start the server"),
     ],
 )
 def test_misuse_ends_with_a_sentence_and_code_2(arguments, complaint):

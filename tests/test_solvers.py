@@ -110,10 +110,10 @@ def test_a_multiplier_on_a_side_that_does_not_exist_is_an_error(programs):
 
 @pytest.mark.parametrize("solver", [*SOLVERS, "compiled"])
 def test_each_solver_alone_stands_and_begins_a_reach(solver):
-    times = EpisodeConfig(settle=0.2, hold=0.2)
-    (row,) = study(g1(), solver, [reach(0.45, 1.0)], seconds=0.8, episode=times)
+    times = EpisodeConfig(settle=0.1, hold=0.1)
+    (row,) = study(g1(), solver, [reach(0.45, 1.0)], seconds=0.5, episode=times)
     assert row.solver == solver
-    assert row.ticks == 600
+    assert row.ticks == 350
     assert row.failures == 0
     assert not row.fell
     assert row.largest < 2e-3
