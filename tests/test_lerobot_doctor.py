@@ -1,6 +1,7 @@
 """``wholebody doctor``: one line a check, exit code 0, 1 or 2, JSON, and a cure with everything that is wrong."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -69,6 +70,14 @@ def test_a_folder_that_is_no_checkpoint_is_an_error(tmp_path):
     done = diagnose(tmp_path / "nothing")
     assert done.exit_code == 2
     assert "config.json is missing; give the folder of a checkpoint" in done.stdout
+
+
+def test_without_lerobot_the_package_that_brings_it_is_named(tmp_path_factory, monkeypatch):
+    folder = tiny.saved("act", tmp_path_factory)
+    monkeypatch.setitem(sys.modules, "lerobot.policies", None)
+    done = diagnose(folder)
+    assert done.exit_code == 2
+    assert "pip install 'g1-wholebody[lerobot]'" in done.stdout
 
 
 def test_a_layout_that_nobody_named_is_an_error_and_vouching_helps(tmp_path):
