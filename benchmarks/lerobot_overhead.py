@@ -3,8 +3,9 @@
     python benchmarks/lerobot_overhead.py [--chunks 200]
 
 Tiny real networks (tests/tiny_policies.py): the network's own time is subtracted, so its size does not matter. Times
-are CPU time of the calling thread, with one thread in torch; beside them, what LeRobot's own pre- and post-processor
-need of it, and a plain LeRobot call (prepare_observation_for_inference and both processors) on the same frame.
+are CPU time of the calling thread, with one thread in torch: all of `infer` but the network, what LeRobot's own pre-
+and post-processor need of it, what is left for the adapter (images, state, checks, decoding), and a plain LeRobot call
+(prepare_observation_for_inference and both processors) on the same frame.
 """
 
 from __future__ import annotations
@@ -94,7 +95,8 @@ def main() -> None:
     parser.add_argument("--chunks", type=int, default=200)
     chunks = parser.parse_args().chunks
     torch.set_num_threads(1)
-    print(f"{'CPU time a chunk [ms]':24}{'median':>8}{'p99':>8}{'processors':>12}{'LeRobot alone':>15}")
+    headings = f"{'all':>8}{'p99':>8}{'processors':>12}{'adapter':>9}{'p99':>8}{'LeRobot alone':>15}"
+    print(f"{'CPU time a chunk [ms]':24}{headings}")
     with tempfile.TemporaryDirectory() as folder:
         for kind in tiny.POLICIES:
             tiny.write_checkpoint(kind, Path(folder) / kind, size=SIZE)
@@ -104,7 +106,9 @@ def main() -> None:
             total, processors = (1e3 * overheads(policy, chunks)[5:]).T
             print(
                 f"{kind:24}{np.median(total):8.2f}{np.percentile(total, 99):8.2f}"
-                f"{np.median(processors):12.2f}{alone:15.2f}"
+                f"{np.median(processors):12.2f}"
+                f"{np.median(total - processors):9.2f}{np.percentile(total - processors, 99):8.2f}{alone:15.2f}",
+                flush=True,
             )
 
 
