@@ -20,7 +20,7 @@ from test_remote_msgpack import STATE
 from policy import Anchor, Observation, ObservationError, SpecError, builtin, decode
 from policy.errors import ChunkError
 from policy.msgpack_numpy import pack, unpack
-from policy.remote import RemoteOptions, RemotePolicy
+from policy.remote import RemoteOptions, RemotePolicy, _cameras
 from policy.remote_channel import (
     Channel,
     RemoteAnswerError,
@@ -116,6 +116,21 @@ def test_a_servers_traceback_is_logged_once_however_often_it_comes(caplog):
     (record,) = (record for record in caplog.records if record.name == "policy.remote")
     assert record.levelname == "ERROR"
     assert 'raise ValueError("the state is not finite")' in record.getMessage()
+
+
+def test_a_refusal_of_our_own_server_is_an_exception_and_no_traceback_in_the_log(caplog):
+    said = b"Traceback (most recent call last):\n  File ...\npolicy.errors.ObservationError: lacks head\n"
+    with Peer(play(frame(said, text=True))) as peer:
+        policy = connect(peer)
+        with pytest.raises(RemoteServerError, match="ObservationError: lacks head"):
+            policy.infer(seen())
+    assert not [record for record in caplog.records if record.name == "policy.remote"]
+
+
+def test_a_server_that_states_impossible_camera_sizes_is_served_without_grey():
+    sizes = {"head": [48, 64], "a": [0, 4], "b": [10**9, 10**9], "c": "big", "d": [1.5, 2.0], "e": [True, True]}
+    assert _cameras({"cameras": sizes}) == {"head": (48, 64)}
+    assert _cameras({"cameras": [1]}) == _cameras({}) == {}
 
 
 def test_a_text_frame_in_place_of_metadata_is_said():
