@@ -85,17 +85,15 @@ class PostureState:
     Attributes:
         q: Configuration, shape (nq,).
         v: Velocity, shape (nv,).
-        v_before: Velocity half a step of the posture plan earlier, shape (nv,).
     """
 
     q: np.ndarray
     v: np.ndarray
-    v_before: np.ndarray
 
     @classmethod
     def still(cls, q: np.ndarray, nv: int) -> PostureState:
         """At rest at ``q``."""
-        return cls(q.copy(), np.zeros(nv), np.zeros(nv))
+        return cls(q.copy(), np.zeros(nv))
 
 
 @dataclass(frozen=True)
@@ -265,7 +263,7 @@ class ChunkPlanner:
         palms = wanted.copy()
         palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
         guess = None if before is None else self._continued(before, palms)
-        motion = self.posture.plan(start.q, start.v_before, palms, np.hstack(fingers), guess, posture)
+        motion = self.posture.plan(start.q, start.v, palms, np.hstack(fingers), guess, posture)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
 

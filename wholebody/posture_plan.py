@@ -78,7 +78,7 @@ class PosturePlanner:
 
         Args:
             q: Start, shape (nq,), Pinocchio convention.
-            v: Velocity half a step before it, shape (nv,).
+            v: Velocity at it, shape (nv,).
             T_palms: Palm poses in world, shape (K, 2, 4, 4), ``config.dt`` apart; the first one belongs to ``q``.
             q_fingers: Finger joints, left hand then right hand as `RobotSpec.tools` lists them, shape (K, n_fingers).
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.

@@ -132,7 +132,7 @@ class Supervisor:
         distance = np.abs(state.q[7:] - self._posture.q[7:])
         distance[self.controller.finger_indices] = 0.0
         if distance.max() > limit:
-            return PostureState(state.q.copy(), state.v.copy(), state.v.copy()), None
+            return PostureState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
             return self._posture, None
         track, step = self._plan.posture, self._clock.rate * self.config.planner.posture.dt
@@ -184,8 +184,7 @@ class Supervisor:
         k = track.row(self._clock.s)
         q, v = track.q[k].copy(), rate * track.v[k]
         dq, ddq = v[6:].copy(), rate**2 * track.ddq[k]
-        before = track.row(self._clock.s - 0.5 * rate * self.config.planner.posture.dt)
-        self._posture = PostureState(track.q[k].copy(), rate * track.v[k], rate * track.v[before])
+        self._posture = PostureState(track.q[k].copy(), rate * track.v[k])
         for i, joints in enumerate(self._fingers):
             q[7 + joints], dq[joints], ddq[joints] = motion.q_finger[i], motion.dq_finger[i], motion.ddq_finger[i]
         return BodyReference(

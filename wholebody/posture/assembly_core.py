@@ -2,8 +2,8 @@
 
 Every knot ``k`` of K has ``f`` free directions ``z_k``; ``N[k]`` (n, f) turns them into generalised velocities. The
 half-step velocity ``h_k`` from knot k-1 to k changes by ``ahead[k] z_k - behind[k] z_{k-1}``. Position rows depend on
-one knot, (K, m, f); motion rows on three, (K, m, 3 f). The Hessian is banded, in LAPACK's lower layout,
-``band[i - j, j]``.
+one knot, (K, m, f); motion rows on three, (K, m, 3 f). The velocity at the first knot is given. The Hessian is
+banded, in LAPACK's lower layout, ``band[i - j, j]``.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ def motion_rows(Jq, Jv, Ja, N, behind, ahead, dt, out):
     for k in range(K):
         before = 0.5 * Jv[k] - Ja[k] / dt
         after = 0.5 * Jv[k] + Ja[k] / dt
+        if k == 0:
+            after = 2.0 * Ja[k] / dt
         out[k, :, :f] = -np.dot(before, behind[k])
         out[k, :, f : 2 * f] = np.dot(Jq[k], N[k]) + np.dot(before, ahead[k]) - np.dot(after, behind[k + 1])
         out[k, :, 2 * f :] = np.dot(after, ahead[k + 1])
@@ -44,6 +46,8 @@ def rate_rows(behind, ahead, dt, acceleration, speed):
         acceleration[k, :, :f] = behind[k] / dt
         acceleration[k, :, f : 2 * f] = -(ahead[k] + behind[k + 1]) / dt
         acceleration[k, :, 2 * f :] = ahead[k + 1] / dt
+        if k == 0:
+            acceleration[k] *= 2.0
         speed[k, :, :f] = -behind[k]
         speed[k, :, f : 2 * f] = ahead[k]
         speed[k, :, 2 * f :] = 0.0

@@ -43,14 +43,14 @@ class Program:
         dt: Time between knots [s].
         T_palms: Palm poses wanted, shape (K, 2, 4, 4).
         q_fingers: Finger joints, shape (K, n_fingers).
-        v_before: Velocity half a step before the first knot, shape (35,).
+        v_start: Velocity at the first knot, shape (35,).
     """
 
     def __init__(
-        self, knots: Knots, dt: float, T_palms: np.ndarray, q_fingers: np.ndarray, v_before: np.ndarray
+        self, knots: Knots, dt: float, T_palms: np.ndarray, q_fingers: np.ndarray, v_start: np.ndarray
     ) -> None:
         self.knots, self.dt, self.T_palms = knots, dt, np.ascontiguousarray(T_palms)
-        self.q_fingers, self._before = q_fingers, v_before
+        self.q_fingers, self._start = q_fingers, v_start
         self.K = len(T_palms)
         K, n, f = self.K, N_BODY, N_FREE
         self.N, self.zmp = np.zeros((K, n, f)), np.zeros((K, 2))
@@ -70,7 +70,7 @@ class Program:
 
     def fresh(self) -> Program:
         """A program of the same motion problem, not yet linearised; it begins with the distances of this one."""
-        other = Program(self.knots, self.dt, self.T_palms, self.q_fingers, self._before)
+        other = Program(self.knots, self.dt, self.T_palms, self.q_fingers, self._start)
         other._measured_at = self._measured_at.copy()
         other._r_sided[:, at.DISTANCES] = self._r_sided[:, at.DISTANCES]
         other._J_sided[:, at.DISTANCES] = self._J_sided[:, at.DISTANCES]
@@ -98,6 +98,8 @@ class Program:
                 self._measure(q[k], k)
         self.half = self._half_steps(q)
         self.v, self.a = 0.5 * (self.half[:-1] + self.half[1:]), np.diff(self.half, axis=0) / self.dt
+        # The first velocity is that at its knot: half a step from the next one.
+        self.v[0], self.a[0] = self._start, 2.0 * self.a[0]
         for k in range(self.K):
             quadratic = self._r_motion[k], self._D_motion[:, k]
             sided = self._r_bound[k], self._D_bound[:, k], self._sign_bound[k]
@@ -105,9 +107,9 @@ class Program:
         self._reduce()
 
     def _half_steps(self, q: np.ndarray) -> np.ndarray:
-        """Velocities between the knots, (K + 1, n), at rest after the last."""
+        """Velocity at the first knot and those between the knots, (K + 1, n), at rest after the last."""
         model, half = self.knots.model, np.zeros((self.K + 1, N_BODY))
-        half[0] = self._before
+        half[0] = self._start
         for k in range(1, self.K):
             half[k] = pin.difference(model, q[k - 1], q[k]) / self.dt
             A, B = (pin.SE3(pin.Quaternion(x[3:7]).toRotationMatrix(), x[:3]) for x in (q[k - 1], q[k]))
