@@ -12,7 +12,7 @@ from wholebody.console import log_to_terminal
     [
         ("policy.executor", "wholebody: starved"),
         ("wholebody.runtime", "wholebody: starved"),
-        ("torch.hub", "torch.hub: starved"),
+        ("another.library", "another.library: starved"),
     ],
 )
 def test_a_warning_is_one_line_that_names_its_source(monkeypatch, capsys, logger, line):
