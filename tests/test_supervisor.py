@@ -65,6 +65,29 @@ def test_a_repeated_chunk_is_refused(loop):
     assert supervisor.accept(chunk).reason == "chunk_invalid"
 
 
+def test_a_chunk_that_no_balanced_motion_leads_to_is_refused_and_the_one_before_goes_on(loop, monkeypatch):
+    supervisor, plant, state = start(loop)
+    policy, planned = scripted("reach"), supervisor.planner.plan
+    policy.reset()
+    supervisor.accept(policy.infer(observe(supervisor.spec, supervisor, state)))
+    for _ in range(100):
+        state = plant.step(supervisor.step(state))
+    plan_before, chunk = supervisor.plan_report, policy.infer(observe(supervisor.spec, supervisor, state))
+
+    def unsafe(*args):
+        plan = planned(*args)
+        return replace(plan, report=replace(plan.report, safe=False))
+
+    monkeypatch.setattr(supervisor.planner, "plan", unsafe)
+    status = supervisor.accept(chunk)
+    assert (status.status, status.reason) == (Status.HOLD, "not_joined")
+    assert supervisor.plan_report is plan_before
+    z = supervisor.palm_reference()["left"][2, 3]
+    for _ in range(100):
+        state = plant.step(supervisor.step(state))
+    assert abs(supervisor.palm_reference()["left"][2, 3] - z) > 1e-3
+
+
 def test_a_state_with_nan_gets_the_last_command_at_rest(loop):
     supervisor, plant, state = start(loop)
     state = plant.step(supervisor.step(state))

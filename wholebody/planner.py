@@ -28,6 +28,8 @@ GUESS_DISTANCE = 0.03
 GOOD_LOSS, GOOD_EXCESS = 0.004, 2.0
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
+BALANCE_MIN = -0.01
+"""Least distance of the zero-moment point from the edge between the knots of a plan that is followed [m]."""
 TURN_LOSS = 0.0055
 """Distance of a palm from its target above which its orientation gives way more [m]."""
 
@@ -108,6 +110,7 @@ class PlanReport:
         zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
         reasons: Stable reason codes.
         excess: Largest excess of the posture plan over one of its bounds, in units of the bound's scale.
+        safe: Whether the posture plan keeps its bounds and its balance, between its steps too.
     """
 
     steps: np.ndarray
@@ -117,6 +120,7 @@ class PlanReport:
     zmp_margin: np.ndarray
     reasons: tuple[str, ...] = ()
     excess: float = 0.0
+    safe: bool = True
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,8 @@ class _Attempt:
     palms: np.ndarray
     motion: PostureMotion
     distance: np.ndarray
+    track: PostureTrack
+    balance: float
 
     @property
     def loss(self) -> float:
@@ -202,10 +208,13 @@ class ChunkPlanner:
             reasons.append("out_of_reach")
         if attempt.slowdown > 1.0:
             reasons.append("too_fast_for_balance")
-        if attempt.excess > self.config.excess_max:
+        safe = self._safe(attempt)
+        if not safe:
             reasons.append("posture_infeasible")
-        report = PlanReport(steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), attempt.excess)
-        return ChunkPlan(paths, self._track(attempt, start.v), float(steps[0]), float(steps[-1]), report)
+        report = PlanReport(
+            steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), attempt.excess, safe
+        )
+        return ChunkPlan(paths, attempt.track, float(steps[0]), float(steps[-1]), report)
 
     def _best(self, chunk, now, start, commanded, before) -> _Attempt:
         """At the chunk's own speed if that follows, else slower; else what comes nearest within the bounds."""
@@ -226,22 +235,25 @@ class ChunkPlanner:
             # What is out of reach at the end stays so at any speed.
             if attempt.distance[-1].max() > c.loss_max:
                 break
-        safe = [attempt for attempt in tried if attempt.excess <= c.excess_max]
+        safe = [attempt for attempt in tried if self._safe(attempt)]
         if safe:
             return min(safe, key=lambda attempt: attempt.loss)
         # Hands that only pull: the bounds win over them by orders of magnitude.
         gentle = self._attempt(chunk, now, start, commanded, 1.0, before, c.gentle)
-        if gentle.excess > c.excess_max:
-            anew = self._attempt(chunk, now, start, commanded, 1.0, None, c.gentle)
-            return min(gentle, anew, key=lambda one: one.excess)
-        return gentle
+        if self._safe(gentle):
+            return gentle
+        tried += [gentle, self._attempt(chunk, now, start, commanded, 1.0, None, c.gentle)]
+        return max(tried, key=lambda one: (one.excess <= c.excess_max, one.balance))
 
     def _good(self, attempt: _Attempt) -> bool:
         return attempt.loss <= GOOD_LOSS and attempt.excess <= GOOD_EXCESS
 
     def _follows(self, attempt: _Attempt) -> bool:
         c = self.config
-        return attempt.loss <= c.loss_max and attempt.excess <= c.excess_max
+        return attempt.loss <= c.loss_max and self._safe(attempt)
+
+    def _safe(self, attempt: _Attempt) -> bool:
+        return attempt.excess <= self.config.excess_max and attempt.balance >= BALANCE_MIN
 
     def _attempt(self, chunk, now, start, commanded, slowdown, before=None, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
@@ -265,7 +277,8 @@ class ChunkPlanner:
         guess = None if before is None else self._continued(before, palms)
         motion = self.posture.plan(start.q, start.v, palms, np.hstack(fingers), guess, posture)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
-        return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance)
+        track = self._track(steps, motion, slowdown * start.v)
+        return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance, track, self._balance(track, slowdown))
 
     def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
         """Of the plan before, what is still near the palms wanted, (k, nq)."""
@@ -304,13 +317,22 @@ class ChunkPlanner:
             paths.append(bent.joined(_slower(commanded.rows[i], attempt.slowdown), float(steps[0])))
         return tuple(paths), distance * share
 
-    def _track(self, attempt: _Attempt, v_start: np.ndarray) -> PostureTrack:
+    def _balance(self, track: PostureTrack, slowdown: float) -> float:
+        """Least distance of the zero-moment point from the edge of the support, between the knots too [m]."""
+        com, rate = track.com[0], slowdown**-2
+        a, turning = rate * track.com[2], rate * track.momentum[1] / self.posture.mass
+        lift = np.maximum(a[:, 2] - self.model.gravity.linear[2], 0.1)
+        shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
+        zmp = com[:, :2] - shift / lift[:, None]
+        support = self.posture.support
+        return float(np.min(support.offsets - zmp @ support.normals.T))
+
+    def _track(self, steps: np.ndarray, motion: PostureMotion, v_start: np.ndarray) -> PostureTrack:
         """The posture on the grid: one smooth curve through the knots, and everything else from it.
 
         Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
         """
-        steps, motion = attempt.steps, attempt.motion
-        rates = _configuration_rate(motion.q[0], attempt.slowdown * v_start), np.zeros(self.model.nq)
+        rates = _configuration_rate(motion.q[0], v_start), np.zeros(self.model.nq)
         curve = CubicSpline(steps, _one_sided(motion.q), bc_type=((1, rates[0]), (1, rates[1])))
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
         coarse = np.arange(steps[0], steps[-1] + COARSE * GRID, COARSE * GRID)

@@ -117,10 +117,19 @@ class Supervisor:
             plan = self.planner.plan(meant, now, start, commanded, before)
         except (InputError, RuntimeError, ValueError) as error:
             return self._refuse("planning_failed", str(error))
+        if not plan.report.safe and self._is_safe_ahead():
+            return self._refuse(
+                "not_joined", "no balanced motion leads from here to the chunk: the one before is followed to its end"
+            )
         self._plan, self._chunk, self._refused = plan, chunk, None
         self.plan_report, self._noisy = plan.report, noisy
         self._clock = PathClock(plan.start, plan.rate, 0.0)
         return self._report_plan()
+
+    def _is_safe_ahead(self) -> bool:
+        """Whether the present plan is balanced, followed and not over."""
+        plan = self._plan
+        return plan is not None and plan.report.safe and self._clock.s < plan.end and not self._lost()
 
     def _start(self) -> tuple[PostureState, np.ndarray | None]:
         """Where the next plan begins, and what the present one would have done from now on.
@@ -128,16 +137,20 @@ class Supervisor:
         A plan continues the one before, so that nothing jumps; a robot that has left its plan is planned from where it
         is. The rest of the plan is configurations one step of the posture plan apart.
         """
-        state, limit = self._last_state, self.config.safety.posture_lost
-        distance = np.abs(state.q[7:] - self._posture.q[7:])
-        distance[self.controller.finger_indices] = 0.0
-        if distance.max() > limit:
+        state = self._last_state
+        if self._lost():
             return PostureState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
             return self._posture, None
         track, step = self._plan.posture, self._clock.rate * self.config.planner.posture.dt
         s = self._clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - self._clock.s) / max(step, 1e-3))
         return self._posture, track.q[[track.row(x) for x in s]]
+
+    def _lost(self) -> bool:
+        """Whether the robot has left its plan."""
+        distance = np.abs(self._last_state.q[7:] - self._posture.q[7:])
+        distance[self.controller.finger_indices] = 0.0
+        return bool(distance.max() > self.config.safety.posture_lost)
 
     def step(self, state: RobotState) -> JointCommand:
         """Command for one control period."""
