@@ -1,4 +1,4 @@
-"""LeRobot's policies as policies of the G1: round trips, inputs, sampling, tasks, relative actions, real-time chunking.
+"""LeRobot's policies as policies of the G1: round trips, inputs, sampling, tasks, relative actions.
 
 Strategy: the real classes in tiny instances (`tiny_policies`). What we return is compared with what LeRobot's own
 calls return, and where LeRobot does something in silence, the test shows that first.
@@ -16,20 +16,12 @@ from lerobot.processor.relative_action_processor import to_relative_actions
 
 from policy.anchor import Anchor
 from policy.base import Policy
-from policy.codec import encode
 from policy.errors import ChunkError, ObservationError, PolicyError, SpecError
 from policy.grey_cameras import grey_images
 from policy.layouts import builtin
-from policy.lerobot import LeRobotPolicy, RealTimeLeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_layout, state_numbers, write_specs
-from policy.prefix import Prefix, PrefixPolicy
 from wholebody.sources import open_source
-
-
-def load(folder, **options):
-    with tiny.tiny_backbones():
-        return LeRobotPolicy.from_pretrained(folder, **options)
 
 
 def noise_of(config, seed=0):
@@ -61,14 +53,14 @@ def test_a_saved_policy_gives_the_same_chunk_as_before_saving(kind, tmp_path):
     for part in (network, pre, post):
         part.save_pretrained(tmp_path)
     write_specs(tmp_path, tiny.SPEC)
-    policy = load(tmp_path)
+    policy = tiny.load(tmp_path)
     torch.manual_seed(0)
     assert np.array_equal(policy.predict(seen, **settings), wanted)
 
 
 @pytest.mark.parametrize("kind", tiny.POLICIES)
 def test_chunks_are_valid_numbered_and_start_at_the_observation(kind, tmp_path_factory):
-    policy, before = load(tiny.saved(kind, tmp_path_factory), seed=0, clamp=1.0), None
+    policy, before = tiny.load(tiny.saved(kind, tmp_path_factory), seed=0, clamp=1.0), None
     assert isinstance(policy, Policy)
     assert policy.sees_robot
     for i in range(3):
@@ -82,12 +74,12 @@ def test_chunks_are_valid_numbered_and_start_at_the_observation(kind, tmp_path_f
 
 @pytest.fixture
 def pi05(tmp_path_factory):
-    return load(tiny.saved("pi05", tmp_path_factory), seed=0, clamp=1.0)
+    return tiny.load(tiny.saved("pi05", tmp_path_factory), seed=0, clamp=1.0)
 
 
 @pytest.fixture
 def act(tmp_path_factory):
-    return load(tiny.saved("act", tmp_path_factory))
+    return tiny.load(tiny.saved("act", tmp_path_factory))
 
 
 def test_a_seed_makes_every_episode_the_same_and_every_chunk_another(pi05):
@@ -100,7 +92,7 @@ def test_a_seed_makes_every_episode_the_same_and_every_chunk_another(pi05):
 
 def test_without_a_seed_the_random_numbers_of_the_program_are_used(tmp_path_factory):
     """Trap 23: the same observation gives another chunk every time."""
-    policy = load(tiny.saved("pi05", tmp_path_factory))
+    policy = tiny.load(tiny.saved("pi05", tmp_path_factory))
     chunks = [policy.predict(tiny.observation()) for _ in range(2)]
     assert not np.array_equal(*chunks)
 
@@ -115,7 +107,7 @@ def test_a_seed_leaves_the_programs_random_numbers_alone(pi05):
 
 @pytest.mark.parametrize("kind", ["pi05", "pi0", "smolvla", "diffusion"])
 def test_fewer_denoising_steps_are_fewer_calls_of_the_network(kind, tmp_path_factory):
-    policy = load(tiny.saved(kind, tmp_path_factory), num_steps=3, clamp=1.0)
+    policy = tiny.load(tiny.saved(kind, tmp_path_factory), num_steps=3, clamp=1.0)
     network, calls = policy.checkpoint.network, []
     part = network.diffusion.unet if kind == "diffusion" else network.model.action_out_proj
     part.register_forward_hook(lambda *_: calls.append(1))
@@ -132,9 +124,9 @@ def test_what_a_policy_does_not_offer_is_refused(tmp_path_factory):
         ({"device": "cuda:17"}, "device 'cuda:17' cannot be used"),
     ):
         with pytest.raises(CheckpointError, match=said):
-            load(folder, **options)
+            tiny.load(folder, **options)
     with pytest.raises(TypeError, match="num_stepz"):
-        load(folder, num_stepz=3)
+        tiny.load(folder, num_stepz=3)
 
 
 def test_noise_of_another_shape_is_refused(pi05, act):
@@ -180,10 +172,10 @@ def test_a_camera_that_no_one_asked_for_is_refused_unless_cameras_are_mapped(tmp
     folder = tiny.saved("pi05", tmp_path_factory)
     seen = tiny.observation(cameras=("zed", "left_wrist", "right_wrist", "chest"))
     with pytest.raises(ObservationError, match="lacks head and has chest, zed besides"):
-        load(folder, clamp=1.0).infer(seen)
-    assert len(load(folder, cameras={"head": "zed"}, clamp=1.0).infer(seen)) == 50
+        tiny.load(folder, clamp=1.0).infer(seen)
+    assert len(tiny.load(folder, cameras={"head": "zed"}, clamp=1.0).infer(seen)) == 50
     with pytest.raises(CheckpointError, match=r"the policy has no camera 'haed'; did you mean 'head'\?"):
-        load(folder, cameras={"haed": "zed"})
+        tiny.load(folder, cameras={"haed": "zed"})
 
 
 def test_lerobot_shows_a_float_image_of_0_to_255_to_the_network_and_we_take_bytes_only(pi05):
@@ -231,7 +223,7 @@ def test_an_empty_task_is_refused(pi05, act):
 
 
 def test_the_task_comes_from_the_observation_or_reset_or_the_options(tmp_path_factory):
-    policy = load(tiny.saved("pi05", tmp_path_factory), task="c", clamp=1.0)
+    policy = tiny.load(tiny.saved("pi05", tmp_path_factory), task="c", clamp=1.0)
     prompts = []
     pre = policy.checkpoint.preprocessor
     policy.checkpoint = dataclasses.replace(
@@ -265,8 +257,8 @@ def test_lerobot_ignores_a_new_task_until_its_queue_is_empty_and_we_do_not(pi05)
 
 def test_lerobots_chunks_are_never_clamped_and_ours_say_so(tmp_path_factory):
     """Trap 11: an untrained head reaches 4 times the range of training."""
-    free = load(tiny.saved("pi05", tmp_path_factory), seed=0)
-    held = load(tiny.saved("pi05", tmp_path_factory), seed=0, clamp=1.0)
+    free = tiny.load(tiny.saved("pi05", tmp_path_factory), seed=0)
+    held = tiny.load(tiny.saved("pi05", tmp_path_factory), seed=0, clamp=1.0)
     seen = tiny.observation()
     bounds = tiny.stats()["action"]
     assert (free.predict(seen) > bounds["q99"] + 1e-6).any()
@@ -276,7 +268,7 @@ def test_lerobots_chunks_are_never_clamped_and_ours_say_so(tmp_path_factory):
 
 
 def test_a_network_that_returns_no_number_is_refused(tmp_path_factory, monkeypatch):
-    policy = load(tiny.saved("act", tmp_path_factory))
+    policy = tiny.load(tiny.saved("act", tmp_path_factory))
     monkeypatch.setattr(
         policy.checkpoint.network, "predict_action_chunk", lambda batch: torch.full((1, 50, 32), np.nan)
     )
@@ -294,7 +286,7 @@ def test_time_that_goes_back_is_refused(act):
 
 def test_a_history_is_taken_at_the_policys_own_steps(tmp_path_factory):
     """Diffusion looks one step back; LeRobot fills its queue by select_action only."""
-    policy = load(tiny.saved("diffusion", tmp_path_factory))
+    policy = tiny.load(tiny.saved("diffusion", tmp_path_factory))
     seen = [tiny.observation(t, seed=i) for i, t in enumerate((0.0, 0.033, 0.066, 0.1))]
     for observation in seen[:-1]:
         policy.observe(observation)
@@ -314,7 +306,7 @@ def test_relative_actions_are_added_to_the_state_they_answer(tmp_path):
     """Trap 18: LeRobot adds the state that was preprocessed last, whichever chunk it is."""
     spec = tiny.SPEC
     folder = tiny.write_checkpoint("pi05", tmp_path / "pi05", statistics=relative_stats(), use_relative_actions=True)
-    policy = load(folder, seed=0, clamp=0.0)
+    policy = tiny.load(folder, seed=0, clamp=0.0)
     checkpoint, seen = policy.checkpoint, tiny.observation()
     moved = np.array(seen.q_body)
     moved[15] += 0.05
@@ -343,7 +335,7 @@ def test_relative_actions_need_a_state_in_the_same_slots(tmp_path):
         at += slot.size
     write_specs(folder, other, dataclasses.replace(other, name="turned", slots=tuple(slots)))
     with pytest.raises(CheckpointError, match="the state layout is 'turned', not 'wbc32'"):
-        load(folder)
+        tiny.load(folder)
 
 
 def test_relative_actions_that_only_one_processor_knows_of_are_refused(tmp_path):
@@ -353,7 +345,7 @@ def test_relative_actions_that_only_one_processor_knows_of_are_refused(tmp_path)
     with pytest.raises(
         CheckpointError, match=r"on in config\.json and the pre-processor and off in the post-processor"
     ):
-        load(folder)
+        tiny.load(folder)
 
 
 def test_lerobot_subtracts_quaternions_number_by_number_and_we_refuse_such_a_layout(tmp_path):
@@ -368,7 +360,7 @@ def test_lerobot_subtracts_quaternions_number_by_number_and_we_refuse_such_a_lay
         "pi05", tmp_path / "pi05", spec=layout, statistics=statistics, use_relative_actions=True
     )
     with pytest.raises(CheckpointError, match="subtract left_wrist_rotation, right_wrist_rotation number by number"):
-        load(folder)
+        tiny.load(folder)
 
 
 def quaternion_layout():
@@ -389,36 +381,6 @@ def relative_stats():
     return tiny.stats() | {"action": {name: np.full(32, value, np.float32) for name, value in SMALL.items()}}
 
 
-def test_real_time_chunking_continues_what_is_executed(tmp_path_factory):
-    folder = tiny.saved("pi05", tmp_path_factory)
-    policy, plain = load(folder, rtc=True, seed=0, clamp=1.0), load(folder, seed=0, clamp=1.0)
-    assert isinstance(policy, RealTimeLeRobotPolicy | PrefixPolicy)
-    assert not isinstance(plain, PrefixPolicy)
-    seen = tiny.observation()
-    anchor = Anchor.measured(seen)
-    executed = plain.infer(seen)
-    policy.infer(seen)
-    answer = policy.infer_after(tiny.observation(0.1), Prefix(executed, 50, 8, 20))
-    free = plain.infer(tiny.observation(0.1))
-    before, with_prefix, without = (encode(policy.spec, chunk, anchor)[:8] for chunk in (executed, answer, free))
-    # Guidance pulls the first steps towards the prefix; a random network cannot be pulled all the way.
-    assert np.abs(with_prefix - before).mean() < 0.5 * np.abs(without - before).mean()
-
-
-def test_lerobots_select_action_does_not_work_with_real_time_chunking(tmp_path_factory):
-    """Trap 16; the chunks of `predict_action_chunk` are what we use."""
-    policy = load(tiny.saved("pi05", tmp_path_factory), rtc=True)
-    with pytest.raises(AssertionError, match="RTC is not supported"):
-        policy.checkpoint.network.select_action({})
-
-
-@pytest.mark.parametrize("kind", ["pi0", "smolvla"])
-def test_the_other_flow_policies_take_a_prefix_too(kind, tmp_path_factory):
-    policy = load(tiny.saved(kind, tmp_path_factory), rtc=True, seed=0, clamp=1.0)
-    executed = policy.infer(tiny.observation())
-    assert len(policy.infer_after(tiny.observation(0.1), Prefix(executed, 50, 4, 10))) == 50
-
-
 def test_loading_shows_every_finding(pi05):
     assert isinstance(pi05, Policy)
     checks = [finding.check for finding in pi05.findings]
@@ -430,8 +392,8 @@ def test_loading_shows_every_finding(pi05):
 def test_a_checkpoint_without_a_layout_needs_someone_who_vouches(tmp_path):
     folder = tiny.write_checkpoint("act", tmp_path / "act", with_spec=False)
     with pytest.raises(CheckpointError, match=r"action_spec\.json is missing.*--assume-spec wbc32"):
-        load(folder)
-    policy = load(folder, assume_spec="wbc32")
+        tiny.load(folder)
+    policy = tiny.load(folder, assume_spec="wbc32")
     assert policy.spec.hash == builtin("wbc32").hash
 
 
@@ -440,7 +402,7 @@ def test_a_checkpoint_of_another_layout_of_the_same_size_is_refused(tmp_path_fac
     rows = [dataclasses.replace(s, rot6d_layout="rows") if s.kind == "rot6d" else s for s in other.slots]
     wanted = dataclasses.replace(other, name="rows32", slots=tuple(rows))
     with pytest.raises(CheckpointError, match="has rot6d_layout cols, expected rows"):
-        load(tiny.saved("act", tmp_path_factory), spec=wanted)
+        tiny.load(tiny.saved("act", tmp_path_factory), spec=wanted)
 
 
 def test_state_layouts_are_absolute():
@@ -450,7 +412,7 @@ def test_state_layouts_are_absolute():
 
 def test_the_adapter_costs_little_beside_lerobots_own_processors(tmp_path):
     """In CPU time of the thread, the network left out; absolute numbers are in docs/checkpoints.md."""
-    policy = load(tiny.write_checkpoint("act", tmp_path / "act", size=224))
+    policy = tiny.load(tiny.write_checkpoint("act", tmp_path / "act", size=224))
     chunk = torch.zeros(1, 50, 32)
     policy.checkpoint.network.predict_action_chunk = lambda batch: chunk
     _, pre, post = tiny.build("act", tmp_path / "plain", size=224)
@@ -470,7 +432,7 @@ def test_the_adapter_costs_little_beside_lerobots_own_processors(tmp_path):
 
 
 def test_cameras_that_the_robot_lacks_see_grey_only_when_that_is_asked_for(tmp_path_factory):
-    policy = load(tiny.saved("pi05", tmp_path_factory), grey_cameras=True, seed=0, clamp=1.0)
+    policy = tiny.load(tiny.saved("pi05", tmp_path_factory), grey_cameras=True, seed=0, clamp=1.0)
     (warning,) = policy.warnings
     assert warning.text.endswith("head, left_wrist, right_wrist see grey: the policy acts blindly")
     blind, grey = tiny.observation(cameras=()), grey_images(policy.cameras)
@@ -478,7 +440,7 @@ def test_cameras_that_the_robot_lacks_see_grey_only_when_that_is_asked_for(tmp_p
     seen = tiny.observation()
     assert not np.array_equal(policy.predict(seen), policy.predict(blind))
     with pytest.raises(ObservationError, match="lacks head, left_wrist, right_wrist"):
-        load(tiny.saved("pi05", tmp_path_factory)).infer(blind)
+        tiny.load(tiny.saved("pi05", tmp_path_factory)).infer(blind)
 
 
 def test_a_checkpoint_is_a_source_of_the_command_line(tmp_path_factory):
@@ -487,13 +449,6 @@ def test_a_checkpoint_is_a_source_of_the_command_line(tmp_path_factory):
     assert len(policy.infer(tiny.observation(cameras=(), task=""))) == 50
     with pytest.raises(CheckpointError, match="is no configuration of a LeRobot policy"):
         open_source(str(tiny.saved("smolvla", tmp_path_factory) / "vlm"), 60.0, None)
-
-
-def test_the_command_line_can_ask_a_checkpoint_for_real_time_chunking(tmp_path_factory):
-    with tiny.tiny_backbones():
-        policy = open_source(str(tiny.saved("pi05", tmp_path_factory)), 60.0, None, "wave", rtc=True, num_steps=3)
-    assert isinstance(policy, PrefixPolicy)
-    assert policy.checkpoint.network.config.num_inference_steps == 3
 
 
 def test_a_path_that_holds_nothing_to_run_is_named(tmp_path):

@@ -18,6 +18,7 @@ import torch
 
 from policy.anchor import Anchor
 from policy.layouts import builtin
+from policy.lerobot import LeRobotPolicy
 from policy.lerobot_spec import state_layout, state_numbers, write_specs
 from policy.observation import Observation
 
@@ -270,3 +271,9 @@ def copied(kind, tmp_path_factory, target):
 def shorter(spec, horizon):
     """The same layout with another number of steps."""
     return dataclasses.replace(spec, horizon=horizon)
+
+
+def load(folder, **options):
+    """A saved policy through our adapter."""
+    with tiny_backbones():
+        return LeRobotPolicy.from_pretrained(folder, **options)

@@ -217,9 +217,9 @@ def approach(
         enough: Distance from which on a lower bound will do [m].
         move: Placement of the second body in the first (12,).
         n: Number of points that the simplex has, 0 to 4.
-        simplex: In and out, rows ``a (3) b (3)`` in the axes of the bodies (5, 6).
+        simplex: In and out, rows ``a (3) b (3)`` in the axes of the bodies (4, 6).
         hints: In and out, vertices from which climbing starts (2,).
-        W: Scratch (5, 3).
+        W: Scratch (4, 3).
         v: Out, nearest point of the difference (3,).
         share: Out, shares of the points of the simplex in it (4,).
         trial: Scratch (4,).
@@ -263,9 +263,7 @@ def approach(
             return n, -1.0
         n += 1
         if least >= enough:
-            # The simplex has to begin with at most four points.
-            nearest_of(W, n, share, trial)
-            return keep(W, simplex, n, share), least
+            return n, least
     return n if gap <= GAP_ACCEPTED else 0, -1.0
 
 

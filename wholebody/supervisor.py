@@ -119,7 +119,9 @@ class Supervisor:
             return self._refuse("planning_failed", str(error))
         if not plan.report.safe and self._is_safe_ahead():
             return self._refuse(
-                "not_joined", "no balanced motion leads from here to the chunk: the one before is followed to its end"
+                "not_joined",
+                "no balanced motion leads from here to the chunk, so the one before is followed to its end: "
+                "a chunk that begins nearer to the hands, or slower, would be joined",
             )
         self._plan, self._chunk, self._refused = plan, chunk, None
         self.plan_report, self._noisy = plan.report, noisy
