@@ -21,7 +21,7 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # Inside wholebody a module imports from earlier layers, and in a tuple only from names to its left.
 # The names of a set are siblings: none imports another.
 LAYERS = (
-    ("resources", "errors", "types", "config", "config_file"),
+    ("resources", "native", "errors", "types", "config", "config_file"),
     ("support", "robot", "gjk_core", "shapes", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     {"qp", "posture"},
@@ -35,6 +35,8 @@ LAYERS = (
         "posture_plan",
         "planner",
         "denoise",
+        "follow_core",
+        "follower",
         "supervisor",
     ),
     (

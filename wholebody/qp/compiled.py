@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from functools import cache
-from hashlib import sha256
 from importlib import import_module
-from inspect import CO_NESTED
-from pathlib import Path
-from types import CellType, FunctionType, ModuleType
+
+from wholebody.native import digest, native, register
 
 CORES = (
     "wholebody.gjk_core",
@@ -45,53 +44,19 @@ compiling for a few microseconds of calling."""
 def compiled_stages() -> tuple[Callable, ...]:
     """The stages of a tick, compiled, or loaded from numba's cache on disk; arguments are ``reals, ints``.
 
-    They are called by their entry points: looking at the types of the arguments takes as long as a small stage. So the
-    arguments have to be pairs of an array and its table, of floats and of integers.
-
-    numba takes a second to import, so it is imported here. Its cache notices changes of the file of a function only;
-    the digest of all files is therefore part of each stage, as a constant that it closes over. No fastmath: the result
-    is that of the interpreted function up to rounding.
+    They are called by their entry points (see `wholebody.native`), so the arguments have to be pairs of an array and
+    its table, of floats and of integers. numba takes a second to import, so it is imported here.
     """
-    import numba
-    from numba.extending import register_jitable
-
-    modules = {name: import_module(name) for name in CORES}
-    stages = [(modules[f"wholebody.qp.{name}"], function) for name, function in STAGES]
-    _register_blocks()
-    for module in modules.values():
-        for function in _functions(module):
-            if (module, function.__name__) not in stages:
-                register_jitable(error_model="numpy")(function)
-    digest = _digest(list(modules.values()))
-    make = numba.njit(cache=True, error_model="numpy", nogil=True)
-    return tuple(_entry(make(_closed(getattr(module, function), digest))) for module, function in stages)
-
-
-def _entry(stage: Callable) -> Callable:
-    """The native entry of a stage for the types of the two memories."""
     from numba import float64, int64, types
 
+    modules = [import_module(name) for name in CORES]
+    stages = [getattr(import_module(f"wholebody.qp.{module}"), function) for module, function in STAGES]
+    _register_blocks()
+    for module in modules:
+        register(module, VIEWS)
     reals, ints = (types.Tuple((kind[::1], int64[:, ::1])) for kind in (float64, int64))
-    stage.compile((reals, ints))
-    return stage.overloads[stage.signatures[0]].entry_point
-
-
-def _closed(function: Callable, digest: int) -> Callable:
-    """The same function, closing over the digest: numba's cache on disk looks at what a function closes over."""
-    code = function.__code__.replace(co_freevars=("digest",), co_flags=function.__code__.co_flags | CO_NESTED)
-    closed = FunctionType(code, function.__globals__, function.__name__, None, (CellType(digest),))
-    closed.__module__, closed.__qualname__ = function.__module__, function.__qualname__
-    return closed
-
-
-def _digest(modules: list[ModuleType]) -> int:
-    files = [Path(__file__), *(Path(module.__file__) for module in modules)]
-    return int.from_bytes(sha256(b"".join(file.read_bytes() for file in files)).digest()[:7], "little")
-
-
-def _functions(module: ModuleType) -> list[Callable]:
-    found = [f for f in vars(module).values() if callable(f) and getattr(f, "__module__", None) == module.__name__]
-    return [f for f in found if f.__name__ not in VIEWS]
+    version = digest([sys.modules[__name__], *modules])
+    return tuple(native(stage, (reals, ints), version) for stage in stages)
 
 
 VIEWS = ("matrix", "vector", "cube")

@@ -74,6 +74,7 @@ class CompiledProgram:
         desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
         reference: Where the references of the tasks are read, laid out as in `wholebody.body_reference`.
         share: Trust in the hands, shape (2,).
+        palms: Where the palms are, from the origin of the base in world axes, shape (2, 3), [m].
         code: What the last call came to, one of `blocks_core`.
 
     All are views of memory that the next call overwrites.
@@ -89,6 +90,8 @@ class CompiledProgram:
         self.dual, self.residuals, self.desired = reals[b.DUAL], reals[b.RESIDUALS], reals[b.DESIRED]
         self.q, self.v, self.counts = reals[b.Q_], reals[b.V_], self._ints[b.COUNTS]
         self.reference, self.share = reals.span(b.HAND_REF, b.POSTURE_REF), reals[b.SHARE]
+        n = len(parts.feet)
+        self.palms = reals[b.FP_][n : n + 2]
         self._answer = reals.span(b.DV, b.DUAL)
         self._sizes = len(self.dv), self.forces.size, len(self.tau)
         self.code = b.SOLVED

@@ -28,6 +28,7 @@ class ReferenceSmoother:
         interpret: Run the interpreted arithmetic, the specification, instead of the compiled one (tests).
 
     Attributes:
+        caps: Caps of each hand, shape ``(hands, smoother_core.CAPS)``.
         state: Everything the filter remembers, shape ``(hands, smoother_core.STATE)``; copy it to come back to it.
 
     Raises:
@@ -42,7 +43,7 @@ class ReferenceSmoother:
         each = [caps or HandCaps()] * hands if caps is None or isinstance(caps, HandCaps) else list(caps)
         if len(each) != hands:
             raise InputError(f"caps for {len(each)} hands; {hands} are expected, one for each row", field="caps")
-        self._caps = np.array([c.array() for c in each])
+        self.caps = np.array([c.array() for c in each])
         self._step = core.smoother_step if interpret else smoother_step()
         self.rejections = 0
         """How often the target of a hand was not finite, since the start."""
@@ -74,7 +75,7 @@ class ReferenceSmoother:
                 "expected",
                 field="target",
             )
-        self._step(self.state, np.ascontiguousarray(target, dtype=float), self._caps, float(dt))
+        self._step(self.state, np.ascontiguousarray(target, dtype=float), self.caps, float(dt))
         self.rejections += int(self.state[:, core.REJECTED].sum())
         return self.motion
 

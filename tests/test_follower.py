@@ -1,0 +1,152 @@
+"""Strategy: the compiled tick of the reference against the same thing made of the pieces that specify it, `PathClock`,
+`HandPath`, `time_scaled`, `ReferenceSmoother` and Pinocchio's rotations, along a real plan with errors put in.
+"""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from models.g1 import g1
+from models.pinocchio_model import stance_q
+from policy.scripts import scripted
+from wholebody.body_reference import BodyReference, PalmReference
+from wholebody.follower import Follower
+from wholebody.limits.balance import natural_frequency
+from wholebody.planner import PostureTrack
+from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
+from wholebody.runtime import observe
+from wholebody.supervisor import Supervisor
+from wholebody.types import RobotState
+
+SPEC = g1()
+DT = 0.002
+
+
+@pytest.fixture(scope="module")
+def planned():
+    """A supervisor, the state it stands in, a plan of half a second and the parameter of the chunk's last step."""
+    supervisor = Supervisor(SPEC)
+    state = RobotState(0.0, stance_q(SPEC, supervisor.robot.model), np.zeros(supervisor.robot.nv))
+    supervisor.reset(state)
+    policy = scripted("wave")
+    policy.reset()
+    chunk = policy.infer(observe(SPEC, supervisor, state))
+    supervisor.accept(chunk)
+    return supervisor, state, supervisor._plan, chunk.times[-1] - chunk.t_obs
+
+
+def beginning(planned):
+    supervisor, state, _, _ = planned
+    supervisor.controller.reset(state)
+    poses = [supervisor.robot.pose(tool.wrist_frame).homogeneous for tool in SPEC.tools]
+    joints = [state.q[7 + supervisor.robot.joint_indices(tool.finger_joints)] for tool in SPEC.tools]
+    rows = np.stack([rest_row(T, q) for T, q in zip(poses, joints, strict=True)])
+    return PostureTrack.still(supervisor.robot, state.q), ReferenceSmoother(rows, supervisor.planner.caps), rows
+
+
+def follower(planned, *, interpret=False):
+    return Follower(planned[0].controller, planned[0].config, *beginning(planned), interpret=interpret)
+
+
+class Specification:
+    """The same, made of the pieces."""
+
+    def __init__(self, planned):
+        self.supervisor, self.state, self.plan, self.last = planned
+        _, self.smoother, _ = beginning(planned)
+        self.clock, self.row = PathClock(self.plan.start, self.plan.rate), None
+        self.elapsed = self.travelled = 0.0
+
+    def governor(self):
+        c, safety = self.supervisor.controller, self.supervisor.config.safety
+        palms = np.zeros((2, 3)) if self.row is None else np.stack([self.row[9:12], self.row[33:36]])
+        error = np.linalg.norm(palms - c.palm_positions(), axis=1).max()
+        share = np.clip((safety.error_stop - error) / (safety.error_stop - safety.error_slow), 0.0, 1.0)
+        capture = c.robot.com[:2] + c.robot.com_velocity[:2] / natural_frequency(c.robot)
+        return min(share, np.clip(c.balance.support.margin(capture) / safety.balance_slow, 0.0, 1.0))
+
+    def reference(self, q):
+        self.clock = self.clock.advance(DT, self.plan.rate * self.governor())
+        target = HandMotion(np.stack([path.at(self.clock.s) for path in self.plan.paths]))
+        motion = self.smoother.step(time_scaled(target, self.clock.rate, self.clock.change).rows, DT)
+        if self.clock.s < self.last:
+            self.elapsed, self.travelled = self.elapsed + DT, self.travelled + DT * self.clock.rate
+        self.row = self.body(motion).pack()
+        safety, body = self.supervisor.config.safety, np.ones(43, dtype=bool)
+        body[self.supervisor.controller.finger_indices] = False
+        distance = np.abs(q[7:] - self.row[96:139])[body].max()
+        share = (safety.posture_stop - distance) / (safety.posture_stop - safety.posture_slow)
+        return self.row, np.clip(share, 1e-3, 1.0)
+
+    def body(self, motion):
+        track, rate = self.plan.posture, self.clock.rate
+        k = track.row(self.clock.s)
+        q, dq, ddq = track.q[k].copy(), rate * track.v[k, 6:], rate**2 * track.ddq[k]
+        for i, tool in enumerate(SPEC.tools):
+            j = self.supervisor.robot.joint_indices(tool.finger_joints)
+            q[7 + j], dq[j], ddq[j] = motion.q_finger[i], motion.dq_finger[i], motion.ddq_finger[i]
+        powers = rate ** np.arange(3)
+        return BodyReference(
+            palms=tuple(palm(motion, i) for i in (0, 1)),
+            q=q,
+            dq=dq,
+            ddq=ddq,
+            pelvis=tuple(part[k] * power for part, power in zip(track.pelvis, powers, strict=True)),
+            torso=tuple(part[k] * power for part, power in zip(track.torso, powers, strict=True)),
+            height=tuple(track.height[:, k] * powers),
+            com=tuple(track.com[:, k] * powers[:, None]),
+            momentum=(rate * track.momentum[0, k], rate**2 * track.momentum[1, k]),
+        )
+
+
+def palm(motion, i):
+    R, offset = pin.Quaternion(motion.quat[i]).toRotationMatrix(), np.array(SPEC.tools[i].palm_offset)
+    arm, w = R @ offset, motion.w[i]
+    twist = np.concatenate([motion.v[i] + np.cross(w, arm), w])
+    turning = np.cross(motion.alpha[i], arm) + np.cross(w, np.cross(w, arm))
+    acceleration = np.concatenate([motion.a[i] + turning, motion.alpha[i]])
+    return PalmReference(T_world=pin.SE3(R, motion.p[i] + arm), twist=twist, acceleration=acceleration)
+
+
+def states(planned, n):
+    """Configurations around the plan, and where centre of mass and palms are said to be: off by more and more."""
+    supervisor, state, plan, _ = planned
+    rng, robot = np.random.default_rng(3), supervisor.robot
+    for k in range(n):
+        q = plan.posture.q[min(k, len(plan.posture.q) - 1)].copy()
+        q[7:] += rng.normal(0.0, 0.1 * k / n, 43)
+        robot.com, robot.com_velocity = state.q[:3] + rng.normal(0.0, 0.05, 3), rng.normal(0.0, 0.1 * k / n, 3)
+        yield q
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_a_tick_is_that_of_the_pieces(planned, interpret):
+    one, pieces = follower(planned, interpret=interpret), Specification(planned)
+    one.begin(planned[2], planned[3])
+    slowed = trusted = False
+    for q in states(planned, 60 if interpret else 1200):
+        wanted, share = pieces.reference(q)
+        got = one.reference(q).row
+        assert np.abs(got - wanted).max() < 1e-10 * max(1.0, np.abs(wanted).max())
+        assert abs(planned[0].controller.palms[0].share - share) < 1e-12
+        assert abs(one.clock.s - pieces.clock.s) < 1e-12
+        assert abs(one.clock.rate - pieces.clock.rate) < 1e-12
+        slowed, trusted = slowed or one.clock.rate < 0.9, trusted or share < 1.0
+    assert interpret or (slowed and trusted)
+    assert abs(one.time_factor - pieces.elapsed / pieces.travelled) < 1e-12
+
+
+def test_without_a_plan_the_stance_is_held(planned):
+    one, state = follower(planned), planned[1]
+    for _ in range(5):
+        row = one.reference(state.q).row
+    assert np.allclose(row[96:139], state.q[7:])
+    assert np.abs(row[139:]).max() < 1e-12
+    assert np.allclose(row[9:12], planned[0].robot.pose("left_palm_point").translation)
+    assert one.time_factor == 1.0
+
+
+def test_a_configuration_in_single_precision_is_read_as_what_it_is(planned):
+    one = follower(planned)
+    one.reference(planned[1].q.astype(np.float32))
+    assert planned[0].controller.palms[0].share == 1.0

@@ -1,0 +1,147 @@
+"""Follow a plan: clock, hand paths, smoother and posture track, one reference a control tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from wholebody import follow_core as core
+from wholebody.body_reference import POSTURE, PackedReference
+from wholebody.config import ControllerConfig
+from wholebody.controller import WholeBodyController
+from wholebody.native import digest, native, register
+from wholebody.planner import GRID, ChunkPlan, PostureState, PostureTrack
+from wholebody.reference import PathClock, ReferenceSmoother, path_core, smoother_core
+
+NO_PATH = np.zeros(0)
+
+
+class Follower:
+    """Says what the controller follows at each tick; slows down where tracking or balance suffer.
+
+    Args:
+        controller: Whose tracking and balance count.
+        config: Its configuration.
+        track: Posture to hold before the first plan.
+        smoother: Has followed the hands so far; advanced here from now on.
+        rest: What the hands do before the first plan, rows (2, 40).
+        interpret: Run the interpreted arithmetic, the specification, instead of the compiled one (tests).
+
+    Attributes:
+        row: The packed reference of the last tick.
+    """
+
+    def __init__(
+        self,
+        controller: WholeBodyController,
+        config: ControllerConfig,
+        track: PostureTrack,
+        smoother: ReferenceSmoother,
+        rest: np.ndarray,
+        *,
+        interpret: bool = False,
+    ) -> None:
+        self._controller, self._smoother = controller, smoother
+        robot, spec, safety = controller.robot, controller.spec, config.safety
+        self._settings, self._state = np.zeros(core.SETTINGS), np.zeros(core.CLOCK)
+        self._settings[[core.DT, core.GRID_STEP]] = config.dt, GRID
+        self._settings[core.ERROR_SLOW : core.SETTINGS] = (
+            safety.error_slow, safety.error_stop, safety.balance_slow, safety.posture_slow, safety.posture_stop
+        )  # fmt: skip
+        self._state[[core.RATE, core.SHARE]] = 1.0
+        self.row = np.zeros(POSTURE + 3 * robot.n_joints)
+        self._paths = NO_PATH, NO_PATH
+        self._track = track_matrices(track)
+        offsets = np.array([tool.palm_offset for tool in spec.tools])
+        self._smoothing = smoother.state, np.array(rest), smoother.caps, offsets
+        support = controller.balance.support
+        self._edges = np.column_stack([support.normals, support.offsets])
+        self._posture = track.q[0].copy(), np.zeros(robot.nv)
+        self._fingers = np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools])
+        self._body = np.setdiff1d(np.arange(robot.n_joints), controller.finger_indices)
+        self._follow = core.follow if interpret else compiled_follow()
+
+    @property
+    def clock(self) -> PathClock:
+        """Where on the plan the robot is."""
+        return PathClock(*self._state[: core.CHANGE + 1].tolist())
+
+    @property
+    def s(self) -> float:
+        """Parameter of the plan [s]."""
+        return float(self._state[core.S])
+
+    @property
+    def rate(self) -> float:
+        """How fast the plan is followed, 1 at the chunk's own speed."""
+        return float(self._state[core.RATE])
+
+    @property
+    def posture(self) -> PostureState:
+        """What the posture plan asks for now."""
+        q, v = self._posture
+        return PostureState(q.copy(), v.copy())
+
+    @property
+    def time_factor(self) -> float:
+        """Time spent on chunks over chunk time covered; 1 is unslowed."""
+        elapsed, travelled = self._state[[core.ELAPSED, core.TRAVELLED]].tolist()
+        return elapsed / travelled if travelled > 1e-6 else 1.0
+
+    def begin(self, plan: ChunkPlan, last: float) -> None:
+        """Follow a plan from its start on.
+
+        Args:
+            plan: The plan.
+            last: Parameter of the chunk's last step [s].
+        """
+        self._paths = plan.paths[0].flat, plan.paths[1].flat
+        self._track = track_matrices(plan.posture)
+        self._settings[core.MOVING : core.GRID_START + 1] = 1.0, plan.rate, plan.posture.start
+        self._settings[core.LAST_STEP] = last
+        self._state[: core.CHANGE + 1] = plan.start, plan.rate, 0.0
+
+    def reference(self, q: np.ndarray) -> PackedReference:
+        """What to follow in this tick, and how far the hands are trusted in it.
+
+        Args:
+            q: Configuration now, shape (nq,).
+        """
+        q = np.ascontiguousarray(q, dtype=float)
+        controller = self._controller
+        robot = controller.robot
+        self._follow(
+            self._settings, self._state, self._paths, self._track, self._smoothing,
+            (self._edges, controller.palm_positions()), (q, robot.com, robot.com_velocity), self._posture, self.row,
+            self._fingers, self._body,
+        )  # fmt: skip
+        controller.trust_hands(float(self._state[core.SHARE]))
+        return PackedReference(self.row)
+
+
+def track_matrices(track: PostureTrack) -> tuple[np.ndarray, ...]:
+    """A posture track as `follow_core` reads it: contiguous matrices, those of derivatives with a row for each."""
+    n = len(track.q)
+    com, momentum = track.com.reshape(3, 3 * n), track.momentum.reshape(2, 3 * n)
+    trunk = [part.reshape(n, -1) for part in (*track.pelvis, *track.torso)]
+    parts = (track.q, track.v, track.ddq, com, momentum, track.height, *trunk)
+    return tuple(np.ascontiguousarray(part, dtype=float) for part in parts)
+
+
+@cache
+def compiled_follow() -> Callable[..., None]:
+    """The compiled `follow_core.follow`."""
+    from numba import float64, int64, types
+
+    modules = (path_core, smoother_core, core)
+    for module in modules:
+        register(module)
+    vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+    two, three = types.UniTuple(vector, 2), types.UniTuple(vector, 3)
+    arguments = (
+        vector, vector, two, types.UniTuple(matrix, 12), types.UniTuple(matrix, 4), types.UniTuple(matrix, 2), three,
+        two, vector, int64[:, ::1], indices,
+    )  # fmt: skip
+    return native(core.follow, arguments, digest(modules))
