@@ -40,8 +40,9 @@ class Score:
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
         # Steps that were due before it came, or as it came, were the business of the chunk before.
-        since = max([float(chunk.t_obs + report.steps[0]), *self._times[-1:]])
-        self._chunk, self._next = chunk, int(np.searchsorted(chunk.times, since + 1e-6))
+        since = max([float(chunk.t_obs + max(report.steps[0], 0.0)), *self._times[-1:]])
+        self._chunk, self._due = chunk, chunk.times
+        self._next = int(np.searchsorted(self._due, since + 1e-6))
         self._fair = demandable(chunk, report)
 
     def measure(self, state: RobotState, commanded: Mapping[str, np.ndarray]) -> None:
@@ -53,10 +54,10 @@ class Score:
         """
         before, self._before = self._before or state, state
         chunk, k = self._chunk, self._next
-        if chunk is None or k >= len(chunk) or state.time < chunk.times[k] - 1e-6:
+        if chunk is None or k >= len(chunk) or state.time < self._due[k] - 1e-6:
             return
         self._next += 1
-        time = float(chunk.times[k])
+        time = float(self._due[k])
         since = (time - before.time) / max(state.time - before.time, 1e-9)
         share = min(max(since, 0.0), 1.0)
         wanted = zip(self._wanted(k), self._reached(before), self._reached(state), strict=True)
