@@ -54,12 +54,12 @@ class Specification:
     def __init__(self, planned):
         self.supervisor, self.state, self.plan, self.last = planned
         _, self.smoother, _ = beginning(planned)
-        self.clock, self.row = PathClock(self.plan.start, self.plan.rate), None
+        self.clock = PathClock(self.plan.start, self.plan.rate)
         self.elapsed = self.travelled = 0.0
 
     def governor(self):
         c, safety = self.supervisor.controller, self.supervisor.config.safety
-        palms = np.zeros((2, 3)) if self.row is None else np.stack([self.row[9:12], self.row[33:36]])
+        palms = [self.body(self.smoother.motion).palms[i].T_world.translation for i in (0, 1)]
         error = np.linalg.norm(palms - c.palm_positions(), axis=1).max()
         share = np.clip((safety.error_stop - error) / (safety.error_stop - safety.error_slow), 0.0, 1.0)
         capture = c.robot.com[:2] + c.robot.com_velocity[:2] / natural_frequency(c.robot)
@@ -71,12 +71,12 @@ class Specification:
         motion = self.smoother.step(time_scaled(target, self.clock.rate, self.clock.change).rows, DT)
         if self.clock.s < self.last:
             self.elapsed, self.travelled = self.elapsed + DT, self.travelled + DT * self.clock.rate
-        self.row = self.body(motion).pack()
+        row = self.body(motion).pack()
         safety, body = self.supervisor.config.safety, np.ones(43, dtype=bool)
         body[self.supervisor.controller.finger_indices] = False
-        distance = np.abs(q[7:] - self.row[96:139])[body].max()
+        distance = np.abs(q[7:] - row[96:139])[body].max()
         share = (safety.posture_stop - distance) / (safety.posture_stop - safety.posture_slow)
-        return self.row, np.clip(share, 1e-3, 1.0)
+        return row, np.clip(share, 1e-3, 1.0)
 
     def body(self, motion):
         track, rate = self.plan.posture, self.clock.rate
@@ -142,7 +142,8 @@ def test_without_a_plan_the_stance_is_held(planned):
         row = one.reference(state.q).row
     assert np.allclose(row[96:139], state.q[7:])
     assert np.abs(row[139:]).max() < 1e-12
-    assert np.allclose(row[9:12], planned[0].robot.pose("left_palm_point").translation)
+    for T, tool in zip(one.palm_poses(), SPEC.tools, strict=True):
+        assert np.allclose(T, planned[0].robot.pose(tool.palm_frame).homogeneous)
     assert one.time_factor == 1.0
 
 

@@ -50,6 +50,7 @@ LAYERS = (
         "warm_up",
         "reach_script",
         "tick_bench",
+        "loop_bench",
     ),
     ("report", "doctor", "bench", "sources", "console", "cli"),
 )

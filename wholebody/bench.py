@@ -66,5 +66,18 @@ def tick(
     typer.echo(json.dumps(bench_tick(row, ticks, hands=hands, variant=variant)))
 
 
+@bench.command()
+def loop(
+    policy: Annotated[str, typer.Option(help="Scripted policy to follow.")] = "lissajous",
+    seconds: Annotated[float, typer.Option(help="Simulated time after a second of standing.")] = 10.0,
+) -> None:
+    """Time controller and 2 ms physics together, planning apart, and print one line of JSON."""
+    from wholebody.loop_bench import bench_loop
+
+    if not 0.0 < seconds < float("inf"):
+        raise ValueError(f"{seconds} s is no time to follow a policy for; it must be finite and above 0")
+    typer.echo(json.dumps(bench_loop(policy, seconds)))
+
+
 def _line(cells: tuple[str, ...] | list[str]) -> str:
     return f"| {' | '.join(cells)} |"

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from wholebody import follow_core as core
-from wholebody.body_reference import POSTURE, PackedReference
+from wholebody.body_reference import COM, PALM, POSTURE, PackedReference
 from wholebody.config import ControllerConfig
 from wholebody.controller import WholeBodyController
 from wholebody.native import digest, native, register
@@ -56,6 +56,8 @@ class Follower:
         self._track = track_matrices(track)
         offsets = np.array([tool.palm_offset for tool in spec.tools])
         self._smoothing = smoother.state, np.array(rest), smoother.caps, offsets
+        for motion, offset, part in zip(smoother.state, offsets, self._palm_rows(), strict=True):
+            core.palm(motion, offset, part)
         support = controller.balance.support
         self._edges = np.column_stack([support.normals, support.offsets])
         self._posture = track.q[0].copy(), np.zeros(robot.nv)
@@ -89,6 +91,15 @@ class Follower:
         """Time spent on chunks over chunk time covered; 1 is unslowed."""
         elapsed, travelled = self._state[[core.ELAPSED, core.TRAVELLED]].tolist()
         return elapsed / travelled if travelled > 1e-6 else 1.0
+
+    def _palm_rows(self) -> np.ndarray:
+        return self.row[:COM].reshape(2, PALM)
+
+    def palm_poses(self) -> np.ndarray:
+        """Commanded palm poses in world, shape (2, 4, 4)."""
+        rows, T = self._palm_rows(), np.zeros((2, 4, 4))
+        T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = rows[:, :9].reshape(2, 3, 3), rows[:, 9:12], 1.0
+        return T
 
     def begin(self, plan: ChunkPlan, last: float) -> None:
         """Follow a plan from its start on.

@@ -18,7 +18,7 @@ from policy.executor_report import ExecutionReport
 from policy.executor_simulated import simulated_executor
 from policy.observation import Observation
 from wholebody.score import Score, start_jump
-from wholebody.sim.fall import Fall, detect_fall
+from wholebody.sim.fall import Fall, detect_fall, pelvis_tilt
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
@@ -205,14 +205,15 @@ def run_episode(
             if chunk is not None and _offer(chunk, supervisor, score, result, executor):
                 seams.mark(state.time)
         command = supervisor.step(measured)
-        seams.add(supervisor.palm_reference())
+        palms = supervisor.palm_reference()
+        seams.add(palms)
         if recorder is not None:
-            recorder.add(state, command, supervisor.palm_reference(), supervisor.status, plant)
+            recorder.add(state, command, palms, supervisor.status, plant)
         state = plant.step(command)
         measured = measure(state)
         watch.look(state.time)
         _count(result, supervisor, plant, state)
-        score.measure(state, supervisor.palm_reference())
+        score.measure(state, palms)
         tick += 1
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
@@ -273,6 +274,5 @@ def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, st
     for pair in plant.contacts():
         own = all(plant.is_robot(body) for body in pair)
         (result.contacts if own else result.scene_contacts).setdefault(pair, state.time)
-    x, y = state.q[3], state.q[4]
-    result.tilt = max(result.tilt, float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
+    result.tilt = max(result.tilt, pelvis_tilt(state))
     result.fall = detect_fall(plant, state, status.status)

@@ -43,7 +43,6 @@ class Supervisor:
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config.planner)
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
-        self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
         self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
         self.plan_report: PlanReport | None = None
         self.last_tick: TickReport | None = None
@@ -85,10 +84,8 @@ class Supervisor:
 
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
-        poses = self._smoother.motion.T_world_hand.copy()
-        for i, offset in enumerate(self._offsets):
-            poses[i, :3, 3] += poses[i, :3, :3] @ offset
-        return {"left": poses[0], "right": poses[1]}
+        left, right = self._follower.palm_poses()
+        return {"left": left, "right": right}
 
     def ahead(self, times: np.ndarray) -> tuple[HandMotion, HandMotion] | None:
         """What both hands will be commanded at times near the present, as planned and at the present speed.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import acos
 
 import numpy as np
 
@@ -23,6 +24,12 @@ class Fall:
     cause: str
 
 
+def pelvis_tilt(state: RobotState) -> float:
+    """Angle between the pelvis axis and the vertical [rad]."""
+    x, y = state.q[3:5].tolist()
+    return acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
+
+
 def detect_fall(plant: MujocoPlant, state: RobotState, status: Status) -> Fall | None:
     """A fall at this instant, or None.
 
@@ -31,12 +38,11 @@ def detect_fall(plant: MujocoPlant, state: RobotState, status: Status) -> Fall |
         state: True state.
         status: What the supervisor says.
     """
-    x, y = state.q[3], state.q[4]
-    tilt = float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+    tilt, height = pelvis_tilt(state), float(state.q[2])
     if tilt > TILT_MAX:
         return Fall(state.time, f"pelvis tilted by {np.rad2deg(tilt):.0f} deg")
-    if state.q[2] < HEIGHT_MIN:
-        return Fall(state.time, f"pelvis at {state.q[2]:.2f} m")
+    if height < HEIGHT_MIN:
+        return Fall(state.time, f"pelvis at {height:.2f} m")
     if status is Status.DAMPING:
         return Fall(state.time, "the supervisor gave up standing")
     body = plant.touches_floor()

@@ -47,10 +47,14 @@ class MujocoPlant:
         self.model = load_mujoco(spec, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
         self.data = mujoco.MjData(self.model)
         self._conversion = Conversion(spec, load_pinocchio(spec), self.model)
-        self._effort = spec.effort_max
+        self._memory = self.data.qpos, self.data.qvel, self.data.ctrl
+        self._effort, self._least = spec.effort_max, -spec.effort_max
+        self._scratch = np.zeros((2, spec.n_joints))
         self._feet = {self._body_id(foot.frame) for foot in spec.feet}
         self._robot = self._bodies_of_robot()
-        self._is_foot = np.isin(np.arange(self.model.nbody), list(self._feet))
+        self._part = _parts(self.model, self._feet)
+        self._sites = [self.model.site(f"{foot.side}_sole").id for foot in spec.feet]
+        self._touching: tuple[np.ndarray, np.ndarray] | None = None
         self._free = self._free_bodies()
         self._pushes: list[tuple[int, np.ndarray, float, float]] = []
         self.torque = np.zeros(spec.n_joints)
@@ -62,28 +66,43 @@ class MujocoPlant:
         """The default stance, at rest, at time 0; pushes are forgotten."""
         mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
         mujoco.mj_forward(self.model, self.data)
+        self._touching = None
         self._pushes.clear()
         self.torque[:] = self.torque_asked[:] = 0.0
         return self.state()
 
     def state(self) -> RobotState:
         """True state in Pinocchio's convention."""
-        q, v = self._conversion.to_pinocchio(self.data.qpos, self.data.qvel)
+        qpos, qvel, _ = self._memory
+        q, v = self._conversion.to_pinocchio(qpos, qvel)
         return RobotState(float(self.data.time), q, v)
 
     def step(self, command: JointCommand) -> RobotState:
         """Apply a command for one control period."""
-        data, index = self.data, self._conversion
-        self.torque_asked[:] = 0.0
+        self.torque_asked.fill(0.0)
         for _ in range(self._steps):
-            q, dq = data.qpos[index.motor_qpos_index], data.qvel[index.motor_qvel_index]
-            tau = command.tau + command.kp * (command.q - q) + command.kd * (command.dq - dq)
-            np.maximum(self.torque_asked, np.abs(tau), out=self.torque_asked)
-            np.clip(tau, -self._effort, self._effort, out=self.torque)
-            data.ctrl[index.actuator_index] = self.torque
+            self._drive(command)
             self._apply_pushes()
-            mujoco.mj_step(self.model, data)
+            mujoco.mj_step(self.model, self.data)
+        self._touching = None
         return self.state()
+
+    def _drive(self, command: JointCommand) -> None:
+        """Torques of one physics step; in place, because temporary arrays would take as long as the arithmetic."""
+        index, (qpos, qvel, ctrl), (tau, part) = self._conversion, self._memory, self._scratch
+        qpos.take(index.motor_qpos_index, out=part, mode="clip")  # with "raise" numpy copies once more
+        np.subtract(command.q, part, out=part)
+        np.multiply(command.kp, part, out=part)
+        np.add(command.tau, part, out=tau)
+        qvel.take(index.motor_qvel_index, out=part, mode="clip")
+        np.subtract(command.dq, part, out=part)
+        np.multiply(command.kd, part, out=part)
+        np.add(tau, part, out=tau)
+        np.absolute(tau, out=part)
+        np.maximum(self.torque_asked, part, out=self.torque_asked)
+        np.minimum(tau, self._effort, out=tau)
+        np.maximum(tau, self._least, out=self.torque)
+        ctrl[index.actuator_index] = self.torque
 
     def joint_positions(self) -> np.ndarray:
         """True joint angles, shape (n_joints,), motor order, [rad]."""
@@ -91,7 +110,7 @@ class MujocoPlant:
 
     def soles(self) -> np.ndarray:
         """Middles of the soles in world, shape (2, 3), left first, [m]."""
-        return np.array([self.data.site(f"{foot.side}_sole").xpos for foot in self.spec.feet])
+        return self.data.site_xpos[self._sites]
 
     def contact_points(self) -> np.ndarray:
         """Where the feet may touch the floor, in world, shape (n, 3), [m]."""
@@ -105,7 +124,7 @@ class MujocoPlant:
     def foot_load(self) -> tuple[float, np.ndarray]:
         """Normal force of the floor on both feet [N] and centre of pressure (2,) [m]; zeros in the air."""
         contact = self.data.contact
-        carrying = self._on_floor(contact.geom) & (contact.efc_address >= 0)
+        carrying = self._contact_pairs()[1] & (contact.efc_address >= 0)
         # With elliptic cones the first force of a contact is the normal one.
         force = self.data.efc_force[contact.efc_address[carrying]]
         total = float(force.sum())
@@ -155,15 +174,15 @@ class MujocoPlant:
 
     def _unusual_contacts(self) -> np.ndarray:
         """Contacts (k, 2) of geoms, those of the feet with the floor left out."""
-        pairs = self.data.contact.geom
-        return pairs[~self._on_floor(pairs)]
+        pairs, on_floor = self._contact_pairs()
+        return pairs[~on_floor]
 
-    def _on_floor(self, pairs: np.ndarray) -> np.ndarray:
-        """Which contacts (k, 2) of geoms are a foot on the floor, shape (k,)."""
-        if not len(pairs):
-            return np.zeros(0, dtype=bool)
-        owner = self.model.geom_bodyid[pairs]
-        return (owner.min(axis=1) == 0) & self._is_foot[owner.max(axis=1)]
+    def _contact_pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Contacts (k, 2) of geoms, and which of them are a foot on the floor (k,); found once a control period."""
+        if self._touching is None:
+            pairs = self.data.contact.geom
+            self._touching = pairs, self._part[pairs].sum(axis=1) == _FOOT
+        return self._touching
 
     def _apply_pushes(self) -> None:
         if not self._pushes:
@@ -188,3 +207,13 @@ class MujocoPlant:
             names = ", ".join(self.model.body(b).name for b in range(1, self.model.nbody))
             raise InputError(f"the scene has no body '{name}'; it has {names}")
         return index
+
+
+_FOOT, _OTHER = 1, 3
+"""What a geom belongs to, the floor being 0: only a foot and the floor add up to 1."""
+
+
+def _parts(model: mujoco.MjModel, feet: set[int]) -> np.ndarray:
+    """What each geom belongs to, shape (ngeom,)."""
+    owner = model.geom_bodyid
+    return np.where(owner == 0, 0, np.where(np.isin(owner, list(feet)), _FOOT, _OTHER))
