@@ -22,12 +22,14 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # The names of a set are siblings: none imports another.
 LAYERS = (
     ("resources", "native", "errors", "types", "config", "config_file"),
-    ("support", "robot", "gjk_core", "shapes", "proximity"),
+    ("support", "bodies", "robot", "gjk_core", "shapes", "proximity"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     {"qp", "posture"},
     (
         "body_reference",
+        "body_tasks",
         "controller",
+        "kinematic",
         "placo_tasks",
         "placo_program",
         "placo_backend",

@@ -6,12 +6,13 @@ from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
+from wholebody.kinematic.controller import KinematicController
 
-BACKENDS = ("native", "placo")
-"""Ours, and placo's `DynamicsSolver`."""
+BACKENDS = ("native", "placo", "kinematic")
+"""Ours, placo's `DynamicsSolver`, and inverse kinematics without dynamics."""
 
 
-def make_controller(spec: RobotSpec, config: ControllerConfig) -> WholeBodyController:
+def make_controller(spec: RobotSpec, config: ControllerConfig) -> WholeBodyController | KinematicController:
     """The controller that the configuration names.
 
     Raises:
@@ -24,4 +25,6 @@ def make_controller(spec: RobotSpec, config: ControllerConfig) -> WholeBodyContr
         from wholebody.placo_backend import PlacoController
 
         return PlacoController(spec, config)
+    if config.backend == "kinematic":
+        return KinematicController(spec, config)
     raise InputError(f"unknown controller backend '{config.backend}'; available: {', '.join(BACKENDS)}")

@@ -51,7 +51,9 @@ def solvers(
 
 @bench.command()
 def tick(
-    row: Annotated[str, typer.Option(help="parity: the rows of other controllers; default: ours.")] = "default",
+    row: Annotated[
+        str, typer.Option(help="parity: the rows of others; default: ours; kinematic: no dynamics.")
+    ] = "default",
     ticks: Annotated[int, typer.Option(help="Timed ticks; the script is repeated as often as needed.")] = 3000,
     hands: Annotated[bool, typer.Option(help="With the Dex3 hands, 43 joints, or without, 29.")] = True,
     variant: Annotated[str, typer.Option(help="Limits that bind: none, torque, speed, friction or near.")] = "none",

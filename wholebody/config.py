@@ -219,7 +219,7 @@ class ControllerConfig:
     dt: float = 0.002
     """Control period [s]."""
     backend: str = "native"
-    """Whose program is solved: 'native', or 'placo' for a second opinion on the dynamics."""
+    """Whose program is solved: 'native', 'placo' for a second opinion on the dynamics, or 'kinematic' for none."""
     solver: str = "compiled"
     """'compiled', or the name of a QP solver such as 'daqp' for the same program in readable Python."""
     fallback: str = "quadprog"

@@ -10,8 +10,8 @@ import numpy as np
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from wholebody.body_reference import BodyReference, PackedReference, PalmReference, ReferenceMemory
+from wholebody.body_tasks import make_feet, make_tasks
 from wholebody.config import ControllerConfig
-from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
@@ -25,12 +25,6 @@ from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
 from wholebody.robot import Robot
 from wholebody.support import convex_polygon
-from wholebody.tasks.com import ComTask
-from wholebody.tasks.hand import HandTask
-from wholebody.tasks.height import HeightTask
-from wholebody.tasks.momentum import AngularMomentumTask
-from wholebody.tasks.orientation import OrientationTask
-from wholebody.tasks.posture import PostureTask
 from wholebody.types import JointCommand, RobotState
 
 __all__ = ["BodyReference", "PackedReference", "PalmReference", "TickReport", "WholeBodyController"]
@@ -147,47 +141,15 @@ class WholeBodyController:
         )
 
     def _make_tasks(self) -> None:
-        hand, body, spec = self.config.hand, self.config.body, self.spec
-        self.palms = tuple(
-            HandTask(
-                tool.palm_frame,
-                kp=hand.kp,
-                kd=hand.kd,
-                position_weight=hand.position_weight,
-                orientation_weight=hand.orientation_weight,
-            )
-            for tool in spec.tools
-        )
-        trunk = {"kp": body.trunk_kp, "kd": body.trunk_kd}
-        self.pelvis = OrientationTask(spec.base_body, weight=body.pelvis_weight, **trunk)
-        self.torso = OrientationTask(spec.torso_body, weight=body.torso_weight, **trunk)
-        self.height = HeightTask(spec.base_body, weight=body.height_weight, **trunk)
-        self.com = ComTask(kp=body.com_kp, kd=body.com_kd, weight=body.com_weight)
-        self.momentum = AngularMomentumTask(kd=body.momentum_kd, weight=body.momentum_weight)
-        names = self.robot.joint_names
-        self.finger_indices = np.array([i for i, name in enumerate(names) if "_hand_" in name], dtype=int)
-        kp, kd, weight = (
-            np.full(len(names), value) for value in (body.posture_kp, body.posture_kd, body.posture_weight)
-        )
-        for array, value in ((kp, body.finger_kp), (kd, body.finger_kd), (weight, body.finger_weight)):
-            array[self.finger_indices] = value
-        self.posture = PostureTask(kp=kp, kd=kd, weight=weight)
+        tasks = make_tasks(self.spec, self.config, self.robot)
+        self.palms, self.com, self.momentum, self.posture = tasks.palms, tasks.com, tasks.momentum, tasks.posture
+        self.pelvis, self.torso, self.height = tasks.pelvis, tasks.torso, tasks.height
+        self.finger_indices = tasks.fingers
         self.body_tasks = (self.com, self.momentum, self.torso, self.pelvis, self.height, self.posture)
 
     def _make_limits(self) -> None:
         c, safety, spec = self.config, self.config.safety, self.spec
-        self.feet = tuple(
-            FootContact(
-                foot.frame,
-                foot.points,
-                friction=c.friction,
-                force_min=c.force_min,
-                force_max=c.force_max,
-                kp=c.foot_kp,
-                kd=c.foot_kd,
-            )
-            for foot in spec.feet
-        )
+        self.feet = make_feet(spec, c)
         self.balance = BalanceLimit(margin=safety.balance_margin, gain=safety.balance_gain)
         bound = {"rate_max": safety.trunk_rate, "brake": safety.trunk_brake}
         self.pelvis_limit = OrientationLimit(spec.base_body, angle_max=safety.pelvis_angle, **bound)

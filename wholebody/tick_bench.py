@@ -12,11 +12,15 @@ import pinocchio as pin
 
 from models.g1 import g1
 from models.spec import RobotSpec
+from wholebody.backends import make_controller
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
 from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
+from wholebody.kinematic.controller import KinematicController
 from wholebody.reach_script import ReachScript
 from wholebody.types import RobotState
+
+Controller = WholeBodyController | KinematicController
 
 WARM_UP = 500
 """Ticks before the clock counts."""
@@ -53,7 +57,17 @@ PARITY = ControllerConfig(
 Its normal force is bounded for each foot, 5 to 1000 N; here each of four points has a quarter of that: stricter.
 """
 
-ROWS = {"parity": PARITY, "default": ControllerConfig()}
+KINEMATIC = replace(
+    PARITY,
+    backend="kinematic",
+    hand=replace(PARITY.hand, position_weight=1e4, orientation_weight=400.0),
+    body=replace(
+        PARITY.body, com_weight=(400.0, 400.0, 400.0), torso_weight=4.0, posture_weight=0.25, finger_weight=0.25
+    ),
+)
+"""Hard feet, centre of mass over the soles, joint positions and speeds; weights as in the benchmark of placo-kin."""
+
+ROWS = {"parity": PARITY, "default": ControllerConfig(), "kinematic": KINEMATIC}
 """Configurations by name."""
 
 
@@ -101,7 +115,7 @@ def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none
     hard = VARIANTS[variant]
     config = replace(ROWS[row], friction=hard.friction)
     spec = _tightened(g1(hands=hands), hard)
-    controller, script = WholeBodyController(spec, config), ReachScript(spec, 3600, config.dt, hard.shift)
+    controller, script = make_controller(spec, config), ReachScript(spec, 3600, config.dt, hard.shift)
     judge = _Judge(script, controller)
     wall, cpu = np.zeros((2, ticks), dtype=np.int64)
     done = fails = 0
@@ -138,22 +152,30 @@ def _tightened(spec: RobotSpec, hard: Variant) -> RobotSpec:
 
 
 def _once(
-    controller: WholeBodyController, script: ReachScript, judge: _Judge, wall: np.ndarray, cpu: np.ndarray
+    controller: Controller,
+    script: ReachScript,
+    judge: _Judge,
+    wall: np.ndarray,
+    cpu: np.ndarray,
 ) -> tuple[int, int]:
     """The script once, at most `TIMED` ticks; how many were timed, and how many of them failed."""
     model, dt, fails = controller.robot.model, script.dt, 0
+    kinematic = isinstance(controller, KinematicController)
     q, v = script.q0.copy(), np.zeros(model.nv)
     controller.reset(RobotState(0.0, q, v))
     count = min(len(wall), TIMED)
     for k in range(WARM_UP + count):
         c0, t0 = thread_time_ns(), perf_counter_ns()
         _, report = controller.step(RobotState(k * dt, q, v), script.packed(k))
-        if report.solution is None:
+        if report.level == 2:
             raise InputError(f"no program of tick {k} has a solution: the limits of the variant are too tight")
-        dv = report.solution.dv
-        middle = v + 0.5 * dt * dv
-        v = v + dt * dv
-        q = pin.integrate(model, q, dt * middle)
+        if kinematic:
+            q, v = controller.q, controller.v
+        else:
+            dv = report.solution.dv
+            middle = v + 0.5 * dt * dv
+            v = v + dt * dv
+            q = pin.integrate(model, q, dt * middle)
         t1, c1 = perf_counter_ns(), thread_time_ns()
         if k >= WARM_UP:
             wall[k - WARM_UP], cpu[k - WARM_UP] = t1 - t0, c1 - c0
@@ -165,7 +187,7 @@ def _once(
 class _Judge:
     """Errors after each tick, outside the clock."""
 
-    def __init__(self, script: ReachScript, controller: WholeBodyController) -> None:
+    def __init__(self, script: ReachScript, controller: Controller) -> None:
         self.script, self.model, self.compiled = script, script.robot.model, controller.compiled
         self.data = self.model.createData()
         self._wrists = [script.robot.frame_id(tool.wrist_frame) for tool in script.spec.tools]

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from types import ModuleType
 
 from wholebody.native import digest, native, register
 
@@ -47,22 +48,31 @@ def compiled_stages() -> tuple[Callable, ...]:
     They are called by their entry points (see `wholebody.native`), so the arguments have to be pairs of an array and
     its table, of floats and of integers. numba takes a second to import, so it is imported here.
     """
+    register_cores()
+    stages = [getattr(import_module(f"wholebody.qp.{module}"), function) for module, function in STAGES]
+    version = digest([sys.modules[__name__], *(import_module(name) for name in CORES)])
+    return tuple(native(stage, memories(), version) for stage in stages)
+
+
+def register_cores(*others: ModuleType) -> None:
+    """Let compiled code call the functions of `CORES`, and of other modules."""
+    _register_blocks()
+    for module in (*(import_module(name) for name in CORES), *others):
+        register(module, VIEWS)
+
+
+def memories() -> tuple:
+    """Types of the two memories: pairs of an array and its table, of floats and of integers."""
     from numba import float64, int64, types
 
-    modules = [import_module(name) for name in CORES]
-    stages = [getattr(import_module(f"wholebody.qp.{module}"), function) for module, function in STAGES]
-    _register_blocks()
-    for module in modules:
-        register(module, VIEWS)
-    reals, ints = (types.Tuple((kind[::1], int64[:, ::1])) for kind in (float64, int64))
-    version = digest([sys.modules[__name__], *modules])
-    return tuple(native(stage, (reals, ints), version) for stage in stages)
+    return tuple(types.Tuple((kind[::1], int64[:, ::1])) for kind in (float64, int64))
 
 
 VIEWS = ("matrix", "vector", "cube")
 """Functions of `blocks_core` that compiled code has by other means."""
 
 
+@cache
 def _register_blocks() -> None:
     """Blocks as bare pointers: numba's own slices count references, which takes longer than what is done with them."""
     from numba import carray, types

@@ -11,16 +11,9 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from wholebody.errors import InputError
+from wholebody.bodies import body_table
 from wholebody.qp import dynamics_core as core
 from wholebody.reference.compiled import compiled
-
-REVOLUTE = {
-    "JointModelRX": (1.0, 0.0, 0.0),
-    "JointModelRY": (0.0, 1.0, 0.0),
-    "JointModelRZ": (0.0, 0.0, 1.0),
-}
-"""Joint types whose axis is known by name; others carry it."""
 
 
 class CompiledDynamics:
@@ -64,39 +57,6 @@ class CompiledDynamics:
         """Compute everything at ``q`` (nq,) and ``v`` (nv,), Pinocchio convention."""
         self.q[:], self.v[:] = q, v
         self._compute(*self._arguments)
-
-
-def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
-    """Table and parents of the bodies, as in `dynamics_core`.
-
-    Raises:
-        InputError: If the model has a joint of another kind, or no free-flyer first.
-    """
-    n = model.njoints - 1
-    if model.joints[1].shortname() != "JointModelFreeFlyer" or model.nv != 5 + n:
-        raise InputError("compiled dynamics need a free-flyer base and revolute joints; use `compiled: false`")
-    table, parent = np.zeros((n, core.BODY)), np.zeros(n, dtype=np.int64)
-    for i in range(n):
-        joint, row = model.joints[i + 1], table[i]
-        placement, inertia = model.jointPlacements[i + 1], model.inertias[i + 1]
-        row[: core.AXIS] = np.concatenate([placement.rotation.ravel(), placement.translation])
-        if i > 0:
-            row[core.AXIS : core.MASS] = _axis(model, i + 1)
-            parent[i] = model.parents[i + 1] - 1
-            if joint.idx_v != 5 + i:
-                raise InputError(f"joint '{model.names[i + 1]}' is at column {joint.idx_v} of v; {5 + i} is expected")
-        row[core.MASS], row[core.LEVER : core.INERTIA] = inertia.mass, inertia.lever
-        row[core.INERTIA :] = inertia.inertia[np.triu_indices(3)]
-    return table, parent
-
-
-def _axis(model: pin.Model, joint: int) -> np.ndarray:
-    name = model.joints[joint].shortname()
-    if name in REVOLUTE:
-        return np.array(REVOLUTE[name])
-    if name == "JointModelRevoluteUnaligned":
-        return np.array(model.joints[joint].extract().axis)
-    raise InputError(f"joint '{model.names[joint]}' is a {name}; compiled dynamics know revolute joints only")
 
 
 @cache

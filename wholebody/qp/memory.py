@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from wholebody.bodies import body_table
 from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
@@ -15,7 +16,6 @@ from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp import blocks_core as b
 from wholebody.qp.arena import Arena
-from wholebody.qp.dynamics import body_table
 from wholebody.qp.formulation import Regularisation
 from wholebody.qp.nearest import Blocks, near_shapes, near_tables
 from wholebody.robot import Robot
@@ -98,13 +98,13 @@ def make_memory(p: Parts) -> tuple[Arena, Arena]:
 
 
 def _fill_robot(p: Parts, reals: Arena, ints: Arena) -> None:
-    model, counts, moves = p.robot.model, ints[b.COUNTS], _moves(p)
+    model, counts, moves = p.robot.model, ints[b.COUNTS], contact_moves(p)
     reals[b.TABLE][:], ints[b.PARENT][:] = body_table(model)
     reals[b.ARMATURE][:], reals[b.GRAVITY][:] = model.armature, model.gravity.linear
-    for row, frame in zip(reals[b.FRAME_TABLE], _frames(p), strict=True):
+    for row, frame in zip(reals[b.FRAME_TABLE], frame_names(p), strict=True):
         placement = model.frames[p.robot.frame_id(frame)].placement
         row[:9], row[9:] = placement.rotation.ravel(), placement.translation
-    ints[b.FRAME_BODY][:] = _bodies(p)
+    ints[b.FRAME_BODY][:] = frame_bodies(p)
     reals[b.LOCAL_POINTS][:] = np.vstack([foot.points for foot in p.feet])
     reals[b.JOINTS][:], reals[b.TAU_FULL][:] = p.joints, p.tau_max
     reals[b.TAU_MAX][:] = p.torque_share * p.tau_max
@@ -154,21 +154,22 @@ def _sizes(p: Parts, rows: int) -> np.ndarray:
     return sizes
 
 
-def _frames(p: Parts) -> list[str]:
+def frame_names(p: Parts) -> list[str]:
     """Frames in the order of `assemble_core`: contacts, palms, pelvis, torso."""
     return [*(foot.frame for foot in p.feet), *(palm.frame for palm in p.palms), p.pelvis.frame, p.torso.frame]
 
 
-def _bodies(p: Parts) -> list[int]:
+def frame_bodies(p: Parts) -> list[int]:
+    """Body of each of those frames."""
     model, robot = p.robot.model, p.robot
-    return [model.frames[robot.frame_id(frame)].parentJoint - 1 for frame in _frames(p)]
+    return [model.frames[robot.frame_id(frame)].parentJoint - 1 for frame in frame_names(p)]
 
 
-def _moves(p: Parts) -> np.ndarray:
+def contact_moves(p: Parts) -> np.ndarray:
     """Which velocity moves which contact, shape (n_contacts, nv), of bool."""
     model: pin.Model = p.robot.model
     moves = np.zeros((len(p.feet), model.nv), dtype=bool)
-    for row, body in zip(moves, _bodies(p), strict=False):
+    for row, body in zip(moves, frame_bodies(p), strict=False):
         joint = body + 1
         while joint > 0:
             start = model.joints[joint].idx_v
@@ -184,7 +185,7 @@ def _arenas(p: Parts, near_reals: Blocks, near_ints: Blocks) -> tuple[Arena, Are
         raise InputError("the compiled program needs contacts with the same number of points; use `compiled: false`")
     model, n_contacts, n_points = p.robot.model, len(p.feet), sum(len(foot.points) for foot in p.feet)
     nv, nj, nb = model.nv, model.nv - 6, model.njoints - 1
-    n_bound = int(_moves(p).any(0).sum())
+    n_bound = int(contact_moves(p).any(0).sum())
     m, nr = 6 * n_contacts, n_bound - 6 * n_contacts
     ny, nf, frames, most = nr + nv - n_bound, 3 * n_points, n_contacts + 4, p.self_collision.most if p.safety else 0
     edges = n_points if p.safety else 0

@@ -1,0 +1,52 @@
+"""The bodies of a robot as a flat table, for compiled kinematics and dynamics."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wholebody.errors import InputError
+
+REVOLUTE = {
+    "JointModelRX": (1.0, 0.0, 0.0),
+    "JointModelRY": (0.0, 1.0, 0.0),
+    "JointModelRZ": (0.0, 0.0, 1.0),
+}
+"""Joint types whose axis is known by name; others carry it."""
+
+
+def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
+    """Table and parents of the bodies; body 0 is the base, body i > 0 hangs on the joint of velocity ``5 + i``.
+
+    Returns:
+        Rows of shape (n, 25): placement of the joint in the parent (rotation row by row, translation), joint axis,
+        mass, centre of mass and inertia about it (xx xy xz yy yz zz); and the parents, shape (n,).
+
+    Raises:
+        InputError: If the model has a joint that is not revolute, or no free-flyer first.
+    """
+    n = model.njoints - 1
+    if model.joints[1].shortname() != "JointModelFreeFlyer" or model.nv != 5 + n:
+        raise InputError("compiled dynamics need a free-flyer base and revolute joints; use `compiled: false`")
+    table, parent = np.zeros((n, 25)), np.zeros(n, dtype=np.int64)
+    for i in range(n):
+        joint, row = model.joints[i + 1], table[i]
+        placement, inertia = model.jointPlacements[i + 1], model.inertias[i + 1]
+        row[:12] = np.concatenate([placement.rotation.ravel(), placement.translation])
+        if i > 0:
+            row[12:15] = _axis(model, i + 1)
+            parent[i] = model.parents[i + 1] - 1
+            if joint.idx_v != 5 + i:
+                raise InputError(f"joint '{model.names[i + 1]}' is at column {joint.idx_v} of v; {5 + i} is expected")
+        row[15], row[16:19] = inertia.mass, inertia.lever
+        row[19:] = inertia.inertia[np.triu_indices(3)]
+    return table, parent
+
+
+def _axis(model: pin.Model, joint: int) -> np.ndarray:
+    name = model.joints[joint].shortname()
+    if name in REVOLUTE:
+        return np.array(REVOLUTE[name])
+    if name == "JointModelRevoluteUnaligned":
+        return np.array(model.joints[joint].extract().axis)
+    raise InputError(f"joint '{model.names[joint]}' is a {name}; compiled dynamics know revolute joints only")
