@@ -1,16 +1,19 @@
 """Strategy: the real planner on slow, fast and impossible paths; Pinocchio's inverse dynamics judges what it says, and
-differences of the program's rows judge its derivatives."""
+its derivatives (`posture_reference.py`) judge those of the compiled program on random motions."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from posture_reference import Reference, bounds, free_directions
 
 from models.g1 import g1
 from policy.scripts import lissajous, reach, two_hand_lift
 from wholebody.config import PosturePlanConfig
-from wholebody.posture import knots as at
-from wholebody.posture.knots import N_BODY, N_FREE, Knots
+from wholebody.posture import tables
+from wholebody.posture.body import Body
+from wholebody.posture.compiled import run
 from wholebody.posture.program import Program
+from wholebody.posture.tables import N_BODY
 from wholebody.posture_plan import PosturePlanner
 
 SPEC = g1()
@@ -22,8 +25,8 @@ def planner():
 
 
 @pytest.fixture(scope="module")
-def knots():
-    return Knots(SPEC, PosturePlanConfig())
+def body():
+    return Body(SPEC, PosturePlanConfig())
 
 
 def poses(policy, dt, start, end):
@@ -113,68 +116,116 @@ def placed(model, data, q, frame):
     return data.oMf[frame].translation.copy()
 
 
-def test_the_derivatives_of_the_motion_rows_are_those_of_differences(knots):
-    rng = np.random.default_rng(0)
-    q = pin.integrate(knots.model, knots.q_stance, 0.1 * rng.normal(size=N_BODY))
-    v, a, h = 0.3 * rng.normal(size=N_BODY), rng.normal(size=N_BODY), 1e-6
-    n = at.ZMP_EDGES.start + knots.n_edges
-
-    def rows(q, v, a):
-        r, bound, sign = np.zeros(at.N_MOTION), np.zeros(n), np.ones(n)
-        D, D_bound = np.zeros((3, at.N_MOTION, N_BODY)), np.zeros((3, n, N_BODY))
-        knots.motion(q, v, a, (r, D), (bound, D_bound, sign))
-        return np.concatenate([r, bound]), np.concatenate([D, D_bound], axis=1)
-
-    _, D = rows(q, v, a)
-    for j in range(N_BODY):
-        d = np.zeros(N_BODY)
-        d[j] = h
-        for i, (plus, minus) in enumerate([
-            ((pin.integrate(knots.model, q, d), v, a), (pin.integrate(knots.model, q, -d), v, a)),
-            ((q, v + d, a), (q, v - d, a)),
-            ((q, v, a + d), (q, v, a - d)),
-        ]):  # fmt: skip
-            assert np.allclose((rows(*plus)[0] - rows(*minus)[0]) / (2.0 * h), D[i, :, j], atol=2e-6, rtol=1e-5)
+def linearised(body, K, seed, speed=1.0):
+    """A random motion with the feet in place, and its program."""
+    rng, config = np.random.default_rng(seed), PosturePlanConfig()
+    program = Program(body, config, K)
+    T, fingers = poses(reach(0.45, 0.60), config.dt, 0.0, (K - 0.5) * config.dt)
+    T = T @ np.array([[pin.exp6(0.2 * rng.normal(size=6)).homogeneous for _ in range(2)] for _ in range(K)])
+    program.begin(T, fingers, 0.3 * rng.normal(size=N_BODY))
+    program.weigh(config, 1.0)
+    q = pin.integrate(body.model, body.tables.q_stance, 0.15 * rng.normal(size=N_BODY))
+    for k in range(K):
+        program.now.q[k] = q
+        q = pin.integrate(body.model, q, speed * config.dt * rng.normal(size=N_BODY))
+    program.linearise(program.now)
+    return program, T
 
 
-def test_the_directions_left_free_are_orthonormal_and_leave_the_feet(knots):
-    q = pin.integrate(knots.model, knots.q_stance, 0.2 * np.random.default_rng(1).normal(size=N_BODY))
-    N = np.zeros((N_BODY, N_FREE))
-    q = knots.settle(q, N)
-    assert np.allclose(N.T @ N, np.eye(N_FREE), atol=1e-12)
-    data = knots.model.createData()
-    pin.computeJointJacobians(knots.model, data, q)
-    pin.updateFramePlacements(knots.model, data)
-    for foot in SPEC.feet:
-        J = pin.getFrameJacobian(knots.model, data, knots.model.getFrameId(foot.frame), pin.LOCAL_WORLD_ALIGNED)
-        assert np.allclose(J @ N, 0.0, atol=1e-12)
+def near(found, expected):
+    """Whether two arrays are equal to 1e-9 of max(1, |value|)."""
+    return np.max(np.abs(found - expected) / np.maximum(1.0, np.abs(expected))) < 1e-9
 
 
-def test_the_nearest_pairs_are_those_of_all_distances(knots):
-    rng, distances = np.random.default_rng(2), knots.distances
-    data = knots.full.createData()
-    for _ in range(20):
-        q = knots.q_full.copy()
-        q[7:] += 0.25 * rng.normal(size=len(q) - 7)
-        pin.computeJointJacobians(knots.full, data, q)
-        found = distances.find(data, 0.025, 16)
-        rooms = distances.distance[found] - distances.margin[found]
-        pin.computeDistances(knots.full, data, distances.geometry, distances.data, q)
-        every = np.array([result.min_distance for result in distances.data.distanceResults]) - distances.margin
-        nearest = np.sort(every[every < 0.025])[:16]
-        assert np.allclose(np.sort(rooms), nearest, atol=1e-6)
+@pytest.mark.parametrize("seed", range(12))
+def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
+    program, T = linearised(body, 6, seed, speed=[0.1, 1.0, 4.0][seed % 3])
+    m, dt, judge = program.now, PosturePlanConfig().dt, Reference(body, SPEC)
+    half, back, forth = judge.half_steps(m.q, m.half[0], dt)
+    assert near(m.half, half)
+    N, E = free_directions(m), len(body.tables.normals)
+    kept = np.r_[: tables.NEAR, tables.EDGE : tables.n_sided(E)]
+    for k in range(1, 6):
+        v, a = 0.5 * (half[k] + half[k + 1]), (half[k + 1] - half[k]) / dt
+        r, J = judge.configuration(m.q[k], T[k])
+        rows, D = judge.motion(m.q[k], v, a)
+        assert near(m.r[k], r)
+        assert near(m.J[k], J @ N[k])
+        assert near(m.m[k], rows)
+        assert near(m.J_m[k], judge.reduced(k, D, back, forth, N, dt))
+        assert near(m.over[k][kept], bounds(body.tables, r, m.q[k], half[k], a, rows))
+        assert near(m.zmp[k], rows[:2] / max(rows[2], 0.05))
+    rows, D = judge.motion(m.q[0], half[0], 2.0 * (half[1] - half[0]) / dt)
+    assert near(m.m[0], rows)
+    assert near(m.J_m[0, :, 46:], judge.reduced(0, D, back, forth, N, dt)[:, 46:])
 
 
-def test_a_step_of_the_program_lowers_the_cost_as_promised(knots):
-    config = PosturePlanConfig()
-    T, fingers = poses(reach(0.45, 0.60), config.dt, 0.0, 1.0)
-    q = np.tile(knots.q_stance, (len(T), 1))
-    program = Program(knots, config.dt, T, fingers, np.zeros(N_BODY))
-    program.linearise(q)
-    before = program.weigh(config, 1.0)
-    program.prepare()
-    z, promise = program.step(1.0)
-    after = program.fresh()
-    after.linearise(program.moved(q, 1e-3 * z))
-    assert before - after.weigh(config, 1.0) == pytest.approx(2e-3 * promise, rel=0.5)
-    assert before - after.cost > 0.0
+def test_the_directions_left_free_are_orthonormal_and_leave_the_feet(body):
+    program, _ = linearised(body, 3, 1)
+    data = body.model.createData()
+    for q, N in zip(program.now.q, free_directions(program.now), strict=True):
+        assert np.allclose(N.T @ N, np.eye(N.shape[1]), atol=1e-12)
+        pin.computeJointJacobians(body.model, data, q)
+        pin.updateFramePlacements(body.model, data)
+        for foot, place in zip(SPEC.feet, body.tables.p_feet, strict=True):
+            frame = body.model.getFrameId(foot.frame)
+            J = pin.getFrameJacobian(body.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+            assert np.allclose(J @ N, 0.0, atol=1e-12)
+            assert np.allclose(data.oMf[frame].translation, place, atol=1e-6)
+
+
+def test_the_nearest_pairs_are_those_of_all_distances(body):
+    seen = 0
+    for seed in range(8):
+        program, _ = linearised(body, 4, 20 + seed, speed=3.0)
+        m, fingers = program.now, body.fingers[body.finger_order]
+        q, proximity = body.q_full.copy(), body.proximity
+        for k in range(1, 4):
+            q[body.body], q[fingers] = m.q[k], program.q_fingers[k]
+            data = body.full.createData()
+            pin.computeDistances(body.full, data, proximity.geometry, proximity.data, q)
+            every = proximity.margin - np.array([result.min_distance for result in proximity.data.distanceResults])
+            expected = np.sort(every[every > -0.025])[::-1][:16]
+            assert m.near[k] == len(expected)
+            assert np.allclose(m.over[k, tables.NEAR : tables.NEAR + len(expected)], expected, atol=4e-6)
+            seen += len(expected)
+    assert seen > 100
+
+
+def test_the_bounds_change_with_a_step_as_their_derivatives_say(body):
+    program, _ = linearised(body, 5, 3)
+    program.assemble()
+    program.step(1.0)
+    m, E, h = program.now, len(body.tables.normals), 1e-4
+    row, z = np.zeros(3 * tables.N_FREE), program.z.ravel()
+    smooth = [i for i in range(tables.n_sided(E)) if not tables.NEAR <= i < tables.EDGE]
+    smooth += [tables.NEAR + i for i in range(m.near[2])]
+    program.z[:] *= h
+    before = m.over.copy()
+    program.move()
+    program.linearise(program.trial)
+    for i in smooth:
+        run("sided_core", "derivative", i, 2, body.tables, m, PosturePlanConfig().dt, row)
+        change = row @ z[2 * tables.N_FREE : 5 * tables.N_FREE]
+        assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=3e-7), i
+
+
+def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
+    program, _ = linearised(body, 12, 4, speed=0.1)
+    program.assemble()
+    before = program.cost(program.now)
+    promise, _ = program.step(1.0)
+    program.z[:] *= 1e-3
+    program.move()
+    program.linearise(program.trial)
+    after = program.cost(program.trial)
+    assert before - after == pytest.approx(2e-3 * promise, rel=0.5)
+    assert before - after > 0.0
+
+
+def test_a_plan_does_not_depend_on_the_plans_before_it(planner):
+    T, fingers = poses(lissajous(), planner.config.dt, 2.0, 4.0)
+    alone = PosturePlanner(SPEC).plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
+    plan(planner, reach(), 1.9)
+    again = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
+    assert np.array_equal(alone.q, again.q)

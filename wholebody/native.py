@@ -11,12 +11,13 @@ from types import CellType, FunctionType, ModuleType
 _registered: set[Callable] = set()
 
 
-def register(module: ModuleType, exclude: Collection[str] = ()) -> None:
+def register(module: ModuleType, exclude: Collection[str] = (), **options: bool) -> None:
     """Let compiled code call the plain functions of a module.
 
     Args:
         module: Module whose functions compile as they stand.
         exclude: Names of functions that compiled code has by other means, or nobody calls.
+        options: Of numba's.
     """
     from numba.extending import register_jitable
 
@@ -24,7 +25,7 @@ def register(module: ModuleType, exclude: Collection[str] = ()) -> None:
         own = isinstance(member, FunctionType) and member.__module__ == module.__name__
         if own and name not in exclude and member not in _registered:
             _registered.add(member)
-            register_jitable(error_model="numpy")(member)
+            register_jitable(error_model="numpy", **options)(member)
 
 
 def digest(modules: Iterable[ModuleType]) -> int:
@@ -33,7 +34,7 @@ def digest(modules: Iterable[ModuleType]) -> int:
     return int.from_bytes(sha256(b"".join(file.read_bytes() for file in files)).digest()[:7], "little")
 
 
-def native(function: Callable, arguments: tuple, version: int) -> Callable:
+def native(function: Callable, arguments: tuple, version: int, **options: bool) -> Callable:
     """The native entry of a function for one kind of arguments, compiled or loaded from numba's cache on disk.
 
     Calling the entry leaves out numba's look at the types of the arguments, which takes as long as a small function.
@@ -46,10 +47,11 @@ def native(function: Callable, arguments: tuple, version: int) -> Callable:
         function: What to compile.
         arguments: numba types.
         version: Of all files that it is made of, by `digest`.
+        options: Of numba's.
     """
     import numba
 
-    stage = numba.njit(cache=True, error_model="numpy", nogil=True)(_closed(function, version))
+    stage = numba.njit(cache=True, error_model="numpy", nogil=True, **options)(_closed(function, version))
     stage.compile(arguments)
     return stage.overloads[stage.signatures[0]].entry_point
 

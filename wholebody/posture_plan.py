@@ -22,10 +22,12 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import PosturePlanConfig
-from wholebody.posture.guess import follow
-from wholebody.posture.knots import Knots
+from wholebody.posture.body import Body
 from wholebody.posture.optimiser import optimise
 from wholebody.posture.program import Program
+
+SIZES_KEPT = 8
+"""Numbers of knots for which memory is kept: 4 MB for forty knots."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +61,12 @@ class PosturePlanner:
 
     def __init__(self, spec: RobotSpec, config: PosturePlanConfig | None = None) -> None:
         self.spec, self.config = spec, config or PosturePlanConfig()
-        self.knots = Knots(spec, self.config)
-        self.model = self.knots.full
-        self.support = self.knots.support
-        self.mass = self.knots.mass
-        self.q_stance = self.knots.q_full.copy()
+        self.body = Body(spec, self.config)
+        self.model = self.body.full
+        self.support = self.body.support
+        self.mass = self.body.mass
+        self.q_stance = self.body.q_full.copy()
+        self._programs: dict[int, Program] = {}
 
     def plan(
         self,
@@ -84,17 +87,27 @@ class PosturePlanner:
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.
             config: Scales to use instead of the planner's own; step, limits and margins stay the planner's.
         """
-        knots, K, config = self.knots, len(T_palms), config or self.config
-        start = np.empty((K, knots.model.nq))
-        start[0], known = q[knots.body], 1
+        body, K, config = self.body, len(T_palms), config or self.config
+        program = self._program(K)
+        program.begin(T_palms, q_fingers, v[body.columns])
+        start, known = program.now.q, 1
+        start[0] = q[body.body]
         if guess is not None and len(guess):
             known = 1 + len(guess)
-            start[1:known] = guess[:, knots.body]
-        follow(knots, config, start, T_palms, known)
-        program = Program(knots, self.config.dt, T_palms, q_fingers, v[knots.columns])
-        body, program = optimise(program, start, config)
+            start[1:known] = guess[:, body.body]
+        program.weigh(config, 1.0)
+        program.follow(known)
+        cost = optimise(program, config)
+        now = program.now
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
-        qs[:, knots.body], qs[:, knots.fingers] = body, q_fingers
-        vs[:, knots.columns] = program.half[:-1]
-        excess = program.excess()
-        return PostureMotion(qs, vs, program.palms(), program.zmp.copy(), excess, program.cost)
+        qs[:, body.body], qs[:, body.fingers] = now.q, q_fingers
+        vs[:, body.columns] = now.half[:-1]
+        return PostureMotion(qs, vs, now.palms.copy(), now.zmp.copy(), program.excess(), cost)
+
+    def _program(self, K: int) -> Program:
+        """Memory for K knots; that of the plans before, where it fits."""
+        if K not in self._programs:
+            if len(self._programs) >= SIZES_KEPT:
+                del self._programs[next(iter(self._programs))]
+            self._programs[K] = Program(self.body, self.config, K)
+        return self._programs[K]

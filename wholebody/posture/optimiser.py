@@ -1,8 +1,6 @@
-"""Levenberg-Marquardt on the plan's program, the bounds first soft, then firm."""
+"""The search for the best motion: steps of the linearised program, damped as much as it takes."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from wholebody.config import PosturePlanConfig
 from wholebody.posture.program import Program
@@ -16,34 +14,36 @@ STEP_MAX = 0.4
 DAMPING, DAMPING_MIN, DAMPING_MAX = 1e-4, 1e-7, 1e6
 
 
-def optimise(program: Program, q: np.ndarray, config: PosturePlanConfig) -> tuple[np.ndarray, Program]:
-    """The best motion found from q (K, 36) on, and its program, weighed with firm bounds."""
+def optimise(program: Program, config: PosturePlanConfig) -> float:
+    """Improve the present motion of the program, and answer what it costs with firm bounds."""
     damping = DAMPING
-    program.linearise(q)
+    program.linearise(program.now)
     for softness, rounds in ROUNDS:
-        cost = program.weigh(config, softness)
-        program.prepare()
+        program.weigh(config, softness)
+        cost = program.cost(program.now)
+        program.assemble()
         for _ in range(rounds):
-            z, promise, damping = _trusted_step(program, damping)
-            candidate, q_new = program.fresh(), program.moved(q, z)
-            candidate.linearise(q_new)
-            cost_new = candidate.weigh(config, softness)
+            promise, damping = _trusted_step(program, damping)
+            program.move()
+            program.linearise(program.trial)
+            cost_new = program.cost(program.trial)
             ratio = (cost - cost_new) / max(promise, 1e-12)
             if not cost_new < cost:
                 damping *= 4.0
                 continue
-            gain, q, program, cost = (cost - cost_new) / cost, q_new, candidate, cost_new
-            program.prepare()
+            program.accept()
+            gain, cost = (cost - cost_new) / cost, cost_new
+            program.assemble()
             # Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05.
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), DAMPING_MIN)
             if gain < ENOUGH:
                 break
-    return q, program
+    return cost
 
 
-def _trusted_step(program: Program, damping: float) -> tuple[np.ndarray, float, float]:
+def _trusted_step(program: Program, damping: float) -> tuple[float, float]:
     while True:
-        z, promise = program.step(damping)
-        if np.abs(z).max() < STEP_MAX or damping > DAMPING_MAX:
-            return z, promise, damping
+        promise, size = program.step(damping)
+        if size < STEP_MAX or damping > DAMPING_MAX:
+            return promise, damping
         damping *= 4.0

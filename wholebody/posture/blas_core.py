@@ -1,0 +1,25 @@
+"""Products of matrices by BLAS; compiles with numba as it stands."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def gram(A, out):
+    """``out = A' A``."""
+    np.dot(A.T, A, out)
+
+
+def outer_gram(A, out):
+    """``out = A A'``."""
+    np.dot(A, A.T, out)
+
+
+def times_transposed(A, B, out):
+    """``out = A B'``."""
+    np.dot(A, B.T, out)
+
+
+def apply(A, x, out):
+    """``out = A x``."""
+    np.dot(A, x, out)

@@ -1,0 +1,158 @@
+"""The robot and its shapes as tables for the compiled plan, from Pinocchio."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
+from models.spec import RobotSpec
+from wholebody import gjk_core
+from wholebody.bodies import body_table
+from wholebody.config import PosturePlanConfig
+from wholebody.errors import InputError
+from wholebody.posture.tables import LOWER, N_BODY, N_JOINTS, UPPER, Shapes, Tables
+from wholebody.proximity import Proximity
+from wholebody.shapes import ShapeTable, shape_table
+from wholebody.support import SupportPolygon, convex_polygon
+
+LOAD_MIN = 0.4
+"""Least share of the weight that stays on the floor."""
+
+
+class Body:
+    """The robot without its fingers, whose feet stay where the stance has them.
+
+    Configurations and velocities here are the body's, (36,) and (35,): the fingers are locked in the dynamics, and
+    where the caller has them for the distances.
+
+    Args:
+        spec: The robot. config: Limits and margins.
+
+    Attributes:
+        model: Pinocchio's model of the body.
+        full: The model with fingers.
+        body: Entries of the body in the full configuration. columns: The same in the full velocity.
+        fingers: Entries of the fingers in the full configuration, hand by hand.
+        finger_order: Which of those the fingers are in the order of their bodies.
+        support: The support polygon.
+        mass: Of the robot [kg].
+        tables, shapes: What compiled code works on.
+        proximity: Distances by coal, for shapes that touch.
+    """
+
+    def __init__(self, spec: RobotSpec, config: PosturePlanConfig) -> None:
+        full = self.full = load_pinocchio(spec)
+        self.q_full = stance_q(spec, full)
+        names = list(full.names)
+        locked = [i for i, name in enumerate(names) if "_hand_" in name]
+        model = self.model = pin.buildReducedModel(full, locked, self.q_full)
+        kept = [i - 2 for i in range(2, len(names)) if i not in locked]
+        self.body, self.columns = (np.concatenate([np.arange(n), n + np.array(kept)]) for n in (7, 6))
+        self.fingers = np.array([7 + names.index(n) - 2 for tool in spec.tools for n in tool.finger_joints], int)
+        self.finger_order = np.argsort(self.fingers, kind="stable")
+        self.mass = float(pin.computeTotalMass(full))
+        self.tables, self.support = _tables(spec, config, model, self.q_full[self.body].copy(), self.mass)
+        bodies = self._place_fingers(locked)
+        self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
+        self.shapes = _shapes(shape_table(spec, self.proximity.geometry), bodies, self.proximity)
+
+    def _place_fingers(self, locked: list[int]) -> np.ndarray:
+        """Put the fingers behind the bodies of the plan; the plan's number of each body of the full model."""
+        table, parent = body_table(self.full)
+        order = [i - 1 for i in range(1, self.full.njoints) if i not in locked] + [i - 1 for i in locked]
+        number = np.argsort(order)
+        fingers = np.array(locked, dtype=int) - 1
+        self.tables = self.tables._replace(
+            bodies=np.concatenate([self.tables.bodies, table[fingers]]),
+            parent=np.concatenate([self.tables.parent, number[parent[fingers]]]),
+        )
+        return number
+
+
+def _tables(
+    spec: RobotSpec, c: PosturePlanConfig, model: pin.Model, q: np.ndarray, mass: float
+) -> tuple[Tables, SupportPolygon]:
+    """Without fingers."""
+    bodies, parent = body_table(model)
+    ids = [*palm_frame_ids(spec, model), *(model.getFrameId(name) for name in (spec.torso_body, spec.base_body))]
+    ids += [model.getFrameId(foot.frame) for foot in spec.feet]
+    frames = [model.frames[i] for i in ids]
+    carries = _carries(model, [frame.parentJoint for frame in frames])
+    if model.nv != N_BODY or carries[4:, LOWER:].any() or not carries[4:, :LOWER].any(0).all():
+        raise InputError(
+            f"the posture plan needs {N_BODY} velocities, base and legs first, as the G1 has them: {spec.name} has "
+            f"{model.nv}, '{list(model.names)[2]}' first"
+        )
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    feet = [data.oMf[i] for i in ids[4:]]
+    corners = [foot.act(np.array(x)) for foot, part in zip(feet, spec.feet, strict=True) for x in part.points]
+    support = convex_polygon(np.array(corners)[:, :2])
+    tables = Tables(
+        bodies=bodies,
+        parent=parent,
+        frame_body=np.array([frame.parentJoint - 1 for frame in frames]),
+        frame_R=np.array([frame.placement.rotation for frame in frames]),
+        frame_p=np.array([frame.placement.translation for frame in frames]),
+        carries=carries,
+        R_feet=np.array([foot.rotation for foot in feet]),
+        p_feet=np.array([foot.translation for foot in feet]),
+        q_stance=q,
+        com_stance=pin.centerOfMass(model, data, q)[:2].copy(),
+        gravity=np.array(model.gravity.linear),
+        mass=mass,
+        load_min=LOAD_MIN,
+        limits=np.array([c.torso_tilt, c.pelvis_tilt, c.height_min]),
+        **_limits(spec, c, list(model.names[2:])),
+        normals=support.normals.copy(),
+        com_offsets=support.offsets - c.com_margin,
+        zmp_offsets=support.offsets - c.zmp_margin,
+    )
+    return tables, support
+
+
+def _carries(model: pin.Model, joints: list[int]) -> np.ndarray:
+    """Which velocities move a body, shape (len(joints), nv)."""
+    out = np.zeros((len(joints), model.nv), dtype=bool)
+    for row, parent in zip(out, joints, strict=True):
+        for joint in list(model.supports[parent])[1:]:
+            start = model.joints[joint].idx_v
+            row[start : start + model.joints[joint].nv] = True
+    return out
+
+
+def _limits(spec: RobotSpec, c: PosturePlanConfig, names: list[str]) -> dict[str, np.ndarray]:
+    """Bounds on the joints, in their order, that the plan uses."""
+    order = np.array([spec.joint_names.index(name) for name in names])
+    q_min, q_max = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
+    q_min[[name.endswith("knee_joint") for name in names]] = c.knee_min
+    elbows = [name.endswith("elbow_joint") for name in names]
+    q_max[elbows] = np.minimum(q_max[elbows], c.elbow_max)
+    return {
+        "q_min": q_min,
+        "q_max": q_max,
+        "speed_max": c.speed_share * spec.velocity_max[order],
+        "acceleration_max": np.minimum(c.acceleration, spec.acceleration_max[order]),
+        "tau_max": c.torque_share * spec.effort_max[order[N_JOINTS - UPPER :]],
+    }
+
+
+def _shapes(table: ShapeTable, number: np.ndarray, proximity: Proximity) -> Shapes:
+    """Shapes on the plan's bodies, with spheres and boxes around them."""
+    shapes = table.shapes.copy()
+    shapes[:, gjk_core.BODY] = number[shapes[:, gjk_core.BODY]]
+    centre, half, radius = np.zeros((len(shapes), 3)), np.zeros((len(shapes), 3)), np.zeros(len(shapes))
+    for i, ((kind, first, count, _), around) in enumerate(zip(shapes, table.rounds, strict=True)):
+        points = table.vertices[first : first + count]
+        if kind != gjk_core.HULL:
+            axis = around[gjk_core.AXIS : gjk_core.AXIS + 3] * around[gjk_core.HALF]
+            points = around[:3] + np.array([axis, -axis])
+        grown = 0.0 if kind == gjk_core.HULL else around[gjk_core.RADIUS]
+        centre[i] = 0.5 * (points.max(0) + points.min(0))
+        half[i] = 0.5 * (points.max(0) - points.min(0)) + grown
+        radius[i] = np.linalg.norm(points - centre[i], axis=1).max() + grown
+    return Shapes(
+        shapes, table.rounds, table.vertices, table.start, table.neighbours, centre, half, radius,
+        proximity.pairs.astype(np.int64), proximity.margin,
+    )  # fmt: skip

@@ -1,0 +1,107 @@
+"""A first motion for the plan, by inverse kinematics from knot to knot; compiles with numba as it stands."""
+
+from __future__ import annotations
+
+from wholebody.posture.body_core import move
+from wholebody.posture.place_core import configuration
+from wholebody.posture.sided_core import derivative, place_changes
+from wholebody.posture.step_core import dot, factor_panel, subtract
+from wholebody.posture.sum_core import add_configuration
+from wholebody.posture.tables import EDGE, FREE_LOWER, LOWER, N_FREE, NEAR, UPPER
+
+INERTIA = 30.0
+"""Price of moving from one knot to the next [1/m^2, 1/rad^2]."""
+STEP_MAX = 0.25
+"""[m, rad]"""
+TURNS = 4
+"""Times that the set of exceeded bounds is guessed anew at a knot."""
+
+
+def follow(robot, task, m, scales, weights, first, system, work, sums):
+    """Fill the configurations from knot ``first`` on, each from the one before; distances do not count."""
+    count = EDGE + robot.normals.shape[0]
+    for k in range(first, m.q.shape[0]):
+        for j in range(m.q.shape[1]):
+            m.q[k, j] = m.q[k - 1, j]
+        m.near[k] = 0
+        for c in range(NEAR, EDGE):
+            m.over[k, c] = -1.0
+        configuration(k, robot, task, m, work)
+        for i in range(N_FREE):
+            system.g[k + 1, i] = 0.0
+            for j in range(N_FREE):
+                system.H[k + 1, i, j] = 0.0
+        add_configuration(k, m, scales, system.H, system.g, sums)
+        improve(k, robot, task, m, weights, count, system, sums)
+        largest = 0.0
+        for i in range(N_FREE):
+            largest = max(largest, abs(system.z[k + 1, i]))
+        shrink = min(1.0, STEP_MAX / largest) if largest > 0.0 else 1.0
+        for i in range(N_FREE):
+            system.z[k + 1, i] *= shrink
+        shift(m.free[k], system.z[k + 1], m.q[k], work.lower_step)
+
+
+def improve(k, robot, task, m, weights, count, s, sums):
+    """The step of one knot, on the set of bounds that are exceeded after it."""
+    n, z, row, active, change = N_FREE, s.z[k + 1], sums.row, s.active[k], s.change[k]
+    U, y = s.panels[k + 1], s.y[k + 1]
+    for i in range(count):
+        active[i] = m.over[k, i] > 0.0
+    for _ in range(TURNS):
+        for i in range(n):
+            y[i] = -s.g[k + 1, i]
+            for j in range(3 * n):
+                U[i, j] = s.H[k + 1, i, j] if j < n else 0.0
+            U[i, i] += INERTIA
+        for b in range(count):
+            if active[b]:
+                derivative(b, k, robot, m, task.dt, row)
+                add_row(weights[b], m.over[k, b], row[n:], U, y)
+        factor_panel(U)
+        for i in range(n):
+            y[i] /= U[i, i]
+            subtract(y[i], U[i, i + 1 :], y[i + 1 :], n - i - 1)
+        for i in range(n - 1, -1, -1):
+            y[i] = (y[i] - dot(U[i, i + 1 :], y[i + 1 :], n - i - 1)) / U[i, i]
+        for i in range(n):
+            z[i] = y[i]
+        place_changes(k, robot, m, z, change, m.sign[k], sums)
+        same = True
+        for i in range(count):
+            now = m.over[k, i] + change[i] > 0.0
+            same = same and now == active[i]
+            active[i] = now
+        if same:
+            break
+
+
+def add_row(weight, value, row, U, y):
+    """Add one bound to Hessian and negative gradient of a knot."""
+    n = N_FREE
+    for i in range(n):
+        x = weight * row[i]
+        y[i] -= x * value
+        for j in range(n):
+            U[i, j] += x * row[j]
+
+
+def moved(m, z, lower, other):
+    """Write the configurations after a step of the whole motion into another motion."""
+    for k in range(m.q.shape[0]):
+        for j in range(m.q.shape[1]):
+            other.q[k, j] = m.q[k, j]
+        if k > 0:
+            shift(m.free[k], z[k + 1], other.q[k], lower)
+
+
+def shift(free, x, q, lower):
+    """Move a configuration by a step of the free directions."""
+    for j in range(LOWER):
+        lower[j] = 0.0
+    for r in range(FREE_LOWER):
+        for j in range(LOWER):
+            lower[j] += x[r] * free[r, j]
+    move(q, lower)
+    for u in range(UPPER):
+        q[1 + LOWER + u] += x[FREE_LOWER + u]

@@ -1,0 +1,259 @@
+"""The step that the plan's linear program asks for; compiles with numba as it stands. Layouts as in `sum_core`.
+
+The program is convex and piecewise quadratic: Newton's method on the set of bounds that are exceeded, with an exact
+line search. Panels of the Cholesky factor before the first knot at which that set changes stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from wholebody.posture.blas_core import gram
+from wholebody.posture.sided_core import add_active, changes
+from wholebody.posture.tables import EDGE, N_FREE
+
+FULL_STEP = 0.99
+"""Share of Newton's step from which on it counts as a whole one."""
+
+
+def step(robot, task, m, weights, system, work, damping, limit):
+    """Fill ``system.z`` with the step.
+
+    Args:
+        robot: `tables.Tables`.
+        task: `tables.Task`.
+        m: `tables.Motion`.
+        weights: Of the bounds (n_sided,).
+        system: `tables.System`, assembled.
+        work: `tables.SumWork`.
+        damping: Added to the Hessian, as a share of its diagonal and by itself.
+        limit: How often the set of exceeded bounds is guessed anew.
+
+    Returns:
+        The decrease of the cost that the linear program promises, negative if it is singular.
+    """
+    s = system
+    K, dt = m.q.shape[0], task.dt
+    s.z[:] = 0.0
+    s.Hz[:] = 0.0
+    s.along[:] = 0.0
+    for k in range(1, K):
+        for i in range(N_FREE):
+            s.extra[k + 1, i] = damping * (s.H[k + 1, i, i] + 1.0)
+    find_active(robot, m, s)
+    first = 1
+    for _ in range(limit):
+        newton(first, robot, m, dt, weights, s, work)
+        if not factor(first, K, s, work):
+            return -1.0
+        solve(K, s)
+        for k in range(2, K + 1):
+            for i in range(N_FREE):
+                s.direction[k, i] = s.y[k, i] - s.z[k, i]
+        changes(robot, m, dt, s.direction, s.change, work)
+        times(K, s.H, s.extra, s.direction, s.Hd)
+        t = line_search(K, m, weights, s)
+        for k in range(2, K + 1):
+            for i in range(N_FREE):
+                s.z[k, i] += t * s.direction[k, i]
+                s.Hz[k, i] += t * s.Hd[k, i]
+        for k in range(K):
+            for i in range(weights.shape[0]):
+                s.along[k, i] += t * s.change[k, i]
+        first = find_active(robot, m, s)
+        if first == K and t > FULL_STEP:
+            break
+        first = max(1, first - 1)
+    return decrease(K, m, weights, s)
+
+
+def find_active(robot, m, s):
+    """List the bounds that are exceeded; the first knot where the list changes, else their number."""
+    K, n = s.active.shape
+    start, first = EDGE + robot.normals.shape[0], K
+    for k in range(K):
+        for i in range(0 if k > 0 else start, n):
+            now = m.over[k, i] + s.along[k, i] > 0.0
+            if now != s.active[k, i]:
+                s.active[k, i] = now
+                first = min(first, k)
+    return first
+
+
+def newton(first, robot, m, dt, weights, s, work):
+    """Hessian and gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
+    K = m.q.shape[0]
+    for k in range(first + 1, K + 2):
+        for i in range(N_FREE):
+            s.gradient[k, i] = s.g[k, i]
+            for j in range(3 * N_FREE):
+                s.panels[k, i, j] = s.H[k, i, j]
+    for k in range(first - 1, K):
+        add_active(k, first + 1, robot, m, dt, weights, s.active, s.panels, s.gradient, work.row)
+    for k in range(first, K):
+        for i in range(N_FREE):
+            s.panels[k + 1, i, i] += s.extra[k + 1, i]
+
+
+def factor(first, K, s, work):
+    """Cholesky factor ``U' U`` of the panels from knot ``first`` on; False if they are singular."""
+    n = N_FREE
+    for k in range(first, K):
+        U, tail = s.panels[k + 1], s.tails[k + 1]
+        if k > 1:
+            before = s.tails[k]
+            for i in range(n):
+                for j in range(2 * n):
+                    U[i, j] -= before[i, j]
+        if k > 2:
+            before = s.tails[k - 1]
+            for i in range(n):
+                for j in range(n):
+                    U[i, j] -= before[n + i, n + j]
+        if not factor_panel(U):
+            return False
+        rest = work.rest
+        for i in range(n):
+            for j in range(2 * n):
+                rest[i, j] = U[i, n + j]
+        gram(rest, tail)
+    return True
+
+
+def factor_panel(U):
+    """The upper triangle of the own block and the rows to its right, in place.
+
+    Loops begin at zero and run along rows: only those become vector instructions.
+    """
+    n = U.shape[0]
+    for i in range(n):
+        row, k = U[i, i:], 0
+        m = row.shape[0]
+        while k + 4 <= i:
+            r0, r1, r2, r3 = U[k, i:], U[k + 1, i:], U[k + 2, i:], U[k + 3, i:]
+            c0, c1, c2, c3 = r0[0], r1[0], r2[0], r3[0]
+            for j in range(m):
+                row[j] -= c0 * r0[j] + c1 * r1[j] + c2 * r2[j] + c3 * r3[j]
+            k += 4
+        while k < i:
+            r0 = U[k, i:]
+            subtract(r0[0], r0, row, m)
+            k += 1
+        if not row[0] > 0.0:
+            return False
+        size = 1.0 / math.sqrt(row[0])
+        for j in range(m):
+            row[j] *= size
+    return True
+
+
+def subtract(c, row, out, n):
+    """``out -= c row`` of the first n entries."""
+    for j in range(n):
+        out[j] -= c * row[j]
+
+
+def dot(a, b, n):
+    """Scalar product of the first n entries, in eight interleaved sums."""
+    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
+    for i in range(n // 8):
+        j = 8 * i
+        s0 += a[j] * b[j]
+        s1 += a[j + 1] * b[j + 1]
+        s2 += a[j + 2] * b[j + 2]
+        s3 += a[j + 3] * b[j + 3]
+        s4 += a[j + 4] * b[j + 4]
+        s5 += a[j + 5] * b[j + 5]
+        s6 += a[j + 6] * b[j + 6]
+        s7 += a[j + 7] * b[j + 7]
+    for j in range(n - n % 8, n):
+        s0 += a[j] * b[j]
+    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
+
+
+def solve(K, s):
+    """``y = - (U' U)^-1 gradient``."""
+    n, y = N_FREE, s.y
+    for k in range(K + 2):
+        for i in range(n):
+            y[k, i] = -s.gradient[k, i] if 1 < k <= K else 0.0
+    flat = y.reshape(y.size)
+    for k in range(2, K + 1):
+        m = min(3, K + 1 - k) * n
+        for i in range(n):
+            row, ahead = s.panels[k, i, i:], flat[n * k + i :]
+            c = ahead[0] / row[0]
+            subtract(c, row, ahead, m - i)
+            ahead[0] = c
+    for k in range(K, 1, -1):
+        m = min(3, K + 1 - k) * n
+        for i in range(n - 1, -1, -1):
+            row, ahead = s.panels[k, i, i:], flat[n * k + i :]
+            ahead[0] = (ahead[0] - dot(row[1:], ahead[1:], m - i - 1)) / row[0]
+
+
+def times(K, H, extra, x, out):
+    """``out = (H + extra) x``."""
+    n = N_FREE
+    flat, result = x.reshape(x.size), out.reshape(out.size)
+    for i in range(result.size):
+        result[i] = 0.0
+    for k in range(2, K + 1):
+        m = min(3, K + 1 - k) * n
+        for i in range(n):
+            row, here, there = H[k, i], flat[n * k :], result[n * k :]
+            c = here[i]
+            there[i] += extra[k, i] * c + dot(row[n:], here[n:], m - n)
+            subtract(-c, row, there, m)
+
+
+def line_search(K, m, weights, s):
+    """Where between 0 and 1 the cost along the direction is least."""
+    slope, bend = 0.0, 0.0
+    for k in range(2, K + 1):
+        for i in range(N_FREE):
+            slope += s.direction[k, i] * (s.g[k, i] + s.Hz[k, i])
+            bend += s.direction[k, i] * s.Hd[k, i]
+    count, n = 0, weights.shape[0]
+    for k in range(K):
+        for i in range(n):
+            x, c = m.over[k, i] + s.along[k, i], s.change[k, i]
+            if c != 0.0 and (x > 0.0 or x + c > 0.0):
+                s.rows[count, 0], s.rows[count, 1], s.rows[count, 2] = x, c, weights[i] * c
+                count += 1
+    low, high, t = 0.0, 1.0, 1.0
+    for _ in range(30):
+        value, rate = slope + t * bend, bend
+        for i in range(count):
+            x = s.rows[i, 0] + t * s.rows[i, 1]
+            if x > 0.0:
+                value += s.rows[i, 2] * x
+                rate += s.rows[i, 2] * s.rows[i, 1]
+        if value <= 0.0:
+            low = t
+        else:
+            high = t
+        if low == 1.0 or high - low < 1e-6:
+            break
+        t -= value / rate
+        if not low < t < high:
+            t = 0.5 * (low + high)
+    return max(low, 1e-3)
+
+
+def decrease(K, m, weights, s):
+    """By how much the cost falls at z, without the damping."""
+    total = 0.0
+    for k in range(2, K + 1):
+        for i in range(N_FREE):
+            z = s.z[k, i]
+            total -= z * (2.0 * s.g[k, i] + s.Hz[k, i] - s.extra[k, i] * z)
+    for k in range(K):
+        for i in range(weights.shape[0]):
+            x = m.over[k, i]
+            y = x + s.along[k, i]
+            if x > 0.0:
+                total += weights[i] * x * x
+            if y > 0.0:
+                total -= weights[i] * y * y
+    return total

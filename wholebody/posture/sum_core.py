@@ -1,0 +1,207 @@
+"""The plan's cost and its quadratic part; compiles with numba as it stands.
+
+The Hessian is block-banded: panel ``k + 1`` (N_FREE, 3 N_FREE) holds knot k's own block and those with the next two
+knots; the panels before the first knot and after the last take what falls outside and are never read. Vectors
+(K + 2, N_FREE) are laid out likewise, zero at knots that do not exist and at the first knot, which stays.
+"""
+
+from __future__ import annotations
+
+import math
+
+from wholebody.posture.blas_core import gram, outer_gram
+from wholebody.posture.tables import (
+    EDGE,
+    FREE_LOWER,
+    HEIGHT,
+    JOINTS,
+    LOWER,
+    N_BODY,
+    N_FRAME,
+    N_FREE,
+    N_JOINTS,
+    N_POSITION,
+    PELVIS,
+    SLIDE,
+    TAU,
+    TORSO,
+    UPPER,
+    WAIST,
+)  # fmt: skip
+
+
+def cost(m, scales, weights):
+    """What the motion costs; ``weights`` (n_sided,) are those of the bounds."""
+    K, total = m.q.shape[0], 0.0
+    edges = (weights.shape[0] - EDGE - 1 - UPPER - 2 * N_JOINTS) // 2
+    for k in range(K):
+        if k > 0:
+            total += configuration_cost(m.r[k], scales)
+        row = m.m[k]
+        total += scales.zmp * (row[0] * row[0] + row[1] * row[1])
+        for i in range(WAIST):
+            total += scales.waist * row[TAU + i] * row[TAU + i]
+        for i in range(4):
+            total += scales.slide * row[SLIDE + i] * row[SLIDE + i]
+        for j in range(N_BODY):
+            speed = scales.legs if 6 <= j < LOWER else scales.speed
+            total += scales.smooth * m.a[k, j] * m.a[k, j] + speed * m.half[k, j] * m.half[k, j]
+        for i in range(0 if k > 0 else EDGE + edges, weights.shape[0]):
+            x = m.over[k, i]
+            if x > 0.0:
+                total += weights[i] * x * x
+    return total
+
+
+def configuration_cost(r, scales):
+    """Cost of the squares that depend on one configuration."""
+    total = 0.0
+    for h in range(4):
+        x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
+        sigma, unit = pull(h, scales)
+        far = math.sqrt(x * x + y * y + z * z) / unit
+        total += (unit / sigma) ** 2 * 2.0 * (far - math.log1p(far))
+    for i in range(12, N_POSITION):
+        total += scale_of(i, scales) * r[i] * r[i]
+    return total
+
+
+def pull(h, scales):
+    """Scale of a palm's position (h even) or orientation, and the error at which it begins to give."""
+    if h % 2 == 0:
+        return scales.position, scales.position_give
+    return scales.orientation, scales.orientation_give
+
+
+def scale_of(i, scales):
+    """Weight of a row that depends on the configuration, palms aside."""
+    if i < TORSO:
+        return scales.com
+    if i < PELVIS:
+        return scales.torso
+    if i < HEIGHT:
+        return scales.pelvis
+    return scales.height if i < JOINTS else scales.posture
+
+
+def assemble(m, task, scales, H, g, work):
+    """Hessian panels (K + 2, N_FREE, 3 N_FREE) and gradient (K + 2, N_FREE) of half the cost without the bounds.
+
+    Far from its target a palm pulls with a force that grows no more.
+    """
+    H[:] = 0.0
+    g[:] = 0.0
+    for k in range(m.q.shape[0]):
+        if k > 0:
+            add_configuration(k, m, scales, H, g, work)
+        add_dense(k, m, scales, H, g, work)
+        add_lower(k, m, task.dt, scales, H, g, work)
+        add_upper(k, m, task.dt, scales, H, g)
+
+
+def add_configuration(k, m, scales, H, g, work):
+    """Rows that depend on one configuration."""
+    B, v, block, r = work.frames, work.frame_values, work.square, m.r[k]
+    for i in range(N_FRAME):
+        if i < 12:
+            h = i // 3
+            x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
+            sigma, unit = pull(h, scales)
+            root = 1.0 / (sigma * math.sqrt(1.0 + math.sqrt(x * x + y * y + z * z) / unit))
+        else:
+            root = math.sqrt(scale_of(i, scales))
+        v[i] = root * r[i]
+        for j in range(N_FREE):
+            B[i, j] = root * m.J[k, i, j]
+    gram(B, block)
+    panel, slope, w = H[k + 1], g[k + 1], scales.posture
+    for i in range(N_FREE):
+        for j in range(N_FREE):
+            panel[i, j] += block[i, j]
+    for i in range(N_FRAME):
+        for j in range(N_FREE):
+            slope[j] += v[i] * B[i, j]
+    free = m.free[k]
+    for a in range(FREE_LOWER):
+        for b in range(FREE_LOWER):
+            d = 1.0 if a == b else 0.0
+            for j in range(6):
+                d -= free[a, j] * free[b, j]
+            panel[a, b] += w * d
+        for j in range(6, LOWER):
+            slope[a] += w * free[a, j] * r[JOINTS + j - 6]
+    for u in range(UPPER):
+        panel[FREE_LOWER + u, FREE_LOWER + u] += w
+        slope[FREE_LOWER + u] += w * r[JOINTS + LOWER - 6 + u]
+
+
+def add_dense(k, m, scales, H, g, work):
+    """Zero-moment point and waist torques: rows that depend on everything."""
+    B, block, slope = work.dense, work.band, g
+    for i in range(2 + WAIST):
+        row = i if i < 2 else TAU + i - 2
+        root = math.sqrt(scales.zmp if i < 2 else scales.waist)
+        value = root * m.m[k, row]
+        for j in range(3 * N_FREE):
+            B[i, j] = root * m.J_m[k, row, j]
+        for c in range(3):
+            for j in range(N_FREE):
+                slope[k + c, j] += value * B[i, c * N_FREE + j]
+    gram(B, block)
+    for c in range(3):
+        panel, start = H[k + c], c * N_FREE
+        for i in range(N_FREE):
+            for j in range(3 * N_FREE - start):
+                panel[i, j] += block[start + i, start + j]
+
+
+def add_lower(k, m, dt, scales, H, g, work):
+    """Accelerations and speeds of base and legs, and the slide of the soles."""
+    C, v, block, f, n = work.legs, work.leg_values, work.leg_square, FREE_LOWER, LOWER
+    smooth, slide = math.sqrt(scales.smooth), math.sqrt(scales.slide)
+    scale = 2.0 * smooth / dt if k == 0 else smooth / dt
+    for r in range(f):
+        for j in range(n):
+            speed = math.sqrt(scales.speed if j < 6 else scales.legs)
+            C[r, j] = scale * m.behind[k, r, j]
+            C[f + r, j] = -scale * (m.ahead[k, r, j] + m.behind[k + 1, r, j])
+            C[2 * f + r, j] = scale * m.ahead[k + 1, r, j]
+            C[r, n + j] = -speed * m.behind[k, r, j]
+            C[f + r, n + j] = speed * m.ahead[k, r, j]
+        for i in range(4):
+            for c in range(3):
+                C[c * f + r, 2 * n + i] = slide * m.J_m[k, SLIDE + i, c * N_FREE + r]
+    for j in range(n):
+        v[j] = smooth * m.a[k, j]
+        v[n + j] = math.sqrt(scales.speed if j < 6 else scales.legs) * m.half[k, j]
+    for i in range(4):
+        v[2 * n + i] = slide * m.m[k, SLIDE + i]
+    outer_gram(C, block)
+    for c in range(3):
+        panel = H[k + c]
+        for i in range(f):
+            for b in range(c, 3):
+                for j in range(f):
+                    panel[i, (b - c) * N_FREE + j] += block[c * f + i, b * f + j]
+            for j in range(2 * n + 4):
+                g[k + c, i] += C[c * f + i, j] * v[j]
+
+
+def add_upper(k, m, dt, scales, H, g):
+    """Accelerations and speeds of waist and arms."""
+    f, n = FREE_LOWER, N_FREE
+    here, there = (1.0 / dt if k > 0 else 0.0), (1.0 / dt if k + 1 < m.q.shape[0] else 0.0)
+    scale = 2.0 / dt if k == 0 else 1.0 / dt
+    a, b, c = scale * here, -scale * (here + there), scale * there
+    w, s = scales.smooth, scales.speed
+    for u in range(f, n):
+        H[k, u, u] += w * a * a + s * here * here
+        H[k, u, n + u] += w * a * b - s * here * here
+        H[k, u, 2 * n + u] += w * a * c
+        H[k + 1, u, u] += w * b * b + s * here * here
+        H[k + 1, u, n + u] += w * b * c
+        H[k + 2, u, u] += w * c * c
+        x, y = w * m.a[k, LOWER + u - f], s * m.half[k, LOWER + u - f]
+        g[k, u] += a * x - here * y
+        g[k + 1, u] += b * x + here * y
+        g[k + 2, u] += c * x
