@@ -115,7 +115,6 @@ def full_row(row, reals):
         a[c] = 0.0 if row < n else edges[row - n, 0] * J[0, c] + edges[row - n, 1] * J[1, c]
     if row < n:
         a[6 + row] = 1.0
-    return a
 
 
 def point(reals, ints):
@@ -144,7 +143,8 @@ def enter(row, side, count, multiplier, reals, ints):
     m, u, value = mem.vector(reals, mem.ROW_M), mem.vector(reals, mem.U_VEC), mem.vector(reals, mem.VALUE)
     bound, free, Z = mem.vector(ints, mem.BOUND), mem.vector(ints, mem.FREE), mem.matrix(reals, mem.Z_)
     nu = m.shape[0]
-    reduce_row(full_row(row, reals), bound, free, Z, m)
+    full_row(row, reals)
+    reduce_row(mem.vector(reals, mem.A_V), bound, free, Z, m)
     solve_transposed(mem.matrix(reals, mem.U_), m, nu)
     limit_ = mem.vector(reals, mem.UPPER)[row] if side > 0.0 else -mem.vector(reals, mem.LOWER)[row]
     now = side * (value[row] - dot(m, u, nu))
@@ -233,7 +233,8 @@ def conclude(reals, ints):
     for k in range(counts[mem.N_WORKING]):
         row, side = rows[k], sides[k]
         dual[row] = side * lam[k]
-        reduce_row(full_row(row, reals), bound, free, Z, m)
+        full_row(row, reals)
+        reduce_row(mem.vector(reals, mem.A_V), bound, free, Z, m)
         for a in range(ny):
             left[a] += dual[row] * m[a]
         slack = max(slack, abs(lam[k] * (upper[row] - value[row] if side > 0.0 else value[row] - lower[row])))

@@ -13,7 +13,7 @@ from wholebody.kinematic import core, place_core
 from wholebody.kinematic.memory import KinematicParts, make_memory
 from wholebody.native import digest, native
 from wholebody.qp import blocks_core as b
-from wholebody.qp.compiled import CORES, memories, register_cores
+from wholebody.qp.compiled import CORES, OPTIONS, memories, register_cores
 from wholebody.qp.problem import QPSolution, Residuals
 
 _NONE = np.zeros(0)
@@ -84,4 +84,4 @@ def compiled_stages() -> tuple[Callable, ...]:
     register_cores(place_core, core)
     modules = [sys.modules[__name__], place_core, core, *(import_module(name) for name in CORES)]
     version = digest(modules)
-    return tuple(native(stage, memories(), version) for stage in (core.solve, place_core.support))
+    return tuple(native(stage, memories(), version, **OPTIONS) for stage in (core.solve, place_core.support))

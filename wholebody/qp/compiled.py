@@ -25,20 +25,17 @@ CORES = (
     "wholebody.qp.solve_core",
     "wholebody.qp.judge_core",
     "wholebody.qp.command_core",
+    "wholebody.qp.stages_core",
 )
 """Modules whose functions compile as they stand."""
 
 
-STAGES = (
-    ("assemble_core", "move"),
-    ("nearest_core", "nearest"),
-    ("assemble_core", "assemble"),
-    ("solve_core", "search"),
-    ("judge_core", "conclude"),
-    ("command_core", "command"),
-)
-"""What a tick calls one after the other. One function around them would be optimised once more as a whole: seconds of
-compiling for a few microseconds of calling."""
+STAGES = ("move", "nearest", "assemble", "search", "conclude", "command")
+"""What a tick calls one after the other, of `stages_core`. One function around them would be optimised once more as a
+whole: seconds of compiling for a few microseconds of calling."""
+
+OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
+"""Nothing is allocated, so nobody has to count references."""
 
 
 @cache
@@ -49,16 +46,16 @@ def compiled_stages() -> tuple[Callable, ...]:
     its table, of floats and of integers. numba takes a second to import, so it is imported here.
     """
     register_cores()
-    stages = [getattr(import_module(f"wholebody.qp.{module}"), function) for module, function in STAGES]
+    stages = [getattr(import_module("wholebody.qp.stages_core"), name) for name in STAGES]
     version = digest([sys.modules[__name__], *(import_module(name) for name in CORES)])
-    return tuple(native(stage, memories(), version) for stage in stages)
+    return tuple(native(stage, memories(), version, **OPTIONS) for stage in stages)
 
 
 def register_cores(*others: ModuleType) -> None:
     """Let compiled code call the functions of `CORES`, and of other modules."""
     _register_blocks()
     for module in (*(import_module(name) for name in CORES), *others):
-        register(module, VIEWS)
+        register(module, VIEWS, **OPTIONS)
 
 
 def memories() -> tuple:
@@ -74,28 +71,59 @@ VIEWS = ("matrix", "vector", "cube")
 
 @cache
 def _register_blocks() -> None:
-    """Blocks as bare pointers: numba's own slices count references, which takes longer than what is done with them."""
-    from numba import carray, types
-    from numba.extending import intrinsic, overload
+    """Blocks as views without an owner, made on the spot: there is nothing whose references could be counted."""
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import lower_builtin, type_callable
+    from numba.np.arrayobj import populate_array
 
     from wholebody.qp import blocks_core
 
-    @intrinsic
-    def entry(context, array, index):
-        def codegen(context, builder, signature, arguments):
-            data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-            return builder.gep(data, [arguments[1]])
+    def shape_of(builder, kind, rows, columns):
+        three = rows.type(3)
+        return {1: (builder.mul(rows, columns),), 2: (rows, columns), 3: (rows, three, three)}[kind.ndim]
 
-        return types.CPointer(array.dtype)(array, types.intp), codegen
+    def lower(context, builder, signature, arguments):
+        memory, k = signature.args
+        (values, table), index = cgutils.unpack_tuple(builder, arguments[0]), arguments[1]
+        index = context.cast(builder, index, k, types.intp)
+        parts = [
+            context.make_array(kind)(context, builder, part) for kind, part in zip(memory, (values, table), strict=True)
+        ]
+        at = builder.mul(index, index.type(3))
+        start, rows, columns = (
+            builder.load(builder.gep(parts[1].data, [builder.add(at, at.type(i))])) for i in range(3)
+        )
+        kind, size = signature.return_type, context.get_abi_sizeof(context.get_data_type(memory[0].dtype))
+        shape = shape_of(builder, kind, rows, columns)
+        strides, stride = [], rows.type(size)
+        for length in reversed(shape):
+            strides.insert(0, stride)
+            stride = builder.mul(stride, length)
+        block = context.make_array(kind)(context, builder)
+        populate_array(
+            block,
+            data=builder.gep(parts[0].data, [start]),
+            shape=shape,
+            strides=strides,
+            itemsize=rows.type(size),
+            meminfo=None,
+        )
+        return block._getvalue()
 
-    @overload(blocks_core.matrix)
-    def matrix(memory, k):
-        return lambda memory, k: carray(entry(memory[0], memory[1][k, 0]), (memory[1][k, 1], memory[1][k, 2]))
+    for function, ndim in ((blocks_core.vector, 1), (blocks_core.matrix, 2), (blocks_core.cube, 3)):
+        type_callable(function)(_view(ndim))
+        lower_builtin(function, types.BaseTuple, types.Integer)(lower)
 
-    @overload(blocks_core.vector)
-    def vector(memory, k):
-        return lambda memory, k: carray(entry(memory[0], memory[1][k, 0]), (memory[1][k, 1] * memory[1][k, 2],))
 
-    @overload(blocks_core.cube)
-    def cube(memory, k):
-        return lambda memory, k: carray(entry(memory[0], memory[1][k, 0]), (memory[1][k, 1], 3, 3))
+def _view(ndim: int) -> Callable:
+    """How numba finds out what a view is."""
+    from numba import types
+
+    def typing(context):
+        def typer(memory, k):
+            return types.Array(memory[0].dtype, ndim, "C")
+
+        return typer
+
+    return typing
