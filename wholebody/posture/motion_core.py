@@ -351,7 +351,7 @@ def soles(k, robot, m, work):
 
 
 def slide_column(j, robot, s, V, work):
-    """Derivatives of an acceleration in axes of its body by position, ``work.six[3]``, and velocity, ``work.six[4]``."""
+    """Derivatives of an acceleration in axes of its body: ``work.six[3]`` by position, ``work.six[4]`` by velocity."""
     six, turn = work.six, work.turning[j]
     for c in range(6):
         six[3, c] = 0.0
