@@ -356,7 +356,7 @@ def warmup() -> None:
     """Compile the control tick once, for all later runs."""
     from wholebody.warm_up import warm_up
 
-    print("compiling the control tick: up to a minute, once", file=sys.stderr)
+    print("compiling the control tick and the plan: about a minute, once", file=sys.stderr)
     print(f"ready after {warm_up():.0f} s", file=sys.stderr)
 
 

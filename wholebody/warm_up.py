@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from time import perf_counter
 
 import numpy as np
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from policy.observation import Observation
 from policy.scripts import scripted
+from wholebody.config import PlannerConfig
+from wholebody.follower import compiled_follow
+from wholebody.planner import ChunkPlanner, PostureState
+from wholebody.qp.compiled import compiled_stages
+from wholebody.reference import HandMotion, rest_row
+from wholebody.robot import Robot
 from wholebody.runtime import observe
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState
 
 
 def warm_up() -> float:
-    """Plan one chunk and make a few ticks, without physics.
+    """Compile the tick and the plan in a process each, then plan one chunk and make a few ticks, without physics.
 
     Returns:
-        How long it took [s]: about a minute with a cold cache, a few seconds with a warm one.
+        How long it took [s]: most of a minute with a cold cache and two free cores, a few seconds with a warm one.
     """
     begin = perf_counter()
+    # A fresh interpreter each: threads of libraries do not survive a fork.
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        for part in [pool.submit(compile_plan), pool.submit(compile_tick)]:
+            part.result()
     spec = g1()
     supervisor = Supervisor(spec)
     state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
@@ -29,3 +42,24 @@ def warm_up() -> float:
     for _ in range(3):
         supervisor.step(state)
     return perf_counter() - begin
+
+
+def compile_tick() -> None:
+    """The stages of the control tick."""
+    compiled_stages()
+
+
+def compile_plan() -> None:
+    """Planning a chunk, and following the plan."""
+    spec = g1()
+    robot, joints = Robot(spec), np.array(spec.stance.joint_positions)
+    q = stance_q(spec, robot.model)
+    robot.update(q, np.zeros(robot.nv))
+    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+    poses = [robot.pose(tool.wrist_frame).homogeneous for tool in spec.tools]
+    rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
+    T_world_base = robot.pose(spec.base_body).homogeneous
+    chunk = scripted("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
+    planner = ChunkPlanner(spec, robot, PlannerConfig())
+    planner.plan(chunk, 0.0, PostureState.still(q, robot.nv), HandMotion(rows))
+    compiled_follow()
