@@ -51,6 +51,7 @@ LAYERS = (
         "checker",
         "warm_up",
         "reach_script",
+        "slow_ticks",
         "tick_bench",
         "loop_bench",
     ),

@@ -5,6 +5,7 @@ import pytest
 
 from models.g1 import g1
 from wholebody.reach_script import ReachScript
+from wholebody.slow_ticks import SlowTicks
 from wholebody.tick_bench import ROWS, TIMED, VARIANTS, _worst_repeated, bench_tick
 
 
@@ -42,3 +43,17 @@ def test_the_targets_of_the_script_move_as_their_twists_say():
         for a, b, c in zip(before, now, after, strict=True):
             speed = (c.T_world.translation - a.T_world.translation) / 0.004
             np.testing.assert_allclose(b.twist[:3], speed, atol=1e-9)
+
+
+def test_slow_ticks_are_listed_with_what_the_kernel_counted():
+    watch, kept = SlowTicks(), []
+    for k in range(300):
+        watch.begin()
+        if k == 250:
+            kept.append(np.ones(1 << 21))
+        watch.end(k, 2_000_000 if k in (250, 260) else 100_000)
+    seen = watch.summary()
+    assert [tick["tick"] for tick in seen["slow_ticks"]] == [250, 260]
+    assert seen["slow_ticks"][0]["page_faults"] > 0
+    assert seen["control_loops"] == 100
+    assert 10.0 < seen["control_us"]["p50"] < 10_000.0

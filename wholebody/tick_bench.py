@@ -18,6 +18,7 @@ from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.kinematic.controller import KinematicController
 from wholebody.reach_script import ReachScript
+from wholebody.slow_ticks import SLOW, SlowTicks
 from wholebody.types import RobotState
 
 Controller = WholeBodyController | KinematicController
@@ -109,21 +110,21 @@ def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none
     Returns:
         Times [us], wrist errors [mm, deg], least distance of the centre of mass from the edge of the support [mm],
         largest position overshoot [rad], number of ticks of more than 1 ms of thread CPU time, the worst tick that
-        comes back in every repetition [us], number of ticks without an acceptable first answer, and how many rows
-        bind, on average and at most.
+        comes back in every repetition [us], number of ticks without an acceptable first answer, how many rows bind, on
+        average and at most, and what `SlowTicks` saw.
     """
     hard = VARIANTS[variant]
     config = replace(ROWS[row], friction=hard.friction)
     spec = _tightened(g1(hands=hands), hard)
     controller, script = make_controller(spec, config), ReachScript(spec, 3600, config.dt, hard.shift)
-    judge = _Judge(script, controller)
+    judge, watch = _Judge(script, controller), SlowTicks()
     wall, cpu = np.zeros((2, ticks), dtype=np.int64)
     done = fails = 0
     gc.collect()
     gc.disable()
     try:
         while done < ticks:
-            count, failed = _once(controller, script, judge, wall[done:], cpu[done:])
+            count, failed = _once(controller, script, (judge, watch), wall[done:], cpu[done:])
             done, fails = done + count, fails + failed
     finally:
         gc.enable()
@@ -134,9 +135,10 @@ def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none
         "ticks": ticks,
         "tick_us": _summary(wall),
         "cpu_us": _summary(cpu),
-        "cpu_over_1ms": int((cpu > 1_000_000).sum()),
+        "cpu_over_1ms": int((cpu > SLOW).sum()),
         "worst_repeated_us": _worst_repeated(cpu),
         "fails": fails,
+        **watch.summary(),
         **judge.summary(),
     }
 
@@ -154,17 +156,19 @@ def _tightened(spec: RobotSpec, hard: Variant) -> RobotSpec:
 def _once(
     controller: Controller,
     script: ReachScript,
-    judge: _Judge,
+    observers: tuple[_Judge, SlowTicks],
     wall: np.ndarray,
     cpu: np.ndarray,
 ) -> tuple[int, int]:
     """The script once, at most `TIMED` ticks; how many were timed, and how many of them failed."""
+    judge, watch = observers
     model, dt, fails = controller.robot.model, script.dt, 0
     kinematic = isinstance(controller, KinematicController)
     q, v = script.q0.copy(), np.zeros(model.nv)
     controller.reset(RobotState(0.0, q, v))
     count = min(len(wall), TIMED)
     for k in range(WARM_UP + count):
+        watch.begin()
         c0, t0 = thread_time_ns(), perf_counter_ns()
         _, report = controller.step(RobotState(k * dt, q, v), script.packed(k))
         if report.level == 2:
@@ -181,6 +185,7 @@ def _once(
             wall[k - WARM_UP], cpu[k - WARM_UP] = t1 - t0, c1 - c0
             fails += report.level > 0 or report.qp.solver != controller.config.solver
             judge.add(q, k + 1)
+            watch.end(k, c1 - c0)
     return count, fails
 
 
