@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wholebody.config import PosturePlanConfig
 from wholebody.posture.program import Program
 
-ROUNDS = ((30.0, 3), (5.0, 3), (1.0, 24))
-"""Softness of the bounds, and most steps with it."""
+ROUNDS = ((30.0, 3, 2), (5.0, 3, 3), (1.0, 24, 5))
+"""Softness of the bounds, most steps with it, and how often a step guesses anew which bounds are exceeded.
+
+A step that is not quite the linear program's own costs less than it gains: the next linearisation is soon there.
+"""
 ENOUGH = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
 STEP_MAX = 0.4
 """Largest step of a free direction that the linearisation is trusted for [m, rad]."""
+HOPELESS = 2.0
+"""Times that: a step that is as large after its first guess is damped more at once."""
 DAMPING, DAMPING_MIN, DAMPING_MAX = 1e-4, 1e-7, 1e6
 
 
@@ -18,12 +25,12 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     """Improve the present motion of the program, and answer what it costs with firm bounds."""
     damping = DAMPING
     program.linearise(program.now)
-    for softness, rounds in ROUNDS:
+    for softness, rounds, guesses in ROUNDS:
         program.weigh(config, softness)
         cost = program.cost(program.now)
         program.assemble()
         for _ in range(rounds):
-            promise, damping = _trusted_step(program, damping)
+            promise, damping = _trusted_step(program, damping, guesses)
             program.move()
             program.linearise(program.trial)
             cost_new = program.cost(program.trial)
@@ -41,9 +48,10 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     return cost
 
 
-def _trusted_step(program: Program, damping: float) -> tuple[float, float]:
+def _trusted_step(program: Program, damping: float, guesses: int) -> tuple[float, float]:
     while True:
-        promise, size = program.step(damping)
-        if size < STEP_MAX or damping > DAMPING_MAX:
+        last = damping > DAMPING_MAX
+        promise, size = program.step(damping, guesses, np.inf if last else HOPELESS * STEP_MAX)
+        if size < STEP_MAX or last:
             return promise, damping
         damping *= 4.0

@@ -12,9 +12,6 @@ from wholebody.posture.body import Body
 from wholebody.posture.compiled import run
 from wholebody.posture.tables import EDGE, Motion, Task
 
-ACTIVE_SET_LIMIT = 12
-"""Times that the set of exceeded bounds is guessed anew within one step."""
-
 
 class Program:
     """Memory for plans of K knots, and what is done on it.
@@ -101,8 +98,13 @@ class Program:
         """Assemble the linear program of the present motion, as far as it does not depend on what is exceeded."""
         run("sum_core", "assemble", self.now, self._task, self._scales, self._system.H, self._system.g, self._sums)
 
-    def step(self, damping: float) -> tuple[float, float]:
+    def step(self, damping: float, limit: int = 12, largest: float = np.inf) -> tuple[float, float]:
         """Find the step of the linear program.
+
+        Args:
+            damping: Added to the Hessian, as a share of its diagonal and by itself.
+            limit: How often the set of exceeded bounds is guessed anew.
+            largest: Entry of the step above which it is not looked for any further.
 
         Returns:
             The decrease of the cost that it promises, and its largest entry.
@@ -110,16 +112,16 @@ class Program:
         Raises:
             InputError: If the program is singular.
         """
-        promise = run(
+        promise, size = run(
             "step_core", "step", self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
-            float(damping), ACTIVE_SET_LIMIT,
+            float(damping), limit, float(largest),
         )  # fmt: skip
         if promise < 0.0:
             raise InputError(
                 "the posture plan's program is singular: is a scale in planner.posture or planner.gentle zero or huge? "
                 "`wholebody config` prints those that work"
             )
-        return promise, float(np.abs(self._system.z).max())
+        return promise, size
 
     def move(self) -> None:
         """Set the configurations of the trial to where the step leads."""

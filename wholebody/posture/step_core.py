@@ -16,7 +16,7 @@ FULL_STEP = 0.99
 """Share of Newton's step from which on it counts as a whole one."""
 
 
-def step(robot, task, m, weights, system, work, damping, limit):
+def step(robot, task, m, weights, system, work, damping, limit, largest):
     """Fill ``system.z`` with the step.
 
     Args:
@@ -28,9 +28,10 @@ def step(robot, task, m, weights, system, work, damping, limit):
         work: `tables.SumWork`.
         damping: Added to the Hessian, as a share of its diagonal and by itself.
         limit: How often the set of exceeded bounds is guessed anew.
+        largest: Entry of the step above which it is not looked for any further.
 
     Returns:
-        The decrease of the cost that the linear program promises, negative if it is singular.
+        The decrease of the cost that the linear program promises, -1 if it is singular; and the largest entry.
     """
     s = system
     K, dt = m.q.shape[0], task.dt
@@ -41,11 +42,11 @@ def step(robot, task, m, weights, system, work, damping, limit):
         for i in range(N_FREE):
             s.extra[k + 1, i] = damping * (s.H[k + 1, i, i] + 1.0)
     find_active(robot, m, s)
-    first = 1
+    first, size = 1, 0.0
     for _ in range(limit):
         newton(first, robot, m, dt, weights, s, work)
         if not factor(first, K, s, work):
-            return -1.0
+            return -1.0, 0.0
         solve(K, s)
         for k in range(2, K + 1):
             for i in range(N_FREE):
@@ -53,10 +54,9 @@ def step(robot, task, m, weights, system, work, damping, limit):
         changes(robot, m, dt, s.direction, s.change, work)
         times(K, s.H, s.extra, s.direction, s.Hd)
         t = line_search(K, m, weights, s)
-        for k in range(2, K + 1):
-            for i in range(N_FREE):
-                s.z[k, i] += t * s.direction[k, i]
-                s.Hz[k, i] += t * s.Hd[k, i]
+        size = advance(K, t, s)
+        if size > largest:
+            return 0.0, size
         for k in range(K):
             for i in range(weights.shape[0]):
                 s.along[k, i] += t * s.change[k, i]
@@ -64,7 +64,18 @@ def step(robot, task, m, weights, system, work, damping, limit):
         if first == K and t > FULL_STEP:
             break
         first = max(1, first - 1)
-    return decrease(K, m, weights, s)
+    return decrease(K, m, weights, s), size
+
+
+def advance(K, t, s):
+    """Go along the direction; the largest entry of the step."""
+    size = 0.0
+    for k in range(2, K + 1):
+        for i in range(N_FREE):
+            s.z[k, i] += t * s.direction[k, i]
+            s.Hz[k, i] += t * s.Hd[k, i]
+            size = max(size, abs(s.z[k, i]))
+    return size
 
 
 def find_active(robot, m, s):
