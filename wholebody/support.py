@@ -23,7 +23,7 @@ class SupportPolygon:
 
     def margin(self, point: np.ndarray) -> float:
         """Distance from a point (2,) to the nearest edge, positive inside [m]."""
-        return float(np.min(self.offsets - self.normals @ point))
+        return float((self.offsets - self.normals @ point).min())
 
 
 def convex_polygon(points: np.ndarray) -> SupportPolygon:

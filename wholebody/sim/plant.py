@@ -53,7 +53,8 @@ class MujocoPlant:
         self._feet = {self._body_id(foot.frame) for foot in spec.feet}
         self._robot = self._bodies_of_robot()
         self._part = _parts(self.model, self._feet)
-        self._sites = [self.model.site(f"{foot.side}_sole").id for foot in spec.feet]
+        self._sites = np.array([self.model.site(f"{foot.side}_sole").id for foot in spec.feet])
+        self._site_xpos = self.data.site_xpos
         self._touching: tuple[np.ndarray, np.ndarray] | None = None
         self._free = self._free_bodies()
         self._pushes: list[tuple[int, np.ndarray, float, float]] = []
@@ -110,7 +111,7 @@ class MujocoPlant:
 
     def soles(self) -> np.ndarray:
         """Middles of the soles in world, shape (2, 3), left first, [m]."""
-        return self.data.site_xpos[self._sites]
+        return self._site_xpos[self._sites]
 
     def contact_points(self) -> np.ndarray:
         """Where the feet may touch the floor, in world, shape (n, 3), [m]."""
