@@ -7,11 +7,11 @@ import numpy as np
 from wholebody.config import PosturePlanConfig
 from wholebody.posture.program import Program
 
-ROUNDS = ((30.0, 3, 2), (5.0, 3, 3), (1.0, 24, 5))
-"""Softness of the bounds, most steps with it, and how often a step guesses anew which bounds are exceeded.
-
-A step that is not quite the linear program's own costs less than it gains: the next linearisation is soon there.
-"""
+ROUNDS = ((30.0, 3), (5.0, 3), (1.0, 24))
+"""Softness of the bounds, and most steps with it."""
+FEW, ALL = 4, 12
+"""How often a step guesses anew which bounds are exceeded: few times while the next linearisation gains more than the
+exact step of this one; where few no longer help, as often as it takes."""
 ENOUGH = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
 STEP_MAX = 0.4
@@ -25,7 +25,8 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     """Improve the present motion of the program, and answer what it costs with firm bounds."""
     damping = DAMPING
     program.linearise(program.now)
-    for softness, rounds, guesses in ROUNDS:
+    for softness, rounds in ROUNDS:
+        guesses = FEW
         program.weigh(config, softness)
         cost = program.cost(program.now)
         program.assemble()
@@ -36,7 +37,7 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
             cost_new = program.cost(program.trial)
             ratio = (cost - cost_new) / max(promise, 1e-12)
             if not cost_new < cost:
-                damping *= 4.0
+                damping, guesses = 4.0 * damping, ALL
                 continue
             program.accept()
             gain, cost = (cost - cost_new) / cost, cost_new
@@ -44,7 +45,9 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
             # Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05.
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), DAMPING_MIN)
             if gain < ENOUGH:
-                break
+                if guesses == ALL or softness > 1.0:
+                    break
+                guesses = ALL
     return cost
 
 
