@@ -1,0 +1,110 @@
+"""How long the plan of a chunk takes, over scripts and hostile chunks, in the closed loop with MuJoCo.
+
+    python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6]
+
+Thread CPU time [ms]. A chunk takes one posture plan, or several where it is too fast or out of reach. The last line is
+the time of one `pinocchio.computeRNEADerivatives` of the same robot [us], to compare machines by.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+import pinocchio as pin
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from fuzz import FAMILIES, Episode
+
+from models.g1 import g1
+from policy.scripts import lissajous, reach, wave
+from wholebody.planner import ChunkPlanner
+from wholebody.posture.program import Program
+from wholebody.posture_plan import PosturePlanner
+from wholebody.runtime import run_episode
+from wholebody.sim.plant import MujocoPlant
+from wholebody.supervisor import Supervisor
+
+HEADINGS = (
+    "Motion", "chunks", "ms a chunk: median", "max", "plans a chunk", "knots", "ms a plan: median", "max",
+    "linearisations a plan", "ms each", "ms a step",
+)  # fmt: skip
+
+
+class Times:
+    """Times of all calls of some methods."""
+
+    def __init__(self, *methods: tuple[type, str]) -> None:
+        self.of: dict[str, list[float]] = {}
+        self.knots: list[int] = []
+        for owner, name in methods:
+            setattr(owner, name, self._timed(f"{owner.__name__}.{name}", getattr(owner, name)))
+
+    def _timed(self, label: str, call: Callable) -> Callable:
+        def timed(owner: object, *arguments: object, **options: object) -> object:
+            begin = thread_time()
+            answer = call(owner, *arguments, **options)
+            self.of.setdefault(label, []).append(1e3 * (thread_time() - begin))
+            if label == "PosturePlanner.plan":
+                self.knots.append(len(arguments[2]))
+            return answer
+
+        return timed
+
+    def row(self, name: str) -> list[str]:
+        """Cells of the table, and begin anew."""
+        chunks, plans, linear, steps = (
+            np.array(self.of.get(label, [np.nan]))
+            for label in ("ChunkPlanner.plan", "PosturePlanner.plan", "Program.linearise", "Program.step")
+        )
+        cells = [
+            name, f"{len(chunks)}", f"{np.median(chunks):.0f}", f"{chunks.max():.0f}",
+            f"{len(plans) / len(chunks):.1f}", f"{np.mean(self.knots):.0f}", f"{np.median(plans):.0f}",
+            f"{plans.max():.0f}", f"{len(linear) / len(plans):.1f}", f"{np.mean(linear):.1f}", f"{np.mean(steps):.1f}",
+        ]  # fmt: skip
+        self.of.clear()
+        self.knots.clear()
+        return cells
+
+
+def main() -> None:
+    """Print a table in Markdown."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 5, 6, 7], help="cases of tests/fuzz.py")
+    parser.add_argument("--seconds", type=float, default=6.0, help="of each script")
+    options = parser.parse_args()
+    spec = g1()
+    supervisor, plant = Supervisor(spec), MujocoPlant(spec)
+    Episode(supervisor, plant, 10).feasible()  # compiles
+    times = Times(
+        (ChunkPlanner, "plan"), (PosturePlanner, "plan"), (Program, "linearise"), (Program, "step")
+    )  # fmt: skip
+    print(f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}")
+    scripts = {"lissajous": lissajous(), "reach high": reach(0.25, 1.5), "reach low": reach(0.4, 0.3), "wave": wave()}
+    for name, policy in scripts.items():
+        run_episode(policy, supervisor, plant, duration=options.seconds)
+        print(f"| {' | '.join(times.row(name))} |", flush=True)
+    for seed in options.seeds:
+        Episode(supervisor, plant, seed).run()
+        print(f"| {' | '.join(times.row(f'hostile: {list(FAMILIES)[seed % len(FAMILIES)]}'))} |", flush=True)
+    print(f"\ncomputeRNEADerivatives: {yardstick(supervisor.planner.posture.body.model):.1f} us")
+
+
+def yardstick(model: pin.Model) -> float:
+    """Time of a known computation on this machine [us]."""
+    data, q, v = model.createData(), pin.neutral(model), np.zeros(model.nv)
+    times = []
+    for _ in range(2000):
+        begin = thread_time()
+        pin.computeRNEADerivatives(model, data, q, v, v)
+        times.append(1e6 * (thread_time() - begin))
+    return float(np.median(times))
+
+
+if __name__ == "__main__":
+    main()
