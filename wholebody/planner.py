@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
+from policy.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
 from wholebody.config import PlannerConfig
 from wholebody.posture_plan import PostureMotion, PosturePlanner
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
+from wholebody.reference.cubic import ClampedCubic
 from wholebody.robot import Robot
 
 GRID = 0.002
@@ -333,10 +333,10 @@ class ChunkPlanner:
         Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
         """
         rates = _configuration_rate(motion.q[0], v_start), np.zeros(self.model.nq)
-        curve = CubicSpline(steps, _one_sided(motion.q), bc_type=((1, rates[0]), (1, rates[1])))
+        curve = ClampedCubic(steps, _one_sided(motion.q), *rates)
         grid = np.arange(steps[0], steps[-1] + GRID, GRID)
         coarse = np.arange(steps[0], steps[-1] + COARSE * GRID, COARSE * GRID)
-        q, dq, ddq = (curve(np.minimum(grid, steps[-1]), order) for order in range(3))
+        q, dq, ddq = curve(np.minimum(grid, steps[-1]))
         norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
         q[:, 3:7] /= norm
         v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
@@ -391,13 +391,13 @@ class _Interpolation:
 
     def rotations(self, R: np.ndarray) -> np.ndarray:
         """Rotations (K, 3, 3) on the grid; neighbours are close, so normalised quaternions will do."""
-        quat = Rotation.from_matrix(R).as_quat()
-        return Rotation.from_quat(self(_same_side(quat))).as_matrix()
+        quat = self(_same_side(matrix_to_quaternion(R, "xyzw")))
+        return quaternion_to_matrix(quat / np.linalg.norm(quat, axis=1, keepdims=True), "xyzw")
 
 
 def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Angular rates and accelerations, (K, 3) each, world axes, of rotations ``dt`` apart."""
-    turn = Rotation.from_matrix(R[1:] @ np.swapaxes(R[:-1], 1, 2)).as_rotvec() / dt
+    turn = matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2)) / dt
     spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
     return spin, np.gradient(spin, dt, axis=0)
 
@@ -430,7 +430,7 @@ def _same_side(quat: np.ndarray) -> np.ndarray:
 
 def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
     """Velocities (K, nv) for configurations with unit quaternions and their derivatives (K, nq)."""
-    R = Rotation.from_quat(q[:, 3:7])
+    R = quaternion_to_matrix(q[:, 3:7], "xyzw")
     x, y, z, w = q[:, 3:7].T
     dx, dy, dz, dw = dq[:, 3:7].T
     # The vector part of 2 conj(q) dq: the angular velocity in base axes.
@@ -439,4 +439,4 @@ def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         w * dy - y * dw - z * dx + x * dz,
         w * dz - z * dw - x * dy + y * dx,
     ], axis=1)  # fmt: skip
-    return np.concatenate([R.inv().apply(dq[:, :3]), spin, dq[:, 7:]], axis=1)
+    return np.concatenate([np.einsum("kji,kj->ki", R, dq[:, :3]), spin, dq[:, 7:]], axis=1)

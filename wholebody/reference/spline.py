@@ -13,6 +13,8 @@ from math import comb
 import numpy as np
 
 DEGREE = 5
+DENSE = 100
+"""Knots up to which a dense solution takes no longer than a banded one: a chunk then does without scipy."""
 _SHIFT = np.array([[comb(j, i) if j >= i else 0 for j in range(DEGREE + 1)] for i in range(DEGREE + 1)], dtype=float)
 _FACTOR = np.array([[np.prod(np.arange(k, k - d, -1.0)) for k in range(DEGREE + 1)] for d in range(DEGREE + 1)])
 _POWER = np.array([[max(j - i, 0) for j in range(DEGREE + 1)] for i in range(DEGREE + 1)])
@@ -151,6 +153,10 @@ def _monotone_slopes(secant: np.ndarray) -> np.ndarray:
 
 
 def _solve_tridiagonal(lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, right: np.ndarray) -> np.ndarray:
+    if len(diagonal) <= DENSE:
+        A, i = np.diag(diagonal), np.arange(len(diagonal) - 1)
+        A[i + 1, i], A[i, i + 1] = lower[1:], upper[:-1]
+        return np.linalg.solve(A, right)
     from scipy.linalg import solve_banded  # too slow to come with the package
 
     bands = np.zeros((3, len(diagonal)))
