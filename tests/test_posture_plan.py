@@ -12,6 +12,7 @@ from wholebody.config import PosturePlanConfig
 from wholebody.posture import tables
 from wholebody.posture.body import Body
 from wholebody.posture.compiled import run
+from wholebody.posture.momenta import Momenta
 from wholebody.posture.program import Program
 from wholebody.posture.tables import N_BODY
 from wholebody.posture_plan import PosturePlanner
@@ -221,6 +222,21 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
     after = program.cost(program.trial)
     assert before - after == pytest.approx(2e-3 * promise, rel=0.5)
     assert before - after > 0.0
+
+
+def test_momenta_along_a_motion_are_those_of_pinocchio(body):
+    model, rng = body.full, np.random.default_rng(5)
+    frames = [model.getFrameId(name) for name in (SPEC.base_body, SPEC.torso_body)]
+    q = np.array([pin.integrate(model, body.q_full, rng.normal(size=model.nv)) for _ in range(50)])
+    v, data = rng.normal(size=(50, model.nv)), model.createData()
+    com, velocity, momentum, turns = Momenta(model, frames)(q, v)
+    for k in range(50):
+        pin.computeCentroidalMomentum(model, data, q[k], v[k])
+        assert near(com[k], data.com[0])
+        assert near(velocity[k], data.hg.linear / body.mass)
+        assert near(momentum[k], data.hg.angular)
+        for i, frame in enumerate(frames):
+            assert near(turns[i, k], pin.updateFramePlacement(model, data, frame).rotation)
 
 
 def test_a_plan_does_not_depend_on_the_plans_before_it(planner):

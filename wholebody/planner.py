@@ -14,6 +14,7 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
 from wholebody.config import PlannerConfig
+from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.reference.cubic import ClampedCubic
@@ -172,7 +173,8 @@ class ChunkPlanner:
         self.model, self.data = robot.model, robot.model.createData()
         self.posture = PosturePlanner(spec, config.posture)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
-        self.torso_id, self.pelvis_id = robot.frame_id(spec.torso_body), robot.frame_id(spec.base_body)
+        trunk = (spec.base_body, spec.torso_body)
+        self._momenta = Momenta(self.model, [robot.frame_id(name) for name in trunk])
         self.offsets = np.array([tool.palm_offset for tool in spec.tools])
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
@@ -341,7 +343,7 @@ class ChunkPlanner:
         q[:, 3:7] /= norm
         v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
         rows = np.minimum(COARSE * np.arange(len(coarse)), len(grid) - 1)
-        com, com_velocity, momentum, turns = self._bodies(q[rows], v[rows])
+        com, com_velocity, momentum, turns = self._momenta(q[rows], v[rows])
         between = _Interpolation(coarse, grid)
         bodies = []
         for R in turns:
@@ -364,18 +366,6 @@ class ChunkPlanner:
             rates[-1] = 0.0
         track.height[1:, -1] = 0.0
         return track
-
-    def _bodies(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Centre of mass, its velocity, angular momentum, (K, 3) each, and turns of pelvis and torso (2, K, 3, 3)."""
-        com, velocity, momentum = np.empty((3, len(q), 3))
-        R = np.empty((2, len(q), 3, 3))
-        for k in range(len(q)):
-            pin.computeCentroidalMomentum(self.model, self.data, q[k], v[k])
-            com[k], momentum[k] = self.data.com[0], self.data.hg.angular
-            velocity[k] = self.data.hg.linear / self.posture.mass
-            for i, frame in enumerate((self.pelvis_id, self.torso_id)):
-                R[i, k] = pin.updateFramePlacement(self.model, self.data, frame).rotation
-        return com, velocity, momentum, R
 
 
 class _Interpolation:
