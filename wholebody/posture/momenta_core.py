@@ -1,0 +1,67 @@
+"""Centre of mass and momentum along a motion; compiles with numba as it stands."""
+
+from __future__ import annotations
+
+from wholebody.posture.body_core import base_rotation, fixed_frame, place_body
+from wholebody.posture.place_core import body_inertia, momentum_of
+
+
+def momenta(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch):
+    """Fill centre of mass, its velocity, angular momentum about it, and turns of frames, at every row.
+
+    Args:
+        table: Bodies (n, 25).
+        parent: Their parents (n,).
+        frame_body: Bodies of the frames (f,).
+        frame_R: Rotations of the frames there (f, 3, 3).
+        q: Configurations (K, nq).
+        v: Velocities (K, nv).
+        com: Out (K, 3).
+        velocity: Out (K, 3).
+        momentum: Out (K, 3).
+        turns: Out (f, K, 3, 3).
+        R: Scratch, rotations of the bodies (n, 3, 3).
+        p: Scratch, their places (n, 3).
+        V: Scratch, their twists (n, 6).
+        scratch: (4, 10).
+    """
+    inertia, h, s, total = scratch[0], scratch[1], scratch[2], scratch[3]
+    for k in range(q.shape[0]):
+        base_rotation(q[k], R[0])
+        for c in range(10):
+            total[c] = 0.0
+        for a in range(3):
+            p[0, a] = V[0, a] = V[0, 3 + a] = 0.0
+            for b in range(3):
+                V[0, a] += R[0, a, b] * v[k, b]
+                V[0, 3 + a] += R[0, a, b] * v[k, 3 + b]
+        for i in range(table.shape[0]):
+            if i > 0:
+                before, rate = parent[i], v[k, 5 + i]
+                place_body(table[i], q[k, 6 + i], R[before], p[before], R[i], p[i])
+                axis(table[i], R[i], p[i], s)
+                for c in range(6):
+                    V[i, c] = V[before, c] + rate * s[c]
+            body_inertia(table[i], R[i], p[i], inertia)
+            momentum_of(inertia, V[i], h)
+            for c in range(4):
+                total[c] += inertia[c]
+            for c in range(6):
+                total[4 + c] += h[c]
+        m, x, y, z = total[0], total[1] / total[0], total[2] / total[0], total[3] / total[0]
+        com[k, 0], com[k, 1], com[k, 2] = q[k, 0] + x, q[k, 1] + y, q[k, 2] + z
+        for a in range(3):
+            velocity[k, a] = total[4 + a] / m
+        momentum[k, 0] = total[7] - (y * total[6] - z * total[5])
+        momentum[k, 1] = total[8] - (z * total[4] - x * total[6])
+        momentum[k, 2] = total[9] - (x * total[5] - y * total[4])
+        for f in range(frame_body.shape[0]):
+            body = frame_body[f]
+            fixed_frame(R[body], p[body], frame_R[f], scratch[2], turns[f, k], scratch[1])
+
+
+def axis(row, R, p, s):
+    """Column of a joint as a twist about the base."""
+    for a in range(3):
+        s[3 + a] = R[a, 0] * row[12] + R[a, 1] * row[13] + R[a, 2] * row[14]
+    s[0], s[1], s[2] = p[1] * s[5] - p[2] * s[4], p[2] * s[3] - p[0] * s[5], p[0] * s[4] - p[1] * s[3]
