@@ -12,7 +12,11 @@ BACKENDS = ("native", "placo", "kinematic")
 """Ours, placo's `DynamicsSolver`, and inverse kinematics without dynamics."""
 
 
-def make_controller(spec: RobotSpec, config: ControllerConfig) -> WholeBodyController | KinematicController:
+Controller = WholeBodyController | KinematicController
+"""What a supervisor can work with."""
+
+
+def make_controller(spec: RobotSpec, config: ControllerConfig) -> Controller:
     """The controller that the configuration names.
 
     Raises:

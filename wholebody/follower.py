@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 
 from wholebody import follow_core as core
+from wholebody.backends import Controller
 from wholebody.body_reference import COM, PALM, POSTURE, PackedReference
 from wholebody.config import ControllerConfig
-from wholebody.controller import WholeBodyController
 from wholebody.native import digest, native, register
 from wholebody.planner import GRID, ChunkPlan, PostureState, PostureTrack
 from wholebody.reference import PathClock, ReferenceSmoother, path_core, smoother_core
@@ -35,7 +35,7 @@ class Follower:
 
     def __init__(
         self,
-        controller: WholeBodyController,
+        controller: Controller,
         config: ControllerConfig,
         track: PostureTrack,
         smoother: ReferenceSmoother,

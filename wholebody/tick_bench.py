@@ -12,16 +12,13 @@ import pinocchio as pin
 
 from models.g1 import g1
 from models.spec import RobotSpec
-from wholebody.backends import make_controller
+from wholebody.backends import Controller, make_controller
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
-from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.kinematic.controller import KinematicController
 from wholebody.reach_script import ReachScript
 from wholebody.slow_ticks import SLOW, SlowTicks
 from wholebody.types import RobotState
-
-Controller = WholeBodyController | KinematicController
 
 WARM_UP = 500
 """Ticks before the clock counts."""
