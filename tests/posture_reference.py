@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from wholebody.posture.tables import LOWER, N_BODY, UPPER
+from wholebody.posture.tables import FIRST, LOWER, N_BODY, UPPER
 
 
 def free_directions(m):
@@ -29,10 +29,12 @@ class Reference:
         """Velocities (K + 1, 35) and their derivatives by both ends, two lists of (35, 35)."""
         half, back, forth = [v_start], [None], [None]
         for a, b in pairwise(q):
-            half.append(pin.difference(self.model, a, b) / dt)
+            # The curve begins at the first place with the first velocity: the control point there is not free.
+            share = FIRST if len(half) == 1 else 1.0
+            half.append(share * pin.difference(self.model, a, b) / dt + (1.0 - share) * v_start)
             first, second = pin.dDifference(self.model, a, b)
-            back.append(-first / dt)
-            forth.append(second / dt)
+            back.append(-share * first / dt)
+            forth.append(share * second / dt)
         return np.array([*half, np.zeros(N_BODY)]), [*back, None], [*forth, None]
 
     def configuration(self, q, T_palms):
@@ -75,6 +77,15 @@ class Reference:
         self._slide(q, v, r, D)
         return r, D
 
+    def capture(self, q, v, m):
+        """What the bounds on the capture point are exceeded by; m are the rows of the motion."""
+        t = self.body.tables
+        pin.centerOfMass(self.model, self.data, q, v)
+        com, speed = self.data.com[0], self.data.vcom[0]
+        omega = np.sqrt(9.81 / max(com[2], 0.2))
+        rate = speed[:2] + omega * (com[:2] * m[2] - m[:2])
+        return t.normals @ (com[:2] + speed[:2] / omega + t.capture_time * rate) - t.capture_offsets
+
     def _wrench(self, q, tau, parts):
         """Wrench about the origin of the world, and its derivatives."""
         M = pin.XYZQUATToSE3(q[:7])
@@ -111,11 +122,12 @@ class Reference:
         return np.hstack([-before @ h[0], D[0] @ N[k] + before @ h[1] - after @ n[0], after @ n[1]])
 
 
-def bounds(t, r, q, half, a, m):
+def bounds(t, r, q, half, a, m, capture):
     """What the bounds of one knot are exceeded by, without distances; r are its rows, m those of its motion."""
     tilts = np.array([np.arccos(pin.exp3(turn)[2, 2]) for turn in (r[14:17], r[17:20])]) - t.limits[:2]
     return np.concatenate([
         tilts, [t.limits[2] - q[2]], np.maximum(q[7:] - t.q_max, t.q_min - q[7:]),
         t.normals @ (r[12:14] + t.com_stance) - t.com_offsets, [t.load_min - m[2]], np.abs(m[3:20]) / t.tau_max - 1.0,
-        t.normals @ m[:2] - t.zmp_offsets * m[2], np.abs(a[6:]) - t.acceleration_max, np.abs(half[6:]) - t.speed_max,
+        t.normals @ m[:2] - t.zmp_offsets * m[2], capture, np.abs(a[6:]) - t.acceleration_max,
+        np.abs(half[6:]) - t.speed_max,
     ])  # fmt: skip

@@ -37,6 +37,7 @@ LAYERS = (
         "posture_plan",
         "planner",
         "denoise",
+        "floor",
         "follow_core",
         "follower",
         "supervisor",

@@ -154,7 +154,7 @@ def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
         assert near(m.J[k], J @ N[k])
         assert near(m.m[k], rows)
         assert near(m.J_m[k], judge.reduced(k, D, back, forth, N, dt))
-        assert near(m.over[k][kept], bounds(body.tables, r, m.q[k], half[k], a, rows))
+        assert near(m.over[k][kept], bounds(body.tables, r, m.q[k], half[k], a, rows, judge.capture(m.q[k], v, rows)))
         assert near(m.zmp[k], rows[:2] / max(rows[2], 0.05))
     rows, D = judge.motion(m.q[0], half[0], 2.0 * (half[1] - half[0]) / dt)
     assert near(m.m[0], rows)
@@ -186,9 +186,12 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
             data = body.full.createData()
             pin.computeDistances(body.full, data, proximity.geometry, proximity.data, q)
             every = proximity.margin - np.array([result.min_distance for result in proximity.data.distanceResults])
-            expected = np.sort(every[every > -0.025])[::-1][:16]
+            expected = np.sort(every[every > -PosturePlanConfig().self_trigger])[::-1][:16]
             assert m.near[k] == len(expected)
-            assert np.allclose(m.over[k, tables.NEAR : tables.NEAR + len(expected)], expected, atol=4e-6)
+            approach = m.sweeps[k, : len(expected)] @ m.v[k]
+            assert (approach >= 0.0).all()
+            found = m.over[k, tables.NEAR : tables.NEAR + len(expected)] - approach
+            assert np.allclose(found, expected, atol=4e-6)
             seen += len(expected)
     assert seen > 100
 
@@ -208,7 +211,9 @@ def test_the_bounds_change_with_a_step_as_their_derivatives_say(body):
     for i in smooth:
         run("sided_core", "derivative", i, 2, body.tables, m, PosturePlanConfig().dt, row)
         change = row @ z[2 * tables.N_FREE : 5 * tables.N_FREE]
-        assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=3e-7), i
+        # How the centre of mass turns with the joints is left out for the capture point.
+        rough = 0.3 if tables.ZMP + 2 * E <= i < tables.ZMP + 3 * E else 0.0
+        assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=3e-7, rel=rough), i
 
 
 def test_a_step_of_the_program_lowers_the_cost_as_promised(body):

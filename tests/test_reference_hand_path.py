@@ -197,16 +197,16 @@ def test_the_sign_of_the_commanded_quaternion_changes_nothing():
     assert angle_between(b.quat, own.sample(s).quat).max() < 1e-6
 
 
-def test_a_join_from_rest_keeps_to_half_of_the_caps():
+def test_a_join_from_rest_keeps_to_its_share_of_the_caps():
     times, T, q = chunk(0.0)
     T[:, :3, 3] = T[0, :3, 3]
     path = HandPath.from_knots(times, T, q).joined(HandMotion(rest_row(np.eye(4))), 0.1)
     motion = path.sample(np.linspace(0.1, 2.0, 2000))
-    caps = path.caps.position.scaled(0.5)
-    assert np.linalg.norm(motion.v, axis=1).max() <= 1.01 * caps.speed
-    assert np.linalg.norm(motion.a, axis=1).max() <= 1.01 * caps.acceleration
+    caps = path.caps.position
+    assert np.linalg.norm(motion.v, axis=1).max() <= 0.26 * caps.speed
+    assert np.linalg.norm(motion.a, axis=1).max() <= 0.26 * caps.acceleration
     assert path.join.distance == pytest.approx(np.linalg.norm(T[0, :3, 3]))
-    assert path.join.duration < 1.6
+    assert path.join.duration < 3.3
 
 
 def test_a_join_across_180_degrees_stays_finite_and_unit():

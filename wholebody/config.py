@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,8 +117,8 @@ class PosturePlanConfig:
     """Time between two knots [s]."""
     position: float = 2e-3
     """Scale of palm positions [m]."""
-    position_give: float = 0.02
-    """Distance beyond which a palm pulls no harder [m]."""
+    position_give: float = 0.01
+    """Distance at which a palm pulls hardest; further away it pulls ever less [m]."""
     orientation: float = 8e-3
     """Scale of palm orientations [rad]."""
     orientation_give: float = 0.01
@@ -159,6 +159,10 @@ class PosturePlanConfig:
     """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
     zmp_margin: float = 0.028
     """Distance of the zero-moment point from the edge of the support: room for what the plan does not know [m]."""
+    capture_margin: float = 0.025
+    """Distance of the capture point from the edge of the support: a little more than the controller keeps [m]."""
+    capture_time: float = 0.1
+    """Time in which the capture point may reach that edge [s]."""
     pelvis_tilt: float = 0.55
     """Largest tilt of the pelvis from vertical [rad]."""
     torso_tilt: float = 0.95
@@ -169,8 +173,10 @@ class PosturePlanConfig:
     """Share of the effort limits of waist and arms that the plan uses."""
     self_distance: float = 0.014
     """Least distance between bodies that are not neighbours [m]."""
-    self_trigger: float = 0.025
+    self_trigger: float = 0.05
     """Distance beyond the least one at which a pair of bodies begins to count [m]."""
+    sweep: float = 0.033
+    """Time for which bodies may approach each other before they are nearer than that, between two knots [s]."""
 
 
 GENTLE = PosturePlanConfig(
@@ -188,6 +194,9 @@ GENTLE = PosturePlanConfig(
 )
 """For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
 
+BRAKE = replace(GENTLE, position=10.0, orientation=10.0)
+"""For states from which nothing else leads on: come to rest."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
@@ -196,6 +205,8 @@ class PlannerConfig:
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
     gentle: PosturePlanConfig = GENTLE
     """The posture plan of a chunk that cannot be followed within the bounds."""
+    brake: PosturePlanConfig = BRAKE
+    """The posture plan where no plan leads from the present motion to the chunk: the hands do not count."""
     turning: float = 0.02
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
     loss_max: float = 0.03
@@ -204,7 +215,7 @@ class PlannerConfig:
     """Largest excess over a bound of a plan that counts as following, in units of the bound's scale."""
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
-    clamp_tolerance: float = 0.006
+    clamp_tolerance: float = 0.008
     """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
     turn_tolerance: float = 0.05
     """The same for orientation [rad]."""

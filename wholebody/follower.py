@@ -81,6 +81,11 @@ class Follower:
         return float(self._state[core.RATE])
 
     @property
+    def share(self) -> float:
+        """How far the hands are trusted, 1 as long as the body is near its plan."""
+        return float(self._state[core.SHARE])
+
+    @property
     def posture(self) -> PostureState:
         """What the posture plan asks for now."""
         q, v = self._posture

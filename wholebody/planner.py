@@ -17,7 +17,7 @@ from wholebody.config import PlannerConfig
 from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
-from wholebody.reference.cubic import ClampedCubic
+from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot import Robot
 
 GRID = 0.002
@@ -29,9 +29,9 @@ GUESS_DISTANCE = 0.03
 GOOD_LOSS, GOOD_EXCESS = 0.004, 2.0
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
-BALANCE_MIN = -0.01
+BALANCE_MIN = 0.005
 """Least distance of the zero-moment point from the edge between the knots of a plan that is followed [m]."""
-TURN_LOSS = 0.0055
+TURN_LOSS = 0.008
 """Distance of a palm from its target above which its orientation gives way more [m]."""
 
 
@@ -160,6 +160,14 @@ class _Attempt:
         return float(self.distance.max())
 
     @property
+    def error(self) -> float:
+        """Mean distance of the palms from where the chunk wants them at its own times [m]."""
+        behind = self.steps[0] + (self.steps - self.steps[0]) / self.slowdown
+        reached = self.motion.T_palms[:, :, :3, 3].reshape(len(self.steps), -1).T
+        late = np.stack([np.interp(behind, self.steps, x) for x in reached], axis=1).reshape(-1, 2, 3)
+        return float(np.mean(np.linalg.norm(late - self.palms[:, :, :3, 3], axis=2)))
+
+    @property
     def excess(self) -> float:
         """Largest excess over a bound, in units of the bound's scale."""
         return float(self.motion.excess.max())
@@ -203,8 +211,7 @@ class ChunkPlanner:
         attempt = self._best(chunk, now, start, commanded, before)
         paths, clamped = self._clamp(attempt, commanded)
         motion, steps = attempt.motion, attempt.steps
-        support = self.posture.support
-        margin = np.min(support.offsets - motion.zmp @ support.normals.T, axis=1)
+        margin = np.min(self.posture.body.pressure_offsets - motion.zmp @ self.posture.support.normals.T, axis=1)
         reasons = []
         if clamped.max() > 0.0:
             reasons.append("out_of_reach")
@@ -239,12 +246,12 @@ class ChunkPlanner:
                 break
         safe = [attempt for attempt in tried if self._safe(attempt)]
         if safe:
-            return min(safe, key=lambda attempt: attempt.loss)
+            return min(safe, key=lambda attempt: attempt.error)
         # Hands that only pull: the bounds win over them by orders of magnitude.
         gentle = self._attempt(chunk, now, start, commanded, 1.0, before, c.gentle)
         if self._safe(gentle):
             return gentle
-        tried += [gentle, self._attempt(chunk, now, start, commanded, 1.0, None, c.gentle)]
+        tried += [gentle, *(self._attempt(chunk, now, start, commanded, 1.0, None, x) for x in (c.gentle, c.brake))]
         return max(tried, key=lambda one: (one.excess <= c.excess_max, one.balance))
 
     def _good(self, attempt: _Attempt) -> bool:
@@ -278,8 +285,9 @@ class ChunkPlanner:
         palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
         guess = None if before is None else self._continued(before, palms)
         motion = self.posture.plan(start.q, start.v, palms, np.hstack(fingers), guess, posture)
+        curve = _curve(steps, motion.q, slowdown * start.v)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
-        track = self._track(steps, motion, slowdown * start.v)
+        track = self._track(curve, steps[0], steps[-1] + steps[1] - steps[0])
         return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance, track, self._balance(track, slowdown))
 
     def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
@@ -326,19 +334,16 @@ class ChunkPlanner:
         lift = np.maximum(a[:, 2] - self.model.gravity.linear[2], 0.1)
         shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
         zmp = com[:, :2] - shift / lift[:, None]
-        support = self.posture.support
-        return float(np.min(support.offsets - zmp @ support.normals.T))
+        return float(np.min(self.posture.body.pressure_offsets - zmp @ self.posture.support.normals.T))
 
-    def _track(self, steps: np.ndarray, motion: PostureMotion, v_start: np.ndarray) -> PostureTrack:
-        """The posture on the grid: one smooth curve through the knots, and everything else from it.
+    def _track(self, curve: CubicBSpline, start: float, end: float) -> PostureTrack:
+        """The posture on the grid: everything from one smooth curve.
 
         Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
         """
-        rates = _configuration_rate(motion.q[0], v_start), np.zeros(self.model.nq)
-        curve = ClampedCubic(steps, _one_sided(motion.q), *rates)
-        grid = np.arange(steps[0], steps[-1] + GRID, GRID)
-        coarse = np.arange(steps[0], steps[-1] + COARSE * GRID, COARSE * GRID)
-        q, dq, ddq = curve(np.minimum(grid, steps[-1]))
+        grid = np.arange(start, end + GRID, GRID)
+        coarse = np.arange(start, end + COARSE * GRID, COARSE * GRID)
+        q, dq, ddq = curve(np.minimum(grid, end))
         norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
         q[:, 3:7] /= norm
         v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
@@ -351,7 +356,7 @@ class ChunkPlanner:
             bodies.append((between.rotations(R), between(spin), between(change)))
         com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
         track = PostureTrack(
-            start=float(steps[0]),
+            start=float(start),
             q=q,
             v=v,
             ddq=ddq[:, 7:].copy(),
@@ -395,6 +400,19 @@ def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:
     """The motion of one hand [per s] as derivatives of a path that is run through ``slowdown`` times slower."""
     return time_scaled(HandMotion(row.copy()), slowdown, 0.0)
+
+
+def _curve(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> CubicBSpline:
+    """The cubic B-spline that begins at ``q[0]`` with velocity ``v_start`` and has q[1:] as control points.
+
+    Its acceleration changes linearly between the knots, where it is exactly the one that the posture plan judges: a
+    curve through the points would swing up to three times as much. It rests one step after the last knot.
+    """
+    dt, q = steps[1] - steps[0], _one_sided(q)
+    rate = dt * _configuration_rate(q[0], v_start)
+    before, first = q[1] - 2.0 * rate, 1.5 * q[0] - 0.5 * q[1] + 0.5 * rate
+    points = np.vstack([before, first, q[1:], q[-1], q[-1]])
+    return CubicBSpline(steps[0], dt, points)
 
 
 def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:

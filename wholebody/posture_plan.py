@@ -35,9 +35,9 @@ class PostureMotion:
     """What the planner says, one row a knot.
 
     Attributes:
-        q: Configurations, shape (K, nq), Pinocchio convention.
+        q: The start, then control points of the cubic B-spline that the motion is, shape (K, nq), Pinocchio convention.
         v: Velocities from the knot before to each knot, shape (K, nv): halfway between them in time.
-        T_palms: Palm poses that the plan has, shape (K, 2, 4, 4).
+        T_palms: Palm poses that the plan has on its curve, shape (K, 2, 4, 4).
         zmp: Zero-moment point at each knot, shape (K, 2), [m].
         excess: Largest excess over a bound at each knot, shape (K,), in units of the bound's scale.
         cost: What the motion costs.
@@ -102,7 +102,7 @@ class PosturePlanner:
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
         qs[:, body.body], qs[:, body.fingers] = now.q, q_fingers
         vs[:, body.columns] = now.half[:-1]
-        return PostureMotion(qs, vs, now.palms.copy(), now.zmp.copy(), program.excess(), cost)
+        return PostureMotion(qs, vs, program.palms_on_curve(), now.zmp.copy(), program.excess(), cost)
 
     def _program(self, K: int) -> Program:
         """Memory for K knots; that of the plans before, where it fits."""

@@ -205,6 +205,7 @@ def run_episode(
             if chunk is not None and _offer(chunk, supervisor, score, result, executor):
                 seams.mark(state.time)
         command = supervisor.step(measured)
+        score.follow(supervisor.chunk, supervisor.plan_report)
         palms = supervisor.palm_reference()
         seams.add(palms)
         if recorder is not None:
@@ -255,7 +256,6 @@ def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: Epi
     report = supervisor.plan_report
     if score.empty:
         result.start_jump = start_jump(chunk, chunk.t_obs + float(report.steps[0]), poses, supervisor.spec)
-    score.add(chunk, report)
     if report.clamped.max() > result.clamped:
         step, side = np.unravel_index(report.clamped.argmax(), report.clamped.shape)
         result.clamped, result.clamped_hand = float(report.clamped.max()), ("left", "right")[int(side)]

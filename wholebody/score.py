@@ -37,6 +37,11 @@ class Score:
         self._lags: list[list[float]] = []
         self._demandable: list[np.ndarray] = []
 
+    def follow(self, chunk: ActionChunk | None, report: PlanReport | None) -> None:
+        """The chunk that is being followed; where it is another one than before, it counts from now on."""
+        if chunk is not None and chunk is not self._chunk:
+            self.add(chunk, report)
+
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
         # Steps that were due before it came, or as it came, were the business of the chunk before.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, radians
 
 import numpy as np
@@ -9,14 +10,16 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
+from policy.rotations import matrix_to_quaternion
 from wholebody.backends import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.controller import TickReport
 from wholebody.denoise import denoised
 from wholebody.errors import InputError
+from wholebody.floor import above_floor
 from wholebody.follower import Follower
 from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport, PostureState, PostureTrack
-from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row
+from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
 from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
 
 DAMPING_KD = 8.0
@@ -25,6 +28,8 @@ FALL_COSINE = cos(radians(60.0))
 """Cosine of the pelvis tilt past which standing is lost."""
 FALL_HEIGHT = 0.20
 """Pelvis height below which standing is lost [m]."""
+RETRY = 0.2
+"""Time from one attempt to join a chunk to the next [s]."""
 
 TRACKING = StatusReport(Status.TRACKING, "", "")
 """Nothing to say."""
@@ -66,6 +71,9 @@ class Supervisor:
         self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
         self._refused: StatusReport | None = None
         self._noisy: tuple[str, ...] = ()
+        self._lift = 0.0
+        self._waiting: ActionChunk | None = None
+        self._retry = 0.0
         self._last_state = state
 
     @property
@@ -104,8 +112,11 @@ class Supervisor:
         return left, right
 
     def accept(self, chunk: ActionChunk) -> StatusReport:
-        """Take a chunk, or refuse it with a reason; a refused chunk changes nothing."""
-        now = self._last_state.time
+        """Take a chunk, or refuse it with a reason; a refused chunk changes nothing.
+
+        A chunk that cannot be joined yet is tried again until it is, is over, or another one comes.
+        """
+        now, self._waiting = self._last_state.time, None
         try:
             chunk.validate(after=self._chunk)
         except (ChunkError, ValueError) as error:
@@ -115,21 +126,32 @@ class Supervisor:
             return self._refuse("chunk_stale", f"the chunk's last step is over: it is {age:.2f} s old")
         if chunk.t_obs > now + 1.0 / chunk.fps:
             return self._refuse("chunk_from_future", f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
+        return self._join(chunk)
+
+    def _join(self, chunk: ActionChunk) -> StatusReport:
+        """Follow a valid chunk from here on, if that is safe; what cannot be joined yet waits."""
+        now, self._waiting = self._last_state.time, None
         try:
-            commanded = HandMotion(self._smoother.motion.rows.copy())
-            meant, noisy = denoised(chunk, self.planner.caps)
             start, before = self._start()
+            commanded = HandMotion(self._smoother.motion.rows.copy())
+            lifted, lift = above_floor(chunk)
+            meant, noisy = denoised(lifted, self.planner.caps)
             plan = self.planner.plan(meant, now, start, commanded, before)
         except (InputError, RuntimeError, ValueError) as error:
             return self._refuse("planning_failed", str(error))
+        self._retry = now + RETRY
+        if not plan.report.safe:
+            self._waiting = chunk
         if not plan.report.safe and self._is_safe_ahead():
             return self._refuse(
                 "not_joined",
-                "no balanced motion leads from here to the chunk, so the one before is followed to its end: "
-                "a chunk that begins nearer to the hands, or slower, would be joined",
+                "no balanced motion leads from here to the chunk yet, so the one before is followed to its end: "
+                "a chunk that begins nearer to the hands, or slower, would be joined at once",
             )
+        if not plan.report.safe and self._lost():
+            plan = self._stand(plan)
         self._plan, self._chunk, self._refused = plan, chunk, None
-        self.plan_report, self._noisy = plan.report, noisy
+        self.plan_report, self._noisy, self._lift = plan.report, noisy, lift
         self._chunk_end = float(chunk.times[-1])
         self._follower.begin(plan, self._chunk_end - chunk.t_obs)
         return self._report_plan()
@@ -147,6 +169,7 @@ class Supervisor:
         """
         state = self._last_state
         if self._lost():
+            self._smoother.reset(self._measured_hands())
             return PostureState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
             return self._follower.posture, None
@@ -154,6 +177,33 @@ class Supervisor:
         step = clock.rate * self.config.planner.posture.dt
         s = clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - clock.s) / max(step, 1e-3))
         return self._follower.posture, track.q[[track.row(x) for x in s]]
+
+    def _stand(self, plan: ChunkPlan) -> ChunkPlan:
+        """Where no plan is balanced, follow none: stay as the robot is, the centre of mass over the soles.
+
+        Pulled along by a motion that cannot be had, the robot would lose what balance is left.
+        """
+        robot, middle = self.robot, self.planner.posture.body.tables.com_stance
+        still = PostureTrack.still(robot, self._last_state.q)
+        com = still.com.copy()
+        com[0, :, :2] = middle
+        knots, rest = plan.start + np.array([0.0, 1.0 / 3.0]), []
+        for row in self._measured_hands():
+            hand = HandMotion(row)
+            here = HandPath.from_knots(knots, np.stack([hand.T_world_hand] * 2), np.stack([hand.q_finger] * 2))
+            rest.append(here.joined(hand, plan.start))
+        return replace(plan, paths=tuple(rest), posture=replace(still, com=com, start=plan.start))
+
+    def _measured_hands(self) -> np.ndarray:
+        """Motions of the hands as they are, rows (2, 40); fingers as they are commanded."""
+        rows = self._smoother.motion.rows.copy()
+        motion = HandMotion(rows)
+        motion.a[:], motion.alpha[:] = 0.0, 0.0
+        for i, tool in enumerate(self.spec.tools):
+            pose, twist = self.robot.pose(tool.wrist_frame), self.robot.velocity(tool.wrist_frame)
+            motion.p[i], motion.quat[i] = pose.translation, matrix_to_quaternion(pose.rotation, "xyzw")
+            motion.v[i], motion.w[i] = twist[:3], twist[3:]
+        return rows
 
     def _lost(self) -> bool:
         """Whether the robot has left its plan."""
@@ -175,9 +225,20 @@ class Supervisor:
                 Status.DAMPING, "standing_lost", "the robot is no longer standing: joints damped"
             )
             return self._damping_command(state)
+        if self._follower.share < 1.0 and self._waiting is None:
+            self._waiting = self._chunk
+        if self._waiting is not None and state.time >= self._retry:
+            self._try_again()
         command, self.last_tick = self.controller.step(state, self._follower.reference(state.q))
         self._judge()
         return command
+
+    def _try_again(self) -> None:
+        """Join the chunk that is waiting, unless it is over."""
+        if self._waiting.times[-1] > self._last_state.time:
+            self._join(self._waiting)
+        else:
+            self._waiting = None
 
     def _judge(self) -> None:
         """Status after a tick, worst first."""
@@ -199,6 +260,9 @@ class Supervisor:
             report = self._plan.report
             detail = f"targets moved by up to {report.clamped.max():.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
+        elif self._lift > 0.0:
+            detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"
+            self.status = StatusReport(Status.SLOWED, "into_floor", detail)
         elif self._noisy:
             detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
             self.status = StatusReport(Status.SLOWED, "noisy_chunk", detail)

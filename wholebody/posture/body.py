@@ -18,6 +18,8 @@ from wholebody.support import SupportPolygon, convex_polygon
 
 LOAD_MIN = 0.4
 """Least share of the weight that stays on the floor."""
+FOOT_LOAD_MIN = 0.06
+"""Of the weight, on each foot: the controller keeps 5 N at each of its four points."""
 
 
 class Body:
@@ -35,7 +37,7 @@ class Body:
         body: Entries of the body in the full configuration. columns: The same in the full velocity.
         fingers: Entries of the fingers in the full configuration, hand by hand.
         finger_order: Which of those the fingers are in the order of their bodies.
-        support: The support polygon.
+        support: The support polygon. pressure_offsets: How far the centre of pressure goes towards its edges [m].
         mass: Of the robot [kg].
         tables, shapes: What compiled code works on.
         proximity: Distances by coal, for shapes that touch.
@@ -47,12 +49,15 @@ class Body:
         names = list(full.names)
         locked = [i for i, name in enumerate(names) if "_hand_" in name]
         model = self.model = pin.buildReducedModel(full, locked, self.q_full)
+        self.data, self.palms = model.createData(), palm_frame_ids(spec, model)
         kept = [i - 2 for i in range(2, len(names)) if i not in locked]
         self.body, self.columns = (np.concatenate([np.arange(n), n + np.array(kept)]) for n in (7, 6))
         self.fingers = np.array([7 + names.index(n) - 2 for tool in spec.tools for n in tool.finger_joints], int)
         self.finger_order = np.argsort(self.fingers, kind="stable")
         self.mass = float(pin.computeTotalMass(full))
-        self.tables, self.support = _tables(spec, config, model, self.q_full[self.body].copy(), self.mass)
+        self.tables, self.support, self.pressure_offsets = _tables(
+            spec, config, model, self.q_full[self.body].copy(), self.mass
+        )
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
         self.shapes = _shapes(shape_table(spec, self.proximity.geometry), bodies, self.proximity)
@@ -72,8 +77,8 @@ class Body:
 
 def _tables(
     spec: RobotSpec, c: PosturePlanConfig, model: pin.Model, q: np.ndarray, mass: float
-) -> tuple[Tables, SupportPolygon]:
-    """Without fingers."""
+) -> tuple[Tables, SupportPolygon, np.ndarray]:
+    """Without fingers; the support, and how far the centre of pressure goes towards its edges."""
     bodies, parent = body_table(model)
     ids = [*palm_frame_ids(spec, model), *(model.getFrameId(name) for name in (spec.torso_body, spec.base_body))]
     ids += [model.getFrameId(foot.frame) for foot in spec.feet]
@@ -87,8 +92,9 @@ def _tables(
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     feet = [data.oMf[i] for i in ids[4:]]
-    corners = [foot.act(np.array(x)) for foot, part in zip(feet, spec.feet, strict=True) for x in part.points]
-    support = convex_polygon(np.array(corners)[:, :2])
+    corners = [[foot.act(np.array(x))[:2] for x in part.points] for foot, part in zip(feet, spec.feet, strict=True)]
+    support = convex_polygon(np.concatenate(corners))
+    pressure = _pressure_offsets(support, *np.array(corners))
     tables = Tables(
         bodies=bodies,
         parent=parent,
@@ -107,9 +113,19 @@ def _tables(
         **_limits(spec, c, list(model.names[2:])),
         normals=support.normals.copy(),
         com_offsets=support.offsets - c.com_margin,
-        zmp_offsets=support.offsets - c.zmp_margin,
+        zmp_offsets=pressure - c.zmp_margin,
+        capture_offsets=pressure - c.capture_margin,
+        capture_time=c.capture_time,
+        sweep=c.sweep,
     )
-    return tables, support
+    return tables, support, pressure
+
+
+def _pressure_offsets(support: SupportPolygon, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """How far the centre of pressure goes towards each edge while both feet, corners (k, 2), carry their least load."""
+    shares = np.array([FOOT_LOAD_MIN, 1.0 - FOOT_LOAD_MIN])[:, None]
+    ahead = [(foot @ support.normals.T).max(0) for foot in (left, right)]
+    return (shares * ahead[0] + (1.0 - shares) * ahead[1]).max(0)
 
 
 def _carries(model: pin.Model, joints: list[int]) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wholebody.posture.ahead_core import capture, sweep
 from wholebody.posture.motion_core import (
     balance,
     bound_motion,
@@ -33,3 +34,5 @@ def rates(robot, task, m, work):
         soles(k, robot, m, work)
         reduce_motion(k, task, m, work)
         bound_motion(k, robot, m, LOAD + robot.normals.shape[0])
+        sweep(k, robot, m)
+        capture(k, robot, m)

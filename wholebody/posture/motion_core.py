@@ -20,8 +20,9 @@ import math
 
 from wholebody.posture.blas_core import times_transposed
 from wholebody.posture.body_core import base_rotation
+from wholebody.posture.curve_core import pace
 from wholebody.posture.place_core import momentum_of
-from wholebody.posture.tables import FREE_LOWER, LOADED, LOWER, N_BODY, N_FREE, N_MOTION, SLIDE, TAU, UPPER
+from wholebody.posture.tables import FIRST, FREE_LOWER, LOADED, LOWER, N_BODY, N_FREE, N_MOTION, SLIDE, TAU, UPPER
 
 
 def cross(a, b, out, at):
@@ -143,19 +144,20 @@ def half_steps(m, task, work):
     for k in range(1, K):
         half, before, after = m.half[k], m.behind[k], m.ahead[k]
         logarithm(m.q[k - 1], m.q[k], half, right, left, work)
+        per, given = pace(k, K, dt), (1.0 - FIRST if k == 1 else 0.0)
         for j in range(6):
-            half[j] /= dt
+            half[j] = per * half[j] + given * task.v_start[j]
         for j in range(6, N_BODY):
-            half[j] = (m.q[k, 1 + j] - m.q[k - 1, 1 + j]) / dt
+            half[j] = per * (m.q[k, 1 + j] - m.q[k - 1, 1 + j]) + given * task.v_start[j]
         for r in range(FREE_LOWER):
             for i in range(6):
                 back = forth = 0.0
                 for j in range(6):
                     back += left[i, j] * m.free[k - 1, r, j]
                     forth += right[i, j] * m.free[k, r, j]
-                before[r, i], after[r, i] = back / dt, forth / dt
+                before[r, i], after[r, i] = per * back, per * forth
             for j in range(6, LOWER):
-                before[r, j], after[r, j] = m.free[k - 1, r, j] / dt, m.free[k, r, j] / dt
+                before[r, j], after[r, j] = per * m.free[k - 1, r, j], per * m.free[k, r, j]
     for k in range(K):
         scale = 2.0 / dt if k == 0 else 1.0 / dt
         for j in range(N_BODY):
@@ -373,7 +375,7 @@ def reduce_motion(k, task, m, work):
     K, dt = m.q.shape[0], task.dt
     lower, upper, J, f = work.lower, work.upper, m.J_m[k], FREE_LOWER
     first = k == 0
-    here, there = (0.0 if first else 1.0 / dt), (1.0 / dt if k + 1 < K else 0.0)
+    here, there = pace(k, K, dt), pace(k + 1, K, dt)
     before, after = work.before, work.after
     for i in range(N_MOTION):
         for j in range(LOWER):
@@ -412,7 +414,7 @@ def bound_motion(k, robot, m, at):
     zmp = torque + UPPER
     for e in range(edge):
         over[zmp + e] = robot.normals[e, 0] * row[0] + robot.normals[e, 1] * row[1] - robot.zmp_offsets[e] * row[LOADED]
-    rates = zmp + edge
+    rates = zmp + 2 * edge
     n = N_BODY - 6
     for i in range(n):
         a, h = m.a[k, 6 + i], m.half[k, 6 + i]

@@ -113,11 +113,13 @@ def describe(robot, shapes, m, near):
             m.over[k, NEAR + c] = -1.0
         m.near[k] = near.chosen[k]
         for c in range(m.near[k]):
-            row, out = near.J[k, c], m.J_near[k, c]
+            row, out, speeds = near.J[k, c], m.J_near[k, c], m.sweeps[k, c]
             value = near.over[k, c]
             for j in range(6, N_BODY):
                 value += row[j] * (m.q[k, 1 + j] - near.q[k, j - 6])
             m.over[k, NEAR + c] = value
+            for j in range(6, N_BODY):
+                speeds[j] = row[j]
             for r in range(FREE_LOWER):
                 d = 0.0
                 for j in range(6, LOWER):

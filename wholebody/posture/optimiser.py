@@ -26,6 +26,8 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     damping = DAMPING
     program.linearise(program.now)
     for softness, rounds in ROUNDS:
+        if softness < ROUNDS[0][0]:
+            program.bend()
         guesses = FEW
         program.weigh(config, softness)
         cost = program.cost(program.now)

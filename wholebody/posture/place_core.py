@@ -98,7 +98,8 @@ def configuration(k, robot, task, m, work):
         turn_between(work.R, task.T_palms[k, f, :3, :3], r[6 * f + 3 : 6 * f + 6])
         for a in range(3):
             m.palms[k, f, a, 3] = q[a] + work.p[a]
-            r[6 * f + a] = m.palms[k, f, a, 3] - task.T_palms[k, f, a, 3]
+            r[6 * f + a] = m.palms[k, f, a, 3] - task.T_palms[k, f, a, 3] + task.bend[k, 6 * f + a]
+            r[6 * f + 3 + a] += task.bend[k, 6 * f + 3 + a]
             for b in range(3):
                 m.palms[k, f, a, b] = work.R[a, b]
         for a in range(6):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
+from policy.rotations import rotvec_to_matrix
 from wholebody import gjk_core
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError
@@ -11,6 +13,9 @@ from wholebody.posture import tables, weights
 from wholebody.posture.body import Body
 from wholebody.posture.compiled import run
 from wholebody.posture.tables import EDGE, Motion, Task
+
+BEND_MAX = 0.02
+"""Of the palms' curve away from its control points [m, rad]."""
 
 
 class Program:
@@ -34,7 +39,13 @@ class Program:
         self._system, self._n_edges = tables.new_system(K, n_edges), n_edges
         self._work, self._sums = tables.new_work(), tables.new_sum_work(K)
         n_fingers = len(body.fingers)
-        self._task = Task(np.zeros((K, 2, 4, 4)), np.zeros((K, n_fingers)), np.zeros(tables.N_BODY), float(config.dt))
+        self._task = Task(
+            np.zeros((K, 2, 4, 4)),
+            np.zeros((K, n_fingers)),
+            np.zeros(tables.N_BODY),
+            np.zeros((K, 12)),
+            float(config.dt),
+        )
 
     @property
     def z(self) -> np.ndarray:
@@ -49,10 +60,32 @@ class Program:
     def begin(self, T_palms: np.ndarray, q_fingers: np.ndarray, v_start: np.ndarray) -> None:
         """Set the palm poses wanted (K, 2, 4, 4), the finger joints (K, n_fingers) and the first velocity (35,)."""
         task = self._task
-        task.T_palms[:], task.v_start[:] = T_palms, v_start
+        task.T_palms[:], task.v_start[:], task.bend[:] = T_palms, v_start, 0.0
         task.q_fingers[:] = q_fingers[:, self.body.finger_order]
         # A plan does not depend on the plans before it.
         self.near.q[:], self.near.state[:] = np.inf, self._first_state
+
+    def bend(self) -> None:
+        """Judge the palms on the curve that has the knots as control points, as far as it bends away from them now."""
+        body, task, m = self.body, self._task, self.now
+        share = task.dt**2 / 6.0
+        for k in range(1, self.K):
+            pin.framesForwardKinematics(body.model, body.data, pin.integrate(body.model, m.q[k], share * m.a[k]))
+            for i, frame in enumerate(body.palms):
+                there, here = body.data.oMf[frame], m.palms[k, i]
+                bend = np.concatenate([there.translation - here[:3, 3], pin.log3(there.rotation @ here[:3, :3].T)])
+                rows = slice(6 * i, 6 * i + 6)
+                bend = np.clip(bend, -BEND_MAX, BEND_MAX)
+                m.r[k, rows] += bend - task.bend[k, rows]
+                task.bend[k, rows] = bend
+
+    def palms_on_curve(self) -> np.ndarray:
+        """Palm poses of the present motion, (K, 2, 4, 4)."""
+        self.bend()
+        T, bend = self.now.palms.copy(), self._task.bend.reshape(self.K, 2, 6)
+        T[:, :, :3, 3] += bend[:, :, :3]
+        T[:, :, :3, :3] = rotvec_to_matrix(bend[:, :, 3:]) @ T[:, :, :3, :3]
+        return T
 
     def weigh(self, config: PosturePlanConfig, softness: float) -> None:
         """Set the weights; the scales of the bounds are multiplied by ``softness``."""

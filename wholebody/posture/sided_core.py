@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from wholebody.posture.ahead_core import capture_derivative, look_changes, sweep_derivative
 from wholebody.posture.blas_core import apply
+from wholebody.posture.curve_core import pace
 from wholebody.posture.tables import (
     COM,
     EDGE,
@@ -41,7 +43,9 @@ def changes(robot, m, dt, z, out, work):
         for e in range(E):
             normal = robot.normals[e]
             row[zmp + e] = normal[0] * motion[0] + normal[1] * motion[1] - robot.zmp_offsets[e] * motion[LOADED]
-        rate, scale = zmp + E, 2.0 / dt if k == 0 else 1.0 / dt
+        if k > 0:
+            look_changes(k, robot, m, dh, x, motion, row)
+        rate, scale = zmp + 2 * E, 2.0 / dt if k == 0 else 1.0 / dt
         for j in range(n):
             row[rate + j] = sign[rate + j] * scale * (dh[k + 1, 6 + j] - dh[k, 6 + j])
             row[rate + n + j] = sign[rate + n + j] * dh[k, 6 + j]
@@ -60,7 +64,7 @@ def steps(m, dt, z, dh):
             for j in range(LOWER):
                 dh[k, j] += m.ahead[k, r, j] * x - m.behind[k, r, j] * y
         for u in range(UPPER):
-            dh[k, LOWER + u] = (z[k + 1, f + u] - z[k, f + u]) / dt
+            dh[k, LOWER + u] = pace(k, K, dt) * (z[k + 1, f + u] - z[k, f + u])
 
 
 def place_changes(k, robot, m, x, row, sign, work):
@@ -102,7 +106,7 @@ def derivative(i, k, robot, m, dt, out):
     E, f, n = robot.normals.shape[0], FREE_LOWER, N_FREE
     load = EDGE + E
     zmp = load + 1 + UPPER
-    rate = zmp + E
+    rate = zmp + 2 * E
     out[:] = 0.0
     sign = m.sign[k, i]
     if i < load:
@@ -120,12 +124,15 @@ def derivative(i, k, robot, m, dt, out):
             return j, j + 1
         elif i < EDGE:
             copy(1.0, m.J_near[k, i - NEAR], out)
+            sweep_derivative(i - NEAR, k, m, dt, out)
         else:
             normal = robot.normals[i - EDGE]
             for j in range(n):
                 out[n + j] = normal[0] * m.J[k, COM, j] + normal[1] * m.J[k, COM + 1, j]
-        return n, 2 * n
-    if i < rate:
+        return (0, 3 * n) if NEAR <= i < EDGE else (n, 2 * n)
+    if zmp + E <= i < rate:
+        capture_derivative(i - zmp - E, k, robot, m, dt, out)
+    elif i < rate:
         J = m.J_m[k]
         for j in range(3 * n):
             if i == load:
@@ -135,8 +142,7 @@ def derivative(i, k, robot, m, dt, out):
             else:
                 normal = robot.normals[i - zmp]
                 out[j] = normal[0] * J[0, j] + normal[1] * J[1, j] - robot.zmp_offsets[i - zmp] * J[LOADED, j]
-        return 0, 3 * n
-    return rate_derivative(i - rate, k, m, dt, sign, out)
+    return (0, 3 * n) if i < rate else rate_derivative(i - rate, k, m, dt, sign, out)
 
 
 def copy(sign, row, out):
@@ -148,7 +154,7 @@ def copy(sign, row, out):
 def rate_derivative(i, k, m, dt, sign, out):
     """The same for accelerations, i < N_JOINTS, and speeds."""
     f, n, j = FREE_LOWER, N_FREE, 6 + i % N_JOINTS
-    here, there = (1.0 / dt if k > 0 else 0.0), (1.0 / dt if k + 1 < m.q.shape[0] else 0.0)
+    here, there = pace(k, m.q.shape[0], dt), pace(k + 1, m.q.shape[0], dt)
     a, b, c = -sign, sign, 0.0
     if i < N_JOINTS:
         c = sign * (2.0 / dt if k == 0 else 1.0 / dt)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from wholebody.posture.blas_core import gram, outer_gram
+from wholebody.posture.curve_core import pace
 from wholebody.posture.tables import (
     EDGE,
     FREE_LOWER,
@@ -33,7 +34,7 @@ from wholebody.posture.tables import (
 def cost(m, scales, weights):
     """What the motion costs; ``weights`` (n_sided,) are those of the bounds."""
     K, total = m.q.shape[0], 0.0
-    edges = (weights.shape[0] - EDGE - 1 - UPPER - 2 * N_JOINTS) // 2
+    edges = (weights.shape[0] - EDGE - 1 - UPPER - 2 * N_JOINTS) // 3
     for k in range(K):
         if k > 0:
             total += configuration_cost(m.r[k], scales)
@@ -60,7 +61,8 @@ def configuration_cost(r, scales):
         x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
         sigma, unit = pull(h, scales)
         far = math.sqrt(x * x + y * y + z * z) / unit
-        total += (unit / sigma) ** 2 * 2.0 * (far - math.log1p(far))
+        size = math.log1p(far * far) if h % 2 == 0 else 2.0 * (far - math.log1p(far))
+        total += (unit / sigma) ** 2 * size
     for i in range(12, N_POSITION):
         total += scale_of(i, scales) * r[i] * r[i]
     return total
@@ -87,7 +89,8 @@ def scale_of(i, scales):
 def assemble(m, task, scales, H, g, work):
     """Hessian panels (K + 2, N_FREE, 3 N_FREE) and gradient (K + 2, N_FREE) of half the cost without the bounds.
 
-    Far from its target a palm pulls with a force that grows no more.
+    A palm pulls most where it begins to give; far from its target it pulls ever less, so that a target that jumps does
+    not tear the body along. Its orientation pulls with a force that grows no more.
     """
     H[:] = 0.0
     g[:] = 0.0
@@ -107,7 +110,8 @@ def add_configuration(k, m, scales, H, g, work):
             h = i // 3
             x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
             sigma, unit = pull(h, scales)
-            root = 1.0 / (sigma * math.sqrt(1.0 + math.sqrt(x * x + y * y + z * z) / unit))
+            far = math.sqrt(x * x + y * y + z * z) / unit
+            root = 1.0 / (sigma * math.sqrt(1.0 + (far * far if h % 2 == 0 else far)))
         else:
             root = math.sqrt(scale_of(i, scales))
         v[i] = root * r[i]
@@ -190,7 +194,7 @@ def add_lower(k, m, dt, scales, H, g, work):
 def add_upper(k, m, dt, scales, H, g):
     """Accelerations and speeds of waist and arms."""
     f, n = FREE_LOWER, N_FREE
-    here, there = (1.0 / dt if k > 0 else 0.0), (1.0 / dt if k + 1 < m.q.shape[0] else 0.0)
+    here, there = pace(k, m.q.shape[0], dt), pace(k + 1, m.q.shape[0], dt)
     scale = 2.0 / dt if k == 0 else 1.0 / dt
     a, b, c = scale * here, -scale * (here + there), scale * there
     w, s = scales.smooth, scales.speed

@@ -8,6 +8,8 @@ import numpy as np
 
 from wholebody.gjk_core import SCRATCH
 
+FIRST = 1.5
+"""Share of the way to the second control point in the first velocity between knots: the first is not free."""
 N_BODY = 35
 """Velocities of the body without fingers: `LOWER` of base and legs, `UPPER` of waist and arms."""
 LOWER, UPPER = 18, 17
@@ -22,18 +24,19 @@ N_POSITION, N_FRAME = 50, 21
 # Rows that depend on the motion: zero-moment point times load (2), load; torques, waist first; slide of the soles.
 MOMENT, LOADED, TAU, SLIDE, N_MOTION = 0, 2, 3, 20, 24
 WAIST = 3
-# One-sided rows of a knot; edges of the support follow twice, first those of the centre of mass.
+# One-sided rows of a knot; edges of the support follow three times, first those of the centre of mass.
 TILT, LOWEST, LIMIT, NEAR = 0, 2, 3, 32
 N_NEAR = 16
 """Most pairs of bodies that count at one knot."""
 EDGE = NEAR + N_NEAR
-# After the first edges: load, torques, edges, accelerations, speeds, each from here on plus the number of edges.
+# After the first edges, from here on plus their number: load, torques, edges of the zero-moment point. Then come edges
+# of the capture point, accelerations, speeds.
 LOAD, TORQUE, ZMP = EDGE, EDGE + 1, EDGE + 1 + UPPER
 
 
 def n_sided(n_edges: int) -> int:
     """Number of one-sided rows of a knot."""
-    return ZMP + 2 * n_edges + 2 * N_JOINTS
+    return ZMP + 3 * n_edges + 2 * N_JOINTS
 
 
 class Tables(NamedTuple):
@@ -64,6 +67,9 @@ class Tables(NamedTuple):
     normals: np.ndarray  # (E, 2) of the support's edges
     com_offsets: np.ndarray  # (E,)
     zmp_offsets: np.ndarray  # (E,)
+    capture_offsets: np.ndarray  # (E,)
+    capture_time: float  # in which the capture point may reach them
+    sweep: float  # for which bodies may go on approaching each other
 
 
 class Task(NamedTuple):
@@ -72,6 +78,7 @@ class Task(NamedTuple):
     T_palms: np.ndarray  # (K, 2, 4, 4)
     q_fingers: np.ndarray  # (K, n_fingers) in the order of their bodies
     v_start: np.ndarray  # (N_BODY,)
+    bend: np.ndarray  # (K, 12) of the palms' curve away from its control points
     dt: float
 
 
@@ -92,6 +99,7 @@ class Motion(NamedTuple):
     J_tilt: np.ndarray  # (K, 2, N_FREE)
     J_near: np.ndarray  # (K, N_NEAR, N_FREE)
     near: np.ndarray  # (K,) how many
+    sweeps: np.ndarray  # (K, N_NEAR, N_BODY) by velocities
     half: np.ndarray  # (K + 1, N_BODY) velocities between the knots
     behind: np.ndarray  # (K + 1, FREE_LOWER, LOWER) change of half a step back by the knot before, less
     ahead: np.ndarray  # (K + 1, FREE_LOWER, LOWER) and by the knot itself
@@ -121,6 +129,7 @@ def new_motion(K: int, bodies: int, n_edges: int) -> Motion:
         "J_tilt": (K, 2, N_FREE),
         "J_near": (K, N_NEAR, N_FREE),
         "near": (K,),
+        "sweeps": (K, N_NEAR, N_BODY),
         "half": (K + 1, N_BODY),
         "behind": (K + 1, FREE_LOWER, LOWER),
         "ahead": (K + 1, FREE_LOWER, LOWER),

@@ -25,7 +25,7 @@ LOWEST_SCALE = 1e-3
 """[m]"""
 LIMIT_SCALE = 3e-3
 """[rad]"""
-DISTANCE_SCALE = 0.8e-3
+DISTANCE_SCALE = 1.5e-3
 """[m]"""
 COM_SCALE = 1e-3
 """[m]"""
@@ -34,6 +34,8 @@ LOAD_SCALE = 1e-2
 TORQUE_SCALE = 2e-2
 """Share of the torque limit."""
 ZMP_SCALE = 1e-3
+"""[m]"""
+CAPTURE_SCALE = 2e-3
 """[m]"""
 ACCELERATION_SCALE = 2.0
 """[m/s^2, rad/s^2]"""
@@ -68,9 +70,11 @@ def sided(n_edges: int, softness: float) -> np.ndarray:
     """Weights of the bounds of a knot, (n_sided,); their scales are multiplied by ``softness``."""
     w = np.empty(n_sided(n_edges))
     firm = min(softness, SOFTNESS_MAX)
-    load, torque, zmp, rate = LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges, ZMP + 2 * n_edges
+    load, torque, zmp = LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges
+    capture, rate = ZMP + 2 * n_edges, ZMP + 3 * n_edges
     w[TILT:LOWEST], w[LOWEST:LIMIT], w[LIMIT:NEAR] = TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm
     w[NEAR:EDGE], w[EDGE:load] = DISTANCE_SCALE * firm, COM_SCALE * firm
-    w[load:torque], w[torque:zmp], w[zmp:rate] = LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness
+    w[load:torque], w[torque:zmp], w[zmp:capture] = LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness
+    w[capture:rate] = CAPTURE_SCALE * softness
     w[rate : rate + N_JOINTS], w[rate + N_JOINTS :] = ACCELERATION_SCALE * softness, SPEED_SCALE * firm
     return w**-2

@@ -1,38 +1,33 @@
-"""Cubic splines with given slopes at their ends."""
+"""Uniform cubic B-splines."""
 
 from __future__ import annotations
 
 import numpy as np
 
+_BASIS = np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
+"""Powers of the share of an interval (rows) by the four control points around it (columns)."""
 
-class ClampedCubic:
-    """The C2 piecewise cubic through knots that begins and ends with given slopes.
+
+class CubicBSpline:
+    """The C2 piecewise cubic with given control points; its second derivative at a knot is their second difference.
 
     Args:
-        x: Increasing parameters, shape (K,), K at least 2.
-        y: Values, shape (K, C).
-        first, last: Slopes at the ends, shape (C,).
+        start: Parameter of the second control point, where the curve begins.
+        step: Between two knots.
+        points: Control points, shape (n, C), n at least 4; the curve ends at the last but one.
     """
 
-    def __init__(self, x: np.ndarray, y: np.ndarray, first: np.ndarray, last: np.ndarray) -> None:
-        h, n = np.diff(x), len(x)
-        secant = np.diff(y, axis=0) / h[:, None]
-        A, right, inner = np.eye(n), np.empty_like(y), np.arange(1, n - 1)
-        A[inner, inner - 1], A[inner, inner], A[inner, inner + 1] = h[1:], 2.0 * (h[:-1] + h[1:]), h[:-1]
-        right[0], right[-1] = first, last
-        right[1:-1] = 3.0 * (h[1:, None] * secant[:-1] + h[:-1, None] * secant[1:])
-        # Some tens of knots: a dense solution takes no longer than a banded one, which numpy does not have.
-        slopes = np.linalg.solve(A, right)
-        bend, twist = 3.0 * secant - 2.0 * slopes[:-1] - slopes[1:], slopes[:-1] + slopes[1:] - 2.0 * secant
-        self._x = x
-        self._c = y[:-1], slopes[:-1], bend / h[:, None], twist / (h * h)[:, None]
+    def __init__(self, start: float, step: float, points: np.ndarray) -> None:
+        self._start, self._step, self._last = start, step, len(points) - 4
+        around = np.stack([points[i : len(points) - 3 + i] for i in range(4)])
+        self._c = np.einsum("pi,inc->pnc", _BASIS, around)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Value, first and second derivative at parameters (m,), shape (m, C) each."""
-        i = np.clip(np.searchsorted(self._x, x, side="right") - 1, 0, len(self._x) - 2)
-        t = (x - self._x[i])[:, None]
+        s = (x - self._start) / self._step
+        i = np.clip(s.astype(int), 0, self._last)
+        u = (s - i)[:, None]
         c0, c1, c2, c3 = (c[i] for c in self._c)
-        c3 *= t
-        value = c0 + t * (c1 + t * (c2 + c3))
-        first = c1 + t * (2.0 * c2 + 3.0 * c3)
-        return value, first, 2.0 * c2 + 6.0 * c3
+        value = c0 + u * (c1 + u * (c2 + u * c3))
+        first = (c1 + u * (2.0 * c2 + 3.0 * u * c3)) / self._step
+        return value, first, (2.0 * c2 + 6.0 * u * c3) / self._step**2

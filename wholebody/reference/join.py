@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wholebody.reference.caps import HandCaps
+from wholebody.reference.caps import HandCaps, MotionCaps
 from wholebody.reference.knots import FINGER, PARTS, POSITION, ROTATION, brake_time, part_size
 from wholebody.reference.layout import HandMotion
 from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_quaternion
 from wholebody.reference.spline import PiecewiseQuintic, quintic, shift
 
-JOIN_SHARE = 0.5
-"""Share of the caps that the motion may use while it joins, unless the path needs more anyway."""
+JOIN_SHARES = (0.25, 0.25, 0.25)
+"""Shares of the caps on speed, acceleration and jerk that the correction may use; the rest is for the path."""
 DURATIONS = np.geomspace(0.1, 4.0, 17)
 """Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
 
@@ -55,12 +55,12 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
         curve: Curve in the 14 channels of `knots`.
         motion: One row: what is commanded at ``s``.
         s: Parameter of the join [s].
-        caps: The joining motion uses `JOIN_SHARE` of them.
+        caps: The correction uses `JOIN_SHARES` of them.
     """
     own = np.stack(curve(np.array([s])))[:, 0]
     start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
-    duration = join_duration(curve, error, s, caps.scaled(JOIN_SHARE))
+    duration = join_duration(error, caps)
     joined = _add(curve, error, s, duration)
     before = brake_time(start, caps)
     rest = np.zeros_like(start)
@@ -82,15 +82,16 @@ def commanded_jet(motion: HandMotion, near: np.ndarray) -> np.ndarray:
     return jet
 
 
-def join_duration(curve: PiecewiseQuintic, error: np.ndarray, s: float, caps: HandCaps) -> float:
-    """Shortest of `DURATIONS` in which the joined motion stays inside the caps, or the one that comes nearest, [s].
+def join_duration(error: np.ndarray, caps: HandCaps) -> float:
+    """Shortest of `DURATIONS` in which the correction stays inside the caps, or the one that comes nearest, [s].
 
-    Where the path itself, or the motion that it continues, exceeds a cap, that counts instead of the cap.
+    The path does not count: recordings are rough enough that no join would ever be smooth beside them. Where the
+    correction begins above a cap, that counts instead of the cap.
     """
     best, best_excess = DURATIONS[-1], np.inf
     first = min(int(np.searchsorted(DURATIONS, _least_duration(error, caps))), len(DURATIONS) - 1)
     for duration in DURATIONS[first:]:
-        excess = _join_excess(curve, error, s, duration, caps)
+        excess = _join_excess(error, duration, caps)
         if excess <= 1.0:
             return float(duration)
         if excess < best_excess:
@@ -106,24 +107,27 @@ def _least_duration(error: np.ndarray, caps: HandCaps) -> float:
     least = 0.0
     for part, cap in zip(PARTS, caps.motions, strict=True):
         d = float(part_size(error[0], part))
-        least = max(
-            least, 1.875 * d / cap.speed, (5.77 * d / cap.acceleration) ** 0.5, (60.0 * d / cap.jerk) ** (1 / 3)
-        )
+        speed, acceleration, jerk = _bounds(cap)
+        least = max(least, 1.875 * d / speed, (5.77 * d / acceleration) ** 0.5, (60.0 * d / jerk) ** (1 / 3))
     return 0.5 * least
 
 
-def _join_excess(curve: PiecewiseQuintic, error: np.ndarray, s: float, duration: float, caps: HandCaps) -> float:
-    """Largest ratio of speed, acceleration and jerk of the joined motion to what they may be."""
-    own = curve(s + duration * _S, 3)
+def _join_excess(error: np.ndarray, duration: float, caps: HandCaps) -> float:
+    """Largest ratio of speed, acceleration and jerk of the correction to what they may be."""
     scaled = error * np.array([[1.0], [duration], [duration**2]])
     worst = 0.0
     for order in (1, 2, 3):
-        rates = own[order] + (_BASIS[order] @ scaled) / duration**order
+        rates = (_BASIS[order] @ scaled) / duration**order
         for part, cap in zip(PARTS, caps.motions, strict=True):
-            size, bound = part_size(rates, part), (cap.speed, cap.acceleration, cap.jerk)[order - 1]
-            bound = max(bound, part_size(own[order], part).max(), size[0] if order < 3 else 0.0)
-            worst = max(worst, size.max() / bound)
+            size, bound = part_size(rates, part), _bounds(cap)[order - 1]
+            worst = max(worst, size.max() / max(bound, size[0] if order < 3 else 0.0))
     return float(worst)
+
+
+def _bounds(cap: MotionCaps) -> tuple[float, ...]:
+    """Speed, acceleration and jerk that a correction may have."""
+    sizes = (cap.speed, cap.acceleration, cap.jerk)
+    return tuple(share * size for share, size in zip(JOIN_SHARES, sizes, strict=True))
 
 
 def _add(curve: PiecewiseQuintic, error: np.ndarray, s: float, duration: float) -> PiecewiseQuintic:

@@ -53,7 +53,7 @@ class ReferenceSmoother:
         state = initial_state(rows)
         if state.shape != self.state.shape:
             raise InputError(f"{len(state)} rows; {len(self.state)} are expected, one for each hand", field="rows")
-        self.state = state
+        self.state[:] = state
 
     def step(self, target: np.ndarray, dt: float) -> HandMotion:
         """Advance by one tick.
