@@ -21,6 +21,9 @@ JOIN_SHARES = (0.25, 0.25, 0.25)
 DURATIONS = np.geomspace(0.1, 4.0, 17)
 """Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
 
+SMALL = (0.012, 0.06, 0.1)
+"""Position [m], orientation [quaternion's length] and fingers [rad]: a correction below is no difference."""
+
 _S = np.linspace(0.0, 1.0, 25)
 _UNIT = PiecewiseQuintic(
     np.array([0.0, 1.0]), quintic(np.ones(1), np.eye(3)[:, None], np.zeros((3, 1, 3)))
@@ -60,8 +63,13 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
     own = np.stack(curve(np.array([s])))[:, 0]
     start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
-    duration = join_duration(error, caps)
-    joined = _add(curve, error, s, duration)
+    place, rates = error.copy(), error.copy()
+    place[1:], rates[0] = 0.0, 0.0
+    duration = join_duration(place, caps)
+    # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
+    settling = DURATIONS[0] if _excursion(rates, DURATIONS[0]) <= 1.0 else join_duration(rates, caps)
+    joined = _add(_add(curve, place, s, duration), rates, s, settling)
+    duration = max(duration, settling)
     before = brake_time(start, caps)
     rest = np.zeros_like(start)
     rest[0] = start[0] - before * (start[1] / 2.0 - before * start[2] / 12.0)
@@ -122,6 +130,12 @@ def _join_excess(error: np.ndarray, duration: float, caps: HandCaps) -> float:
             size, bound = part_size(rates, part), _bounds(cap)[order - 1]
             worst = max(worst, size.max() / max(bound, size[0] if order < 3 else 0.0))
     return float(worst)
+
+
+def _excursion(error: np.ndarray, duration: float) -> float:
+    """Largest ratio of a correction to what is called no difference."""
+    values = _BASIS[0] @ (error * np.array([[1.0], [duration], [duration**2]]))
+    return max(float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True))
 
 
 def _bounds(cap: MotionCaps) -> tuple[float, ...]:
