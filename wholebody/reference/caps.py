@@ -39,13 +39,13 @@ class HandCaps:
 
     The defaults of the position are what a fast but demandable motion needs several times over: the 1.1 m/s lissajous
     peaks at 5.8 m/s^2 and 32 m/s^3. Those of the orientation are as far above a brisk turn of the wrist (180 degrees in
-    half a second: 12 rad/s, 72 rad/s^2), those of the fingers let a 1 Hz sine over the whole range of a joint pass
-    (5.4 rad/s, 34 rad/s^2, 213 rad/s^3).
+    half a second: 12 rad/s, 72 rad/s^2), those of the fingers let a 1 Hz sine over the whole
+    range of a joint pass (5.4 rad/s, 34 rad/s^2, 213 rad/s^3), and its start from rest within a step of a chunk.
     """
 
     position: MotionCaps = field(default_factory=lambda: MotionCaps(2.5, 20.0, 400.0))
     orientation: MotionCaps = field(default_factory=lambda: MotionCaps(12.0, 80.0, 2000.0))
-    finger: MotionCaps = field(default_factory=lambda: MotionCaps(10.0, 100.0, 3000.0))
+    finger: MotionCaps = field(default_factory=lambda: MotionCaps(10.0, 150.0, 8000.0))
     finger_lower: tuple[float, ...] = (-inf,) * FINGERS
     """Lower limits of the joints in motor order [rad]."""
     finger_upper: tuple[float, ...] = (inf,) * FINGERS
