@@ -45,7 +45,7 @@ class HandCaps:
 
     position: MotionCaps = field(default_factory=lambda: MotionCaps(2.5, 20.0, 400.0))
     orientation: MotionCaps = field(default_factory=lambda: MotionCaps(12.0, 80.0, 2000.0))
-    finger: MotionCaps = field(default_factory=lambda: MotionCaps(10.0, 150.0, 8000.0))
+    finger: MotionCaps = field(default_factory=lambda: MotionCaps(10.0, 180.0, 3000.0))
     finger_lower: tuple[float, ...] = (-inf,) * FINGERS
     """Lower limits of the joints in motor order [rad]."""
     finger_upper: tuple[float, ...] = (inf,) * FINGERS
