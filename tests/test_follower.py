@@ -72,9 +72,9 @@ class Specification:
         if self.clock.s < self.last:
             self.elapsed, self.travelled = self.elapsed + DT, self.travelled + DT * self.clock.rate
         row = self.body(motion).pack()
-        safety, body = self.supervisor.config.safety, np.ones(43, dtype=bool)
-        body[self.supervisor.controller.finger_indices] = False
-        distance = np.abs(q[7:] - row[96:139])[body].max()
+        safety, names = self.supervisor.config.safety, self.supervisor.robot.joint_names
+        shares = np.array([0.0 if "_hand_" in x else 1.0 / 3.0 if "_wrist_" in x else 1.0 for x in names])
+        distance = np.max(shares * np.abs(q[7:] - row[96:139]))
         share = (safety.posture_stop - distance) / (safety.posture_stop - safety.posture_slow)
         return row, np.clip(share, 1e-3, 1.0)
 

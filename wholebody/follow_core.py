@@ -42,7 +42,7 @@ GRAVITY, LOWEST = 9.81, 0.2
 """Of the pendulum [m/s^2], and its least height [m], as `wholebody.limits.balance`."""
 
 
-def follow(settings, clock, paths, track, smoothing, support, measured, posture, row, fingers, body):
+def follow(settings, clock, paths, track, smoothing, support, measured, posture, row, fingers, shares):
     """One tick: advance clock and smoother in place, and write the reference.
 
     Args:
@@ -57,7 +57,7 @@ def follow(settings, clock, paths, track, smoothing, support, measured, posture,
         posture: Out: configuration (nq,) and velocity (nv,) of the posture plan.
         row: The reference of the last tick, replaced by that of this one.
         fingers: Joints of each hand's fingers (2, any).
-        body: All other joints (any,).
+        shares: How much each joint's distance from the plan counts (n_joints,).
     """
     state, target, caps, offsets = smoothing
     if settings[MOVING] > 0.0:
@@ -75,7 +75,7 @@ def follow(settings, clock, paths, track, smoothing, support, measured, posture,
     rate = clock[RATE] if settings[MOVING] > 0.0 else 0.0
     follow_track(track, track_row(settings, clock[S], track[TRACK_Q].shape[0]), rate, posture, row)
     follow_fingers(state, fingers, row)
-    clock[SHARE] = trust(settings, measured[0], row, body)
+    clock[SHARE] = trust(settings, measured[0], row, shares)
 
 
 def governor(settings, row, support, measured):
@@ -187,14 +187,10 @@ def follow_fingers(state, fingers, row):
                 row[POSTURE + d * n + j] = state[i, 19 + 7 * d + c]
 
 
-def trust(settings, q, row, body):
-    """How far the hands may pull: less where the body has left its plan; near a straight arm they would drag it along.
-
-    Fingers do not count.
-    """
+def trust(settings, q, row, shares):
+    """How far the hands may pull: less where the body has left its plan, along which they would drag it further."""
     distance = 0.0
-    for k in range(body.shape[0]):
-        j = body[k]
-        distance = max(distance, abs(q[7 + j] - row[POSTURE + j]))
+    for j in range(shares.shape[0]):
+        distance = max(distance, shares[j] * abs(q[7 + j] - row[POSTURE + j]))
     room = (settings[POSTURE_STOP] - distance) / (settings[POSTURE_STOP] - settings[POSTURE_SLOW])
     return min(max(room, SHARE_MIN), 1.0)

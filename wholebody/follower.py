@@ -17,6 +17,9 @@ from wholebody.reference import PathClock, ReferenceSmoother, path_core, smoothe
 
 NO_PATH = np.zeros(0)
 
+WRIST_SHARE = 1.0 / 3.0
+"""How much the distance of a wrist joint from the plan counts: little weight hangs on it."""
+
 
 class Follower:
     """Says what the controller follows at each tick; slows down where tracking or balance suffer.
@@ -62,7 +65,7 @@ class Follower:
         self._edges = np.column_stack([support.normals, support.offsets])
         self._posture = track.q[0].copy(), np.zeros(robot.nv)
         self._fingers = np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools])
-        self._body = np.setdiff1d(np.arange(robot.n_joints), controller.finger_indices)
+        self._shares = np.array([_share(name) for name in robot.joint_names])
         self._follow = core.follow if interpret else compiled_follow()
 
     @property
@@ -90,6 +93,10 @@ class Follower:
         """What the posture plan asks for now."""
         q, v = self._posture
         return PostureState(q.copy(), v.copy())
+
+    def distance(self, q: np.ndarray) -> float:
+        """How far a configuration (nq,) is from the posture plan: the furthest joint, light ones counting less [rad]."""
+        return float(np.max(self._shares * np.abs(q[7:] - self._posture[0][7:])))
 
     @property
     def time_factor(self) -> float:
@@ -131,10 +138,15 @@ class Follower:
         self._follow(
             self._settings, self._state, self._paths, self._track, self._smoothing,
             (self._edges, controller.palm_positions()), (q, robot.com, robot.com_velocity), self._posture, self.row,
-            self._fingers, self._body,
+            self._fingers, self._shares,
         )  # fmt: skip
         controller.trust_hands(float(self._state[core.SHARE]))
         return PackedReference(self.row)
+
+
+def _share(joint: str) -> float:
+    """How much a joint's distance from the plan counts: it is the heavy ones that carry balance away."""
+    return 0.0 if "_hand_" in joint else WRIST_SHARE if "_wrist_" in joint else 1.0
 
 
 def track_matrices(track: PostureTrack) -> tuple[np.ndarray, ...]:
@@ -154,10 +166,10 @@ def compiled_follow() -> Callable[..., None]:
     modules = (path_core, smoother_core, core)
     for module in modules:
         register(module)
-    vector, matrix, indices = float64[::1], float64[:, ::1], int64[::1]
+    vector, matrix = float64[::1], float64[:, ::1]
     two, three = types.UniTuple(vector, 2), types.UniTuple(vector, 3)
     arguments = (
         vector, vector, two, types.UniTuple(matrix, 12), types.UniTuple(matrix, 4), types.UniTuple(matrix, 2), three,
-        two, vector, int64[:, ::1], indices,
+        two, vector, int64[:, ::1], vector,
     )  # fmt: skip
     return native(core.follow, arguments, digest(modules))

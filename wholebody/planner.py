@@ -30,7 +30,11 @@ GOOD_LOSS, GOOD_EXCESS = 0.004, 2.0
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
 BALANCE_MIN = 0.005
-"""Least distance of the zero-moment point from the edge between the knots of a plan that is followed [m]."""
+"""Distance of the zero-moment point from the edge that is kept [m]."""
+DRIFT_MAX = 0.006
+"""How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
+DRIFT_GAIN = 2.0
+"""Share of a drift that the zero-moment point leads it by, to take it back."""
 TURN_LOSS = 0.008
 """Distance of a palm from its target above which its orientation gives way more [m]."""
 
@@ -152,7 +156,7 @@ class _Attempt:
     motion: PostureMotion
     distance: np.ndarray
     track: PostureTrack
-    balance: float
+    drift: float
 
     @property
     def loss(self) -> float:
@@ -252,7 +256,7 @@ class ChunkPlanner:
         if self._safe(gentle):
             return gentle
         tried += [gentle, *(self._attempt(chunk, now, start, commanded, 1.0, None, x) for x in (c.gentle, c.brake))]
-        return max(tried, key=lambda one: (one.excess <= c.excess_max, one.balance))
+        return max(tried, key=lambda one: (one.excess <= c.excess_max, -one.drift))
 
     def _good(self, attempt: _Attempt) -> bool:
         return attempt.loss <= GOOD_LOSS and attempt.excess <= GOOD_EXCESS
@@ -262,7 +266,7 @@ class ChunkPlanner:
         return attempt.loss <= c.loss_max and self._safe(attempt)
 
     def _safe(self, attempt: _Attempt) -> bool:
-        return attempt.excess <= self.config.excess_max and attempt.balance >= BALANCE_MIN
+        return attempt.excess <= self.config.excess_max and attempt.drift <= DRIFT_MAX
 
     def _attempt(self, chunk, now, start, commanded, slowdown, before=None, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
@@ -288,7 +292,7 @@ class ChunkPlanner:
         curve = _curve(steps, motion.q, slowdown * start.v)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         track = self._track(curve, steps[0], steps[-1] + steps[1] - steps[0])
-        return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance, track, self._balance(track, slowdown))
+        return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance, track, self._drift(track, slowdown))
 
     def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
         """Of the plan before, what is still near the palms wanted, (k, nq)."""
@@ -327,14 +331,27 @@ class ChunkPlanner:
             paths.append(bent.joined(_slower(commanded.rows[i], attempt.slowdown), float(steps[0])))
         return tuple(paths), distance * share
 
-    def _balance(self, track: PostureTrack, slowdown: float) -> float:
-        """Least distance of the zero-moment point from the edge of the support, between the knots too [m]."""
+    def _drift(self, track: PostureTrack, slowdown: float) -> float:
+        """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
+
+        The plan keeps its zero-moment point inside at its knots. Between them it may be outside for some hundredths of
+        a second: the pressure stays at the edge, the capture point runs away from it like the pendulum that it is, and
+        comes back as soon as there is room again. Taken along each edge by itself.
+        """
         com, rate = track.com[0], slowdown**-2
         a, turning = rate * track.com[2], rate * track.momentum[1] / self.posture.mass
         lift = np.maximum(a[:, 2] - self.model.gravity.linear[2], 0.1)
         shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
         zmp = com[:, :2] - shift / lift[:, None]
-        return float(np.min(self.posture.body.pressure_offsets - zmp @ self.posture.support.normals.T))
+        outside = zmp @ self.posture.support.normals.T - (self.posture.body.pressure_offsets - BALANCE_MIN)
+        if outside.max() <= 0.0:
+            return 0.0
+        omega, drift, largest = np.sqrt(lift / com[:, 2]), np.zeros(outside.shape[1]), 0.0
+        for now, step in zip(outside, omega * GRID * slowdown, strict=True):
+            led = np.where(now > 0.0, now, np.maximum(now, -DRIFT_GAIN * drift))
+            drift = np.maximum(drift + step * (drift + led), 0.0)
+            largest = max(largest, float(drift.max()))
+        return largest
 
     def _track(self, curve: CubicBSpline, start: float, end: float) -> PostureTrack:
         """The posture on the grid: everything from one smooth curve.

@@ -64,7 +64,7 @@ class Supervisor:
         self.controller.reset(state)
         track = PostureTrack.still(self.robot, state.q)
         rows = np.stack([self._rest_row(side, state.q) for side in (0, 1)])
-        self._smoother = ReferenceSmoother(rows, self.planner.caps)
+        self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.caps])
         self._follower = Follower(self.controller, self.config, track, self._smoother, rows)
         self._plan, self._chunk, self._chunk_end = None, None, 0.0
         self._fallen = False
@@ -207,9 +207,7 @@ class Supervisor:
 
     def _lost(self) -> bool:
         """Whether the robot has left its plan."""
-        distance = np.abs(self._last_state.q[7:] - self._follower.posture.q[7:])
-        distance[self.controller.finger_indices] = 0.0
-        return bool(distance.max() > self.config.safety.posture_lost)
+        return self._follower.distance(self._last_state.q) > self.config.safety.posture_lost
 
     def step(self, state: RobotState) -> JointCommand:
         """Command for one control period."""

@@ -10,6 +10,9 @@ import numpy as np
 from wholebody.errors import InputError
 from wholebody.reference.layout import FINGERS
 
+OUTER = (1.25, 3.0, 5.0)
+"""Factors on speed, acceleration and jerk from what a motion is given to what is stopped as a jump."""
+
 
 @dataclass(frozen=True)
 class MotionCaps:
@@ -75,9 +78,19 @@ class HandCaps:
         motions = {name: getattr(self, name).scaled(factor) for name in ("position", "orientation", "finger")}
         return replace(self, **motions)
 
+    @property
+    def outer(self) -> HandCaps:
+        """What the last stage lets pass: knots are met whatever they demand, and recordings of people demand more."""
+        return replace(self, position=_wider(self.position), orientation=_wider(self.orientation))
+
     def array(self) -> np.ndarray:
         """What `smoother_core` reads, shape ``(41,)``: 9 times (speed, acceleration, jerk), lower and upper limits."""
         fingers = np.tile(astuple(self.finger), FINGERS)
         return np.concatenate(
             [astuple(self.position), astuple(self.orientation), fingers, self.finger_lower, self.finger_upper]
         )
+
+
+def _wider(caps: MotionCaps) -> MotionCaps:
+    """Caps times `OUTER`."""
+    return MotionCaps(*(factor * cap for factor, cap in zip(OUTER, astuple(caps), strict=True)))
