@@ -237,7 +237,7 @@ class ChunkPlanner:
             if before is not None and slowdown == 1.0 and not self._good(attempt):
                 # The plan before may have led to where the search cannot leave: begin anew.
                 anew = self._attempt(chunk, now, start, commanded, slowdown)
-                attempt = min(attempt, anew, key=lambda one: one.motion.cost)
+                attempt = min(attempt, anew, key=lambda one: (not self._safe(one), one.motion.cost))
             if attempt.loss > TURN_LOSS:
                 softer, guess = replace(c.posture, orientation=c.turning), attempt.motion.q[1:]
                 turned = self._attempt(chunk, now, start, commanded, slowdown, guess, softer)
