@@ -211,6 +211,8 @@ class PlannerConfig:
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
     loss_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
+    error_max: float = 0.01
+    """Mean distance of the palms from the targets, at their own times, up to which it does whatever the largest [m]."""
     excess_max: float = 3.0
     """Largest excess over a bound of a plan that counts as following, in units of the bound's scale."""
     settle: float = 0.5

@@ -95,7 +95,7 @@ class Follower:
         return PostureState(q.copy(), v.copy())
 
     def distance(self, q: np.ndarray) -> float:
-        """How far a configuration (nq,) is from the posture plan: its furthest joint, light ones counting less [rad]."""
+        """How far a configuration (nq,) is from the posture plan: its furthest joint, light ones count less [rad]."""
         return float(np.max(self._shares * np.abs(q[7:] - self._posture[0][7:])))
 
     @property

@@ -263,7 +263,7 @@ class ChunkPlanner:
 
     def _follows(self, attempt: _Attempt) -> bool:
         c = self.config
-        return attempt.loss <= c.loss_max and self._safe(attempt)
+        return (attempt.loss <= c.loss_max or attempt.error <= c.error_max) and self._safe(attempt)
 
     def _safe(self, attempt: _Attempt) -> bool:
         return attempt.excess <= self.config.excess_max and attempt.drift <= DRIFT_MAX
