@@ -262,3 +262,29 @@ def test_poses_come_back_as_matrices():
     T, q = knots_of(rows)
     np.testing.assert_allclose(HandMotion(rows).T_world_hand, T, atol=1e-12)
     np.testing.assert_allclose(rest_row(T[1], q[1])[:3], rows[1, :3])
+
+
+def test_a_moved_path_goes_through_the_poses_and_keeps_what_happens_between_them():
+    path = joined_path()
+    steps = np.linspace(0.9, 2.0, 12)
+    here = path.sample(steps)
+    T = np.stack([motion.T_world_hand for motion in map(HandMotion, here.rows)])
+    T[:, :3, 3] += np.linspace(0.0, 0.05, 12)[:, None] * [1.0, 0.0, -0.5]
+    T[:, :3, :3] = Rotation.from_rotvec(np.linspace(0.0, 0.2, 12)[:, None] * [0.0, 1.0, 0.0]).as_matrix() @ T[:, :3, :3]
+    moved = path.moved(steps, T)
+    np.testing.assert_allclose(moved.sample(steps).T_world_hand, T, atol=1e-9)
+    start, own = moved.sample(np.array([0.9])), path.sample(np.array([0.9]))
+    np.testing.assert_allclose(start.rows, own.rows, atol=1e-9)
+    between = np.linspace(1.2, 1.9, 500)
+    change = moved.sample(between).p - path.sample(between).p
+    np.testing.assert_allclose(change[:, 0], 0.05 * (between - 0.9) / 1.1, atol=1e-3)
+    for s in moved.curve.breaks:
+        assert max(jump(moved, s)[:2]) < 1e-6
+
+
+def test_a_path_moved_nowhere_is_itself():
+    path = wild_path()
+    steps = np.linspace(0.0, 1.5, 9)
+    moved = path.moved(steps, path.sample(steps).T_world_hand)
+    between = np.linspace(0.0, 1.5, 300)
+    np.testing.assert_allclose(moved.sample(between).rows[:, :3], path.sample(between).rows[:, :3], atol=1e-9)

@@ -213,7 +213,7 @@ class ChunkPlanner:
                 shape (k, nq), the first one a step from now; a good guess where both plans agree.
         """
         attempt = self._best(chunk, now, start, commanded, before)
-        paths, clamped = self._clamp(attempt, commanded)
+        paths, clamped = self._clamp(attempt)
         motion, steps = attempt.motion, attempt.steps
         margin = np.min(self.posture.body.pressure_offsets - motion.zmp @ self.posture.support.normals.T, axis=1)
         reasons = []
@@ -305,7 +305,7 @@ class ChunkPlanner:
             same += 1
         return before[:same]
 
-    def _clamp(self, attempt: _Attempt, commanded: HandMotion) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
+    def _clamp(self, attempt: _Attempt) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
         """Move the targets that the plan does not reach to where it does; a small remainder is left to the QP."""
         reached, palms, steps = attempt.motion.T_palms, attempt.palms, attempt.steps
         offset, distance = reached[:, :, :3, 3] - palms[:, :, :3, 3], attempt.distance
@@ -326,9 +326,7 @@ class ChunkPlanner:
                 R = pin.exp3(turn[k, i] * turn_share[k, i]) @ palms[k, i, :3, :3]
                 palm = palms[k, i, :3, 3] + share[k, i] * offset[k, i]
                 T[k, :3, :3], T[k, :3, 3] = R, palm - R @ self.offsets[i]
-            fingers = path.sample(steps).q_finger
-            bent = HandPath.from_knots(steps, T, fingers, caps=self.caps[i])
-            paths.append(bent.joined(_slower(commanded.rows[i], attempt.slowdown), float(steps[0])))
+            paths.append(path.moved(steps, T))
         return tuple(paths), distance * share
 
     def _drift(self, track: PostureTrack, slowdown: float) -> float:

@@ -14,6 +14,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from policy.rotations import matrix_to_quaternion
 from wholebody.errors import InputError
 from wholebody.reference import path_core
 from wholebody.reference.caps import HandCaps
@@ -22,7 +23,7 @@ from wholebody.reference.join import Join, join_curve
 from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P, V, W
 from wholebody.reference.rotation import angular_rates, unit_quaternion
-from wholebody.reference.spline import PiecewiseQuintic
+from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
 
 CELL = 0.002
 """Width of a look-up cell [s]: one control tick at 500 Hz."""
@@ -85,6 +86,25 @@ class HandPath:
             )
         curve, join = join_curve(self.curve, motion, float(s), self.caps if caps is None else caps)
         return replace(self, curve=curve, start=float(s), join=join)
+
+    def moved(self, s: np.ndarray, T_world_hand: np.ndarray) -> HandPath:
+        """The path led through other poses: the smooth difference is added, so what happens between them stays.
+
+        The start is kept, with its rates, whatever the first pose; after the last one the difference stays as it is.
+
+        Args:
+            s: Increasing parameters from the start on, shape ``(K,)``, [s].
+            T_world_hand: Where the hand is to be at them, shape ``(K, 4, 4)``.
+        """
+        own = self.curve(s, 0)[0]
+        quat, size = matrix_to_quaternion(T_world_hand[:, :3, :3], "xyzw"), np.linalg.norm(own[:, ROTATION], axis=1)
+        quat *= (size * np.where(np.sum(quat * own[:, ROTATION], axis=1) < 0.0, -1.0, 1.0))[:, None]
+        change = np.zeros_like(own)
+        change[1:, POSITION] = T_world_hand[1:, :3, 3] - own[1:, POSITION]
+        change[1:, ROTATION] = quat[1:] - own[1:, ROTATION]
+        jets = np.stack([change, *knot_derivatives(s, change, np.zeros(len(s), dtype=bool))])
+        jets[1:, [0, -1]] = 0.0
+        return replace(self, curve=self.curve + PiecewiseQuintic(s, quintic(np.diff(s), jets[:, :-1], jets[:, 1:])))
 
     @property
     def span(self) -> tuple[float, float]:

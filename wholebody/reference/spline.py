@@ -46,6 +46,11 @@ class PiecewiseQuintic:
             out.append(y)
         return out
 
+    def __add__(self, other: PiecewiseQuintic) -> PiecewiseQuintic:
+        """The sum of two curves, defined where one of them is."""
+        mine, its = self.split(other.breaks), other.split(self.breaks)
+        return PiecewiseQuintic(mine.breaks, mine.coefficients + its.coefficients)
+
     def split(self, points: np.ndarray) -> PiecewiseQuintic:
         """The same curve with breaks at ``points`` as well, which may lie outside."""
         breaks = np.union1d(self.breaks, points)
