@@ -15,7 +15,7 @@ from test_qp import standing
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from wholebody.config import ControllerConfig
+from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.controller import PalmReference, WholeBodyController
 from wholebody.qp import blocks_core as mem
 from wholebody.qp.memory import ITERATION_LIMIT
@@ -136,7 +136,13 @@ def multipliers(controller, z):
     edges, pairs = compiled.counts[mem.N_EDGES], compiled.counts[mem.N_PAIRS]
     soft = 2 * n + 5 * points
     trunk = soft + points
-    rows = [z[n : 2 * n], z[2 * n + points : soft], z[soft : soft + edges], z[trunk : trunk + 15 + pairs]]
+    low = len(controller.floor.underside.labels)
+    near = trunk + 15 + np.flatnonzero(compiled._reals[mem.SOFT_UPPER][points + 15 : points + 15 + low] < 1e300)
+    first = trunk + 15 + low
+    rows = [
+        *(z[n : 2 * n], z[2 * n + points : soft], z[soft : soft + edges], z[trunk : trunk + 15]),
+        *(z[near], z[first : first + pairs]),
+    ]
     box = np.zeros(nv + 3 * points + 2)
     box[6:nv], box[nv + 2 : -2 : 3], box[-2:] = z[:n], z[2 * n : 2 * n + points], z[-2:]
     return np.concatenate(rows), box
@@ -196,6 +202,28 @@ def test_a_robot_with_rubber_hands_has_the_same_answer_too():
         assert found.ok
         if expected.residuals.within(EXACT, EXACT):
             assert difference(found.x, expected.x, spread) <= TOLERANCE
+
+
+@pytest.mark.parametrize("hands", [True, False])
+def test_hands_near_the_floor_have_the_same_answer_too(hands):
+    # The hands of the stance are 0.82 m high: a floor up there is as near to them as one needs.
+    safety = replace(SafetyConfig(), floor_distance=0.80)
+    controller, q_stance = make(ControllerConfig(safety=safety), hands=hands)
+    rng, active, compared = np.random.default_rng(19), 0, 0
+    for _ in range(200):
+        q, v, reference = draw(controller, q_stance, rng, 0.7)
+        found = solved(controller, q, v, reference)
+        expected, spread, _ = readable(controller, True)
+        assert found.ok
+        if expected.residuals.within(EXACT, EXACT):
+            assert difference(found.x, expected.x, spread) <= TOLERANCE
+            rows, _ = multipliers(controller, found.z)
+            assert active_set(rows) == active_set(expected.z)
+            labels = controller.build().labels
+            active += sum(labels[i].startswith("floor.") for i in np.flatnonzero(np.abs(rows) > ACTIVE))
+            compared += 1
+    assert compared >= 170
+    assert active >= 0.5 * compared
 
 
 def test_the_working_set_of_the_last_tick_changes_the_way_but_not_the_answer(default):

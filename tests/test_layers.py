@@ -22,7 +22,7 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # The names of a set are siblings: none imports another.
 LAYERS = (
     ("resources", "native", "errors", "types", "config", "config_file"),
-    ("support", "bodies", "robot", "gjk_core", "shapes", "proximity"),
+    ("support", "bodies", "robot", "gjk_core", "shapes", "proximity", "underside"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     {"qp", "posture"},
     (

@@ -105,6 +105,12 @@ class SafetyConfig:
     """Distance beyond the least one from which a pair of bodies counts [m]."""
     self_brake: float = 10.0
     """[m/s^2]"""
+    floor_distance: float = 0.012
+    """Least height of hands and forearms over the floor [m]."""
+    floor_trigger: float = 0.1
+    """Height beyond the least one from which a body counts [m]."""
+    floor_brake: float = 10.0
+    """[m/s^2]"""
     torque_share: float = 0.95
     """Share of the effort limit that the program may plan with; the rest is for the position loop."""
 

@@ -15,6 +15,7 @@ from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
+from wholebody.limits.floor import FloorLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.proximity import Proximity
@@ -26,6 +27,7 @@ from wholebody.qp.solvers import solve
 from wholebody.robot import Robot
 from wholebody.support import convex_polygon
 from wholebody.types import JointCommand, RobotState
+from wholebody.underside import Underside
 
 __all__ = ["BodyReference", "PackedReference", "PalmReference", "TickReport", "WholeBodyController"]
 
@@ -130,6 +132,7 @@ class WholeBodyController:
             torso_limit=self.torso_limit,
             height_limit=self.height_limit,
             self_collision=self.self_collision,
+            floor=self.floor,
             safety=self._safety,
             prices=self.dynamics.regularisation,
             joints=np.array([self._q_min, self._q_max, self._dq_max, self._ddq_max, self._brake]),
@@ -164,8 +167,16 @@ class WholeBodyController:
         self.limits = limits if self._safety else ()
         q_stance = stance_q(spec, self.robot.model)
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
+        fingers = 6 + self.finger_indices
         self.self_collision = SelfCollisionLimit(
-            proximity, trigger=safety.self_trigger, brake=safety.self_brake, driven=6 + self.finger_indices
+            proximity, trigger=safety.self_trigger, brake=safety.self_brake, driven=fingers
+        )
+        self.floor = FloorLimit(
+            Underside(self.robot.model, proximity.geometry),
+            distance=safety.floor_distance,
+            trigger=safety.floor_trigger,
+            brake=safety.floor_brake,
+            driven=fingers,
         )
 
     def reset(self, state: RobotState) -> None:
@@ -251,7 +262,7 @@ class WholeBodyController:
             slowed = self.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-10.0 * robot.v[6:])
         rows = [limit.rows(robot) for limit in self.limits]
-        collision = [self.self_collision.rows(robot)] if self._safety else []
+        collision = [self.floor.rows(robot), self.self_collision.rows(robot)] if self._safety else []
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 
     def _solve(self) -> TickReport:

@@ -58,7 +58,7 @@ class Proximity:
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
         parents = np.array([shape.parentJoint for shape in self.geometry.geometryObjects])
         self._parents = parents[self.pairs]
-        self._supports = _supports(model)
+        self._supports = joint_supports(model)
         self.radii = sweep_radii(model, self.geometry)
         self._sweep = _pair_sweep(self.radii[self.pairs])
         pin.computeDistances(model, model.createData(), self.geometry, self.data, q_stance)
@@ -175,19 +175,35 @@ class Proximity:
         rows = self.rows[pairs]
         normal = np.concatenate([-rows[:, :3], rows[:, :3]])
         p = np.concatenate([rows[:, 3:6], rows[:, 6:]])
-        joints = self._parents[pairs].T.ravel()
-        # A world-frame motion (u, w) moves the point p along n by n . u + (p x n) . w.
-        row = np.hstack([normal, _cross(p, normal)])
-        J = (row @ data.J) * self._supports[joints]
-        J = J[: len(pairs)] + J[len(pairs) :]
-        if v is None:
-            return J, np.zeros(len(pairs))
-        motion = (self._supports @ (data.J * v).T)[joints]
-        drifting = (self._supports @ (data.dJ * v).T)[joints]
-        w = motion[:, 3:]
-        swing = _cross(w, motion[:, :3] + _cross(w, p))
-        drift = np.einsum("ij,ij->i", row, drifting) + np.einsum("ij,ij->i", normal, swing)
-        return J, drift[: len(pairs)] + drift[len(pairs) :]
+        J, drift = point_rates(data, self._supports[self._parents[pairs].T.ravel()], p, normal, v)
+        return J[: len(pairs)] + J[len(pairs) :], drift[: len(pairs)] + drift[len(pairs) :]
+
+
+def point_rates(
+    data: pin.Data, supports: np.ndarray, p: np.ndarray, normal: np.ndarray, v: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """How motion moves points of bodies along given directions.
+
+    Args:
+        data: As in `Proximity.rates`.
+        supports: Which velocities move the bodies of the points, shape (k, nv), 0 or 1.
+        p: Points in world, shape (k, 3), [m].
+        normal: Directions in world, shape (k, 3).
+        v: Velocity, shape (nv,); None leaves the second answer zero.
+
+    Returns:
+        J with ``speed along normal = J v``, shape (k, nv), and the acceleration along the normal for ``dv = 0``,
+        shape (k,), [m/s^2].
+    """
+    # A world-frame motion (u, w) moves the point p along n by n . u + (p x n) . w.
+    row = np.hstack([normal, _cross(p, normal)])
+    J = (row @ data.J) * supports
+    if v is None:
+        return J, np.zeros(len(p))
+    motion, drifting = supports @ (data.J * v).T, supports @ (data.dJ * v).T
+    w = motion[:, 3:]
+    swing = _cross(w, motion[:, :3] + _cross(w, p))
+    return J, np.einsum("ij,ij->i", row, drifting) + np.einsum("ij,ij->i", normal, swing)
 
 
 def sweep_radii(model: pin.Model, geometry: pin.GeometryModel) -> np.ndarray:
@@ -215,7 +231,7 @@ def _pair_sweep(radii: np.ndarray) -> np.ndarray:
     return np.where((first > 0.0) & (second > 0.0), 0.0, first + second)
 
 
-def _supports(model: pin.Model) -> np.ndarray:
+def joint_supports(model: pin.Model) -> np.ndarray:
     """Which velocities move which joint's body, shape (njoints, nv), 0 or 1."""
     supports = np.zeros((model.njoints, model.nv))
     for joint in range(1, model.njoints):

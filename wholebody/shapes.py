@@ -75,11 +75,18 @@ def _shape(name: str, geometry: coal.CollisionGeometry, around: np.ndarray) -> t
     if isinstance(geometry, coal.Cylinder):
         around[core.RADIUS], around[core.HALF] = geometry.radius, geometry.halfLength
         return core.CYLINDER, np.zeros((0, 3))
+    corners = hull_corners(geometry)
+    if corners is None:
+        kind = type(geometry).__name__
+        raise InputError(f"shape '{name}' is a {kind}; hulls, boxes, spheres and cylinders are known")
+    return core.HULL, corners
+
+
+def hull_corners(geometry: coal.CollisionGeometry) -> np.ndarray | None:
+    """Vertices of a hull or a box in its own axes, shape (n, 3), [m]; None for other shapes."""
     if isinstance(geometry, coal.Box):
-        return core.HULL, _BOX * geometry.halfSide
-    if isinstance(geometry, coal.ConvexBase):
-        return core.HULL, np.array(geometry.points())
-    raise InputError(f"shape '{name}' is a {type(geometry).__name__}; hulls, boxes, spheres and cylinders are known")
+        return _BOX * geometry.halfSide
+    return np.array(geometry.points()) if isinstance(geometry, coal.ConvexBase) else None
 
 
 def _edges(spec: RobotSpec, shapes: Sequence, first: np.ndarray, vertices: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from wholebody.qp.cost_core import (
     wrench_cost,
 )
 from wholebody.qp.dynamics_core import dynamics
+from wholebody.qp.floor_core import limit_floor
 from wholebody.qp.linear_core import cholesky, inverse_6, null_space, particular, solve_transposed, solve_upper
 from wholebody.qp.motion_core import frame_columns, move_frames, place_frames
 from wholebody.qp.rows_core import all_bounds
@@ -155,7 +156,7 @@ def limit(reals, ints):
             JS,
             upper,
         )
-        at += 15
+        at = limit_floor(reals, ints, at + 15)
     limit_pairs(reals, ints, at)
     all_bounds(
         low,

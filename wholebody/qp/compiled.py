@@ -16,6 +16,7 @@ CORES = (
     "wholebody.qp.motion_core",
     "wholebody.qp.dynamics_core",
     "wholebody.qp.bounds_core",
+    "wholebody.qp.floor_core",
     "wholebody.qp.cost_core",
     "wholebody.qp.rows_core",
     "wholebody.qp.active_core",

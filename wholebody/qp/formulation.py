@@ -9,7 +9,7 @@ Variables ``x = [dv (nv), f (3 per contact point), s (2 slacks)]``:
                 friction pyramid of every point, f_min <= f_normal <= f_max
                 dv_min <= dv_joints <= dv_max                    viable position and velocity limits
                 J_balance dv - s_0 <= bound                      centre of mass, tilt, height
-                J_distance dv - s_1 <= bound                     self-collision
+                J_distance dv - s_1 <= bound                     floor, self-collision
 
 The hard rows are those of physics. The slack rows are safety bounds: their price is linear and far above that of any
 task, so a task never buys a violation (exact penalty), while a push that has already broken a bound does not make
@@ -64,7 +64,7 @@ class WholeBodySolution:
         dv: Generalised acceleration, shape (nv,).
         forces: Point forces in world axes, shape (n_points, 3), [N].
         tau: Joint torques in Pinocchio order, shape (n_joints,), [N m].
-        slack: Slack of the balance and the collision rows, shape (2,), [m/s^2 or rad/s^2].
+        slack: Slack of the balance rows and of the distance rows, shape (2,), [m/s^2 or rad/s^2].
     """
 
     dv: np.ndarray

@@ -13,6 +13,7 @@ from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
+from wholebody.limits.floor import FloorLimit
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp import blocks_core as b
 from wholebody.qp.arena import Arena
@@ -45,7 +46,7 @@ class Parts:
         feet: Contacts, all with the same number of points, friction and force bounds.
         palms: Tasks of the hands.
         pelvis, torso, height, com, momentum, posture: The other tasks.
-        balance, pelvis_limit, torso_limit, height_limit, self_collision: The soft limits.
+        balance, pelvis_limit, torso_limit, height_limit, floor, self_collision: The soft limits.
         safety: Whether the soft limits have rows.
         prices: Of accelerations, forces and slacks.
         joints: Rows ``q_min q_max dq_max ddq_max brake``, Pinocchio order, shape (5, n_joints).
@@ -69,6 +70,7 @@ class Parts:
     pelvis_limit: OrientationLimit
     torso_limit: OrientationLimit
     height_limit: HeightLimit
+    floor: FloorLimit
     self_collision: SelfCollisionLimit
     safety: bool
     prices: Regularisation
@@ -86,7 +88,7 @@ def make_memory(p: Parts) -> tuple[Arena, Arena]:
     Raises:
         InputError: If the contacts differ in their number of points, or pelvis and torso are one body.
     """
-    tables = near_tables(p.robot.spec, p.self_collision.proximity) if p.safety else ({}, {})
+    tables = near_tables(p.robot.spec, p.self_collision.proximity, p.floor.underside) if p.safety else ({}, {})
     reals, ints = _arenas(p, *tables)
     for arena, blocks in zip((reals, ints), tables, strict=True):
         for block, values in blocks.items():
@@ -142,6 +144,7 @@ def _fill_limits(p: Parts, reals: Arena, ints: Arena) -> None:
     if p.safety:
         limit.proximity.share(reals[b.DISTANCE_], reals[b.BOUND_], reals[b.MEASURED], reals[b.TURNED])
         reals[b.TRIGGER][:], ints[b.COUNTS][b.LEAST_PAIRS] = limit.trigger, limit.least
+        reals[b.FLOOR_LIMIT][:] = p.floor.distance, p.floor.trigger, p.floor.brake, p.floor.dt
 
 
 def _sizes(p: Parts, rows: int) -> np.ndarray:
@@ -189,7 +192,8 @@ def _arenas(p: Parts, near_reals: Blocks, near_ints: Blocks) -> tuple[Arena, Are
     m, nr = 6 * n_contacts, n_bound - 6 * n_contacts
     ny, nf, frames, most = nr + nv - n_bound, 3 * n_points, n_contacts + 4, p.self_collision.most if p.safety else 0
     edges = n_points if p.safety else 0
-    soft = edges + 15 + most if p.safety else 0
+    low = len(p.floor.underside.labels)
+    soft = edges + 15 + low + most if p.safety else 0
     rows, nu = 2 * nj + 5 * n_points + soft + 2, ny + nf + 2
     reals = {
         b.TABLE: (nb, 25), b.ARMATURE: (nv,), b.GRAVITY: (3,), b.FRAME_TABLE: (frames, 12),

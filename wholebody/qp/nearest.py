@@ -9,12 +9,13 @@ from wholebody import gjk_core
 from wholebody.proximity import Proximity
 from wholebody.qp import blocks_core as b
 from wholebody.shapes import shape_table
+from wholebody.underside import Underside
 
 Blocks = dict[int, np.ndarray]
 
 
-def near_tables(spec: RobotSpec, proximity: Proximity) -> tuple[Blocks, Blocks]:
-    """Blocks of reals and of integers that do not change, by number.
+def near_tables(spec: RobotSpec, proximity: Proximity, underside: Underside) -> tuple[Blocks, Blocks]:
+    """Blocks of reals and of integers by number: those that do not change, and where searches begin.
 
     The sweep of a pair is that of its two shapes less the joints that carry both. Those are the first ones of both
     chains, so it is the sum of two suffixes of the chains' own sweeps.
@@ -36,11 +37,12 @@ def near_tables(spec: RobotSpec, proximity: Proximity) -> tuple[Blocks, Blocks]:
         b.ROUNDS: table.rounds,
         b.VERTICES: table.vertices,
         b.KEEP: proximity.margin,
+        b.FLOOR_REACH: underside.reach,
     }
     ints = {
         b.CHAIN_START: np.array(start), b.CHAIN_JOINT: np.concatenate(joints), b.PAIR_SHAPES: pairs,
         b.PAIR_LEVEL: level, b.GJK_STATE: state, b.SHAPES: table.shapes, b.EDGE_START: table.start,
-        b.EDGE_END: table.neighbours,
+        b.EDGE_END: table.neighbours, b.FLOOR_BODY: underside.joints - 1, b.FLOOR_VERTEX: first[underside.shapes],
     }  # fmt: skip
     return reals, ints
 
@@ -50,5 +52,6 @@ def near_shapes(n_pairs: int, n_joints: int, n_reach: int, most: int) -> tuple[d
     reals = {
         b.TRIGGER: (1,), b.TURNED: (n_joints,), b.SUFFIX: (n_reach,), b.ROOM: (n_pairs,), b.DISTANCE_: (n_pairs,),
         b.BOUND_: (n_pairs,), b.MEASURED: (n_pairs, 9), b.SIMPLEX: (4 * n_pairs, 6), b.GJK: (gjk_core.SCRATCH,),
+        b.FLOOR_LIMIT: (4,),
     }  # fmt: skip
     return reals, {b.KNOWN: (n_pairs,), b.UNSURE_PAIRS: (n_pairs,), b.NEAREST: (most,)}

@@ -167,7 +167,7 @@ def start(reals, ints):
     now, before = mem.vector(ints, mem.PAIR_NOW), mem.vector(ints, mem.PAIR_BEFORE)
     upper, u = mem.vector(reals, mem.UPPER), mem.vector(reals, mem.U_VEC)
     last = upper.shape[0] - 2
-    first = last - mem.vector(reals, mem.SOFT_UPPER).shape[0] + balance_slots(reals, ints)
+    first = last - now.shape[0]
     for k in range(u.shape[0]):
         u[k] = 0.0
     point(reals, ints)
