@@ -6,6 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.posture.tables import FIRST, LOWER, N_BODY, UPPER
+from wholebody.proximity import point_rates
+from wholebody.underside import Underside
 
 
 def free_directions(m):
@@ -85,6 +87,19 @@ class Reference:
         omega = np.sqrt(9.81 / max(com[2], 0.2))
         rate = speed[:2] + omega * (com[:2] * m[2] - m[:2])
         return t.normals @ (com[:2] + speed[:2] / omega + t.capture_time * rate) - t.capture_offsets
+
+    def floor(self, q, fingers, keep, trigger):
+        """What heights over the floor are exceeded by, and their Jacobian (k, 35), of the bodies near it."""
+        full, underside = self.body.full, Underside(self.body.full, self.body.proximity.geometry)
+        configuration, data = self.body.q_full.copy(), full.createData()
+        configuration[self.body.body] = q
+        configuration[self.body.fingers[self.body.finger_order]] = fingers
+        pin.computeJointJacobians(full, data, configuration)
+        points = underside.lowest(data)
+        low = points[:, 2] - keep < trigger
+        up = np.tile([0.0, 0.0, 1.0], (low.sum(), 1))
+        J, _ = point_rates(data, underside.supports[low], points[low], up)
+        return keep - points[low, 2], -J[:, self.body.columns]
 
     def _wrench(self, q, tau, parts):
         """Wrench about the origin of the world, and its derivatives."""

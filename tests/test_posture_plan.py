@@ -15,7 +15,9 @@ from wholebody.posture.compiled import run
 from wholebody.posture.momenta import Momenta
 from wholebody.posture.program import Program
 from wholebody.posture.tables import N_BODY
+from wholebody.posture.weights import DISTANCE_SCALE
 from wholebody.posture_plan import PosturePlanner
+from wholebody.underside import Underside
 
 SPEC = g1()
 
@@ -112,14 +114,31 @@ def test_for_targets_out_of_reach_the_feet_stay_and_the_trunk_keeps_its_bounds(p
         assert np.linalg.norm(start - end) < 1e-5
 
 
+@pytest.mark.parametrize(("height", "knots"), [(0.0, 6), (0.0, 30), (0.08, 30)])
+def test_hands_sent_into_the_floor_fingers_first_stay_above_it(planner, height, knots):
+    T, fingers = poses(reach(0.40, 0.30), planner.config.dt, 0.0, 4.0)
+    share = np.interp(np.arange(len(T)), [45 - knots, 45], [0.0, 1.0])
+    T[:, :, 2, 3] += (share * (height - 0.30))[:, None]
+    T[:, :, :3, :3] = T[:, :, :3, :3] @ np.array([[pin.exp3(np.array([0.0, 0.8 * x, 0.0]))] for x in share])
+    motion = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
+    underside, data = Underside(planner.model, planner.body.proximity.geometry), planner.model.createData()
+    least = np.inf
+    for q in motion.q:
+        pin.forwardKinematics(planner.model, data, q)
+        least = min(least, underside.lowest(data)[:, 2].min())
+    # As for every bound, three times its scale is accepted.
+    assert planner.config.floor_distance - 3.0 * DISTANCE_SCALE < least < 0.03
+    assert motion.T_palms[-1, :, 2, 3].min() < 0.15
+
+
 def placed(model, data, q, frame):
     pin.framesForwardKinematics(model, data, q)
     return data.oMf[frame].translation.copy()
 
 
-def linearised(body, K, seed, speed=1.0):
+def linearised(body, K, seed, speed=1.0, config=None):
     """A random motion with the feet in place, and its program."""
-    rng, config = np.random.default_rng(seed), PosturePlanConfig()
+    rng, config = np.random.default_rng(seed), config or PosturePlanConfig()
     program = Program(body, config, K)
     T, fingers = poses(reach(0.45, 0.60), config.dt, 0.0, (K - 0.5) * config.dt)
     T = T @ np.array([[pin.exp6(0.2 * rng.normal(size=6)).homogeneous for _ in range(2)] for _ in range(K)])
@@ -187,7 +206,7 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
             pin.computeDistances(body.full, data, proximity.geometry, proximity.data, q)
             every = proximity.margin - np.array([result.min_distance for result in proximity.data.distanceResults])
             expected = np.sort(every[every > -PosturePlanConfig().self_trigger])[::-1][:16]
-            assert m.near[k] == len(expected)
+            assert program.near.chosen[k] == len(expected)
             approach = m.sweeps[k, : len(expected)] @ m.v[k]
             assert (approach >= 0.0).all()
             found = m.over[k, tables.NEAR : tables.NEAR + len(expected)] - approach
@@ -196,8 +215,36 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
     assert seen > 100
 
 
-def test_the_bounds_change_with_a_step_as_their_derivatives_say(body):
-    program, _ = linearised(body, 5, 3)
+@pytest.fixture(scope="module")
+def raised():
+    """The robot over a floor as high as its hands."""
+    config = PosturePlanConfig(floor_distance=0.75)
+    return Body(SPEC, config), config
+
+
+def test_heights_over_the_floor_and_their_derivatives_are_those_of_pinocchio(raised):
+    body, config = raised
+    judge, seen = Reference(body, SPEC), 0
+    for seed in range(6):
+        program, _ = linearised(body, 4, 40 + seed, speed=2.0, config=config)
+        m, pairs = program.now, program.near.chosen
+        N = free_directions(m)
+        for k in range(1, 4):
+            expected, J = judge.floor(m.q[k], program.q_fingers[k], config.floor_distance, config.floor_trigger)
+            assert m.near[k] == pairs[k] + len(expected)
+            rows = slice(pairs[k], m.near[k])
+            rate = J @ m.v[k]
+            assert near(m.over[k, tables.NEAR :][rows], expected + config.sweep * np.abs(rate))
+            assert near(m.sweeps[k, rows], config.sweep * np.sign(rate)[:, None] * J)
+            assert near(m.J_near[k, rows], J @ N[k])
+            seen += len(expected)
+    assert seen > 50
+
+
+def test_the_bounds_change_with_a_step_as_their_derivatives_say(raised):
+    body, config = raised
+    program, _ = linearised(body, 5, 3, config=config)
+    assert program.now.near[2] > program.near.chosen[2] > 0
     program.assemble()
     program.step(1.0)
     m, E, h = program.now, len(body.tables.normals), 1e-4
@@ -209,10 +256,11 @@ def test_the_bounds_change_with_a_step_as_their_derivatives_say(body):
     program.move()
     program.linearise(program.trial)
     for i in smooth:
-        run("sided_core", "derivative", i, 2, body.tables, m, PosturePlanConfig().dt, row)
+        run("sided_core", "derivative", i, 2, body.tables, m, config.dt, row)
         change = row @ z[2 * tables.N_FREE : 5 * tables.N_FREE]
-        # How the centre of mass turns with the joints is left out for the capture point.
+        # How speeds turn with the joints is left out for the capture point and the way down to the floor.
         rough = 0.3 if tables.ZMP + 2 * E <= i < tables.ZMP + 3 * E else 0.0
+        rough = 0.1 if tables.NEAR + program.near.chosen[2] <= i < tables.EDGE else rough
         assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=3e-7, rel=rough), i
 
 

@@ -106,7 +106,7 @@ class SafetyConfig:
     self_brake: float = 10.0
     """[m/s^2]"""
     floor_distance: float = 0.012
-    """Least height of hands and forearms over the floor [m]."""
+    """Least height of hands and forearms over the floor; the posture plan keeps a little more [m]."""
     floor_trigger: float = 0.1
     """Height beyond the least one from which a body counts [m]."""
     floor_brake: float = 10.0
@@ -181,8 +181,12 @@ class PosturePlanConfig:
     """Least distance between bodies that are not neighbours [m]."""
     self_trigger: float = 0.05
     """Distance beyond the least one at which a pair of bodies begins to count [m]."""
+    floor_distance: float = 0.02
+    """Least height of hands and forearms over the floor [m]."""
+    floor_trigger: float = 0.1
+    """Height beyond the least one at which a body begins to count [m]."""
     sweep: float = 0.033
-    """Time for which bodies may approach each other before they are nearer than that, between two knots [s]."""
+    """Time for which bodies may approach each other or the floor before they are too near, between two knots [s]."""
 
 
 GENTLE = PosturePlanConfig(

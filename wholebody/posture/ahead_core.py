@@ -1,8 +1,8 @@
 """Bounds that look ahead: distances between knots, and the capture point; compiles with numba as it stands.
 
-Bodies that approach each other have to be as far apart as they need between two knots. The capture point has to be
-where the controller's own bound on it lets it go on: no faster towards an edge than would take it there in a given
-time.
+Bodies that approach each other or the floor have to be as far away as they need between two knots. The capture point
+has to be where the controller's own bound on it lets it go on: no faster towards an edge than would take it there in a
+given time.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ def sweep(k, robot, m):
     """Make the bounds NEAR of a knot hold for a while before and after it; completes ``m.sweeps``."""
     for c in range(m.near[k]):
         row, rate = m.sweeps[k, c], 0.0
-        for j in range(6, N_BODY):
+        for j in range(N_BODY):
             rate += row[j] * m.v[k, j]
         m.over[k, NEAR + c] += robot.sweep * abs(rate)
         scale = robot.sweep if rate > 0.0 else -robot.sweep
-        for j in range(6, N_BODY):
+        for j in range(N_BODY):
             row[j] *= scale
 
 
@@ -55,7 +55,7 @@ def look_changes(k, robot, m, dh, x, motion, out):
     """How a step changes them: ``x`` (N_FREE,) of this knot, ``motion`` (N_MOTION,) of its rows of the motion."""
     for c in range(m.near[k]):
         d = 0.0
-        for j in range(6, N_BODY):
+        for j in range(N_BODY):
             d += m.sweeps[k, c, j] * (dh[k, j] + dh[k + 1, j])
         out[NEAR + c] += 0.5 * d
     E, omega, tau = robot.normals.shape[0], pendulum(k, robot, m), robot.capture_time
@@ -76,7 +76,7 @@ def look_changes(k, robot, m, dh, x, motion, out):
 
 def sweep_derivative(c, k, m, dt, out):
     """Add what `sweep` adds to the derivative of a bound NEAR, (3 N_FREE,)."""
-    for j in range(6, N_BODY):
+    for j in range(N_BODY):
         add_speed(j, m.sweeps[k, c, j], k, m, dt, out)
 
 

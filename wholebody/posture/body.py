@@ -11,10 +11,12 @@ from wholebody import gjk_core
 from wholebody.bodies import body_table
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError
-from wholebody.posture.tables import LOWER, N_BODY, N_JOINTS, UPPER, Shapes, Tables
+from wholebody.posture.body_core import PLACEMENT_P
+from wholebody.posture.tables import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
 from wholebody.proximity import Proximity
 from wholebody.shapes import ShapeTable, shape_table
 from wholebody.support import SupportPolygon, convex_polygon
+from wholebody.underside import Underside
 
 LOAD_MIN = 0.4
 """Least share of the weight that stays on the floor."""
@@ -60,7 +62,9 @@ class Body:
         )
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
-        self.shapes = _shapes(shape_table(spec, self.proximity.geometry), bodies, self.proximity)
+        table = shape_table(spec, self.proximity.geometry)
+        low = _low(Underside(full, self.proximity.geometry), table, bodies, self.tables, config)
+        self.shapes = _shapes(table, bodies, self.proximity, low)
 
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
         """Put the fingers behind the bodies of the plan; the plan's number of each body of the full model."""
@@ -154,7 +158,23 @@ def _limits(spec: RobotSpec, c: PosturePlanConfig, names: list[str]) -> dict[str
     }
 
 
-def _shapes(table: ShapeTable, number: np.ndarray, proximity: Proximity) -> Shapes:
+def _low(
+    underside: Underside, table: ShapeTable, number: np.ndarray, tables: Tables, c: PosturePlanConfig
+) -> tuple[np.ndarray, ...]:
+    """What `Shapes` says of bodies that can reach the floor."""
+    if len(underside.labels) > N_LOW:
+        raise InputError(f"{len(underside.labels)} bodies below the elbows; the posture plan has room for {N_LOW}")
+    bodies = number[underside.joints - 1]
+    anchor, reach = bodies.copy(), underside.reach.copy()
+    while (anchor > N_JOINTS).any():
+        fingers = anchor > N_JOINTS
+        reach[fingers] += np.linalg.norm(tables.bodies[anchor[fingers], PLACEMENT_P : PLACEMENT_P + 3], axis=1)
+        anchor[fingers] = tables.parent[anchor[fingers]]
+    first = table.shapes[underside.shapes, gjk_core.FIRST]
+    return bodies, anchor, reach, first, np.array([c.floor_distance, c.floor_trigger])
+
+
+def _shapes(table: ShapeTable, number: np.ndarray, proximity: Proximity, low: tuple[np.ndarray, ...]) -> Shapes:
     """Shapes on the plan's bodies, with spheres and boxes around them."""
     shapes = table.shapes.copy()
     shapes[:, gjk_core.BODY] = number[shapes[:, gjk_core.BODY]]
@@ -170,5 +190,5 @@ def _shapes(table: ShapeTable, number: np.ndarray, proximity: Proximity) -> Shap
         radius[i] = np.linalg.norm(points - centre[i], axis=1).max() + grown
     return Shapes(
         shapes, table.rounds, table.vertices, table.start, table.neighbours, centre, half, radius,
-        proximity.pairs.astype(np.int64), proximity.margin,
+        proximity.pairs.astype(np.int64), proximity.margin, *low,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The nearest pairs of bodies at the knots of a plan; compiles with numba as it stands.
+"""The nearest pairs of bodies at the knots of a plan, and the bodies near the floor; compiles with numba as it stands.
 
 Knots are too far apart for the distances of one to bound those of the next. Spheres and boxes around the shapes say
 which pairs may be near, and those are measured, each from where it was at the knot before.
@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 
-from wholebody.gjk_core import APART, BEYOND, BODY, distance
+from wholebody.gjk_core import APART, BEYOND, BODY, distance, support_vertex
 from wholebody.posture.body_core import place_body
-from wholebody.posture.tables import FREE_LOWER, LOWER, N_BODY, N_JOINTS, N_NEAR, NEAR
+from wholebody.posture.place_core import reduce_row
+from wholebody.posture.tables import FREE_LOWER, LOWER, N_BODY, N_JOINTS, N_NEAR, N_PAIRS, NEAR
 
 REMEASURE = 0.01
 """Motion of a joint up to which measured distances are changed by their derivatives [rad]."""
@@ -34,13 +35,17 @@ def measure(robot, shapes, task, m, near, trigger):
         for j in range(N_JOINTS):
             near.q[k, j] = m.q[k, 7 + j]
         R, p = m.R[k], m.p[k]
-        for i in range(N_JOINTS + 1, R.shape[0]):
-            before = robot.parent[i]
-            angle = task.q_fingers[k, i - N_JOINTS - 1]
-            place_body(robot.bodies[i], angle, R[before], p[before], R[i], p[i])
+        place_fingers(robot, task.q_fingers[k], R, p)
         centres(shapes, R, p, near.centre)
         unsure = measure_knot(k, shapes, R, p, near, trigger, unsure)
     return unsure
+
+
+def place_fingers(robot, angles, R, p):
+    """Placements of the fingers, which come after the bodies of the plan."""
+    for i in range(N_JOINTS + 1, R.shape[0]):
+        before = robot.parent[i]
+        place_body(robot.bodies[i], angles[i - N_JOINTS - 1], R[before], p[before], R[i], p[i])
 
 
 def centres(shapes, R, p, out):
@@ -95,8 +100,11 @@ def outside_box(R, half, x, y, z):
     return math.sqrt(total)
 
 
-def describe(robot, shapes, m, near):
-    """The bounds NEAR and their derivatives at all knots; where little has moved, those measured before, moved on."""
+def describe(robot, shapes, task, m, near):
+    """The bounds NEAR and their derivatives at all knots: first those of the pairs, then those of the floor.
+
+    Where little has moved, those of the pairs are the ones measured before, moved on.
+    """
     for k in range(1, m.q.shape[0]):
         if near.fresh[k]:
             choose(k, near)
@@ -118,7 +126,7 @@ def describe(robot, shapes, m, near):
             for j in range(6, N_BODY):
                 value += row[j] * (m.q[k, 1 + j] - near.q[k, j - 6])
             m.over[k, NEAR + c] = value
-            for j in range(6, N_BODY):
+            for j in range(N_BODY):
                 speeds[j] = row[j]
             for r in range(FREE_LOWER):
                 d = 0.0
@@ -127,12 +135,46 @@ def describe(robot, shapes, m, near):
                 out[r] = d
             for j in range(LOWER, N_BODY):
                 out[FREE_LOWER + j - LOWER] = row[j]
+        describe_floor(k, robot, shapes, task, m, near)
+
+
+def describe_floor(k, robot, shapes, task, m, near):
+    """Add the bounds of the bodies near the floor to those of the pairs, each by its lowest vertex."""
+    base, R, p, S, up, x = m.q[k, 2], m.R[k], m.p[k], m.S[k], near.scratch[:3], near.scratch[3:6]
+    keep, placed = shapes.floor[0], False
+    up[0], up[1], up[2] = 0.0, 0.0, 1.0
+    for i in range(shapes.low_body.shape[0]):
+        if base + p[shapes.low_anchor[i], 2] - shapes.low_reach[i] - keep >= shapes.floor[1]:
+            continue
+        if not placed:
+            place_fingers(robot, task.q_fingers[k], R, p)
+            placed = True
+        b = shapes.low_body[i]
+        near.lowest[i] = support_vertex(
+            -R[b, 2, 0], -R[b, 2, 1], -R[b, 2, 2], near.lowest[i], shapes.vertices, shapes.start, shapes.neighbours
+        )  # fmt: skip
+        vertex = shapes.vertices[near.lowest[i]]
+        for a in range(3):
+            x[a] = p[b, a] + R[b, a, 0] * vertex[0] + R[b, a, 1] * vertex[1] + R[b, a, 2] * vertex[2]
+        room = base + x[2] - keep
+        if room >= shapes.floor[1]:
+            continue
+        c = m.near[k]
+        row = m.sweeps[k, c]
+        for j in range(N_BODY):
+            row[j] = 0.0
+        for j in range(6):
+            row[j] = -(S[j, 2] + S[j, 3] * x[1] - S[j, 4] * x[0])
+        carry(robot, b, -1.0, up, x, S, row)
+        m.over[k, NEAR + c] = -room
+        reduce_row(row, m.free[k], m.J_near[k, c])
+        m.near[k] = c + 1
 
 
 def choose(k, near):
     """Bring the nearest pairs of a knot to the front of its list, in their order."""
     count = near.count[k]
-    chosen = min(count, N_NEAR)
+    chosen = min(count, N_PAIRS)
     for c in range(chosen):
         best = c
         for i in range(c + 1, count):

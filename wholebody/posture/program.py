@@ -34,7 +34,7 @@ class Program:
         n_edges, bodies = len(body.tables.normals), len(body.tables.parent)
         self.now, self.trial = (tables.new_motion(K, bodies, n_edges) for _ in range(2))
         first = body.shapes.shapes[body.shapes.pairs, gjk_core.FIRST]
-        self.near = tables.new_near(K, len(body.shapes.shapes), first)
+        self.near = tables.new_near(K, len(body.shapes.shapes), first, body.shapes.low_first)
         self._first_state = self.near.state.copy()
         self._system, self._n_edges = tables.new_system(K, n_edges), n_edges
         self._work, self._sums = tables.new_work(), tables.new_sum_work(K)
@@ -63,7 +63,8 @@ class Program:
         task.T_palms[:], task.v_start[:], task.bend[:] = T_palms, v_start, 0.0
         task.q_fingers[:] = q_fingers[:, self.body.finger_order]
         # A plan does not depend on the plans before it.
-        self.near.q[:], self.near.state[:] = np.inf, self._first_state
+        near = self.near
+        near.q[:], near.state[:], near.lowest[:] = np.inf, self._first_state, self.body.shapes.low_first
 
     def bend(self) -> None:
         """Judge the palms on the curve that has the knots as control points, as far as it bends away from them now."""
@@ -105,7 +106,7 @@ class Program:
         unsure = run("near_core", "measure", body.tables, body.shapes, task, m, self.near, self._trigger)
         if unsure:
             self._measure(m, self.near.unsure[:unsure])
-        run("near_core", "describe", body.tables, body.shapes, m, self.near)
+        run("near_core", "describe", body.tables, body.shapes, task, m, self.near)
         run("linear_core", "rates", body.tables, task, m, work)
 
     def _measure(self, m: Motion, unsure: np.ndarray) -> None:

@@ -26,8 +26,9 @@ MOMENT, LOADED, TAU, SLIDE, N_MOTION = 0, 2, 3, 20, 24
 WAIST = 3
 # One-sided rows of a knot; edges of the support follow three times, first those of the centre of mass.
 TILT, LOWEST, LIMIT, NEAR = 0, 2, 3, 32
-N_NEAR = 16
-"""Most pairs of bodies that count at one knot."""
+N_PAIRS, N_LOW = 16, 24
+"""Most pairs of bodies, and most bodies near the floor, that count at one knot."""
+N_NEAR = N_PAIRS + N_LOW
 EDGE = NEAR + N_NEAR
 # After the first edges, from here on plus their number: load, torques, edges of the zero-moment point. Then come edges
 # of the capture point, accelerations, speeds.
@@ -221,7 +222,7 @@ def new_work() -> Work:
 
 
 class Shapes(NamedTuple):
-    """Convex shapes of the robot, as in `wholebody.shapes`, and the pairs of them that count."""
+    """Convex shapes of the robot, as in `wholebody.shapes`; which pairs of them count, and which near the floor."""
 
     shapes: np.ndarray
     rounds: np.ndarray
@@ -233,6 +234,11 @@ class Shapes(NamedTuple):
     radius: np.ndarray  # (n,) of a sphere about the same centre
     pairs: np.ndarray  # (pairs, 2)
     margin: np.ndarray  # (pairs,) distance to keep
+    low_body: np.ndarray  # (low,) of those that can reach the floor
+    low_anchor: np.ndarray  # (low,) the same, or for fingers the last body of the plan before it
+    low_reach: np.ndarray  # (low,) from the origin of that one, however the fingers are bent
+    low_first: np.ndarray  # (low,) first of their vertices
+    floor: np.ndarray  # (2,) height to keep, and height beyond it from which they count
 
 
 N_LISTED = 96
@@ -249,17 +255,18 @@ class Near(NamedTuple):
     pair: np.ndarray  # (K, N_LISTED)
     room: np.ndarray  # (K, N_LISTED) distance less margin
     rows: np.ndarray  # (K, N_LISTED, 9) normal and both points
-    over: np.ndarray  # (K, N_NEAR) when measured
-    J: np.ndarray  # (K, N_NEAR, N_BODY)
+    over: np.ndarray  # (K, N_PAIRS) when measured
+    J: np.ndarray  # (K, N_PAIRS, N_BODY)
     centre: np.ndarray  # (n, 3) from the base
     simplex: np.ndarray  # (pairs, 4, 6)
     state: np.ndarray  # (pairs, 3)
     scratch: np.ndarray
     unsure: np.ndarray  # (any, 3)
+    lowest: np.ndarray  # (low,) vertices
 
 
-def new_near(K: int, n_shapes: int, first: np.ndarray) -> Near:
-    """Room for the distances at K knots; ``first`` (pairs, 2) are vertices of the shapes to begin climbing from."""
+def new_near(K: int, n_shapes: int, first: np.ndarray, low: np.ndarray) -> Near:
+    """Room for the distances at K knots; climbing begins at the vertices ``first`` (pairs, 2) and ``low`` (low,)."""
     n = len(first)
     return Near(
         q=np.full((K, N_JOINTS), 1e3),
@@ -269,13 +276,14 @@ def new_near(K: int, n_shapes: int, first: np.ndarray) -> Near:
         pair=np.zeros((K, N_LISTED), dtype=np.int64),
         room=np.zeros((K, N_LISTED)),
         rows=np.zeros((K, N_LISTED, 9)),
-        over=np.zeros((K, N_NEAR)),
-        J=np.zeros((K, N_NEAR, N_BODY)),
+        over=np.zeros((K, N_PAIRS)),
+        J=np.zeros((K, N_PAIRS, N_BODY)),
         centre=np.zeros((n_shapes, 3)),
         simplex=np.zeros((n, 4, 6)),
         state=np.column_stack([np.zeros(n, dtype=np.int64), first]).astype(np.int64),
         scratch=np.zeros(SCRATCH),
         unsure=np.zeros((K * N_LISTED + 1, 3), dtype=np.int64),
+        lowest=low.copy(),
     )
 
 
