@@ -35,6 +35,7 @@ LAYERS = (
         "placo_backend",
         "backends",
         "posture_plan",
+        "temper",
         "planner",
         "denoise",
         "floor",

@@ -223,8 +223,8 @@ class PlannerConfig:
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
     error_max: float = 0.01
     """Mean distance of the palms from the targets, at their own times, up to which it does whatever the largest [m]."""
-    excess_max: float = 3.0
-    """Largest excess over a bound of a plan that counts as following, in units of the bound's scale."""
+    excess_max: float = 1.0
+    """Largest excess over a bound of a plan that counts as following, in terms of the room behind the bound."""
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.008

@@ -19,6 +19,7 @@ from wholebody.posture_plan import PostureMotion, PosturePlanner
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot import Robot
+from wholebody.temper import continued
 
 GRID = 0.002
 """Spacing of the sampled posture [s]."""
@@ -26,7 +27,7 @@ COARSE = 5
 """Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""
-GOOD_LOSS, GOOD_EXCESS = 0.004, 2.0
+GOOD_LOSS, GOOD_EXCESS = 0.004, 0.5
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
 BALANCE_MIN = 0.005
@@ -35,6 +36,8 @@ DRIFT_MAX = 0.006
 """How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
 DRIFT_GAIN = 2.0
 """Share of a drift that the zero-moment point leads it by, to take it back."""
+TEMPERED = 1e-3
+"""How far steps are moved, to be steps that a hand can do, before that is worth a word [m]."""
 TURN_LOSS = 0.008
 """Distance of a palm from its target above which its orientation gives way more [m]."""
 
@@ -114,8 +117,9 @@ class PlanReport:
         slowdown: Factor by which the chunk takes longer, at least 1.
         zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
         reasons: Stable reason codes.
-        excess: Largest excess of the posture plan over one of its bounds, in units of the bound's scale.
+        excess: Largest excess of the posture plan over one of its bounds, in terms of the room behind the bound.
         safe: Whether the posture plan keeps its bounds and its balance, between its steps too.
+        tempered: How far the steps of a chunk that jumps were moved to be steps that a hand can do [m].
     """
 
     steps: np.ndarray
@@ -126,6 +130,7 @@ class PlanReport:
     reasons: tuple[str, ...] = ()
     excess: float = 0.0
     safe: bool = True
+    tempered: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -150,6 +155,7 @@ class _Attempt:
 
     slowdown: float
     raw: tuple[HandPath, HandPath]
+    tempered: float
     steps: np.ndarray
     wanted: np.ndarray
     palms: np.ndarray
@@ -173,7 +179,7 @@ class _Attempt:
 
     @property
     def excess(self) -> float:
-        """Largest excess over a bound, in units of the bound's scale."""
+        """Largest excess over a bound, in terms of the room behind it."""
         return float(self.motion.excess.max())
 
 
@@ -221,11 +227,21 @@ class ChunkPlanner:
             reasons.append("out_of_reach")
         if attempt.slowdown > 1.0:
             reasons.append("too_fast_for_balance")
+        if attempt.tempered > TEMPERED:
+            reasons.append("steps_jump")
         safe = self._safe(attempt)
         if not safe:
             reasons.append("posture_infeasible")
         report = PlanReport(
-            steps, attempt.distance, clamped, attempt.slowdown, margin, tuple(reasons), attempt.excess, safe
+            steps,
+            attempt.distance,
+            clamped,
+            attempt.slowdown,
+            margin,
+            tuple(reasons),
+            attempt.excess,
+            safe,
+            attempt.tempered,
         )
         return ChunkPlan(paths, attempt.track, float(steps[0]), float(steps[-1]), report)
 
@@ -273,9 +289,12 @@ class ChunkPlanner:
         s0 = now - chunk.t_obs
         times = np.arange(len(chunk)) / chunk.fps
         sources = ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
-        raw = tuple(
-            HandPath.from_knots(times, T, q, caps=caps).joined(_slower(commanded.rows[i], slowdown), s0)
-            for i, ((T, q), caps) in enumerate(zip(sources, self.caps, strict=True))
+        raw, tempered = zip(
+            *(
+                _joined(times, T, q, caps, _slower(row, slowdown), s0)
+                for (T, q), caps, row in zip(sources, self.caps, commanded.rows, strict=True)
+            ),
+            strict=True,
         )
         dt = self.posture.config.dt / slowdown
         end = max(raw[0].span[1], raw[1].span[1], s0) + self.config.settle / slowdown
@@ -292,7 +311,8 @@ class ChunkPlanner:
         curve = _curve(steps, motion.q, slowdown * start.v)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         track = self._track(curve, steps[0], steps[-1] + steps[1] - steps[0])
-        return _Attempt(slowdown, raw, steps, wanted, palms, motion, distance, track, self._drift(track, slowdown))
+        drift = self._drift(track, slowdown)
+        return _Attempt(slowdown, raw, max(tempered), steps, wanted, palms, motion, distance, track, drift)
 
     def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
         """Of the plan before, what is still near the palms wanted, (k, nq)."""
@@ -410,6 +430,23 @@ def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     turn = matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2)) / dt
     spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
     return spin, np.gradient(spin, dt, axis=0)
+
+
+def _joined(
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps, motion: HandMotion, s: float
+) -> tuple[HandPath, float]:
+    """The path through a chunk's steps that goes on from a motion at ``s``.
+
+    Where no hand could do them, the path goes through the nearest that one can do, which are so far away at most [m].
+    """
+    path = HandPath.from_knots(times, T, q, caps=caps).joined(motion, s)
+    if len(times) < 2:
+        return path, 0.0
+    tempered = continued(times, T, q, caps, motion, s)
+    if not (path.join.rough or tempered.changed):
+        return path, 0.0
+    path = HandPath.from_knots(tempered.times, tempered.T, tempered.q, caps=caps).joined(motion, s)
+    return path, tempered.moved
 
 
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:

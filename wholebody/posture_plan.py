@@ -39,7 +39,7 @@ class PostureMotion:
         v: Velocities from the knot before to each knot, shape (K, nv): halfway between them in time.
         T_palms: Palm poses that the plan has on its curve, shape (K, 2, 4, 4).
         zmp: Zero-moment point at each knot, shape (K, 2), [m].
-        excess: Largest excess over a bound at each knot, shape (K,), in units of the bound's scale.
+        excess: Largest excess over a bound at each knot, shape (K,), in terms of the room behind it.
         cost: What the motion costs.
     """
 

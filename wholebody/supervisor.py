@@ -256,7 +256,8 @@ class Supervisor:
             self.status = self._refused
         elif self._plan.report.reasons:
             report = self._plan.report
-            detail = f"targets moved by up to {report.clamped.max():.3f} m, slowed {report.slowdown:.2f} times"
+            moved = max(float(report.clamped.max()), report.tempered)
+            detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
         elif self._lift > 0.0:
             detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"

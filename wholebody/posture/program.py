@@ -166,7 +166,7 @@ class Program:
         self.now, self.trial = self.trial, self.now
 
     def excess(self) -> np.ndarray:
-        """Largest excess over a bound at each knot, in units of its scale, (K,)."""
+        """Largest excess over a bound at each knot, in terms of the room behind it, (K,)."""
         over = self.now.over.copy()
         over[0, : EDGE + self._n_edges] = -1.0
-        return np.maximum(0.0, (over * np.sqrt(weights.sided(self._n_edges, 1.0))).max(axis=1))
+        return np.maximum(0.0, (over / weights.rooms(self._n_edges)).max(axis=1))

@@ -41,6 +41,9 @@ ACCELERATION_SCALE = 2.0
 """[m/s^2, rad/s^2]"""
 SPEED_SCALE = 0.05
 """[m/s, rad/s]"""
+ROOMS = (0.01, 0.01, 0.05, 0.012, 0.005, 0.05, 0.08, 0.02, 0.006, 30.0, 1.0)
+"""What of the plan's margins may be used up, in the order and the units of the scales above: most bounds of the plan
+stand before those of the controller and the robot. Whether the robot balances is judged from the whole curve."""
 SOFTNESS_MAX = 3.0
 """Of the bounds on configurations: past a joint limit a leg can be straight, and nothing is linear any more."""
 
@@ -68,13 +71,24 @@ def scales(c: PosturePlanConfig) -> Scales:
 
 def sided(n_edges: int, softness: float) -> np.ndarray:
     """Weights of the bounds of a knot, (n_sided,); their scales are multiplied by ``softness``."""
-    w = np.empty(n_sided(n_edges))
     firm = min(softness, SOFTNESS_MAX)
-    load, torque, zmp = LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges
-    capture, rate = ZMP + 2 * n_edges, ZMP + 3 * n_edges
-    w[TILT:LOWEST], w[LOWEST:LIMIT], w[LIMIT:NEAR] = TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm
-    w[NEAR:EDGE], w[EDGE:load] = DISTANCE_SCALE * firm, COM_SCALE * firm
-    w[load:torque], w[torque:zmp], w[zmp:capture] = LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness
-    w[capture:rate] = CAPTURE_SCALE * softness
-    w[rate : rate + N_JOINTS], w[rate + N_JOINTS :] = ACCELERATION_SCALE * softness, SPEED_SCALE * firm
-    return w**-2
+    scales = _columns(
+        n_edges, TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm, DISTANCE_SCALE * firm, COM_SCALE * firm,
+        LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness, CAPTURE_SCALE * softness,
+        ACCELERATION_SCALE * softness, SPEED_SCALE * firm,
+    )  # fmt: skip
+    return scales**-2
+
+
+def rooms(n_edges: int) -> np.ndarray:
+    """By how much the bounds of a knot may be exceeded before a plan cannot be followed any more, (n_sided,)."""
+    return _columns(n_edges, *ROOMS)
+
+
+def _columns(n_edges: int, *values: float) -> np.ndarray:
+    """One value for each kind of bound, in the order of the constants above, for each bound of a knot (n_sided,)."""
+    ends = np.array([
+        LOWEST, LIMIT, NEAR, EDGE, LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges, ZMP + 2 * n_edges,
+        ZMP + 3 * n_edges, ZMP + 3 * n_edges + N_JOINTS, n_sided(n_edges),
+    ])  # fmt: skip
+    return np.repeat(values, np.diff(ends, prepend=TILT))

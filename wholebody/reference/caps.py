@@ -10,7 +10,7 @@ import numpy as np
 from wholebody.errors import InputError
 from wholebody.reference.layout import FINGERS
 
-OUTER = (1.25, 3.0, 5.0)
+OUTER = (1.5, 5.0, 10.0)
 """Factors on speed, acceleration and jerk from what a motion is given to what is stopped as a jump."""
 
 

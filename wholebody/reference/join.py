@@ -42,6 +42,7 @@ class Join:
         distance: Between the motion and the chunk's own path at ``s`` [m].
         angle: The same for the orientation [rad].
         finger: Largest difference of a finger joint at ``s`` [rad].
+        rough: Whether the rates of the path at ``s`` are far from the motion's.
     """
 
     s: float
@@ -49,6 +50,7 @@ class Join:
     distance: float
     angle: float
     finger: float
+    rough: bool
 
 
 def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandCaps) -> tuple[PiecewiseQuintic, Join]:
@@ -67,7 +69,8 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
     place[1:], rates[0] = 0.0, 0.0
     duration = join_duration(place, caps)
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
-    settling = DURATIONS[0] if _excursion(rates, DURATIONS[0]) <= 1.0 else join_duration(rates, caps)
+    rough = _excursion(rates, DURATIONS[0]) > 1.0
+    settling = join_duration(rates, caps) if rough else DURATIONS[0]
     joined = _add(_add(curve, place, s, duration), rates, s, settling)
     duration = max(duration, settling)
     before = brake_time(start, caps)
@@ -76,7 +79,9 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
     lead = quintic(np.array([before]), rest[:, None], start[:, None])
     whole = PiecewiseQuintic(np.concatenate([[s - before], joined.breaks]), np.concatenate([lead, joined.coefficients]))
     angle = float(rotation_angle(unit_quaternion(own[0, ROTATION]), motion.quat))
-    return whole, Join(s, duration, float(part_size(error[0], POSITION)), angle, float(part_size(error[0], FINGER)))
+    return whole, Join(
+        s, duration, float(part_size(error[0], POSITION)), angle, float(part_size(error[0], FINGER)), rough
+    )
 
 
 def commanded_jet(motion: HandMotion, near: np.ndarray) -> np.ndarray:

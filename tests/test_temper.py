@@ -1,0 +1,86 @@
+"""Strategy: what a hand can do is left alone; what it cannot is moved as little as keeps the bounds."""
+
+import numpy as np
+import pytest
+from reference_motions import lissajous_rows
+from scipy.spatial.transform import Rotation
+
+from wholebody.reference import HandCaps, HandMotion, rest_row
+from wholebody.temper import DEMAND, PAST, continued, nearest
+
+CAPS = HandCaps()
+FPS = 30.0
+TIMES = np.arange(50) / FPS
+
+
+def steps(t):
+    rows = lissajous_rows(t)
+    return np.stack([HandMotion(row).T_world_hand for row in rows]), rows[:, 19:26]
+
+
+def differences(values):
+    return [np.diff(values, k, axis=0)[PAST - k :] * FPS**k for k in (1, 2, 3)]
+
+
+def test_a_motion_within_the_bounds_is_left_as_it_is():
+    T, q = steps(TIMES + 1.0)
+    done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
+    assert not done.changed
+    assert done.moved == 0.0
+    np.testing.assert_array_equal(done.T[PAST:], T)
+    np.testing.assert_array_equal(done.times[PAST:], TIMES)
+
+
+def test_the_steps_before_say_where_the_hand_comes_from():
+    T, q = steps(TIMES + 1.0)
+    done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
+    truth, _ = steps(1.0 - np.arange(PAST, 0, -1) / FPS)
+    # Position, velocity and acceleration are carried back, so it is the jerk that is missing: 60 m/s^3 for 0.1 s.
+    np.testing.assert_allclose(done.T[:PAST, :3, 3], truth[:, :3, 3], atol=0.01)
+
+
+def test_steps_that_are_over_are_left_out():
+    T, q = steps(TIMES + 1.0)
+    done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.5]))[0]), 0.5)
+    assert done.times[PAST] == pytest.approx(0.5)
+    np.testing.assert_array_equal(done.T[PAST:], T[15:])
+
+
+def test_a_jump_is_begun_before_it_comes_and_costs_little():
+    values = np.zeros((53, 3))
+    values[25:] = [0.1, 0.0, -0.05]
+    near = nearest(values, FPS, CAPS.position)
+    for rate, share, cap in zip(differences(near), DEMAND, (2.5, 20.0, 400.0), strict=True):
+        assert np.abs(rate).max() <= share * cap * (1.0 + 1e-9)
+    assert np.abs(near - values).max() < 0.06
+    assert np.abs(near[24] - values[24]).max() > 0.01
+    np.testing.assert_allclose(near[[0, 10, 40, 52]], values[[0, 10, 40, 52]], atol=1e-3)
+
+
+def test_the_nearest_is_nearer_than_any_other_that_keeps_the_bounds():
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(30, 1)) * 0.05
+    values[:PAST] = 0.0
+    near = nearest(values, FPS, CAPS.position)
+    smooth = np.concatenate([np.zeros((PAST, 1)), 1e-3 * np.linspace(0.0, 1.0, 27)[:, None] ** 4])
+    # Convexity: on the way to any other motion within the bounds the distance grows.
+    for other in (np.zeros_like(values), 0.9 * near, smooth):
+        towards = near + 1e-3 * (other - near)
+        assert np.sum((towards - values) ** 2) >= np.sum((near - values) ** 2) - 1e-12
+
+
+def test_a_turn_that_jumps_is_tempered_too():
+    T = np.tile(np.eye(4), (50, 1, 1))
+    T[20:, :3, :3] = Rotation.from_rotvec([0.0, 0.0, 1.0]).as_matrix()
+    done = continued(TIMES, T, np.zeros((50, 7)), CAPS, HandMotion(rest_row(T[0], np.zeros(7))), 0.0)
+    assert done.changed
+    assert done.moved < 1e-9
+    turns = Rotation.from_matrix(done.T[1:, :3, :3] @ np.swapaxes(done.T[:-1, :3, :3], 1, 2)).magnitude()
+    assert turns.max() * FPS < 12.1
+    np.testing.assert_allclose(done.T[-1, :3, :3], T[-1, :3, :3], atol=1e-2)
+
+
+def test_where_nothing_keeps_the_bounds_the_steps_stay():
+    values = np.zeros((20, 1))
+    values[:PAST, 0] = [-3.0, -2.0, -1.0]  # 30 m/s: no steps after that are within 2.5 m/s
+    assert nearest(values, FPS, CAPS.position) is values

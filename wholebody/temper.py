@@ -1,0 +1,117 @@
+"""Steps of a chunk that no hand could follow: the nearest ones that a hand could.
+
+Recordings jump by centimetres within a step, and so do policies that never saw the robot. A reference that has to be
+held back from such a jump when it comes is late for everything after it. The chunk is known in advance: the nearest
+steps within bounds on speed, acceleration and jerk begin to move before the jump and lose a few millimetres around it.
+"""
+
+from __future__ import annotations
+
+from ctypes import c_int
+from dataclasses import astuple, dataclass
+from functools import lru_cache
+
+import daqp
+import numpy as np
+
+from policy.rotations import quaternion_to_matrix, rotvec_to_matrix
+from policy.se3 import make_transform
+from wholebody.reference import HandCaps, HandMotion, MotionCaps
+from wholebody.reference.rotation import continuous_quaternions
+
+DEMAND = (1.0, 1.0, 1.5)
+"""Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the caps: for a hand 20 m/s^2, 600 m/s^3."""
+PAST = 3
+"""Steps of the motion so far that the new ones go on from."""
+SOLVED = 1
+"""What daqp says of a solution."""
+
+
+@dataclass(frozen=True)
+class Tempered:
+    """The steps of a chunk that are still to come, as a hand could do them.
+
+    Attributes:
+        times: Of `PAST` steps of the motion so far and of the chunk's own, shape (K,), [s].
+        T: Poses, shape (K, 4, 4).
+        q: Finger joints, shape (K, 7), [rad].
+        changed: Whether any of the chunk's own steps is another.
+        moved: Largest distance between the two [m].
+    """
+
+    times: np.ndarray
+    T: np.ndarray
+    q: np.ndarray
+    changed: bool
+    moved: float
+
+
+def continued(
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps, motion: HandMotion, s: float
+) -> Tempered:
+    """The nearest steps that go on from a motion, with some before them that say where it comes from.
+
+    Args:
+        times: Of the chunk's steps, evenly spaced, shape (H,), [s].
+        T: Poses, shape (H, 4, 4).
+        q: Finger joints, shape (H, 7), [rad].
+        caps: What the bounds are told in.
+        motion: What the hand is commanded to do at ``s``, one row.
+        s: Where the chunk is joined [s].
+
+    """
+    step = times[1] - times[0]
+    first = min(int(np.searchsorted(times, s - 0.25 * step)), len(times) - 2)
+    past = times[first] + step * np.arange(-PAST, 0.0)
+    ago, there = past - s, times[first] - s
+    p = T[first, :3, 3] + motion.v * (past - times[first])[:, None] + 0.5 * motion.a * (ago**2 - there**2)[:, None]
+    turn = motion.w * (past - times[first])[:, None] + 0.5 * motion.alpha * (ago**2 - there**2)[:, None]
+    fingers = q[first] + motion.dq_finger * (past - times[first])[:, None]
+    R = rotvec_to_matrix(turn) @ T[first, :3, :3]
+    T = np.concatenate([make_transform(R, p), T[first:]])
+    q = np.concatenate([np.clip(fingers, caps.finger_lower, caps.finger_upper), q[first:]])
+    half = MotionCaps(*(0.5 * x for x in astuple(caps.orientation)))
+    near_p = nearest(T[:, :3, 3], 1.0 / step, caps.position)
+    quat = continuous_quaternions(T[:, :3, :3])
+    near_quat = nearest(quat, 1.0 / step, half)
+    moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
+    changed = moved > 0.0 or not np.array_equal(near_quat, quat)
+    if changed:
+        T = make_transform(quaternion_to_matrix(near_quat / np.linalg.norm(near_quat, axis=1)[:, None], "xyzw"), near_p)
+    return Tempered(np.concatenate([past, times[first:]]), T, q, changed, moved)
+
+
+def nearest(values: np.ndarray, fps: float, caps: MotionCaps) -> np.ndarray:
+    """The values nearest to these, in least squares, whose differences keep `DEMAND`; the first `PAST` are kept.
+
+    Args:
+        values: One row a step, shape (H, n), H more than `PAST`.
+        fps: Steps a second [Hz].
+        caps: What the bounds are told in.
+
+    Returns:
+        The same array where it keeps the bounds, or where nothing does that begins like this.
+    """
+    D, order = _differences(len(values))
+    bounds = np.array([share * cap / fps**k for k, (share, cap) in enumerate(_demand(caps), start=1)])[order]
+    if np.all(np.abs(D @ values) <= bounds[:, None]):
+        return values
+    out, H, free = values.copy(), np.eye(len(values) - PAST), D[:, PAST:]
+    sense = np.zeros(len(D), dtype=c_int)
+    for k, column in enumerate(values.T):
+        known = D[:, :PAST] @ column[:PAST]
+        out[PAST:, k], _, flag, _ = daqp.solve(H, -column[PAST:], free, bounds - known, -bounds - known, sense)
+        if flag != SOLVED:
+            return values
+    return out
+
+
+def _demand(caps: MotionCaps) -> list[tuple[float, float]]:
+    return list(zip(DEMAND, astuple(caps), strict=True))
+
+
+@lru_cache(maxsize=8)
+def _differences(steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """First, second and third differences of values that are not all past, as rows, and the order less one of each."""
+    rows = [np.diff(np.eye(steps), k, axis=0)[PAST - k :] for k in (1, 2, 3)]
+    return np.vstack(rows), np.concatenate([np.full(len(row), k) for k, row in enumerate(rows)])
