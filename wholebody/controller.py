@@ -226,7 +226,7 @@ class WholeBodyController:
         """Palm points in world at the state of the last tick, shape (2, 3), [m]."""
         if self.compiled is None:
             return self._palm_frames()
-        return self.compiled.palms + self.compiled.q[:3]
+        return self.compiled.palms_in_world()
 
     def _palm_frames(self) -> np.ndarray:
         return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])

@@ -7,7 +7,7 @@ Arguments that recur:
 
 * ``settings`` and ``clock``: numbers, in the order of the constants below;
 * ``paths``: both hands' paths, as `wholebody.reference.path_core` reads them;
-* ``track``: the posture plan on its grid, matrices in the order of the constants below;
+* ``track``: the posture plan on its grid, a row each, in the order of the constants below;
 * ``row``: the packed reference, (96 + 3 n_joints,).
 """
 
@@ -25,9 +25,9 @@ SETTINGS = 11
 S, RATE, CHANGE, ELAPSED, TRAVELLED, SHARE = range(6)
 CLOCK = 6
 
-# Matrices of the track: rows of the grid, but for those whose rows are derivatives.
-TRACK_Q, TRACK_V, TRACK_DDQ, TRACK_COM, TRACK_MOMENTUM, TRACK_HEIGHT = range(6)
-PELVIS_R, PELVIS_W, PELVIS_ALPHA, TORSO_R, TORSO_W, TORSO_ALPHA = range(6, 12)
+# A row of the track: configuration, velocity and joint accelerations, then what comes with its derivatives:
+# centre of mass (9), angular momentum and its rate (6), height (3), pelvis and torso (15 each).
+TRACK_COM, TRACK_MOMENTUM, TRACK_HEIGHT, TRACK_PELVIS, TRACK_TORSO, TRACK_END = 0, 9, 15, 18, 33, 48
 
 # Parts of the packed reference.
 PALM, COM, MOMENTUM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 57, 63, 78, 93, 96
@@ -49,7 +49,7 @@ def follow(settings, clock, paths, track, smoothing, support, measured, posture,
         settings: (SETTINGS,).
         clock: (CLOCK,), changed.
         paths: Flat paths of the left and right hand.
-        track: Twelve matrices.
+        track: (grid, 7 + 6 + 3 n_joints + TRACK_END).
         smoothing: State of the smoother (2, STATE), changed, its targets (2, 40), which are kept while nothing is
             planned, its caps (2, CAPS) and the palm points in the wrists' frames (2, 3).
         support: Half-planes of the support, normals and offsets (k, 3), and palm points in world (2, 3).
@@ -73,7 +73,7 @@ def follow(settings, clock, paths, track, smoothing, support, measured, posture,
     for i in range(2):
         palm(state[i], offsets[i], row[PALM * i : PALM * i + PALM])
     rate = clock[RATE] if settings[MOVING] > 0.0 else 0.0
-    follow_track(track, track_row(settings, clock[S], track[TRACK_Q].shape[0]), rate, posture, row)
+    follow_track(track[track_row(settings, clock[S], track.shape[0])], rate, posture, row)
     follow_fingers(state, fingers, row)
     clock[SHARE] = trust(settings, measured[0], row, shares)
 
@@ -149,32 +149,39 @@ def track_row(settings, s, n):
     return min(max(round((s - settings[GRID_START]) / settings[GRID_STEP]), 0), n - 1)
 
 
-def follow_track(track, k, rate, posture, row):
-    """Row ``k`` of the posture plan at the speed ``rate``, into the reference and into ``posture``."""
-    q, v, ddq = track[TRACK_Q][k], track[TRACK_V][k], track[TRACK_DDQ][k]
-    n = ddq.shape[0]
+def follow_track(track, rate, posture, row):
+    """One row of the posture plan at the speed ``rate``, into the reference and into ``posture``."""
+    q, v = posture
+    n = v.shape[0] - 6
+    at = q.shape[0]
     for i in range(q.shape[0]):
-        posture[0][i] = q[i]
+        q[i] = track[i]
     for i in range(v.shape[0]):
-        posture[1][i] = rate * v[i]
+        v[i] = rate * track[at + i]
+    at += v.shape[0]
     for j in range(n):
-        row[POSTURE + j], row[POSTURE + n + j] = q[7 + j], rate * v[6 + j]
-        row[POSTURE + 2 * n + j] = rate**2 * ddq[j]
-    com, momentum, height, factor = track[TRACK_COM], track[TRACK_MOMENTUM], track[TRACK_HEIGHT], 1.0
+        row[POSTURE + j], row[POSTURE + n + j] = q[7 + j], v[6 + j]
+        row[POSTURE + 2 * n + j] = rate**2 * track[at + j]
+    at, factor = at + n, 1.0
     for d in range(3):
         for i in range(3):
-            row[COM + 3 * d + i] = factor * com[d, 3 * k + i]
-        row[HEIGHT + d] = factor * height[d, k]
+            row[COM + 3 * d + i] = factor * track[at + TRACK_COM + 3 * d + i]
+        row[HEIGHT + d] = factor * track[at + TRACK_HEIGHT + d]
         factor *= rate
     for i in range(3):
-        row[MOMENTUM + i] = rate * momentum[0, 3 * k + i]
-        row[MOMENTUM + 3 + i] = rate**2 * momentum[1, 3 * k + i]
-    for at, first in ((PELVIS, PELVIS_R), (TORSO, TORSO_R)):
-        for i in range(9):
-            row[at + i] = track[first][k, i]
-        for i in range(3):
-            row[at + 9 + i] = rate * track[first + 1][k, i]
-            row[at + 12 + i] = rate**2 * track[first + 2][k, i]
+        row[MOMENTUM + i] = rate * track[at + TRACK_MOMENTUM + i]
+        row[MOMENTUM + 3 + i] = rate**2 * track[at + TRACK_MOMENTUM + 3 + i]
+    follow_turn(track, at + TRACK_PELVIS, rate, row, PELVIS)
+    follow_turn(track, at + TRACK_TORSO, rate, row, TORSO)
+
+
+def follow_turn(track, first, rate, row, at):
+    """Rotation (9), angular rate (3) and acceleration (3) at the speed ``rate``."""
+    for i in range(9):
+        row[at + i] = track[first + i]
+    for i in range(3):
+        row[at + 9 + i] = rate * track[first + 9 + i]
+        row[at + 12 + i] = rate**2 * track[first + 12 + i]
 
 
 def follow_fingers(state, fingers, row):

@@ -56,7 +56,7 @@ class Follower:
         self._state[[core.RATE, core.SHARE]] = 1.0
         self.row = np.zeros(POSTURE + 3 * robot.n_joints)
         self._paths = NO_PATH, NO_PATH
-        self._track = track_matrices(track)
+        self._track = track_table(track)
         offsets = np.array([tool.palm_offset for tool in spec.tools])
         self._smoothing = smoother.state, np.array(rest), smoother.caps, offsets
         for motion, offset, part in zip(smoother.state, offsets, self._palm_rows(), strict=True):
@@ -121,7 +121,7 @@ class Follower:
             last: Parameter of the chunk's last step [s].
         """
         self._paths = plan.paths[0].flat, plan.paths[1].flat
-        self._track = track_matrices(plan.posture)
+        self._track = track_table(plan.posture)
         self._settings[core.MOVING : core.GRID_START + 1] = 1.0, plan.rate, plan.posture.start
         self._settings[core.LAST_STEP] = last
         self._state[: core.CHANGE + 1] = plan.start, plan.rate, 0.0
@@ -149,13 +149,14 @@ def _share(joint: str) -> float:
     return 0.0 if "_hand_" in joint else WRIST_SHARE if "_wrist_" in joint else 1.0
 
 
-def track_matrices(track: PostureTrack) -> tuple[np.ndarray, ...]:
-    """A posture track as `follow_core` reads it: contiguous matrices, those of derivatives with a row for each."""
+def track_table(track: PostureTrack) -> np.ndarray:
+    """A posture track as `follow_core` reads it: all that belongs to a point of the grid side by side."""
     n = len(track.q)
-    com, momentum = track.com.reshape(3, 3 * n), track.momentum.reshape(2, 3 * n)
-    trunk = [part.reshape(n, -1) for part in (*track.pelvis, *track.torso)]
-    parts = (track.q, track.v, track.ddq, com, momentum, track.height, *trunk)
-    return tuple(np.ascontiguousarray(part, dtype=float) for part in parts)
+    parts = (
+        track.q, track.v, track.ddq, track.com.transpose(1, 0, 2), track.momentum.transpose(1, 0, 2), track.height.T,
+        *track.pelvis, *track.torso,
+    )  # fmt: skip
+    return np.concatenate([np.reshape(part, (n, -1)) for part in parts], axis=1, dtype=float)
 
 
 @cache
@@ -164,12 +165,14 @@ def compiled_follow() -> Callable[..., None]:
     from numba import float64, int64, types
 
     modules = (path_core, smoother_core, core)
+    # Nothing is allocated, so nobody has to count references.
+    options = {"_nrt": False, "no_cfunc_wrapper": True}
     for module in modules:
-        register(module)
+        register(module, **options)
     vector, matrix = float64[::1], float64[:, ::1]
     two, three = types.UniTuple(vector, 2), types.UniTuple(vector, 3)
     arguments = (
-        vector, vector, two, types.UniTuple(matrix, 12), types.UniTuple(matrix, 4), types.UniTuple(matrix, 2), three,
-        two, vector, int64[:, ::1], vector,
+        vector, vector, two, matrix, types.UniTuple(matrix, 4), types.UniTuple(matrix, 2), three, two, vector,
+        int64[:, ::1], vector,
     )  # fmt: skip
-    return native(core.follow, arguments, digest(modules))
+    return native(core.follow, arguments, digest(modules), **options)

@@ -36,6 +36,8 @@ DRIFT_MAX = 0.006
 """How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
 DRIFT_GAIN = 2.0
 """Share of a drift that the zero-moment point leads it by, to take it back."""
+FAR = 0.15
+"""Distance of a palm from its target past which the target is out of reach, not just hard to follow [m]."""
 TEMPERED = 1e-3
 """How far steps are moved, to be steps that a hand can do, before that is worth a word [m]."""
 TURN_LOSS = 0.008
@@ -260,6 +262,11 @@ class ChunkPlanner:
                 attempt = min(attempt, turned, key=lambda one: (one.excess > c.excess_max, one.loss))
             if self._follows(attempt):
                 return attempt
+            if attempt.loss > FAR:
+                # Nobody can be there: nothing is gained by hurrying towards it with everything that there is.
+                calm = self._attempt(chunk, now, start, commanded, slowdown, before, c.gentle)
+                if self._safe(calm):
+                    return calm
             tried.append(attempt)
             # What is out of reach at the end stays so at any speed.
             if attempt.distance[-1].max() > c.loss_max:

@@ -33,6 +33,8 @@ RETRY = 0.2
 
 TRACKING = StatusReport(Status.TRACKING, "", "")
 """Nothing to say."""
+NO_CHUNK = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+STARVED = StatusReport(Status.HOLD, "starved", "the chunk is over: holding its end")
 
 
 class Supervisor:
@@ -48,7 +50,7 @@ class Supervisor:
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config.planner)
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
-        self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+        self.status = NO_CHUNK
         self.plan_report: PlanReport | None = None
         self.last_tick: TickReport | None = None
         self._plan: ChunkPlan | None = None
@@ -68,7 +70,7 @@ class Supervisor:
         self._follower = Follower(self.controller, self.config, track, self._smoother, rows)
         self._plan, self._chunk, self._chunk_end = None, None, 0.0
         self._fallen = False
-        self.status = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+        self.status = NO_CHUNK
         self._refused: StatusReport | None = None
         self._noisy: tuple[str, ...] = ()
         self._lift = 0.0
@@ -245,9 +247,9 @@ class Supervisor:
         elif self.last_tick.level == 1:
             self.status = StatusReport(Status.STOP, "hands_dropped", "balance needs everything: hands give way")
         elif self._plan is None:
-            self.status = self._refused or StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
+            self.status = self._refused or NO_CHUNK
         elif self._follower.s > self._plan.end or self._last_state.time > self._chunk_end + 0.5:
-            self.status = self._refused or StatusReport(Status.HOLD, "starved", "the chunk is over: holding its end")
+            self.status = self._refused or STARVED
         else:
             self._report_plan()
 

@@ -21,10 +21,13 @@ from wholebody.reference.rotation import continuous_quaternions
 
 DEMAND = (1.0, 1.0, 1.5)
 """Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the caps: for a hand 20 m/s^2, 600 m/s^3."""
+JUMP, CALM = 0.1, 0.4
+"""Steps that jump by more than that [m] are no motion that anybody meant: the way there need not be fast. It keeps that
+share of the bounds."""
 PAST = 3
 """Steps of the motion so far that the new ones go on from."""
-SOLVED = 1
-"""What daqp says of a solution."""
+SOFT, SOLVED = 8, (1, 2)
+"""What tells daqp that a row may be exceeded where nothing else is possible; what it says of a solution."""
 
 
 @dataclass(frozen=True)
@@ -70,15 +73,22 @@ def continued(
     R = rotvec_to_matrix(turn) @ T[first, :3, :3]
     T = np.concatenate([make_transform(R, p), T[first:]])
     q = np.concatenate([np.clip(fingers, caps.finger_lower, caps.finger_upper), q[first:]])
-    half = MotionCaps(*(0.5 * x for x in astuple(caps.orientation)))
-    near_p = nearest(T[:, :3, 3], 1.0 / step, caps.position)
     quat = continuous_quaternions(T[:, :3, :3])
-    near_quat = nearest(quat, 1.0 / step, half)
+    near_p, near_quat = _both(T, quat, 1.0 / step, caps)
     moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
+    if moved > JUMP:
+        near_p, near_quat = _both(T, quat, 1.0 / step, caps.scaled(CALM))
+        moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
     changed = moved > 0.0 or not np.array_equal(near_quat, quat)
     if changed:
         T = make_transform(quaternion_to_matrix(near_quat / np.linalg.norm(near_quat, axis=1)[:, None], "xyzw"), near_p)
     return Tempered(np.concatenate([past, times[first:]]), T, q, changed, moved)
+
+
+def _both(T: np.ndarray, quat: np.ndarray, fps: float, caps: HandCaps) -> tuple[np.ndarray, np.ndarray]:
+    """`nearest` positions and quaternions, whose rates are half of the angular ones."""
+    half = MotionCaps(*(0.5 * x for x in astuple(caps.orientation)))
+    return nearest(T[:, :3, 3], fps, caps.position), nearest(quat, fps, half)
 
 
 def nearest(values: np.ndarray, fps: float, caps: MotionCaps) -> np.ndarray:
@@ -90,19 +100,19 @@ def nearest(values: np.ndarray, fps: float, caps: MotionCaps) -> np.ndarray:
         caps: What the bounds are told in.
 
     Returns:
-        The same array where it keeps the bounds, or where nothing does that begins like this.
+        The same array where it keeps the bounds. What begins beyond them comes back to them.
     """
     D, order = _differences(len(values))
     bounds = np.array([share * cap / fps**k for k, (share, cap) in enumerate(_demand(caps), start=1)])[order]
     if np.all(np.abs(D @ values) <= bounds[:, None]):
         return values
     out, H, free = values.copy(), np.eye(len(values) - PAST), D[:, PAST:]
-    sense = np.zeros(len(D), dtype=c_int)
+    sense = np.full(len(D), SOFT, dtype=c_int)
     for k, column in enumerate(values.T):
         known = D[:, :PAST] @ column[:PAST]
         out[PAST:, k], _, flag, _ = daqp.solve(H, -column[PAST:], free, bounds - known, -bounds - known, sense)
-        if flag != SOLVED:
-            return values
+        if flag not in SOLVED:
+            raise RuntimeError(f"the nearest steps within the caps were not found: daqp says {flag}")
     return out
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from wholebody.errors import InputError
 
+_FLOAT = np.dtype(float)
 _QUATERNION_TOLERANCE = 1e-3
 """Largest deviation of a base quaternion's norm from 1: above the rounding of float32 logs, below any real fault."""
 
@@ -92,9 +93,10 @@ def check_state(state: RobotState, n_joints: int) -> RobotState:
     Raises:
         InputError: If a shape is wrong, a value is not finite, or the base quaternion is not of unit length.
     """
-    _check_time("state", state.time)
-    _check_array("state.q", state.q, 7 + n_joints)
-    _check_array("state.v", state.v, 6 + n_joints)
+    if not _is_sound(state, n_joints):
+        _check_time("state", state.time)
+        _check_array("state.q", state.q, 7 + n_joints)
+        _check_array("state.v", state.v, 6 + n_joints)
     norm = hypot(*state.q[3:7].tolist())
     if not abs(norm - 1.0) <= _QUATERNION_TOLERANCE:
         raise InputError(
@@ -104,6 +106,15 @@ def check_state(state: RobotState, n_joints: int) -> RobotState:
             value=norm,
         )
     return state
+
+
+def _is_sound(state: RobotState, n_joints: int) -> bool:
+    """Whether a state is of the usual kind, in the least time: this is asked every tick."""
+    q, v = state.q, state.v
+    if type(q) is not np.ndarray or type(v) is not np.ndarray or q.dtype is not _FLOAT or v.dtype is not _FLOAT:
+        return False
+    # A sum of squares is finite only if all of its terms are.
+    return q.shape == (7 + n_joints,) and v.shape == (6 + n_joints,) and isfinite(state.time + q.dot(q) + v.dot(v))
 
 
 def check_command(command: JointCommand, n_joints: int) -> JointCommand:

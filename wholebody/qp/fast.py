@@ -91,7 +91,7 @@ class CompiledProgram:
         self.q, self.v, self.counts = reals[b.Q_], reals[b.V_], self._ints[b.COUNTS]
         self.reference, self.share = reals.span(b.HAND_REF, b.POSTURE_REF), reals[b.SHARE]
         n = len(parts.feet)
-        self.palms = reals[b.FP_][n : n + 2]
+        self.palms, self._base = reals[b.FP_][n : n + 2], reals[b.Q_][:3]
         self._answer = reals.span(b.DV, b.DUAL)
         self._sizes = len(self.dv), self.forces.size, len(self.tau)
         self.code = b.SOLVED
@@ -107,6 +107,10 @@ class CompiledProgram:
     def active(self) -> int:
         """Number of rows in the working set."""
         return int(self.counts[b.N_WORKING])
+
+    def palms_in_world(self) -> np.ndarray:
+        """Where the palms were in the last call, shape (2, 3), [m]."""
+        return self.palms + self._base
 
     def reset(self) -> None:
         """Take over where the feet and the support are; the working set is forgotten."""

@@ -10,8 +10,6 @@ Cell k covers ``s0 + k cell`` onwards and names the segment in which it begins: 
 
 import math
 
-import numpy as np
-
 HEADER = 5
 CHANNELS = 14
 
@@ -27,38 +25,38 @@ def path_row(flat, s, row):
         i += 1
     x = s - flat[breaks + i]
     base = breaks + segments + 1 + 6 * CHANNELS * i
-    quat = np.empty((3, 4))
-    for c in range(CHANNELS):
-        k = base + c
-        c0, c1, c2 = flat[k], flat[k + CHANNELS], flat[k + 2 * CHANNELS]
-        c3, c4, c5 = flat[k + 3 * CHANNELS], flat[k + 4 * CHANNELS], flat[k + 5 * CHANNELS]
-        y = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
-        dy = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
-        ddy = 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
-        if c < 3:
-            row[c], row[3 + c], row[6 + c] = y, dy, ddy
-        elif c < 7:
-            quat[0, c - 3], quat[1, c - 3], quat[2, c - 3] = y, dy, ddy
-        else:
-            row[12 + c], row[19 + c], row[26 + c] = y, dy, ddy
-    rotation_part(quat, row)
+    for c in range(3):
+        row[c], row[3 + c], row[6 + c] = channel(flat, base + c, x)
+    quat_x, quat_y = channel(flat, base + 3, x), channel(flat, base + 4, x)
+    quat_z, quat_w = channel(flat, base + 5, x), channel(flat, base + 6, x)
+    rotation_part(quat_x, quat_y, quat_z, quat_w, row)
+    for c in range(7, CHANNELS):
+        row[12 + c], row[19 + c], row[26 + c] = channel(flat, base + c, x)
 
 
-def rotation_part(quat, row):
-    """Unit quaternion, angular velocity and acceleration of a quaternion of any length and its derivatives (3, 4).
+def channel(flat, k, x):
+    """Value and two derivatives of the quintic whose first coefficient is entry ``k``, ``x`` after its break."""
+    c0, c1, c2 = flat[k], flat[k + CHANNELS], flat[k + 2 * CHANNELS]
+    c3, c4, c5 = flat[k + 3 * CHANNELS], flat[k + 4 * CHANNELS], flat[k + 5 * CHANNELS]
+    y = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
+    dy = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
+    return y, dy, 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
 
-    The formulas are those of `wholebody.reference.rotation.angular_rates`.
+
+def rotation_part(x, y, z, w, row):
+    """Unit quaternion, angular velocity and acceleration of a quaternion of any length and its derivatives.
+
+    The formulas are those of `wholebody.reference.rotation.angular_rates`. Each component comes with its two
+    derivatives.
     """
-    n, radial = 0.0, 0.0
-    for i in range(4):
-        n += quat[0, i] * quat[0, i]
-        radial += quat[0, i] * quat[1, i]
+    n = x[0] * x[0] + y[0] * y[0] + z[0] * z[0] + w[0] * w[0]
+    radial = x[0] * x[1] + y[0] * y[1] + z[0] * z[1] + w[0] * w[1]
     size = math.sqrt(n)
-    for i in range(4):
-        row[9 + i] = quat[0, i] / size
+    row[9], row[10], row[11], row[12] = x[0] / size, y[0] / size, z[0] / size, w[0] / size
+    for d in range(1, 3):
+        row[10 + 3 * d] = w[0] * x[d] - w[d] * x[0] - y[d] * z[0] + z[d] * y[0]
+        row[11 + 3 * d] = w[0] * y[d] - w[d] * y[0] - z[d] * x[0] + x[d] * z[0]
+        row[12 + 3 * d] = w[0] * z[d] - w[d] * z[0] - x[d] * y[0] + y[d] * x[0]
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        w = quat[0, 3] * quat[1, i] - quat[1, 3] * quat[0, i] - quat[1, j] * quat[0, k] + quat[1, k] * quat[0, j]
-        alpha = quat[0, 3] * quat[2, i] - quat[2, 3] * quat[0, i] - quat[2, j] * quat[0, k] + quat[2, k] * quat[0, j]
-        row[13 + i] = 2.0 * w / n
-        row[16 + i] = 2.0 * (alpha - 2.0 * radial * w / n) / n
+        row[13 + i] *= 2.0 / n
+        row[16 + i] = 2.0 * (row[16 + i] - radial * row[13 + i]) / n

@@ -31,7 +31,9 @@ HELD = 62  # pose of the last finite target: position 3, quaternion 4, fingers 7
 REJECTED = 76  # 1 where the target of this tick was not finite and the held pose was used
 LIMITED = 77  # 1 where a cap or a joint limit shaped this tick
 ERROR_P, ERROR_R = 78, 79  # distance [m] and angle [rad] from the target
-STATE = 80
+# Room for a tick, so that nothing is allocated: where references need not be counted it takes half the time.
+GOAL, GROUP, TURN = 80, 120, 153
+STATE = 157
 
 # Caps of one hand: speed, acceleration, jerk of each of the 9 groups; then the range of the 7 finger joints.
 GROUPS = 9
@@ -327,17 +329,15 @@ def quat_error(q, r, g):
     g[ERR, 0], g[ERR, 1], g[ERR, 2] = x * scale, y * scale, z * scale
 
 
-def rotation_error(g, quat, goal, dt):
-    """Error of the orientation at the start of the tick, into the ERR row."""
-    start = np.empty(4)
+def rotation_error(g, quat, goal, dt, start):
+    """Error of the orientation at the start of the tick, into the ERR row; ``start`` (4,) is scratch."""
     quat_exp(-travelled(g, REF_V, 0, dt), -travelled(g, REF_V, 1, dt), -travelled(g, REF_V, 2, dt), start)
     quat_product(start, goal, start)
     quat_error(quat, start, g)
 
 
-def rotate(g, quat, dt):
-    """Advance a quaternion in place over the tick."""
-    turn = np.empty(4)
+def rotate(g, quat, dt, turn):
+    """Advance a quaternion in place over the tick; ``turn`` (4,) is scratch."""
     v, a, second = g[NOW_V], g[NOW_A], dt * dt * dt / 12.0  # second Magnus term: the axis moves during the tick
     quat_exp(
         travelled(g, NOW_V, 0, dt) + second * (a[1] * v[2] - a[2] * v[1]),
@@ -357,7 +357,8 @@ def accept(state, target, goal):
         goal[i] = target[i]
     state[REJECTED] = 0.0 if good else 1.0
     if not good:
-        goal[:] = 0.0
+        for i in range(ROW):
+            goal[i] = 0.0
     for i in range(14):
         k = i if i < 3 else (i + 6 if i < 7 else i + 12)  # position 0..2, quaternion 9..12, fingers 19..25
         if good:
@@ -394,7 +395,7 @@ def group_tick(state, goal, caps, k, dt, g):
         if k != 1:
             g[ERR, i] = state[x + i] - goal[x + i] + travelled(g, REF_V, i, dt)
     if k == 1:
-        rotation_error(g, state[9:13], goal[9:13], dt)
+        rotation_error(g, state[9:13], goal[9:13], dt, state[TURN:STATE])
     shorten_error(g, n, caps, c)
     horizon = time_to_go(g, n, caps, c, state[TIME_TO_GO + k], dt)
     state[TIME_TO_GO + k] = horizon
@@ -413,7 +414,7 @@ def group_tick(state, goal, caps, k, dt, g):
         state[v + i] = flush(g[NOW_V, i] + g[NOW_A, i] * dt + g[JERK, i] * (0.5 * dt * dt))
         state[a + i] = flush(g[NOW_A, i] + g[JERK, i] * dt)
     if k == 1:
-        rotate(g, state[9:13], dt)
+        rotate(g, state[9:13], dt, state[TURN:STATE])
     return limited
 
 
@@ -426,15 +427,16 @@ def smoother_step(state, target, caps, dt):
         caps: Shape ``(hands, CAPS)``.
         dt: Tick [s].
     """
-    g, goal = np.empty((SCRATCH, 3)), np.empty(ROW)
     for h in range(state.shape[0]):
-        accept(state[h], target[h], goal)
+        hand = state[h]
+        g, goal = hand[GROUP:TURN].reshape((SCRATCH, 3)), hand[GOAL:GROUP]
+        accept(hand, target[h], goal)
         limited = False
         for k in range(GROUPS):
-            limited = group_tick(state[h], goal, caps[h], k, dt, g) or limited
-        state[h, LIMITED] = 1.0 if limited else 0.0
-        quat_error(state[h, 9:13], goal[9:13], g)
-        state[h, ERROR_R] = row_norm(g, ERR, 3)
+            limited = group_tick(hand, goal, caps[h], k, dt, g) or limited
+        hand[LIMITED] = 1.0 if limited else 0.0
+        quat_error(hand[9:13], goal[9:13], g)
+        hand[ERROR_R] = row_norm(g, ERR, 3)
         for i in range(3):
-            g[ERR, i] = state[h, i] - goal[i]
-        state[h, ERROR_P] = row_norm(g, ERR, 3)
+            g[ERR, i] = hand[i] - goal[i]
+        hand[ERROR_P] = row_norm(g, ERR, 3)

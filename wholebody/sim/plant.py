@@ -10,6 +10,7 @@ from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.errors import InputError
+from wholebody.sim.compiled import compiled_plant
 from wholebody.types import JointCommand, RobotState
 
 
@@ -47,9 +48,13 @@ class MujocoPlant:
         self.model = load_mujoco(spec, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
         self.data = mujoco.MjData(self.model)
         self._conversion = Conversion(spec, load_pinocchio(spec), self.model)
-        self._memory = self.data.qpos, self.data.qvel, self.data.ctrl
-        self._effort, self._least = spec.effort_max, -spec.effort_max
-        self._scratch = np.zeros((2, spec.n_joints))
+        self._state, self._ctrl = (self.data.qpos, self.data.qvel), self.data.ctrl
+        index = self._conversion
+        self._motors = np.array([index.motor_qpos_index, index.motor_qvel_index, index.actuator_index])
+        self._entries = index.qpos_index, index.qvel_index
+        self._effort = np.array(spec.effort_max, dtype=float)
+        self._sizes = len(index.qpos_index), len(index.qvel_index)
+        self._drive, self._read = compiled_plant()
         self._feet = {self._body_id(foot.frame) for foot in spec.feet}
         self._robot = self._bodies_of_robot()
         self._part = _parts(self.model, self._feet)
@@ -74,36 +79,24 @@ class MujocoPlant:
 
     def state(self) -> RobotState:
         """True state in Pinocchio's convention."""
-        qpos, qvel, _ = self._memory
-        q, v = self._conversion.to_pinocchio(qpos, qvel)
+        nq, nv = self._sizes
+        q, v = np.empty(nq), np.empty(nv)
+        self._read(self._state, self._entries, q, v)
         return RobotState(float(self.data.time), q, v)
 
     def step(self, command: JointCommand) -> RobotState:
         """Apply a command for one control period."""
-        self.torque_asked.fill(0.0)
-        for _ in range(self._steps):
-            self._drive(command)
+        c = command
+        # The compiled code takes what it is given as it lies in memory.
+        asked = tuple([np.ascontiguousarray(part, dtype=float) for part in (c.q, c.dq, c.tau, c.kp, c.kd)])
+        for k in range(self._steps):
+            self._drive(
+                asked, self._motors, self._effort, self._state, self._ctrl, self.torque, self.torque_asked, k == 0
+            )
             self._apply_pushes()
             mujoco.mj_step(self.model, self.data)
         self._touching = None
         return self.state()
-
-    def _drive(self, command: JointCommand) -> None:
-        """Torques of one physics step; in place, because temporary arrays would take as long as the arithmetic."""
-        index, (qpos, qvel, ctrl), (tau, part) = self._conversion, self._memory, self._scratch
-        qpos.take(index.motor_qpos_index, out=part, mode="clip")  # with "raise" numpy copies once more
-        np.subtract(command.q, part, out=part)
-        np.multiply(command.kp, part, out=part)
-        np.add(command.tau, part, out=tau)
-        qvel.take(index.motor_qvel_index, out=part, mode="clip")
-        np.subtract(command.dq, part, out=part)
-        np.multiply(command.kd, part, out=part)
-        np.add(tau, part, out=tau)
-        np.absolute(tau, out=part)
-        np.maximum(self.torque_asked, part, out=self.torque_asked)
-        np.minimum(tau, self._effort, out=tau)
-        np.maximum(tau, self._least, out=self.torque)
-        ctrl[index.actuator_index] = self.torque
 
     def joint_positions(self) -> np.ndarray:
         """True joint angles, shape (n_joints,), motor order, [rad]."""
