@@ -13,6 +13,9 @@ PYTEST = -m pytest -q
 ARGS ?=
 # Folder of recorded motions (.csv) for the long studies: make regression MOTIONS=~/motions
 MOTIONS ?=
+QUICK = not regression and not latest
+# What pytest answers where ARGS leave no test to run.
+NONE_CHOSEN = 5
 REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
@@ -40,7 +43,8 @@ format: $(VENV)/.all-installed ## Fix style and formatting
 
 test: $(VENV)/.all-installed ## Run the tests
 	@$(BIN)/wholebody warmup
-	$(BIN)/python $(PYTEST) -m "not regression and not latest" $(ARGS)
+	OMP_NUM_THREADS=1 $(BIN)/python $(PYTEST) -n 2 --dist worksteal -m "$(QUICK) and not alone" $(ARGS)
+	$(BIN)/python $(PYTEST) -m "$(QUICK) and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
 
 regression: $(VENV)/.all-installed ## Run the long studies against their stored values
 	$(REGRESSION) $(ARGS)

@@ -3,12 +3,15 @@
 import threading
 from time import perf_counter, sleep
 
+import pytest
 from faulty_policies import FaultyPolicy
 from policy_cases import observation
 
 from policy.clock import MonotonicClock
 from policy.executor import Executor, ExecutorConfig
 from policy.scripts import scripted
+
+pytestmark = pytest.mark.alone
 
 THINKS, HANGS = 0.3, 1.0
 """How long a call takes, and how long the one takes that hangs [s]."""

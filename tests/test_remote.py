@@ -32,6 +32,8 @@ from policy.remote_channel import (
 )
 from policy.remote_openpi import ALOHA, LIBERO, KeyMap
 
+pytestmark = pytest.mark.alone
+
 WBC32 = builtin("wbc32")
 KEYS = KeyMap(images={"head": "observation/images/head"})
 OPTIONS = {"assume_spec": "wbc32", "keys": KEYS, "connect_timeout": 2.0, "timeout": 0.4, "first_timeout": 0.4}

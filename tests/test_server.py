@@ -22,6 +22,8 @@ from policy.remote_wire import chunk_to_map, observation_to_map
 from policy.scripts import scripted
 from policy.server import CLOSE_REASON, PolicyServer, metadata_of
 
+pytestmark = pytest.mark.alone
+
 OPTIONS = {"connect_timeout": 3.0, "timeout": 3.0, "first_timeout": 3.0}
 IMAGES = {"head": np.arange(27, dtype=np.uint8).reshape(3, 3, 3)}
 

@@ -15,6 +15,8 @@ from policy.remote import RemotePolicy
 from policy.scripts import scripted
 from wholebody import cli
 
+pytestmark = pytest.mark.alone
+
 CODE = "from wholebody.cli import main; main()"
 
 

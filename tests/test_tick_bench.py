@@ -8,6 +8,8 @@ from wholebody.reach_script import ReachScript
 from wholebody.slow_ticks import SlowTicks
 from wholebody.tick_bench import ROWS, TIMED, VARIANTS, _worst_repeated, bench_tick
 
+pytestmark = pytest.mark.alone
+
 
 @pytest.mark.parametrize("row", ROWS)
 def test_a_short_run_follows_the_script_and_keeps_the_limits(row):
