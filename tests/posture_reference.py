@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from wholebody.posture.tables import FIRST, LOWER, N_BODY, UPPER
+from wholebody.posture.tables import FIRST, LOWER, N_BODY, UPPER, WAIST
 from wholebody.proximity import point_rates
 from wholebody.underside import Underside
 
@@ -79,6 +79,10 @@ class Reference:
         self._slide(q, v, r, D)
         return r, D
 
+    def still(self, q):
+        """Torques of waist and arms at rest."""
+        return pin.computeGeneralizedGravity(self.model, self.data, q)[LOWER:].copy()
+
     def capture(self, q, v, m):
         """What the bounds on the capture point are exceeded by; m are the rows of the motion."""
         t = self.body.tables
@@ -137,11 +141,15 @@ class Reference:
         return np.hstack([-before @ h[0], D[0] @ N[k] + before @ h[1] - after @ n[0], after @ n[1]])
 
 
-def bounds(t, r, q, half, a, m, capture):
-    """What the bounds of one knot are exceeded by, without distances; r are its rows, m those of its motion."""
+def bounds(t, r, q, half, a, m, still, capture):
+    """What the bounds of one knot are exceeded by, without distances; r are its rows, m those of its motion.
+
+    ``still`` are the torques at rest.
+    """
     tilts = np.array([np.arccos(pin.exp3(turn)[2, 2]) for turn in (r[14:17], r[17:20])]) - t.limits[:2]
     return np.concatenate([
         tilts, [t.limits[2] - q[2]], np.maximum(q[7:] - t.q_max, t.q_min - q[7:]),
+        np.abs(still[:WAIST]) / t.tau_max[:WAIST] - 1.0,
         t.normals @ (r[12:14] + t.com_stance) - t.com_offsets, [t.load_min - m[2]], np.abs(m[3:20]) / t.tau_max - 1.0,
         t.normals @ m[:2] - t.zmp_offsets * m[2], capture, np.abs(a[6:]) - t.acceleration_max,
         np.abs(half[6:]) - t.speed_max,

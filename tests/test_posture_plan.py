@@ -131,6 +131,18 @@ def test_hands_sent_into_the_floor_fingers_first_stay_above_it(planner, height, 
     assert motion.T_palms[-1, :, 2, 3].min() < 0.15
 
 
+def test_far_down_the_waist_could_hold_still_wherever_the_plan_goes(planner):
+    T, fingers = poses(reach(0.40, 0.30), planner.config.dt, 0.0, 4.0)
+    T[:, :, 0, 3] += np.interp(np.arange(len(T)), [20, 45], [0.0, 0.2])[:, None]
+    motion = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
+    model, data = planner.model, planner.model.createData()
+    waist = model.joints[model.getJointId("waist_pitch_joint")].idx_v
+    still = [abs(pin.computeGeneralizedGravity(model, data, q)[waist]) for q in motion.q]
+    # The plans of a program that only knew the torques of the motion shook their shoulders to hold 43 N m with 31.
+    assert max(still) < 35.0 * (planner.config.torque_share + 0.05)
+    assert np.linalg.norm(motion.T_palms[-1, :, :3, 3] - T[-1, :, :3, 3], axis=1).min() < 3e-3
+
+
 def placed(model, data, q, frame):
     pin.framesForwardKinematics(model, data, q)
     return data.oMf[frame].translation.copy()
@@ -173,7 +185,8 @@ def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
         assert near(m.J[k], J @ N[k])
         assert near(m.m[k], rows)
         assert near(m.J_m[k], judge.reduced(k, D, back, forth, N, dt))
-        assert near(m.over[k][kept], bounds(body.tables, r, m.q[k], half[k], a, rows, judge.capture(m.q[k], v, rows)))
+        still, capture = judge.still(m.q[k]), judge.capture(m.q[k], v, rows)
+        assert near(m.over[k][kept], bounds(body.tables, r, m.q[k], half[k], a, rows, still, capture))
         assert near(m.zmp[k], rows[:2] / max(rows[2], 0.05))
     rows, D = judge.motion(m.q[0], half[0], 2.0 * (half[1] - half[0]) / dt)
     assert near(m.m[0], rows)

@@ -7,6 +7,7 @@ is forbidden costs the square of its excess on a scale so fine that nothing want
                 middle of the support, trunk upright, joints near the stance, little waist torque, acceleration, speed
     forbidden   zero-moment point or centre of mass near the edge of the support, unloading the floor
                 joints past position, speed, acceleration or torque limits (waist and arms)
+                places where the waist could not hold the upper body still
                 bodies nearer to each other or hands to the floor than they may be, trunk tilted too far, pelvis too low
 
 The zero-moment point and the torques are those of the full dynamics (Carpentier and Mansard, Analytical derivatives of

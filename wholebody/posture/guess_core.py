@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wholebody.posture.body_core import move
+from wholebody.posture.hold_core import hold
 from wholebody.posture.place_core import configuration
 from wholebody.posture.sided_core import derivative, place_changes
 from wholebody.posture.step_core import dot, factor_panel, subtract
@@ -27,6 +28,7 @@ def follow(robot, task, m, scales, weights, first, system, work, sums):
         for c in range(NEAR, EDGE):
             m.over[k, c] = -1.0
         configuration(k, robot, task, m, work)
+        hold(k, robot, m, work)
         for i in range(N_FREE):
             system.g[k + 1, i] = 0.0
             for j in range(N_FREE):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wholebody.posture.ahead_core import capture, sweep
+from wholebody.posture.hold_core import hold
 from wholebody.posture.motion_core import (
     balance,
     bound_motion,
@@ -21,6 +22,7 @@ def place(robot, task, m, work):
     """Everything that depends on configurations, distances aside; puts the feet back."""
     for k in range(m.q.shape[0]):
         configuration(k, robot, task, m, work)
+        hold(k, robot, m, work)
 
 
 def rates(robot, task, m, work):

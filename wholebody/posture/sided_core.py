@@ -10,6 +10,7 @@ from wholebody.posture.tables import (
     EDGE,
     FREE_LOWER,
     HEIGHT,
+    HOLD,
     LIMIT,
     LOADED,
     LOWER,
@@ -21,6 +22,7 @@ from wholebody.posture.tables import (
     NEAR,
     TAU,
     UPPER,
+    WAIST,
 )  # fmt: skip
 
 
@@ -91,6 +93,11 @@ def place_changes(k, robot, m, x, row, sign, work):
             row[LIMIT + j] *= sign[LIMIT + j]
         else:
             row[LIMIT + j] = sign[LIMIT + j] * x[f + j - LOWER + 6]
+    for w in range(WAIST):
+        d = 0.0
+        for j in range(N_FREE):
+            d += m.J_hold[k, w, j] * x[j]
+        row[HOLD + w] = sign[HOLD + w] * d / robot.tau_max[w]
     for c in range(N_NEAR):
         d = 0.0
         if c < near:
@@ -118,10 +125,12 @@ def derivative(i, k, robot, m, dt, out):
             for r in range(f):
                 out[n + r] = sign * m.free[k, r, 6 + i - LIMIT]
             return n, n + f
-        elif i < NEAR:
+        elif i < HOLD:
             j = n + f + i - LIMIT - LOWER + 6
             out[j] = sign
             return j, j + 1
+        elif i < NEAR:
+            copy(sign / robot.tau_max[i - HOLD], m.J_hold[k, i - HOLD], out)
         elif i < EDGE:
             copy(1.0, m.J_near[k, i - NEAR], out)
             sweep_derivative(i - NEAR, k, m, dt, out)

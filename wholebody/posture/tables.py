@@ -25,7 +25,7 @@ N_POSITION, N_FRAME = 50, 21
 MOMENT, LOADED, TAU, SLIDE, N_MOTION = 0, 2, 3, 20, 24
 WAIST = 3
 # One-sided rows of a knot; edges of the support follow three times, first those of the centre of mass.
-TILT, LOWEST, LIMIT, NEAR = 0, 2, 3, 32
+TILT, LOWEST, LIMIT, HOLD, NEAR = 0, 2, 3, 32, 35
 N_PAIRS, N_LOW = 16, 24
 """Most pairs of bodies, and most bodies near the floor, that count at one knot."""
 N_NEAR = N_PAIRS + N_LOW
@@ -98,6 +98,7 @@ class Motion(NamedTuple):
     r: np.ndarray  # (K, N_POSITION)
     J: np.ndarray  # (K, N_FRAME, N_FREE)
     J_tilt: np.ndarray  # (K, 2, N_FREE)
+    J_hold: np.ndarray  # (K, WAIST, N_FREE) of the waist's torques at rest
     J_near: np.ndarray  # (K, N_NEAR, N_FREE)
     near: np.ndarray  # (K,) how many
     sweeps: np.ndarray  # (K, N_NEAR, N_BODY) by velocities
@@ -128,6 +129,7 @@ def new_motion(K: int, bodies: int, n_edges: int) -> Motion:
         "r": (K, N_POSITION),
         "J": (K, N_FRAME, N_FREE),
         "J_tilt": (K, 2, N_FREE),
+        "J_hold": (K, WAIST, N_FREE),
         "J_near": (K, N_NEAR, N_FREE),
         "near": (K,),
         "sweeps": (K, N_NEAR, N_BODY),

@@ -7,6 +7,7 @@ import numpy as np
 from wholebody.config import PosturePlanConfig
 from wholebody.posture.tables import (
     EDGE,
+    HOLD,
     LIMIT,
     LOAD,
     LOWEST,
@@ -25,6 +26,8 @@ LOWEST_SCALE = 1e-3
 """[m]"""
 LIMIT_SCALE = 3e-3
 """[rad]"""
+HOLD_SCALE = 2e-2
+"""Share of the torque limit."""
 DISTANCE_SCALE = 1.5e-3
 """[m]"""
 COM_SCALE = 1e-3
@@ -41,7 +44,7 @@ ACCELERATION_SCALE = 2.0
 """[m/s^2, rad/s^2]"""
 SPEED_SCALE = 0.05
 """[m/s, rad/s]"""
-ROOMS = (0.01, 0.01, 0.05, 0.012, 0.005, 0.05, 0.08, 0.02, 0.006, 30.0, 1.0)
+ROOMS = (0.01, 0.01, 0.05, 0.05, 0.012, 0.005, 0.05, 0.08, 0.02, 0.006, 30.0, 1.0)
 """What of the plan's margins may be used up, in the order and the units of the scales above: most bounds of the plan
 stand before those of the controller and the robot. Whether the robot balances is judged from the whole curve."""
 SOFTNESS_MAX = 3.0
@@ -73,9 +76,9 @@ def sided(n_edges: int, softness: float) -> np.ndarray:
     """Weights of the bounds of a knot, (n_sided,); their scales are multiplied by ``softness``."""
     firm = min(softness, SOFTNESS_MAX)
     scales = _columns(
-        n_edges, TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm, DISTANCE_SCALE * firm, COM_SCALE * firm,
-        LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness, CAPTURE_SCALE * softness,
-        ACCELERATION_SCALE * softness, SPEED_SCALE * firm,
+        n_edges, TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm, HOLD_SCALE * firm, DISTANCE_SCALE * firm,
+        COM_SCALE * firm, LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness,
+        CAPTURE_SCALE * softness, ACCELERATION_SCALE * softness, SPEED_SCALE * firm,
     )  # fmt: skip
     return scales**-2
 
@@ -88,7 +91,7 @@ def rooms(n_edges: int) -> np.ndarray:
 def _columns(n_edges: int, *values: float) -> np.ndarray:
     """One value for each kind of bound, in the order of the constants above, for each bound of a knot (n_sided,)."""
     ends = np.array([
-        LOWEST, LIMIT, NEAR, EDGE, LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges, ZMP + 2 * n_edges,
+        LOWEST, LIMIT, HOLD, NEAR, EDGE, LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges, ZMP + 2 * n_edges,
         ZMP + 3 * n_edges, ZMP + 3 * n_edges + N_JOINTS, n_sided(n_edges),
     ])  # fmt: skip
     return np.repeat(values, np.diff(ends, prepend=TILT))
