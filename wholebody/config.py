@@ -161,6 +161,8 @@ class PosturePlanConfig:
     """Share of the joint speed limits that the plan uses."""
     acceleration: float = 70.0
     """Largest joint acceleration [rad/s^2]."""
+    waist_acceleration: float = 25.0
+    """The same for the waist: half of what its 35 N m give the 0.7 kg m^2 on it, for what happens between knots."""
     com_margin: float = 0.045
     """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
     zmp_margin: float = 0.028

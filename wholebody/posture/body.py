@@ -147,13 +147,15 @@ def _limits(spec: RobotSpec, c: PosturePlanConfig, names: list[str]) -> dict[str
     order = np.array([spec.joint_names.index(name) for name in names])
     q_min, q_max = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
     q_min[[name.endswith("knee_joint") for name in names]] = c.knee_min
+    waist = [name.startswith("waist_") for name in names]
+    acceleration = np.where(waist, c.waist_acceleration, c.acceleration)
     elbows = [name.endswith("elbow_joint") for name in names]
     q_max[elbows] = np.minimum(q_max[elbows], c.elbow_max)
     return {
         "q_min": q_min,
         "q_max": q_max,
         "speed_max": c.speed_share * spec.velocity_max[order],
-        "acceleration_max": np.minimum(c.acceleration, spec.acceleration_max[order]),
+        "acceleration_max": np.minimum(acceleration, spec.acceleration_max[order]),
         "tau_max": c.torque_share * spec.effort_max[order[N_JOINTS - UPPER :]],
     }
 
