@@ -274,7 +274,8 @@ def test_the_bounds_change_with_a_step_as_their_derivatives_say(raised):
         # How speeds turn with the joints is left out for the capture point and the way down to the floor.
         rough = 0.3 if tables.ZMP + 2 * E <= i < tables.ZMP + 3 * E else 0.0
         rough = 0.1 if tables.NEAR + program.near.chosen[2] <= i < tables.EDGE else rough
-        assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=2e-6 if rough else 3e-7, rel=rough), i
+        small = 2e-6 if rough else 3e-7
+        assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=small, rel=rough), i
 
 
 def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
