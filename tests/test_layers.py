@@ -21,7 +21,7 @@ MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "po
 # Inside wholebody a module imports from earlier layers, and in a tuple only from names to its left.
 # The names of a set are siblings: none imports another.
 LAYERS = (
-    ("resources", "native", "errors", "types", "config", "config_file"),
+    ("resources", "lean_jit", "native", "errors", "types", "config", "config_file"),
     ("support", "bodies", "robot", "gjk_core", "shapes", "proximity", "underside"),
     {"reference", "tasks", "limits", "contacts", "sim"},
     {"qp", "posture"},

@@ -21,16 +21,18 @@ def register(module: ModuleType, exclude: Collection[str] = (), **options: bool)
     """
     from numba.extending import register_jitable
 
+    from wholebody.lean_jit import InnerCompiler
+
     for name, member in vars(module).items():
         own = isinstance(member, FunctionType) and member.__module__ == module.__name__
         if own and name not in exclude and member not in _registered:
             _registered.add(member)
-            register_jitable(error_model="numpy", **options)(member)
+            register_jitable(error_model="numpy", pipeline_class=InnerCompiler, **options)(member)
 
 
 def digest(modules: Iterable[ModuleType]) -> int:
-    """A number that changes with the source of any of the modules, and with this file."""
-    files = [Path(__file__), *(Path(module.__file__) for module in modules)]
+    """A number that changes with the source of any of the modules, and with how they are compiled."""
+    files = [Path(__file__), Path(__file__).with_name("lean_jit.py"), *(Path(module.__file__) for module in modules)]
     return int.from_bytes(sha256(b"".join(file.read_bytes() for file in files)).digest()[:7], "little")
 
 
@@ -51,7 +53,10 @@ def native(function: Callable, arguments: tuple, version: int, **options: bool) 
     """
     import numba
 
-    stage = numba.njit(cache=True, error_model="numpy", nogil=True, **options)(_closed(function, version))
+    from wholebody.lean_jit import EntryCompiler
+
+    compiler = numba.njit(cache=True, error_model="numpy", nogil=True, pipeline_class=EntryCompiler, **options)
+    stage = compiler(_closed(function, version))
     stage.compile(arguments)
     return stage.overloads[stage.signatures[0]].entry_point
 

@@ -19,6 +19,7 @@ from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot import Robot
 from wholebody.runtime import observe
+from wholebody.sim.compiled import compiled_plant
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState
 
@@ -45,12 +46,14 @@ def warm_up() -> float:
 
 
 def compile_tick() -> None:
-    """The stages of the control tick."""
+    """Everything that a tick calls."""
     compiled_stages()
+    compiled_follow()
+    compiled_plant()
 
 
 def compile_plan() -> None:
-    """Planning a chunk, and following the plan."""
+    """Planning a chunk."""
     spec = g1()
     robot, joints = Robot(spec), np.array(spec.stance.joint_positions)
     q = stance_q(spec, robot.model)
@@ -62,4 +65,3 @@ def compile_plan() -> None:
     chunk = scripted("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
     planner = ChunkPlanner(spec, robot, PlannerConfig())
     planner.plan(chunk, 0.0, PostureState.still(q, robot.nv), HandMotion(rows))
-    compiled_follow()
