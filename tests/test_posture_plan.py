@@ -193,6 +193,18 @@ def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
     assert near(m.J_m[0, :, 46:], judge.reduced(0, D, back, forth, N, dt)[:, 46:])
 
 
+def test_palms_on_the_curve_between_control_points_are_those_of_pinocchio(body):
+    (program, _), config = linearised(body, 9, 4, speed=0.2), PosturePlanConfig()
+    q, a, data = program.now.q.copy(), program.now.a.copy(), body.model.createData()
+    T_palms = program.palms_on_curve()
+    for k in range(1, 9):
+        pin.framesForwardKinematics(body.model, data, pin.integrate(body.model, q[k], config.dt**2 / 6.0 * a[k]))
+        for i, frame in enumerate(body.palms):
+            there, here = data.oMf[frame], program.now.palms[k, i]
+            assert np.abs(there.translation - here[:3, 3]).max() < 0.02, "a larger bend is cut"
+            assert np.abs(T_palms[k, i] - there.homogeneous).max() < 1e-9
+
+
 def test_the_directions_left_free_are_orthonormal_and_leave_the_feet(body):
     program, _ = linearised(body, 3, 1)
     data = body.model.createData()

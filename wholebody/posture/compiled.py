@@ -12,7 +12,7 @@ from wholebody.posture import blas_core, tables
 
 CORES = (
     "body_core", "place_core", "curve_core", "motion_core", "hold_core", "ahead_core", "linear_core", "near_core",
-    "sum_core", "sided_core", "step_core", "guess_core", "momenta_core",
+    "sum_core", "sided_core", "step_core", "guess_core", "bend_core", "momenta_core",
 )  # fmt: skip
 """Modules whose functions compile as they stand."""
 

@@ -14,6 +14,10 @@ FEW, ALL = 4, 12
 exact step of this one; where few no longer help, as often as it takes."""
 ENOUGH = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
+NOTHING = 1e-4
+"""The same of what a step promises: one that promises less, with the exact set of exceeded bounds, is not taken."""
+SOON = 1e-2
+"""The same where bounds are soft, which only leads the way."""
 STEP_MAX = 0.4
 """Largest step of a free direction that the linearisation is trusted for [m, rad]."""
 HOPELESS = 2.0
@@ -34,6 +38,13 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
         program.assemble()
         for _ in range(rounds):
             promise, damping = _trusted_step(program, damping, guesses)
+            if promise < SOON * cost and softness > 1.0:
+                break
+            if promise < NOTHING * cost and guesses < ALL:
+                guesses = ALL
+                promise, damping = _trusted_step(program, damping, guesses)
+            if promise < NOTHING * cost:
+                break
             program.move()
             program.linearise(program.trial)
             cost_new = program.cost(program.trial)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from policy.rotations import rotvec_to_matrix
 from wholebody import gjk_core
@@ -68,17 +67,9 @@ class Program:
 
     def bend(self) -> None:
         """Judge the palms on the curve that has the knots as control points, as far as it bends away from them now."""
-        body, task, m = self.body, self._task, self.now
-        share = task.dt**2 / 6.0
-        for k in range(1, self.K):
-            pin.framesForwardKinematics(body.model, body.data, pin.integrate(body.model, m.q[k], share * m.a[k]))
-            for i, frame in enumerate(body.palms):
-                there, here = body.data.oMf[frame], m.palms[k, i]
-                bend = np.concatenate([there.translation - here[:3, 3], pin.log3(there.rotation @ here[:3, :3].T)])
-                rows = slice(6 * i, 6 * i + 6)
-                bend = np.clip(bend, -BEND_MAX, BEND_MAX)
-                m.r[k, rows] += bend - task.bend[k, rows]
-                task.bend[k, rows] = bend
+        run(
+            "bend_core", "bend", self.body.tables, self._task, self.now, self.trial, BEND_MAX, self._work,
+        )  # fmt: skip
 
     def palms_on_curve(self) -> np.ndarray:
         """Palm poses of the present motion, (K, 2, 4, 4)."""
