@@ -105,7 +105,7 @@ class SafetyConfig:
     """Distance beyond the least one from which a pair of bodies counts [m]."""
     self_brake: float = 10.0
     """[m/s^2]"""
-    floor_distance: float = 0.012
+    floor_distance: float = 0.02
     """Least height of hands and forearms over the floor; the posture plan keeps a little more [m]."""
     floor_trigger: float = 0.1
     """Height beyond the least one from which a body counts [m]."""
@@ -183,7 +183,7 @@ class PosturePlanConfig:
     """Least distance between bodies that are not neighbours [m]."""
     self_trigger: float = 0.05
     """Distance beyond the least one at which a pair of bodies begins to count [m]."""
-    floor_distance: float = 0.02
+    floor_distance: float = 0.03
     """Least height of hands and forearms over the floor [m]."""
     floor_trigger: float = 0.1
     """Height beyond the least one at which a body begins to count [m]."""
