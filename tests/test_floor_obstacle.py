@@ -40,7 +40,7 @@ def sent_down(chunk, height, pitch, seconds):
     return replace(chunk, T_world_lhand=hands[0], T_world_rhand=hands[1])
 
 
-@pytest.mark.parametrize(("height", "pitch", "seconds"), [(0.1, 1.2, 0.5), (0.1, 1.2, 0.25)])
+@pytest.mark.parametrize(("height", "pitch", "seconds"), [(0.12, 1.5, 0.4), (0.1, 1.2, 0.25)])
 def test_hands_sent_into_the_floor_never_touch_it(robot, monkeypatch, height, pitch, seconds):
     supervisor, plant = robot
     monkeypatch.setattr("wholebody.supervisor.above_floor", lambda chunk: (chunk, 0.0))
