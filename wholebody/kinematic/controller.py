@@ -26,9 +26,9 @@ class KinematicController:
 
     What holds at every tick: feet at their places, the centre of mass at least ``safety.balance_margin`` inside the
     support, joint positions and speeds within their limits. What does not: accelerations, torques, friction, forces,
-    distances between bodies and to the floor, the zero-moment point of fast motions. Feed-forward torques carry the weight of the
-    measured configuration as if it stood still. Disturbances are not noticed: it is for slow motions, and for robots
-    whose balance somebody else keeps.
+    distances between bodies and to the floor, the zero-moment point of fast motions. Feed-forward torques carry the
+    weight of the measured configuration as if it stood still. Disturbances are not noticed: it is for slow motions, and
+    for robots whose balance somebody else keeps.
 
     Attributes:
         q: Configuration so far, shape (nq,); the commanded one. v: Velocity that led there, shape (nv,).
