@@ -206,6 +206,20 @@ GENTLE = PosturePlanConfig(
 )
 """For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
 
+CALM = replace(
+    GENTLE,
+    position=5e-3,
+    position_give=0.05,
+    orientation=0.05,
+    torso=0.4,
+    pelvis=0.4,
+    posture=1.0,
+    height=0.1,
+    smoothness=10.0,
+    stillness=3.0,
+)
+"""For targets that are out of reach: as near to them as the bounds allow, without hurry."""
+
 BRAKE = replace(GENTLE, position=10.0, orientation=10.0)
 """For states from which nothing else leads on: come to rest."""
 
@@ -217,6 +231,8 @@ class PlannerConfig:
     posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
     gentle: PosturePlanConfig = GENTLE
     """The posture plan of a chunk that cannot be followed within the bounds."""
+    calm: PosturePlanConfig = CALM
+    """The posture plan of a chunk that is out of reach."""
     brake: PosturePlanConfig = BRAKE
     """The posture plan where no plan leads from the present motion to the chunk: the hands do not count."""
     turning: float = 0.02

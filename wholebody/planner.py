@@ -19,7 +19,7 @@ from wholebody.posture_plan import PostureMotion, PosturePlanner
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot import Robot
-from wholebody.temper import continued
+from wholebody.temper import JUMP, continued
 
 GRID = 0.002
 """Spacing of the sampled posture [s]."""
@@ -38,6 +38,10 @@ DRIFT_GAIN = 2.0
 """Share of a drift that the zero-moment point leads it by, to take it back."""
 FAR = 0.15
 """Distance of a palm from its target past which the target is out of reach, not just hard to follow [m]."""
+ELSEWHERE, TURNED = 0.3, np.deg2rad(60.0)
+"""A chunk that begins further from the hands than this is not the continuation of anything [m, rad]."""
+UNHURRIED = 0.6
+"""Share of the usual speed, acceleration and jerk with which such a chunk is joined."""
 TEMPERED = 1e-3
 """How far steps are moved, to be steps that a hand can do, before that is worth a word [m]."""
 TURN_LOSS = 0.008
@@ -260,11 +264,11 @@ class ChunkPlanner:
                 softer, guess = replace(c.posture, orientation=c.turning), attempt.motion.q[1:]
                 turned = self._attempt(chunk, now, start, commanded, slowdown, guess, softer)
                 attempt = min(attempt, turned, key=lambda one: (one.excess > c.excess_max, one.loss))
-            if self._follows(attempt):
+            if self._follows(attempt) and attempt.tempered <= JUMP:
                 return attempt
-            if attempt.loss > FAR:
-                # Nobody can be there: nothing is gained by hurrying towards it with everything that there is.
-                calm = self._attempt(chunk, now, start, commanded, slowdown, before, c.gentle)
+            if attempt.loss > FAR or attempt.tempered > JUMP:
+                # Nobody can be there, or means to: nothing is gained by hurrying with everything that there is.
+                calm = self._attempt(chunk, now, start, commanded, slowdown, before, c.calm)
                 if self._safe(calm):
                     return calm
             tried.append(attempt)
@@ -296,9 +300,11 @@ class ChunkPlanner:
         s0 = now - chunk.t_obs
         times = np.arange(len(chunk)) / chunk.fps
         sources = ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
+        # A chunk that begins elsewhere says nothing about the way there: no reason to hurry.
+        share = UNHURRIED if _begins_elsewhere(chunk, now, commanded) else 1.0
         raw, tempered = zip(
             *(
-                _joined(times, T, q, caps, _slower(row, slowdown), s0)
+                _joined(times, T, q, caps, share, _slower(row, slowdown), s0)
                 for (T, q), caps, row in zip(sources, self.caps, commanded.rows, strict=True)
             ),
             strict=True,
@@ -439,20 +445,31 @@ def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     return spin, np.gradient(spin, dt, axis=0)
 
 
+def _begins_elsewhere(chunk: ActionChunk, now: float, commanded: HandMotion) -> bool:
+    """Whether a hand would have to jump to where the chunk has it now."""
+    step = int(np.clip(round((now - chunk.t_obs) * chunk.fps), 0, len(chunk) - 1))
+    T = np.stack([chunk.T_world_lhand[step], chunk.T_world_rhand[step]])
+    distance = np.linalg.norm(T[:, :3, 3] - commanded.p, axis=1)
+    turn = matrix_to_rotvec(np.swapaxes(quaternion_to_matrix(commanded.quat, "xyzw"), 1, 2) @ T[:, :3, :3])
+    return bool(distance.max() > ELSEWHERE or np.linalg.norm(turn, axis=1).max() > TURNED)
+
+
 def _joined(
-    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps, motion: HandMotion, s: float
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps, share: float, motion: HandMotion, s: float
 ) -> tuple[HandPath, float]:
     """The path through a chunk's steps that goes on from a motion at ``s``.
 
     Where no hand could do them, the path goes through the nearest that one can do, which are so far away at most [m].
+    The join uses that share of the caps.
     """
-    path = HandPath.from_knots(times, T, q, caps=caps).joined(motion, s)
+    calm = caps.scaled(share)
+    path = HandPath.from_knots(times, T, q, caps=caps).joined(motion, s, caps=calm)
     if len(times) < 2:
         return path, 0.0
     tempered = continued(times, T, q, caps, motion, s)
     if not (path.join.rough or tempered.changed):
         return path, 0.0
-    path = HandPath.from_knots(tempered.times, tempered.T, tempered.q, caps=caps).joined(motion, s)
+    path = HandPath.from_knots(tempered.times, tempered.T, tempered.q, caps=caps).joined(motion, s, caps=calm)
     return path, tempered.moved
 
 
