@@ -18,6 +18,8 @@ from wholebody.reference.spline import PiecewiseQuintic, quintic, shift
 
 JOIN_SHARES = (0.25, 0.25, 0.25)
 """Shares of the caps on speed, acceleration and jerk that the correction may use; the rest is for the path."""
+HURRY = 4.0
+"""By how much more a velocity is corrected than a position: the longer it lasts, the further it leads away."""
 DURATIONS = np.geomspace(0.1, 4.0, 17)
 """Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
 
@@ -65,13 +67,14 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
     own = np.stack(curve(np.array([s])))[:, 0]
     start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
-    place, rates = error.copy(), error.copy()
-    place[1:], rates[0] = 0.0, 0.0
+    place, velocity, acceleration = (np.where(np.arange(3)[:, None] == k, error, 0.0) for k in range(3))
     duration = join_duration(place, caps)
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
-    rough = _excursion(rates, DURATIONS[0]) > 1.0
-    settling = join_duration(rates, caps) if rough else DURATIONS[0]
-    joined = _add(_add(curve, place, s, duration), rates, s, settling)
+    rough = _excursion(velocity + acceleration, DURATIONS[0]) > 1.0
+    settling = join_duration(velocity, caps.scaled(HURRY)) if rough else DURATIONS[0]
+    joined = _add(_add(curve, place, s, duration), velocity, s, settling)
+    # An acceleration that lasted as long would lead metres away.
+    joined = _add(joined, acceleration, s, DURATIONS[0])
     duration = max(duration, settling)
     before = brake_time(start, caps)
     rest = np.zeros_like(start)
