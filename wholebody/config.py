@@ -206,18 +206,7 @@ GENTLE = PosturePlanConfig(
 )
 """For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
 
-CALM = replace(
-    GENTLE,
-    position=5e-3,
-    position_give=0.05,
-    orientation=0.05,
-    torso=0.4,
-    pelvis=0.4,
-    posture=1.0,
-    height=0.1,
-    smoothness=10.0,
-    stillness=3.0,
-)
+CALM = replace(GENTLE, position_give=0.1)
 """For targets that are out of reach: as near to them as the bounds allow, without hurry."""
 
 BRAKE = replace(GENTLE, position=10.0, orientation=10.0)
