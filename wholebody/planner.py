@@ -460,13 +460,13 @@ def _joined(
     """The path through a chunk's steps that goes on from a motion at ``s``.
 
     Where no hand could do them, the path goes through the nearest that one can do, which are so far away at most [m].
-    The join uses that share of the caps.
+    Both keep that share of the caps.
     """
     calm = caps.scaled(share)
     path = HandPath.from_knots(times, T, q, caps=caps).joined(motion, s, caps=calm)
     if len(times) < 2:
         return path, 0.0
-    tempered = continued(times, T, q, caps, motion, s)
+    tempered = continued(times, T, q, calm, motion, s)
     if not (path.join.rough or tempered.changed):
         return path, 0.0
     path = HandPath.from_knots(tempered.times, tempered.T, tempered.q, caps=caps).joined(motion, s, caps=calm)

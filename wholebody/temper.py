@@ -21,7 +21,7 @@ from wholebody.reference.rotation import continuous_quaternions
 
 DEMAND = (1.0, 1.0, 1.5)
 """Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the caps: for a hand 20 m/s^2, 600 m/s^3."""
-JUMP, CALM = 0.1, 0.25
+JUMP, CALM = 0.06, 0.25
 """Steps that jump by more than that [m] are no motion that anybody meant: the way there need not be fast. It keeps that
 share of the bounds."""
 PAST = 3
