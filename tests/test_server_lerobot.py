@@ -20,8 +20,6 @@ from policy.anchor import Anchor
 from policy.observation import Observation
 from policy.remote import RemotePolicy
 
-pytestmark = pytest.mark.alone
-
 anchor, rng = Anchor.nominal(), np.random.default_rng(0)
 images = {name: rng.integers(0, 256, (64, 64, 3), dtype=np.uint8) for name in ("head", "left_wrist", "right_wrist")}
 joints = (anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base)
