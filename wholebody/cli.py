@@ -341,12 +341,12 @@ def serve_policy(
     else:
         policy = open_source(source, csv_fps, layout_named(assume_spec))
     server = PolicyServer(policy, host=host, port=port)
-    print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
-    if host not in (LOOPBACK, "localhost", "::1"):
-        print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
-    # Containers and service managers end a program by this signal.
-    signal(SIGTERM, default_int_handler)
     with suppress(KeyboardInterrupt):
+        # Containers and service managers end a program by this signal, as soon as it has said that it is there.
+        signal(SIGTERM, default_int_handler)
+        print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
+        if host not in (LOOPBACK, "localhost", "::1"):
+            print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
         server.serve_forever()
     server.close()
 
