@@ -94,6 +94,10 @@ class PolicyServer:
         """Serve until `close` is called from another thread, or an exception such as KeyboardInterrupt arrives."""
         self._server.serve_forever()
 
+    def wait(self) -> None:
+        """Wait while a server that was entered as a context manager serves; ends like `serve_forever`."""
+        self._thread.join()
+
     def close(self) -> None:
         """Hang up and stop listening."""
         self._server.shutdown()

@@ -340,15 +340,13 @@ def serve_policy(
             print(f"wholebody: {finding.sentence}", file=sys.stderr)
     else:
         policy = open_source(source, csv_fps, layout_named(assume_spec))
-    server = PolicyServer(policy, host=host, port=port)
-    with suppress(KeyboardInterrupt):
+    with PolicyServer(policy, host=host, port=port) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)
         print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
         if host not in (LOOPBACK, "localhost", "::1"):
             print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
-        server.serve_forever()
-    server.close()
+        server.wait()
 
 
 @app.command()
