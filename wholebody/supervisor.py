@@ -133,6 +133,7 @@ class Supervisor:
     def _join(self, chunk: ActionChunk) -> StatusReport:
         """Follow a valid chunk from here on, if that is safe; what cannot be joined yet waits."""
         now, self._waiting = self._last_state.time, None
+        reference = self._smoother.state.copy()
         try:
             start, before = self._start()
             commanded = HandMotion(self._smoother.motion.rows.copy())
@@ -145,6 +146,7 @@ class Supervisor:
         if not plan.report.safe:
             self._waiting = chunk
         if not plan.report.safe and self._is_safe_ahead():
+            self._smoother.state[:] = reference
             return self._refuse(
                 "not_joined",
                 "no balanced motion leads from here to the chunk yet, so the one before is followed to its end: "
@@ -159,9 +161,10 @@ class Supervisor:
         return self._report_plan()
 
     def _is_safe_ahead(self) -> bool:
-        """Whether the present plan is balanced, followed and not over."""
-        plan = self._plan
-        return plan is not None and plan.report.safe and self._clock.s < plan.end and not self._lost()
+        """Whether the present plan is balanced, not over, and near enough to come back to."""
+        plan, far = self._plan, self.config.safety.posture_stop
+        near = self._follower.distance(self._last_state.q) < far
+        return plan is not None and plan.report.safe and self._clock.s < plan.end and near
 
     def _start(self) -> tuple[PostureState, np.ndarray | None]:
         """Where the next plan begins, and what the present one would have done from now on.
