@@ -27,6 +27,7 @@ help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
 
 demo: setup-core ## Run the main job on a scripted policy (core packages only)
+	@$(BIN)/wholebody warmup
 	$(BIN)/wholebody run reach $(ARGS)
 
 setup-core: $(VENV)/.core-installed ## Make .venv with the core packages

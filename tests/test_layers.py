@@ -35,6 +35,7 @@ LAYERS = (
         "placo_backend",
         "backends",
         "posture_plan",
+        "posture_track",
         "temper",
         "planner",
         "denoise",

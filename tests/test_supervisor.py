@@ -9,7 +9,7 @@ from models.g1 import g1
 from policy.scripts import reach, scripted
 from wholebody.runtime import EpisodeConfig, observe, run_episode
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
+from wholebody.supervisor import RETRY, Supervisor
 from wholebody.types import RobotState, Status
 
 
@@ -114,3 +114,52 @@ def test_a_reach_arrives_and_stands(loop):
     assert result.refusals == []
     assert result.errors[-1].max() < 2e-3
     assert result.time_factor == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_chunk_that_no_plan_joins_waits_while_the_one_before_is_followed(loop, monkeypatch):
+    supervisor, plant, state = start(loop)
+    chunk = chunk_at(supervisor, state)
+    supervisor.accept(chunk)
+    plan, calls = supervisor.planner.plan, []
+
+    def unsafe(*arguments):
+        calls.append(arguments[1])
+        found = plan(*arguments)
+        return replace(found, report=replace(found.report, safe=len(calls) > 2))
+
+    monkeypatch.setattr(supervisor.planner, "plan", unsafe)
+    followed = supervisor.plan_report
+    for _ in range(10):
+        state = plant.step(supervisor.step(state))
+    later = replace(chunk, t_obs=state.time, seq=chunk.seq + 1)
+    assert supervisor.accept(later).reason == "not_joined"
+    assert supervisor.plan_report is followed
+    while len(calls) < 3 and state.time < 1.0:
+        state = plant.step(supervisor.step(state))
+    assert supervisor.plan_report is not followed
+    np.testing.assert_allclose(np.diff(calls), RETRY, atol=3e-3)
+
+
+def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(loop, monkeypatch):
+    supervisor, plant, state = start(loop)
+    chunk = chunk_at(supervisor, state)
+    supervisor.accept(chunk)
+    for _ in range(50):
+        state = plant.step(supervisor.step(state))
+    calls = []
+
+    def fails(*arguments):
+        calls.append(arguments[1])
+        raise RuntimeError("no steps were found")
+
+    monkeypatch.setattr(supervisor.planner, "plan", fails)
+    # A robot that is far from its plan is planned anew from where it is.
+    monkeypatch.setattr(type(supervisor._follower), "distance", lambda *_: 1.0)
+    monkeypatch.setattr(type(supervisor._follower), "share", 0.5)
+    before = supervisor._smoother.state.copy()
+    status = supervisor.accept(replace(chunk, t_obs=state.time, seq=chunk.seq + 1))
+    assert (status.status, status.reason) == (Status.HOLD, "planning_failed")
+    np.testing.assert_array_equal(supervisor._smoother.state, before)
+    for _ in range(120):
+        state = plant.step(supervisor.step(state))
+    assert len(calls) == 2

@@ -12,7 +12,8 @@ from wholebody.backends import Controller
 from wholebody.body_reference import COM, PALM, POSTURE, PackedReference
 from wholebody.config import ControllerConfig
 from wholebody.native import digest, native, register
-from wholebody.planner import GRID, ChunkPlan, PostureState, PostureTrack
+from wholebody.planner import ChunkPlan
+from wholebody.posture_track import GRID, PostureState, PostureTrack
 from wholebody.reference import PathClock, ReferenceSmoother, path_core, smoother_core
 
 NO_PATH = np.zeros(0)

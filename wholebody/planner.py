@@ -12,19 +12,15 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from policy.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
+from policy.rotations import matrix_to_rotvec, quaternion_to_matrix
 from wholebody.config import PlannerConfig
 from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
+from wholebody.posture_track import GRID, PostureState, PostureTrack, curve_through, track_along
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
-from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot import Robot
 from wholebody.temper import JUMP, continued
 
-GRID = 0.002
-"""Spacing of the sampled posture [s]."""
-COARSE = 5
-"""Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""
 GOOD_LOSS, GOOD_EXCESS = 0.004, 0.5
@@ -38,7 +34,7 @@ DRIFT_GAIN = 2.0
 """Share of a drift that the zero-moment point leads it by, to take it back."""
 FAR = 0.15
 """Distance of a palm from its target past which the target is out of reach, not just hard to follow [m]."""
-ELSEWHERE, TURNED = 0.3, np.deg2rad(60.0)
+START_MAX = (0.3, np.deg2rad(60.0))
 """A chunk that begins further from the hands than this is not the continuation of anything [m, rad]."""
 UNHURRIED = 0.6
 """Share of the usual speed, acceleration and jerk with which such a chunk is joined."""
@@ -46,70 +42,6 @@ TEMPERED = 1e-3
 """How far steps are moved, to be steps that a hand can do, before that is worth a word [m]."""
 TURN_LOSS = 0.008
 """Distance of a palm from its target above which its orientation gives way more [m]."""
-
-
-@dataclass(frozen=True)
-class PostureTrack:
-    """The posture plan on a regular grid of the path parameter ``s``.
-
-    Attributes:
-        start: Parameter of the first row [s].
-        q: Configurations, shape (n, nq). v: Velocities with respect to ``s``, shape (n, nv).
-        ddq: Second derivatives of the joints, shape (n, n_joints).
-        com: Centre of mass, first and second derivative, shape (3, n, 3).
-        momentum: Angular momentum about it and its first derivative, shape (2, n, 3), for ds/dt = 1.
-        height: Pelvis height, first and second derivative, shape (3, n).
-        pelvis, torso: Orientations (n, 3, 3), angular rates (n, 3) and accelerations (n, 3), world axes.
-    """
-
-    start: float
-    q: np.ndarray
-    v: np.ndarray
-    ddq: np.ndarray
-    com: np.ndarray
-    momentum: np.ndarray
-    height: np.ndarray
-    pelvis: tuple[np.ndarray, np.ndarray, np.ndarray]
-    torso: tuple[np.ndarray, np.ndarray, np.ndarray]
-
-    @classmethod
-    def still(cls, robot: Robot, q: np.ndarray) -> PostureTrack:
-        """One row: stay at ``q``, the robot's present configuration."""
-        one, turn = np.zeros((1, 3)), robot.pose
-        pelvis, torso = (turn(frame).rotation[None].copy() for frame in (robot.spec.base_body, robot.spec.torso_body))
-        return cls(
-            start=0.0,
-            q=q[None].copy(),
-            v=np.zeros((1, robot.nv)),
-            ddq=np.zeros((1, robot.n_joints)),
-            com=np.stack([robot.com[None], one, one]),
-            momentum=np.stack([one, one]),
-            height=np.array([[q[2]], [0.0], [0.0]]),
-            pelvis=(pelvis, one, one),
-            torso=(torso, one, one),
-        )
-
-    def row(self, s: float) -> int:
-        """Nearest row; the ends are held."""
-        return int(min(max(round((s - self.start) / GRID), 0), len(self.q) - 1))
-
-
-@dataclass(frozen=True)
-class PostureState:
-    """Where a posture plan is, for the next one to continue.
-
-    Attributes:
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
-    """
-
-    q: np.ndarray
-    v: np.ndarray
-
-    @classmethod
-    def still(cls, q: np.ndarray, nv: int) -> PostureState:
-        """At rest at ``q``."""
-        return cls(q.copy(), np.zeros(nv))
 
 
 @dataclass(frozen=True)
@@ -239,16 +171,9 @@ class ChunkPlanner:
         if not safe:
             reasons.append("posture_infeasible")
         report = PlanReport(
-            steps,
-            attempt.distance,
-            clamped,
-            attempt.slowdown,
-            margin,
-            tuple(reasons),
-            attempt.excess,
-            safe,
-            attempt.tempered,
-        )
+            steps=steps, missed=attempt.distance, clamped=clamped, slowdown=attempt.slowdown, zmp_margin=margin,
+            reasons=tuple(reasons), excess=attempt.excess, safe=safe, tempered=attempt.tempered,
+        )  # fmt: skip
         return ChunkPlan(paths, attempt.track, float(steps[0]), float(steps[-1]), report)
 
     def _best(self, chunk, now, start, commanded, before) -> _Attempt:
@@ -282,7 +207,8 @@ class ChunkPlanner:
         gentle = self._attempt(chunk, now, start, commanded, 1.0, before, c.gentle)
         if self._safe(gentle):
             return gentle
-        tried += [gentle, *(self._attempt(chunk, now, start, commanded, 1.0, None, x) for x in (c.gentle, c.brake))]
+        others = (c.gentle, c.brake) if before is not None else (c.brake,)
+        tried += [gentle, *(self._attempt(chunk, now, start, commanded, 1.0, None, x) for x in others)]
         return max(tried, key=lambda one: (one.excess <= c.excess_max, -one.drift))
 
     def _good(self, attempt: _Attempt) -> bool:
@@ -321,9 +247,9 @@ class ChunkPlanner:
         palms[:, :, :3, 3] += np.einsum("khij,hj->khi", wanted[:, :, :3, :3], self.offsets)
         guess = None if before is None else self._continued(before, palms)
         motion = self.posture.plan(start.q, start.v, palms, np.hstack(fingers), guess, posture)
-        curve = _curve(steps, motion.q, slowdown * start.v)
+        curve = curve_through(steps, motion.q, slowdown * start.v)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
-        track = self._track(curve, steps[0], steps[-1] + steps[1] - steps[0])
+        track = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self._momenta)
         drift = self._drift(track, slowdown)
         return _Attempt(slowdown, raw, max(tempered), steps, wanted, palms, motion, distance, track, drift)
 
@@ -384,66 +310,6 @@ class ChunkPlanner:
             largest = max(largest, float(drift.max()))
         return largest
 
-    def _track(self, curve: CubicBSpline, start: float, end: float) -> PostureTrack:
-        """The posture on the grid: everything from one smooth curve.
-
-        Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
-        """
-        grid = np.arange(start, end + GRID, GRID)
-        coarse = np.arange(start, end + COARSE * GRID, COARSE * GRID)
-        q, dq, ddq = curve(np.minimum(grid, end))
-        norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-        q[:, 3:7] /= norm
-        v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
-        rows = np.minimum(COARSE * np.arange(len(coarse)), len(grid) - 1)
-        com, com_velocity, momentum, turns = self._momenta(q[rows], v[rows])
-        between = _Interpolation(coarse, grid)
-        bodies = []
-        for R in turns:
-            spin, change = _angular_rates(R, COARSE * GRID)
-            bodies.append((between.rotations(R), between(spin), between(change)))
-        com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
-        track = PostureTrack(
-            start=float(start),
-            q=q,
-            v=v,
-            ddq=ddq[:, 7:].copy(),
-            com=np.stack([between(x) for x in (com, com_velocity, com_acceleration)]),
-            momentum=np.stack([between(x) for x in (momentum, momentum_rate)]),
-            height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
-            pelvis=bodies[0],
-            torso=bodies[1],
-        )
-        # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
-        for rates in (track.v, track.ddq, *track.com[1:], *track.momentum, *track.pelvis[1:], *track.torso[1:]):
-            rates[-1] = 0.0
-        track.height[1:, -1] = 0.0
-        return track
-
-
-class _Interpolation:
-    """Linear interpolation from steps to the grid, both increasing."""
-
-    def __init__(self, steps: np.ndarray, grid: np.ndarray) -> None:
-        self._low = np.clip(np.searchsorted(steps, grid, side="right") - 1, 0, len(steps) - 2)
-        self._share = np.clip((grid - steps[self._low]) / np.diff(steps)[self._low], 0.0, 1.0)[:, None]
-
-    def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Rows (K, k) on the grid."""
-        return values[self._low] + self._share * (values[self._low + 1] - values[self._low])
-
-    def rotations(self, R: np.ndarray) -> np.ndarray:
-        """Rotations (K, 3, 3) on the grid; neighbours are close, so normalised quaternions will do."""
-        quat = self(_same_side(matrix_to_quaternion(R, "xyzw")))
-        return quaternion_to_matrix(quat / np.linalg.norm(quat, axis=1, keepdims=True), "xyzw")
-
-
-def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Angular rates and accelerations, (K, 3) each, world axes, of rotations ``dt`` apart."""
-    turn = matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2)) / dt
-    spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
-    return spin, np.gradient(spin, dt, axis=0)
-
 
 def _begins_elsewhere(chunk: ActionChunk, now: float, commanded: HandMotion) -> bool:
     """Whether a hand would have to jump to where the chunk has it now."""
@@ -451,7 +317,7 @@ def _begins_elsewhere(chunk: ActionChunk, now: float, commanded: HandMotion) -> 
     T = np.stack([chunk.T_world_lhand[step], chunk.T_world_rhand[step]])
     distance = np.linalg.norm(T[:, :3, 3] - commanded.p, axis=1)
     turn = matrix_to_rotvec(np.swapaxes(quaternion_to_matrix(commanded.quat, "xyzw"), 1, 2) @ T[:, :3, :3])
-    return bool(distance.max() > ELSEWHERE or np.linalg.norm(turn, axis=1).max() > TURNED)
+    return bool(distance.max() > START_MAX[0] or np.linalg.norm(turn, axis=1).max() > START_MAX[1])
 
 
 def _joined(
@@ -476,51 +342,3 @@ def _joined(
 def _slower(row: np.ndarray, slowdown: float) -> HandMotion:
     """The motion of one hand [per s] as derivatives of a path that is run through ``slowdown`` times slower."""
     return time_scaled(HandMotion(row.copy()), slowdown, 0.0)
-
-
-def _curve(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> CubicBSpline:
-    """The cubic B-spline that begins at ``q[0]`` with velocity ``v_start`` and has q[1:] as control points.
-
-    Its acceleration changes linearly between the knots, where it is exactly the one that the posture plan judges: a
-    curve through the points would swing up to three times as much. It rests one step after the last knot.
-    """
-    dt, q = steps[1] - steps[0], _one_sided(q)
-    rate = dt * _configuration_rate(q[0], v_start)
-    before, first = q[1] - 2.0 * rate, 1.5 * q[0] - 0.5 * q[1] + 0.5 * rate
-    points = np.vstack([before, first, q[1:], q[-1], q[-1]])
-    return CubicBSpline(steps[0], dt, points)
-
-
-def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Derivative of the configuration (nq,) for a velocity (nv,), Pinocchio convention."""
-    x, y, z, w = q[3:7]
-    R = pin.Quaternion(q[3:7]).toRotationMatrix()
-    turn = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[3:6]
-    return np.concatenate([R @ v[:3], turn, v[6:]])
-
-
-def _one_sided(q: np.ndarray) -> np.ndarray:
-    """Configurations (K, nq) with neighbouring quaternions on the same side."""
-    q = q.copy()
-    q[:, 3:7] = _same_side(q[:, 3:7])
-    return q
-
-
-def _same_side(quat: np.ndarray) -> np.ndarray:
-    """Quaternions (K, 4) with signs that make neighbours close."""
-    flips = np.cumprod(np.where(np.sum(quat[1:] * quat[:-1], axis=1) < 0.0, -1.0, 1.0))
-    return quat * np.concatenate([[1.0], flips])[:, None]
-
-
-def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """Velocities (K, nv) for configurations with unit quaternions and their derivatives (K, nq)."""
-    R = quaternion_to_matrix(q[:, 3:7], "xyzw")
-    x, y, z, w = q[:, 3:7].T
-    dx, dy, dz, dw = dq[:, 3:7].T
-    # The vector part of 2 conj(q) dq: the angular velocity in base axes.
-    spin = 2.0 * np.stack([
-        w * dx - x * dw - y * dz + z * dy,
-        w * dy - y * dw - z * dx + x * dz,
-        w * dz - z * dw - x * dy + y * dx,
-    ], axis=1)  # fmt: skip
-    return np.concatenate([np.einsum("kji,kj->ki", R, dq[:, :3]), spin, dq[:, 7:]], axis=1)

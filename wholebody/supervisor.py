@@ -18,7 +18,8 @@ from wholebody.denoise import denoised
 from wholebody.errors import InputError
 from wholebody.floor import above_floor
 from wholebody.follower import Follower
-from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport, PostureState, PostureTrack
+from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport
+from wholebody.posture_track import PostureState, PostureTrack
 from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
 from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
 
@@ -133,7 +134,7 @@ class Supervisor:
     def _join(self, chunk: ActionChunk) -> StatusReport:
         """Follow a valid chunk from here on, if that is safe; what cannot be joined yet waits."""
         now, self._waiting = self._last_state.time, None
-        reference = self._smoother.state.copy()
+        self._retry, reference = now + RETRY, self._smoother.state.copy()
         try:
             start, before = self._start()
             commanded = HandMotion(self._smoother.motion.rows.copy())
@@ -141,8 +142,8 @@ class Supervisor:
             meant, noisy = denoised(lifted, self.planner.caps)
             plan = self.planner.plan(meant, now, start, commanded, before)
         except (InputError, RuntimeError, ValueError) as error:
+            self._smoother.state[:] = reference
             return self._refuse("planning_failed", str(error))
-        self._retry = now + RETRY
         if not plan.report.safe:
             self._waiting = chunk
         if not plan.report.safe and self._is_safe_ahead():

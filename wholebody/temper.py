@@ -62,6 +62,8 @@ def continued(
         motion: What the hand is commanded to do at ``s``, one row.
         s: Where the chunk is joined [s].
 
+    Raises:
+        RuntimeError: If no nearest steps were found: numbers far beyond anything that a hand can do.
     """
     step = times[1] - times[0]
     first = min(int(np.searchsorted(times, s - 0.25 * step)), len(times) - 2)
@@ -103,7 +105,7 @@ def nearest(values: np.ndarray, fps: float, caps: MotionCaps) -> np.ndarray:
         The same array where it keeps the bounds. What begins beyond them comes back to them.
     """
     D, order = _differences(len(values))
-    bounds = np.array([share * cap / fps**k for k, (share, cap) in enumerate(_demand(caps), start=1)])[order]
+    bounds = (np.multiply(DEMAND, astuple(caps)) / fps ** np.arange(1, 4))[order]
     if np.all(np.abs(D @ values) <= bounds[:, None]):
         return values
     out, H, free = values.copy(), np.eye(len(values) - PAST), D[:, PAST:]
@@ -112,12 +114,11 @@ def nearest(values: np.ndarray, fps: float, caps: MotionCaps) -> np.ndarray:
         known = D[:, :PAST] @ column[:PAST]
         out[PAST:, k], _, flag, _ = daqp.solve(H, -column[PAST:], free, bounds - known, -bounds - known, sense)
         if flag not in SOLVED:
-            raise RuntimeError(f"the nearest steps within the caps were not found: daqp says {flag}")
+            raise RuntimeError(
+                f"no steps within the bounds of a hand were found near those of the chunk (daqp says {flag}): are its "
+                "positions in metres?"
+            )
     return out
-
-
-def _demand(caps: MotionCaps) -> list[tuple[float, float]]:
-    return list(zip(DEMAND, astuple(caps), strict=True))
 
 
 @lru_cache(maxsize=8)

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from wholebody.planner import START_MAX
 from wholebody.runtime import EpisodeResult
 from wholebody.sim.watch import Excess
 from wholebody.timing import Timing, timing
@@ -22,8 +23,6 @@ ERROR_FEASIBLE = 0.02
 """Largest palm error of a step that counts as reached [m]."""
 BEND_MAX = 0.05
 """How far a hand may be moved for the motion to count as repaired; further away it is another motion [m]."""
-START_MAX = (0.3, np.deg2rad(60.0))
-"""How far from the hands a motion may begin without being marked: distance [m] and angle [rad]."""
 SLOWDOWN_FEASIBLE = 1.01
 """Time factor up to which a motion counts as unslowed."""
 TORQUE_TIME = 0.05

@@ -14,7 +14,8 @@ from policy.observation import Observation
 from policy.scripts import scripted
 from wholebody.config import PlannerConfig
 from wholebody.follower import compiled_follow
-from wholebody.planner import ChunkPlanner, PostureState
+from wholebody.planner import ChunkPlanner
+from wholebody.posture_track import PostureState
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot import Robot

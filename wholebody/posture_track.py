@@ -1,0 +1,191 @@
+"""The posture plan as the control loop follows it: one smooth curve through its knots, sampled on a regular grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from policy.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
+from wholebody.posture.momenta import Momenta
+from wholebody.reference.cubic import CubicBSpline
+from wholebody.robot import Robot
+
+GRID = 0.002
+"""Spacing of the sampled posture [s]."""
+COARSE = 5
+"""Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
+
+
+@dataclass(frozen=True)
+class PostureTrack:
+    """The posture plan on a regular grid of the path parameter ``s``.
+
+    Attributes:
+        start: Parameter of the first row [s].
+        q: Configurations, shape (n, nq). v: Velocities with respect to ``s``, shape (n, nv).
+        ddq: Second derivatives of the joints, shape (n, n_joints).
+        com: Centre of mass, first and second derivative, shape (3, n, 3).
+        momentum: Angular momentum about it and its first derivative, shape (2, n, 3), for ds/dt = 1.
+        height: Pelvis height, first and second derivative, shape (3, n).
+        pelvis, torso: Orientations (n, 3, 3), angular rates (n, 3) and accelerations (n, 3), world axes.
+    """
+
+    start: float
+    q: np.ndarray
+    v: np.ndarray
+    ddq: np.ndarray
+    com: np.ndarray
+    momentum: np.ndarray
+    height: np.ndarray
+    pelvis: tuple[np.ndarray, np.ndarray, np.ndarray]
+    torso: tuple[np.ndarray, np.ndarray, np.ndarray]
+
+    @classmethod
+    def still(cls, robot: Robot, q: np.ndarray) -> PostureTrack:
+        """One row: stay at ``q``, the robot's present configuration."""
+        one, turn = np.zeros((1, 3)), robot.pose
+        pelvis, torso = (turn(frame).rotation[None].copy() for frame in (robot.spec.base_body, robot.spec.torso_body))
+        return cls(
+            start=0.0,
+            q=q[None].copy(),
+            v=np.zeros((1, robot.nv)),
+            ddq=np.zeros((1, robot.n_joints)),
+            com=np.stack([robot.com[None], one, one]),
+            momentum=np.stack([one, one]),
+            height=np.array([[q[2]], [0.0], [0.0]]),
+            pelvis=(pelvis, one, one),
+            torso=(torso, one, one),
+        )
+
+    def row(self, s: float) -> int:
+        """Nearest row; the ends are held."""
+        return int(min(max(round((s - self.start) / GRID), 0), len(self.q) - 1))
+
+
+@dataclass(frozen=True)
+class PostureState:
+    """Where a posture plan is, for the next one to continue.
+
+    Attributes:
+        q: Configuration, shape (nq,).
+        v: Velocity, shape (nv,).
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+
+    @classmethod
+    def still(cls, q: np.ndarray, nv: int) -> PostureState:
+        """At rest at ``q``."""
+        return cls(q.copy(), np.zeros(nv))
+
+
+def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> CubicBSpline:
+    """The cubic B-spline that begins at ``q[0]`` with velocity ``v_start`` and has q[1:] as control points.
+
+    Its acceleration changes linearly between the knots, where it is exactly the one that the posture plan judges: a
+    curve through the points would swing up to three times as much. It rests one step after the last knot.
+    """
+    dt, q = steps[1] - steps[0], _one_sided(q)
+    rate = dt * _configuration_rate(q[0], v_start)
+    before, first = q[1] - 2.0 * rate, 1.5 * q[0] - 0.5 * q[1] + 0.5 * rate
+    points = np.vstack([before, first, q[1:], q[-1], q[-1]])
+    return CubicBSpline(steps[0], dt, points)
+
+
+def track_along(curve: CubicBSpline, start: float, end: float, momenta: Momenta) -> PostureTrack:
+    """The posture on the grid from ``start`` to ``end``: everything from one smooth curve.
+
+    Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
+    """
+    grid = np.arange(start, end + GRID, GRID)
+    coarse = np.arange(start, end + COARSE * GRID, COARSE * GRID)
+    q, dq, ddq = curve(np.minimum(grid, end))
+    norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    q[:, 3:7] /= norm
+    v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
+    rows = np.minimum(COARSE * np.arange(len(coarse)), len(grid) - 1)
+    com, com_velocity, momentum, turns = momenta(q[rows], v[rows])
+    between = _Interpolation(coarse, grid)
+    bodies = []
+    for R in turns:
+        spin, change = _angular_rates(R, COARSE * GRID)
+        bodies.append((between.rotations(R), between(spin), between(change)))
+    com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
+    track = PostureTrack(
+        start=float(start),
+        q=q,
+        v=v,
+        ddq=ddq[:, 7:].copy(),
+        com=np.stack([between(x) for x in (com, com_velocity, com_acceleration)]),
+        momentum=np.stack([between(x) for x in (momentum, momentum_rate)]),
+        height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
+        pelvis=bodies[0],
+        torso=bodies[1],
+    )
+    # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
+    for rates in (track.v, track.ddq, *track.com[1:], *track.momentum, *track.pelvis[1:], *track.torso[1:]):
+        rates[-1] = 0.0
+    track.height[1:, -1] = 0.0
+    return track
+
+
+class _Interpolation:
+    """Linear interpolation from steps to the grid, both increasing."""
+
+    def __init__(self, steps: np.ndarray, grid: np.ndarray) -> None:
+        self._low = np.clip(np.searchsorted(steps, grid, side="right") - 1, 0, len(steps) - 2)
+        self._share = np.clip((grid - steps[self._low]) / np.diff(steps)[self._low], 0.0, 1.0)[:, None]
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Rows (K, k) on the grid."""
+        return values[self._low] + self._share * (values[self._low + 1] - values[self._low])
+
+    def rotations(self, R: np.ndarray) -> np.ndarray:
+        """Rotations (K, 3, 3) on the grid; neighbours are close, so normalised quaternions will do."""
+        quat = self(_same_side(matrix_to_quaternion(R, "xyzw")))
+        return quaternion_to_matrix(quat / np.linalg.norm(quat, axis=1, keepdims=True), "xyzw")
+
+
+def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Angular rates and accelerations, (K, 3) each, world axes, of rotations ``dt`` apart."""
+    turn = matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2)) / dt
+    spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
+    return spin, np.gradient(spin, dt, axis=0)
+
+
+def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Derivative of the configuration (nq,) for a velocity (nv,), Pinocchio convention."""
+    x, y, z, w = q[3:7]
+    R = pin.Quaternion(q[3:7]).toRotationMatrix()
+    turn = 0.5 * np.array([[w, -z, y], [z, w, -x], [-y, x, w], [-x, -y, -z]]) @ v[3:6]
+    return np.concatenate([R @ v[:3], turn, v[6:]])
+
+
+def _one_sided(q: np.ndarray) -> np.ndarray:
+    """Configurations (K, nq) with neighbouring quaternions on the same side."""
+    q = q.copy()
+    q[:, 3:7] = _same_side(q[:, 3:7])
+    return q
+
+
+def _same_side(quat: np.ndarray) -> np.ndarray:
+    """Quaternions (K, 4) with signs that make neighbours close."""
+    flips = np.cumprod(np.where(np.sum(quat[1:] * quat[:-1], axis=1) < 0.0, -1.0, 1.0))
+    return quat * np.concatenate([[1.0], flips])[:, None]
+
+
+def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """Velocities (K, nv) for configurations with unit quaternions and their derivatives (K, nq)."""
+    R = quaternion_to_matrix(q[:, 3:7], "xyzw")
+    x, y, z, w = q[:, 3:7].T
+    dx, dy, dz, dw = dq[:, 3:7].T
+    # The vector part of 2 conj(q) dq: the angular velocity in base axes.
+    spin = 2.0 * np.stack([
+        w * dx - x * dw - y * dz + z * dy,
+        w * dy - y * dw - z * dx + x * dz,
+        w * dz - z * dw - x * dy + y * dx,
+    ], axis=1)  # fmt: skip
+    return np.concatenate([np.einsum("kji,kj->ki", R, dq[:, :3]), spin, dq[:, 7:]], axis=1)
