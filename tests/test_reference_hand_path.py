@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from wholebody.errors import InputError
 from wholebody.reference import HandMotion, HandPath, rest_row
 from wholebody.reference.hand_path import CELL
+from wholebody.reference.join import PATIENCE
 from wholebody.reference.path_core import path_row
 
 H = 1e-5
@@ -288,3 +289,14 @@ def test_a_path_moved_nowhere_is_itself():
     moved = path.moved(steps, path.sample(steps).T_world_hand)
     between = np.linspace(0.0, 1.5, 300)
     np.testing.assert_allclose(moved.sample(between).rows[:, :3], path.sample(between).rows[:, :3], atol=1e-9)
+
+
+@pytest.mark.parametrize("distance", [0.2, 0.4, 0.6, 0.8, 1.2])
+def test_a_gentle_join_takes_longer_but_not_past_patience_unless_any_join_does(distance):
+    T = np.tile(np.eye(4), (50, 1, 1))
+    T[:, 2, 3] = distance
+    path = HandPath.from_knots(np.arange(50) / 30.0, T, np.zeros((50, 7)))
+    here = HandMotion(rest_row(np.eye(4)))
+    usual, gentle = (path.joined(here, 0.0, caps=path.caps.scaled(x)).join.duration for x in (1.0, 0.6))
+    assert usual <= gentle <= max(PATIENCE, usual)
+    assert gentle > usual or usual >= PATIENCE

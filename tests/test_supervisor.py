@@ -163,3 +163,26 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
     for _ in range(120):
         state = plant.step(supervisor.step(state))
     assert len(calls) == 2
+
+
+def test_the_way_to_a_chunk_that_begins_elsewhere_is_tried_quicker_once_the_robot_can(loop, monkeypatch):
+    supervisor, plant, state = start(loop)
+    chunk = chunk_at(supervisor, state)
+    far = np.tile(np.eye(4), (len(chunk), 1, 1))
+    far[:, :3, 3], far[:, :3, :3] = [0.3, 0.2, 0.5], chunk.T_world_lhand[0, :3, :3]
+    chunk = replace(chunk, T_world_lhand=far)
+    plan, slowdowns = supervisor.planner.plan, iter([2.5, 2.5, 1.5, 1.0])
+
+    def slow(*arguments):
+        found = plan(*arguments)
+        return replace(found, report=replace(found.report, slowdown=next(slowdowns)))
+
+    monkeypatch.setattr(supervisor.planner, "plan", slow)
+    status = supervisor.accept(chunk)
+    assert (status.status, status.reason) == (Status.SLOWED, "far_start")
+    seen = []
+    for _ in range(round(4.5 * RETRY / plant.control_dt)):
+        state = plant.step(supervisor.step(state))
+        if not seen or supervisor.plan_report is not seen[-1]:
+            seen.append(supervisor.plan_report)
+    assert [report.slowdown for report in seen] == [2.5, 1.5, 1.0]

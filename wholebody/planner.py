@@ -14,9 +14,10 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.rotations import matrix_to_rotvec, quaternion_to_matrix
 from wholebody.config import PlannerConfig
+from wholebody.plan_balance import PlanBalance
 from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
-from wholebody.posture_track import GRID, PostureState, PostureTrack, curve_through, track_along
+from wholebody.posture_track import PostureState, PostureTrack, curve_through, track_along
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.robot import Robot
 from wholebody.temper import JUMP, continued
@@ -26,12 +27,10 @@ GUESS_DISTANCE = 0.03
 GOOD_LOSS, GOOD_EXCESS = 0.004, 0.5
 """Distance of a palm from its target [m], and excess over a bound, above which another search is tried."""
 
-BALANCE_MIN = 0.005
-"""Distance of the zero-moment point from the edge that is kept [m]."""
 DRIFT_MAX = 0.006
 """How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
-DRIFT_GAIN = 2.0
-"""Share of a drift that the zero-moment point leads it by, to take it back."""
+SLIP_MAX = 0.02
+"""How much of an impulse per mass the floor may fail to give for lack of friction [m/s]."""
 FAR = 0.15
 """Distance of a palm from its target past which the target is out of reach, not just hard to follow [m]."""
 START_MAX = (0.3, np.deg2rad(60.0))
@@ -70,6 +69,15 @@ class PlanReport:
     safe: bool = True
     tempered: float = 0.0
 
+    @property
+    def hindered(self) -> bool:
+        """Whether the way to a chunk that begins elsewhere is slow because of what the robot was doing."""
+        return "far_start" in self.reasons and self.slowdown > 1.0
+
+    def quicker(self, other: PlanReport) -> bool:
+        """Whether this plan is balanced and quicker than another one."""
+        return self.safe and self.slowdown < other.slowdown
+
 
 @dataclass(frozen=True)
 class ChunkPlan:
@@ -101,6 +109,7 @@ class _Attempt:
     distance: np.ndarray
     track: PostureTrack
     drift: float
+    slip: float
 
     @property
     def loss(self) -> float:
@@ -116,6 +125,11 @@ class _Attempt:
         return float(np.mean(np.linalg.norm(late - self.palms[:, :, :3, 3], axis=2)))
 
     @property
+    def imbalance(self) -> float:
+        """How much more the plan wants of the floor than it can give, 1 being all that may be lacking."""
+        return max(self.drift / DRIFT_MAX, self.slip / SLIP_MAX)
+
+    @property
     def excess(self) -> float:
         """Largest excess over a bound, in terms of the room behind it."""
         return float(self.motion.excess.max())
@@ -124,10 +138,11 @@ class _Attempt:
 class ChunkPlanner:
     """Plans chunks, each from where the plan before is."""
 
-    def __init__(self, spec: RobotSpec, robot: Robot, config: PlannerConfig) -> None:
+    def __init__(self, spec: RobotSpec, robot: Robot, config: PlannerConfig, friction: float) -> None:
         self.spec, self.config = spec, config
         self.model, self.data = robot.model, robot.model.createData()
         self.posture = PosturePlanner(spec, config.posture)
+        self.balance = PlanBalance(self.posture.body, friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
         self._momenta = Momenta(self.model, [robot.frame_id(name) for name in trunk])
@@ -167,6 +182,8 @@ class ChunkPlanner:
             reasons.append("too_fast_for_balance")
         if attempt.tempered > TEMPERED:
             reasons.append("steps_jump")
+        if _begins_elsewhere(chunk, now, commanded):
+            reasons.append("far_start")
         safe = self._safe(attempt)
         if not safe:
             reasons.append("posture_infeasible")
@@ -209,7 +226,7 @@ class ChunkPlanner:
             return gentle
         others = (c.gentle, c.brake) if before is not None else (c.brake,)
         tried += [gentle, *(self._attempt(chunk, now, start, commanded, 1.0, None, x) for x in others)]
-        return max(tried, key=lambda one: (one.excess <= c.excess_max, -one.drift))
+        return max(tried, key=lambda one: (one.excess <= c.excess_max, -one.imbalance))
 
     def _good(self, attempt: _Attempt) -> bool:
         return attempt.loss <= GOOD_LOSS and attempt.excess <= GOOD_EXCESS
@@ -219,7 +236,7 @@ class ChunkPlanner:
         return (attempt.loss <= c.loss_max or attempt.error <= c.error_max) and self._safe(attempt)
 
     def _safe(self, attempt: _Attempt) -> bool:
-        return attempt.excess <= self.config.excess_max and attempt.drift <= DRIFT_MAX
+        return attempt.excess <= self.config.excess_max and attempt.imbalance <= 1.0
 
     def _attempt(self, chunk, now, start, commanded, slowdown, before=None, posture=None) -> _Attempt:
         """The chunk planned at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
@@ -250,8 +267,8 @@ class ChunkPlanner:
         curve = curve_through(steps, motion.q, slowdown * start.v)
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         track = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self._momenta)
-        drift = self._drift(track, slowdown)
-        return _Attempt(slowdown, raw, max(tempered), steps, wanted, palms, motion, distance, track, drift)
+        drift, slip = self.balance.drift(track, slowdown), self.balance.slip(track, slowdown)
+        return _Attempt(slowdown, raw, max(tempered), steps, wanted, palms, motion, distance, track, drift, slip)
 
     def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
         """Of the plan before, what is still near the palms wanted, (k, nq)."""
@@ -287,28 +304,6 @@ class ChunkPlanner:
                 T[k, :3, :3], T[k, :3, 3] = R, palm - R @ self.offsets[i]
             paths.append(path.moved(steps, T))
         return tuple(paths), distance * share
-
-    def _drift(self, track: PostureTrack, slowdown: float) -> float:
-        """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
-
-        The plan keeps its zero-moment point inside at its knots. Between them it may be outside for some hundredths of
-        a second: the pressure stays at the edge, the capture point runs away from it like the pendulum that it is, and
-        comes back as soon as there is room again. Taken along each edge by itself.
-        """
-        com, rate = track.com[0], slowdown**-2
-        a, turning = rate * track.com[2], rate * track.momentum[1] / self.posture.mass
-        lift = np.maximum(a[:, 2] - self.model.gravity.linear[2], 0.1)
-        shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
-        zmp = com[:, :2] - shift / lift[:, None]
-        outside = zmp @ self.posture.support.normals.T - (self.posture.body.pressure_offsets - BALANCE_MIN)
-        if outside.max() <= 0.0:
-            return 0.0
-        omega, drift, largest = np.sqrt(lift / com[:, 2]), np.zeros(outside.shape[1]), 0.0
-        for now, step in zip(outside, omega * GRID * slowdown, strict=True):
-            led = np.where(now > 0.0, now, np.maximum(now, -DRIFT_GAIN * drift))
-            drift = np.maximum(drift + step * (drift + led), 0.0)
-            largest = max(largest, float(drift.max()))
-        return largest
 
 
 def _begins_elsewhere(chunk: ActionChunk, now: float, commanded: HandMotion) -> bool:

@@ -49,7 +49,7 @@ class Supervisor:
         self.spec, self.config = spec, config or ControllerConfig()
         self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
-        self.planner = ChunkPlanner(spec, self.robot, self.config.planner)
+        self.planner = ChunkPlanner(spec, self.robot, self.config.planner, self.config.friction)
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
         self.status = NO_CHUNK
         self.plan_report: PlanReport | None = None
@@ -135,6 +135,8 @@ class Supervisor:
         """Follow a valid chunk from here on, if that is safe; what cannot be joined yet waits."""
         now, self._waiting = self._last_state.time, None
         self._retry, reference = now + RETRY, self._smoother.state.copy()
+        # On its plan, the robot only asks whether there is a quicker one by now.
+        again = chunk is self._chunk and self._is_safe_ahead() and self._follower.share == 1.0
         try:
             start, before = self._start()
             commanded = HandMotion(self._smoother.motion.rows.copy())
@@ -144,8 +146,11 @@ class Supervisor:
         except (InputError, RuntimeError, ValueError) as error:
             self._smoother.state[:] = reference
             return self._refuse("planning_failed", str(error))
-        if not plan.report.safe:
+        if not plan.report.safe or plan.report.hindered:
             self._waiting = chunk
+        if again and not plan.report.quicker(self.plan_report):
+            self._smoother.state[:] = reference
+            return self.status
         if not plan.report.safe and self._is_safe_ahead():
             self._smoother.state[:] = reference
             return self._refuse(

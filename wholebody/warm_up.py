@@ -12,7 +12,7 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.observation import Observation
 from policy.scripts import scripted
-from wholebody.config import PlannerConfig
+from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.follower import compiled_follow
 from wholebody.planner import ChunkPlanner
 from wholebody.posture_track import PostureState
@@ -64,5 +64,5 @@ def compile_plan() -> None:
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
     T_world_base = robot.pose(spec.base_body).homogeneous
     chunk = scripted("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
-    planner = ChunkPlanner(spec, robot, PlannerConfig())
+    planner = ChunkPlanner(spec, robot, PlannerConfig(), ControllerConfig().friction)
     planner.plan(chunk, 0.0, PostureState.still(q, robot.nv), HandMotion(rows))

@@ -84,7 +84,7 @@ class HandPath:
                 f"a path joins one finite row of {ROW} values at a finite s; got shape {motion.rows.shape} at s {s}",
                 field="motion",
             )
-        curve, join = join_curve(self.curve, motion, float(s), self.caps if caps is None else caps)
+        curve, join = join_curve(self.curve, motion, float(s), caps or self.caps, self.caps)
         return replace(self, curve=curve, start=float(s), join=join)
 
     def moved(self, s: np.ndarray, T_world_hand: np.ndarray) -> HandPath:

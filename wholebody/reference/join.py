@@ -22,6 +22,8 @@ HURRY = 4.0
 """By how much more a velocity is corrected than a position: the longer it lasts, the further it leads away."""
 DURATIONS = np.geomspace(0.1, 4.0, 17)
 """Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
+PATIENCE = 2.5
+"""Longer than that nothing is joined for the sake of comfort [s]."""
 
 SMALL = (0.012, 0.06, 0.1)
 """Position [m], orientation [quaternion's length] and fingers [rad]: a correction below is no difference."""
@@ -55,7 +57,9 @@ class Join:
     rough: bool
 
 
-def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandCaps) -> tuple[PiecewiseQuintic, Join]:
+def join_curve(
+    curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandCaps, most: HandCaps
+) -> tuple[PiecewiseQuintic, Join]:
     """The curve from ``s`` on, corrected to begin with ``motion``, with a start from rest before it.
 
     Args:
@@ -63,12 +67,15 @@ def join_curve(curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: Hand
         motion: One row: what is commanded at ``s``.
         s: Parameter of the join [s].
         caps: The correction uses `JOIN_SHARES` of them.
+        most: Caps that a way of more than `PATIENCE` may use instead.
     """
     own = np.stack(curve(np.array([s])))[:, 0]
     start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
     place, velocity, acceleration = (np.where(np.arange(3)[:, None] == k, error, 0.0) for k in range(3))
     duration = join_duration(place, caps)
+    if duration > PATIENCE:
+        duration = max(PATIENCE, join_duration(place, most))
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
     rough = _excursion(velocity + acceleration, DURATIONS[0]) > 1.0
     settling = join_duration(velocity, caps.scaled(HURRY)) if rough else DURATIONS[0]

@@ -1,0 +1,94 @@
+"""Oracle: the nearest point of the cone by non-negative least squares; plans whose dynamics are known by hand."""
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from models.g1 import g1
+from models.pinocchio_model import stance_q
+from wholebody.config import ControllerConfig, PosturePlanConfig
+from wholebody.plan_balance import BALANCE_MIN, PlanBalance
+from wholebody.posture.body import Body
+from wholebody.posture_track import PostureTrack
+from wholebody.robot import Robot
+
+ROWS = 500
+"""Of a track: a second."""
+
+
+@pytest.fixture(scope="module")
+def body():
+    return Body(g1(), PosturePlanConfig())
+
+
+@pytest.fixture(scope="module")
+def balance(body):
+    return PlanBalance(body, ControllerConfig().friction)
+
+
+@pytest.fixture(scope="module")
+def still():
+    spec = g1()
+    robot = Robot(spec)
+    q = stance_q(spec, robot.model)
+    robot.update(q, np.zeros(robot.nv))
+    return PostureTrack.still(robot, q)
+
+
+def swinging(still, *, yaw=0.0, ahead=0.0, seconds=1.0):
+    """The stance as a track that asks for a moment about the vertical [N m], and accelerates to the left [m/s^2]."""
+    com, momentum = (np.repeat(x, ROWS, axis=1) for x in (still.com, still.momentum))
+    rows = slice(0, round(seconds * ROWS))
+    momentum[1, rows, 2], com[2, rows, 1] = yaw, ahead
+    return PostureTrack(0.0, still.q, still.v, still.ddq, com, momentum, still.height, still.pelvis, still.torso)
+
+
+def test_distances_to_the_cone_are_those_of_the_nearest_point(balance):
+    rng, generators = np.random.default_rng(0), balance._generators.T
+    wrenches = balance._middle + rng.normal(size=(100, 5)) * [0.3, 0.3, 1.0, 1.0, 0.5]
+    outside = 0
+    for wrench in wrenches:
+        share = nnls(np.vstack([generators, np.full(generators.shape[1], 1e4)]), np.append(wrench, 1e4))[0]
+        expected = np.linalg.norm(generators @ share - wrench)
+        outside += expected > 1e-6
+        assert balance._distance(wrench) == pytest.approx(expected, abs=1e-5)
+    assert 20 < outside < 100
+
+
+def test_all_of_the_box_that_is_not_looked_at_can_be_had(balance):
+    wrenches = balance._middle + np.random.default_rng(1).uniform(-1.0, 1.0, (200, 5)) * balance._box
+    assert max(balance._distance(wrench) for wrench in wrenches) == 0.0
+
+
+def test_standing_still_lacks_nothing(balance, still):
+    assert balance.slip(still, 1.0) == 0.0
+    assert balance.drift(still, 1.0) == 0.0
+
+
+def test_a_moment_about_the_vertical_slips_past_what_friction_gives_and_not_before(balance, body, still):
+    # Feet 0.238 m apart turn against each other, and each about itself: more than with the outer lever alone.
+    face, weight = ControllerConfig().friction / np.sqrt(2.0), 9.81 * body.mass
+    assert balance.slip(swinging(still, yaw=0.08 * face * weight), 1.0) == 0.0
+    assert balance.slip(swinging(still, yaw=0.25 * face * weight), 1.0) > 0.05
+
+
+def test_with_the_pressure_under_one_foot_there_is_less_friction_to_turn(balance, body, still):
+    height = still.com[0, 0, 2]
+    moment, aside = 0.08 * ControllerConfig().friction * 9.81 * body.mass, -0.11 / height * 9.81
+    assert balance.slip(swinging(still, yaw=moment), 1.0) == 0.0
+    assert balance.slip(swinging(still, yaw=moment, ahead=aside), 1.0) > 0.05
+
+
+def test_slower_needs_less_and_longer_lacks_more(balance, body, still):
+    moment = 0.25 * 9.81 * body.mass
+    assert balance.slip(swinging(still, yaw=moment), 4.0) == 0.0
+    short, long = (balance.slip(swinging(still, yaw=moment, seconds=x), 1.0) for x in (0.2, 0.4))
+    assert long == pytest.approx(2.0 * short, rel=0.05)
+
+
+def test_while_the_pressure_is_at_the_edge_the_capture_point_runs_away_like_a_pendulum(balance, body, still):
+    height, aside, seconds = still.com[0, 0, 2], 0.16, 0.1
+    track = swinging(still, ahead=-aside / height * 9.81, seconds=seconds)
+    outside = aside + still.com[0, 0, 1] - (body.pressure_offsets[np.argmax(body.support.normals[:, 1])] - BALANCE_MIN)
+    grown = np.exp(np.sqrt(9.81 / height) * seconds) - 1.0
+    assert balance.drift(track, 1.0) == pytest.approx(outside * grown, rel=0.02)

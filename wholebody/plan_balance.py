@@ -1,0 +1,117 @@
+"""Whether what a posture plan asks of the floor can be had: pressure under the soles, and friction."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import daqp
+import numpy as np
+
+from wholebody.posture.body import FOOT_LOAD_MIN, Body
+from wholebody.posture_track import COARSE, GRID, PostureTrack
+
+BALANCE_MIN = 0.005
+"""Distance of the zero-moment point from the edge that is kept [m]."""
+DRIFT_GAIN = 2.0
+"""Share of a drift that the zero-moment point leads it by, to take it back."""
+LEVER = 0.1
+"""What a moment per force is compared with a force at [m]: half of a sole."""
+BOX = np.array([0.3, 0.3, 0.06, 0.1, 0.1])
+"""Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]."""
+SEPARATED = 1
+"""What daqp says when it has found a plane between a wrench and the cone."""
+
+_UNITS = np.array([1.0, 1.0, LEVER, LEVER, LEVER])
+_EYE, _ZERO = np.eye(5), np.zeros(5)
+
+
+class PlanBalance:
+    """Judges the whole curve of a posture plan; the plan itself looks at its knots only, and not at friction.
+
+    Args:
+        body: The robot that is planned, on its feet.
+        friction: Friction coefficient that the controller counts on.
+    """
+
+    def __init__(self, body: Body, friction: float) -> None:
+        self._normals, self._offsets = body.support.normals, body.pressure_offsets
+        self._mass, self._gravity = body.mass, -float(body.tables.gravity[2])
+        middle = body.support.vertices.mean(axis=0)
+        # A part of the weight stays on every point: only the rest can be moved about.
+        x, y = (middle + (1.0 - 2.0 * FOOT_LOAD_MIN) * (body.support.vertices - middle)).T
+        ones = np.ones_like(x)
+        edges = friction / np.sqrt(2.0) * np.array(list(product((-1.0, 1.0), repeat=2)))
+        generators = [np.stack([fx * ones, fy * ones, x, y, x * fy - y * fx], axis=1) for fx, fy in edges]
+        self._generators = np.concatenate(generators) / _UNITS
+        self._middle = np.array([0.0, 0.0, *middle, 0.0]) / _UNITS
+        self._box = self._inner_box()
+
+    def _inner_box(self) -> np.ndarray:
+        """Half sizes of a box of wrenches that can all be had: most of any motion is in it and needs no second look."""
+        corners, size = np.array(list(product((-1.0, 1.0), repeat=5))), BOX / _UNITS
+        while any(self._distance(self._middle + corner * size) > 0.0 for corner in corners):
+            size = 0.8 * size
+        return size
+
+    def _motion(self, track: PostureTrack, slowdown: float, every: int) -> tuple[np.ndarray, ...]:
+        """Centre of mass, its acceleration and the rate of the angular momentum per mass, of some rows of a track."""
+        rate, rows = slowdown**-2, slice(None, None, every)
+        return track.com[0, rows], rate * track.com[2, rows], rate * track.momentum[1, rows] / self._mass
+
+    def _pressure(self, com: np.ndarray, a: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Zero-moment points (n, 2) [m], and the vertical force per mass (n,)."""
+        lift = np.maximum(a[:, 2] + self._gravity, 0.1)
+        shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
+        return com[:, :2] - shift / lift[:, None], lift
+
+    def drift(self, track: PostureTrack, slowdown: float) -> float:
+        """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
+
+        The plan keeps its zero-moment point inside at its knots. Between them it may be outside for some hundredths of
+        a second: the pressure stays at the edge, the capture point runs away from it like the pendulum that it is, and
+        comes back as soon as there is room again. Taken along each edge by itself.
+
+        Args:
+            track: The plan.
+            slowdown: How much slower than its parameter it is followed.
+        """
+        com, a, turning = self._motion(track, slowdown, 1)
+        zmp, lift = self._pressure(com, a, turning)
+        outside = zmp @ self._normals.T - (self._offsets - BALANCE_MIN)
+        if outside.max() <= 0.0:
+            return 0.0
+        omega, drift, largest = np.sqrt(lift / com[:, 2]), np.zeros(outside.shape[1]), 0.0
+        for now, step in zip(outside, omega * GRID * slowdown, strict=True):
+            led = np.where(now > 0.0, now, np.maximum(now, -DRIFT_GAIN * drift))
+            drift = np.maximum(drift + step * (drift + led), 0.0)
+            largest = max(largest, float(drift.max()))
+        return largest
+
+    def slip(self, track: PostureTrack, slowdown: float) -> float:
+        """Impulse that the floor cannot give for lack of friction, per mass [m/s].
+
+        Arms that swing against each other ask for a moment about the vertical. With the pressure under one edge of the
+        soles there is little friction to give it, and all else that the feet carry suffers.
+
+        Args:
+            track: The plan.
+            slowdown: How much slower than its parameter it is followed.
+        """
+        com, a, turning = self._motion(track, slowdown, COARSE)
+        zmp, lift = self._pressure(com, a, turning)
+        force = a[:, :2] / lift[:, None]
+        moment = com[:, 0] * force[:, 1] - com[:, 1] * force[:, 0] + turning[:, 2] / lift
+        wrenches = np.column_stack([force, zmp, moment]) / _UNITS
+        suspect = np.any(np.abs(wrenches - self._middle) > self._box, axis=1)
+        lacking = sum(a * self._distance(x) for a, x in zip(lift[suspect], wrenches[suspect], strict=True))
+        return COARSE * GRID * slowdown * float(lacking)
+
+    def _distance(self, wrench: np.ndarray) -> float:
+        """Distance of a wrench (5,) from the nearest one that the contacts can give, 0 inside.
+
+        It is the width of the widest slab between both: of all normals that separate the wrench from every force of
+        one point by at least 1, the shortest.
+        """
+        away = self._generators - wrench
+        normal, _, flag, _ = daqp.solve(_EYE, _ZERO, away, -np.ones(len(away)))
+        return 1.0 / float(np.linalg.norm(normal)) if flag == SEPARATED else 0.0
