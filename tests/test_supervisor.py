@@ -32,6 +32,86 @@ def chunk_at(supervisor, state):
     return policy.infer(observe(supervisor.spec, supervisor, state))
 
 
+def moving(chunk, displacement):
+    """The chunk with both hands moved from where they begin, orientations as at the beginning."""
+    T = [np.tile(x[0], (len(chunk), 1, 1)) for x in (chunk.T_world_lhand, chunk.T_world_rhand)]
+    for x in T:
+        x[:, :3, 3] += displacement
+    return replace(chunk, T_world_lhand=T[0], T_world_rhand=T[1])
+
+
+T = np.arange(50)[:, None] / 30.0
+HARD = {
+    "out_of_reach": np.clip(T, 0.0, 1.0) * [0.9, 0.0, 0.0],
+    "steps_jump": np.where(T > 0.5, 0.04, 0.0) * [1.0, 0.0, 0.0],
+    "too_fast_for_balance": 0.25 * np.sin(3.0 * np.pi * T) * np.clip(2.0 * T, 0.0, 1.0) * [0.0, 1.0, 0.0],
+    "into_floor": np.clip(T, 0.0, 1.0) * [0.0, 0.0, -1.0],
+    "far_start": np.full_like(T, 0.4) * [1.0, 0.0, 0.0],
+}
+
+
+def test_without_a_chunk_it_holds_the_stance_and_says_so(loop):
+    supervisor, _, state = start(loop)
+    supervisor.step(state)
+    assert (supervisor.status.status, supervisor.status.reason) == (Status.HOLD, "no_chunk")
+
+
+@pytest.mark.parametrize("reason", HARD)
+def test_a_chunk_that_is_contained_is_followed_as_far_as_possible_with_the_reason(loop, reason):
+    supervisor, _, state = start(loop)
+    status = supervisor.accept(moving(chunk_at(supervisor, state), HARD[reason]))
+    assert status.status is Status.SLOWED
+    assert reason in {status.reason, *supervisor.plan_report.reasons}
+    assert supervisor.plan_report.safe
+
+
+def test_a_chunk_whose_end_has_passed_leaves_the_robot_holding_it(loop):
+    supervisor, plant, state = start(loop)
+    supervisor.accept(replace(moving(chunk_at(supervisor, state), 0.0 * T), fps=100.0))
+    while state.time < 1.1:
+        state = plant.step(supervisor.step(state))
+    assert (supervisor.status.status, supervisor.status.reason) == (Status.HOLD, "starved")
+
+
+def test_no_balanced_plan_at_all_is_said(loop, monkeypatch):
+    supervisor, _, state = start(loop)
+    planned = supervisor.planner.plan
+
+    def unsafe(*args):
+        plan = planned(*args)
+        return replace(plan, report=replace(plan.report, safe=False, reasons=("posture_infeasible",)))
+
+    monkeypatch.setattr(supervisor.planner, "plan", unsafe)
+    status = supervisor.accept(chunk_at(supervisor, state))
+    assert (status.status, status.reason) == (Status.SLOWED, "posture_infeasible")
+
+
+def test_a_hand_that_is_held_back_slows_the_chunk_down(loop):
+    supervisor, plant, state = start(loop)
+    supervisor.accept(chunk_at(supervisor, state))
+    wrist, seen = plant.model.body(supervisor.spec.tools[0].wrist_frame).id, set()
+    plant.data.xfrc_applied[wrist, :3] = [-100.0, 0.0, 0.0]
+    while state.time < 0.6:
+        state = plant.step(supervisor.step(state))
+        seen.add((supervisor.status.status, supervisor.status.reason))
+    plant.data.xfrc_applied[:] = 0.0
+    assert (Status.SLOWED, "tracking") in seen
+
+
+@pytest.mark.parametrize(("speed", "level", "reason"), [(20.0, 1, "hands_dropped"), (60.0, 2, "qp_failed")])
+def test_a_program_without_a_solution_gives_up_the_hands_first_and_keeps_the_last_torques_at_worst(
+    loop, speed, level, reason
+):
+    supervisor, _, state = start(loop)
+    supervisor.step(state)
+    v = state.v.copy()
+    v[6 + supervisor.robot.joint_names.index("left_knee_joint")] = speed
+    command = supervisor.step(RobotState(state.time + 0.002, state.q, v))
+    assert (supervisor.status.status, supervisor.status.reason) == (Status.STOP, reason)
+    assert supervisor.last_tick.level == level
+    assert np.all(np.abs(command.tau) <= supervisor.spec.effort_max * (1.0 + 1e-6))
+
+
 def test_a_chunk_with_nan_is_refused_and_the_robot_holds(loop):
     supervisor, plant, state = start(loop)
     chunk = chunk_at(supervisor, state)
@@ -102,7 +182,7 @@ def test_a_robot_that_lies_down_is_only_damped(loop):
     q = state.q.copy()
     q[2] = 0.1
     command = supervisor.step(RobotState(state.time, q, state.v))
-    assert supervisor.status.status is Status.DAMPING
+    assert (supervisor.status.status, supervisor.status.reason) == (Status.DAMPING, "standing_lost")
     assert not command.kp.any()
     assert (command.kd > 0.0).all()
 

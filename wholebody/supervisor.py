@@ -265,14 +265,14 @@ class Supervisor:
     def _report_plan(self) -> StatusReport:
         if self._refused is not None:
             self.status = self._refused
+        elif self._lift > 0.0:
+            detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"
+            self.status = StatusReport(Status.SLOWED, "into_floor", detail)
         elif self._plan.report.reasons:
             report = self._plan.report
             moved = max(float(report.clamped.max()), report.tempered)
             detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
-        elif self._lift > 0.0:
-            detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"
-            self.status = StatusReport(Status.SLOWED, "into_floor", detail)
         elif self._noisy:
             detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
             self.status = StatusReport(Status.SLOWED, "noisy_chunk", detail)
