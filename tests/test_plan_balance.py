@@ -7,7 +7,7 @@ from scipy.optimize import nnls
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig, PosturePlanConfig
-from wholebody.plan_balance import BALANCE_MIN, PlanBalance
+from wholebody.plan_balance import BALANCE_MIN, MEMORY, PlanBalance
 from wholebody.posture.body import Body
 from wholebody.posture_track import PostureTrack
 from wholebody.robot import Robot
@@ -79,11 +79,12 @@ def test_with_the_pressure_under_one_foot_there_is_less_friction_to_turn(balance
     assert balance.slip(swinging(still, yaw=moment, ahead=aside), 1.0) > 0.05
 
 
-def test_slower_needs_less_and_longer_lacks_more(balance, body, still):
+def test_slower_needs_less_and_what_is_missing_long_ago_is_forgotten(balance, body, still):
     moment = 0.25 * 9.81 * body.mass
     assert balance.slip(swinging(still, yaw=moment), 4.0) == 0.0
-    short, long = (balance.slip(swinging(still, yaw=moment, seconds=x), 1.0) for x in (0.2, 0.4))
-    assert long == pytest.approx(2.0 * short, rel=0.05)
+    short, long, longer = (balance.slip(swinging(still, yaw=moment, seconds=x), 1.0) for x in (0.02, 0.04, 1.0))
+    assert long == pytest.approx(2.0 * short, rel=0.15)
+    assert longer == pytest.approx(short / 0.02 * MEMORY, rel=0.1)
 
 
 def test_while_the_pressure_is_at_the_edge_the_capture_point_runs_away_like_a_pendulum(balance, body, still):

@@ -14,9 +14,11 @@ BALANCE_MIN = 0.005
 """Distance of the zero-moment point from the edge that is kept [m]."""
 DRIFT_GAIN = 2.0
 """Share of a drift that the zero-moment point leads it by, to take it back."""
+MEMORY = 0.2
+"""Time in which the controller makes up for an impulse that was missing [s]."""
 LEVER = 0.1
 """What a moment per force is compared with a force at [m]: half of a sole."""
-BOX = np.array([0.3, 0.3, 0.06, 0.1, 0.1])
+BOX = np.array([0.1, 0.1, 0.06, 0.05, 0.025])
 """Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]."""
 SEPARATED = 1
 """What daqp says when it has found a plane between a wrench and the cone."""
@@ -88,10 +90,11 @@ class PlanBalance:
         return largest
 
     def slip(self, track: PostureTrack, slowdown: float) -> float:
-        """Impulse that the floor cannot give for lack of friction, per mass [m/s].
+        """Largest impulse that is missing for lack of friction at any time, per mass [m/s].
 
         Arms that swing against each other ask for a moment about the vertical. With the pressure under one edge of the
-        soles there is little friction to give it, and all else that the feet carry suffers.
+        soles there is little friction to give it, and all else that the feet carry suffers. What was missing is caught
+        up with as time goes on.
 
         Args:
             track: The plan.
@@ -102,9 +105,14 @@ class PlanBalance:
         force = a[:, :2] / lift[:, None]
         moment = com[:, 0] * force[:, 1] - com[:, 1] * force[:, 0] + turning[:, 2] / lift
         wrenches = np.column_stack([force, zmp, moment]) / _UNITS
-        suspect = np.any(np.abs(wrenches - self._middle) > self._box, axis=1)
-        lacking = sum(a * self._distance(x) for a, x in zip(lift[suspect], wrenches[suspect], strict=True))
-        return COARSE * GRID * slowdown * float(lacking)
+        lacking = np.zeros(len(lift))
+        for k in np.flatnonzero(np.any(np.abs(wrenches - self._middle) > self._box, axis=1)):
+            lacking[k] = lift[k] * self._distance(wrenches[k])
+        step, impulse, largest = COARSE * GRID * slowdown, 0.0, 0.0
+        for rate in lacking.tolist():
+            impulse += step * (rate - impulse / MEMORY)
+            largest = max(largest, impulse)
+        return largest
 
     def _distance(self, wrench: np.ndarray) -> float:
         """Distance of a wrench (5,) from the nearest one that the contacts can give, 0 inside.
