@@ -55,7 +55,9 @@ regression-update: $(VENV)/.all-installed ## Run the long studies and store thei
 	$(BIN)/python tests/stored.py
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
-	$(LATEST)/bin/python $(PYTEST) -m "not regression" $(ARGS)
+	@$(LATEST)/bin/wholebody warmup
+	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not alone" $(ARGS)
+	$(LATEST)/bin/python $(PYTEST) -m "not regression and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
 
 bench: $(VENV)/.all-installed ## Time one controller tick
 	$(BIN)/wholebody bench tick $(ARGS)

@@ -29,9 +29,10 @@ GOOD_LOSS, GOOD_EXCESS = 0.004, 0.5
 
 DRIFT_MAX = 0.006
 """How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
-SLIP_MAX = 0.3
-"""Impulse per mass that the floor may fail to give for lack of friction [m/s]: recorded dances that are followed reach
-0.27, and one hostile chunk that made the robot fall 0.36."""
+SLIP_MAX, SLIP_FAR = 0.3, 0.1
+"""Impulse per mass that the floor may fail to give for lack of friction [m/s], and the same where a target is out of
+reach, for which less is risked. Recorded dances that are followed reach 0.27, one hostile chunk that made the robot
+fall 0.36."""
 FAR = 0.15
 """Distance of a palm from its target past which the target is out of reach, not just hard to follow [m]."""
 START_MAX = (0.3, np.deg2rad(60.0))
@@ -98,7 +99,11 @@ class ChunkPlan:
 
 @dataclass(frozen=True)
 class _Attempt:
-    """Plan of a chunk at one speed: ``steps`` are the parameters, ``wanted`` and ``palms`` the poses asked for."""
+    """Plan of a chunk at one speed.
+
+    ``steps`` are the parameters, ``wanted`` and ``palms`` the poses asked for; it ``guessed`` if its search began with
+    a part of the plan before.
+    """
 
     slowdown: float
     raw: tuple[HandPath, HandPath]
@@ -111,6 +116,7 @@ class _Attempt:
     track: PostureTrack
     drift: float
     slip: float
+    guessed: bool
 
     @property
     def loss(self) -> float:
@@ -128,7 +134,7 @@ class _Attempt:
     @property
     def imbalance(self) -> float:
         """How much more the plan wants of the floor than it can give, 1 being all that may be lacking."""
-        return max(self.drift / DRIFT_MAX, self.slip / SLIP_MAX)
+        return max(self.drift / DRIFT_MAX, self.slip / (SLIP_MAX if self.loss <= FAR else SLIP_FAR))
 
     @property
     def excess(self) -> float:
@@ -161,6 +167,8 @@ class ChunkPlanner:
         start: PostureState,
         commanded: HandMotion,
         before: np.ndarray | None = None,
+        *,
+        doubtful: bool = False,
     ) -> ChunkPlan:
         """Plan the rest of a chunk.
 
@@ -171,8 +179,9 @@ class ChunkPlanner:
             commanded: What the two hands are commanded to do now, rows (2, 40).
             before: What the plan before would have done from now on, configurations one step of the posture plan apart,
                 shape (k, nq), the first one a step from now; a good guess where both plans agree.
+            doubtful: Whether the chunk is a guess at what somebody meant, which is no reason to hurry.
         """
-        attempt = self._best(chunk, now, start, commanded, before)
+        attempt = self._best(chunk, now, start, commanded, before, doubtful)
         paths, clamped = self._clamp(attempt)
         motion, steps = attempt.motion, attempt.steps
         margin = np.min(self.posture.body.pressure_offsets - motion.zmp @ self.posture.support.normals.T, axis=1)
@@ -194,12 +203,12 @@ class ChunkPlanner:
         )  # fmt: skip
         return ChunkPlan(paths, attempt.track, float(steps[0]), float(steps[-1]), report)
 
-    def _best(self, chunk, now, start, commanded, before) -> _Attempt:
+    def _best(self, chunk, now, start, commanded, before, doubtful) -> _Attempt:
         """At the chunk's own speed if that follows, else slower; else what comes nearest within the bounds."""
         c, tried = self.config, []
         for slowdown in (1.0, *c.slowdowns):
             attempt = self._attempt(chunk, now, start, commanded, slowdown, before if slowdown == 1.0 else None)
-            if before is not None and slowdown == 1.0 and not self._good(attempt):
+            if attempt.guessed and not self._good(attempt):
                 # The plan before may have led to where the search cannot leave: begin anew.
                 anew = self._attempt(chunk, now, start, commanded, slowdown)
                 attempt = min(attempt, anew, key=lambda one: (not self._safe(one), one.motion.cost))
@@ -207,9 +216,10 @@ class ChunkPlanner:
                 softer, guess = replace(c.posture, orientation=c.turning), attempt.motion.q[1:]
                 turned = self._attempt(chunk, now, start, commanded, slowdown, guess, softer)
                 attempt = min(attempt, turned, key=lambda one: (one.excess > c.excess_max, one.loss))
-            if self._follows(attempt) and attempt.tempered <= JUMP:
+            wild = doubtful or attempt.tempered > JUMP
+            if self._follows(attempt) and not wild:
                 return attempt
-            if attempt.loss > FAR or attempt.tempered > JUMP:
+            if wild or attempt.loss > FAR:
                 # Nobody can be there, or means to: nothing is gained by hurrying with everything that there is.
                 calm = self._attempt(chunk, now, start, commanded, slowdown, before, c.calm)
                 if self._safe(calm):
@@ -225,7 +235,7 @@ class ChunkPlanner:
         gentle = self._attempt(chunk, now, start, commanded, 1.0, before, c.gentle)
         if self._safe(gentle):
             return gentle
-        others = (c.gentle, c.brake) if before is not None else (c.brake,)
+        others = (c.gentle, c.brake) if gentle.guessed else (c.brake,)
         tried += [gentle, *(self._attempt(chunk, now, start, commanded, 1.0, None, x) for x in others)]
         return max(tried, key=lambda one: (one.excess <= c.excess_max, -one.imbalance))
 
@@ -269,7 +279,10 @@ class ChunkPlanner:
         distance = np.linalg.norm(motion.T_palms[:, :, :3, 3] - palms[:, :, :3, 3], axis=2)
         track = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self._momenta)
         drift, slip = self.balance.drift(track, slowdown), self.balance.slip(track, slowdown)
-        return _Attempt(slowdown, raw, max(tempered), steps, wanted, palms, motion, distance, track, drift, slip)
+        guessed = guess is not None and len(guess) > 0
+        return _Attempt(
+            slowdown, raw, max(tempered), steps, wanted, palms, motion, distance, track, drift, slip, guessed
+        )
 
     def _continued(self, before: np.ndarray, palms: np.ndarray) -> np.ndarray:
         """Of the plan before, what is still near the palms wanted, (k, nq)."""

@@ -21,6 +21,7 @@ from wholebody.follower import Follower
 from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport
 from wholebody.posture_track import PostureState, PostureTrack
 from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
+from wholebody.temper import JUMP
 from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
 
 DAMPING_KD = 8.0
@@ -142,7 +143,7 @@ class Supervisor:
             commanded = HandMotion(self._smoother.motion.rows.copy())
             lifted, lift = above_floor(chunk)
             meant, noisy = denoised(lifted, self.planner.caps)
-            plan = self.planner.plan(meant, now, start, commanded, before)
+            plan = self.planner.plan(meant, now, start, commanded, before, doubtful=_distance(lifted, meant) > JUMP)
         except (InputError, RuntimeError, ValueError) as error:
             self._smoother.state[:] = reference
             return self._refuse("planning_failed", str(error))
@@ -307,3 +308,9 @@ class Supervisor:
     def _rest_row(self, side: int, q: np.ndarray) -> np.ndarray:
         T = self.robot.pose(self.spec.tools[side].wrist_frame).homogeneous
         return rest_row(T, q[7 + self._fingers[side]])
+
+
+def _distance(chunk: ActionChunk, other: ActionChunk) -> float:
+    """Largest distance between the hands of two chunks at the same step [m]."""
+    pairs = ((chunk.T_world_lhand, other.T_world_lhand), (chunk.T_world_rhand, other.T_world_rhand))
+    return max(float(np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()) for a, b in pairs)
