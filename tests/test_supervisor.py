@@ -44,7 +44,7 @@ T = np.arange(50)[:, None] / 30.0
 HARD = {
     "out_of_reach": np.clip(T, 0.0, 1.0) * [0.9, 0.0, 0.0],
     "steps_jump": np.where(T > 0.5, 0.04, 0.0) * [1.0, 0.0, 0.0],
-    "too_fast_for_balance": 0.25 * np.sin(3.0 * np.pi * T) * np.clip(2.0 * T, 0.0, 1.0) * [0.0, 1.0, 0.0],
+    "too_fast_for_balance": 0.25 * np.sin(3.0 * np.pi * T) * np.clip(2.0 * T, 0.0, 1.0) * [1.0, 0.0, 0.0],
     "into_floor": np.clip(T, 0.0, 1.0) * [0.0, 0.0, -1.0],
     "far_start": np.full_like(T, 0.4) * [1.0, 0.0, 0.0],
 }
@@ -77,8 +77,8 @@ def test_no_balanced_plan_at_all_is_said(loop, monkeypatch):
     supervisor, _, state = start(loop)
     planned = supervisor.planner.plan
 
-    def unsafe(*args):
-        plan = planned(*args)
+    def unsafe(*args, **options):
+        plan = planned(*args, **options)
         return replace(plan, report=replace(plan.report, safe=False, reasons=("posture_infeasible",)))
 
     monkeypatch.setattr(supervisor.planner, "plan", unsafe)
@@ -154,8 +154,8 @@ def test_a_chunk_that_no_balanced_motion_leads_to_is_refused_and_the_one_before_
         state = plant.step(supervisor.step(state))
     plan_before, chunk = supervisor.plan_report, policy.infer(observe(supervisor.spec, supervisor, state))
 
-    def unsafe(*args):
-        plan = planned(*args)
+    def unsafe(*args, **options):
+        plan = planned(*args, **options)
         return replace(plan, report=replace(plan.report, safe=False))
 
     monkeypatch.setattr(supervisor.planner, "plan", unsafe)
@@ -202,9 +202,9 @@ def test_a_chunk_that_no_plan_joins_waits_while_the_one_before_is_followed(loop,
     supervisor.accept(chunk)
     plan, calls = supervisor.planner.plan, []
 
-    def unsafe(*arguments):
+    def unsafe(*arguments, **options):
         calls.append(arguments[1])
-        found = plan(*arguments)
+        found = plan(*arguments, **options)
         return replace(found, report=replace(found.report, safe=len(calls) > 2))
 
     monkeypatch.setattr(supervisor.planner, "plan", unsafe)
@@ -228,7 +228,7 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
         state = plant.step(supervisor.step(state))
     calls = []
 
-    def fails(*arguments):
+    def fails(*arguments, **_):
         calls.append(arguments[1])
         raise RuntimeError("no steps were found")
 
@@ -253,8 +253,8 @@ def test_the_way_to_a_chunk_that_begins_elsewhere_is_tried_quicker_once_the_robo
     chunk = replace(chunk, T_world_lhand=far)
     plan, slowdowns = supervisor.planner.plan, iter([2.5, 2.5, 1.5, 1.0])
 
-    def slow(*arguments):
-        found = plan(*arguments)
+    def slow(*arguments, **options):
+        found = plan(*arguments, **options)
         return replace(found, report=replace(found.report, slowdown=next(slowdowns)))
 
     monkeypatch.setattr(supervisor.planner, "plan", slow)
@@ -266,3 +266,18 @@ def test_the_way_to_a_chunk_that_begins_elsewhere_is_tried_quicker_once_the_robo
         if not seen or supervisor.plan_report is not seen[-1]:
             seen.append(supervisor.plan_report)
     assert [report.slowdown for report in seen] == [2.5, 1.5, 1.0]
+
+
+@pytest.mark.parametrize(("scatter", "doubted"), [(0.0, False), (0.01, False), (0.3, True)])
+def test_only_a_chunk_that_scatters_far_is_doubted(loop, monkeypatch, scatter, doubted):
+    supervisor, _, state = start(loop)
+    seen, plan = [], supervisor.planner.plan
+
+    def spy(*arguments, doubtful):
+        seen.append(doubtful)
+        return plan(*arguments, doubtful=doubtful)
+
+    monkeypatch.setattr(supervisor.planner, "plan", spy)
+    noise = scatter * np.random.default_rng(3).normal(size=(50, 3))
+    supervisor.accept(moving(chunk_at(supervisor, state), noise))
+    assert seen == [doubted]
