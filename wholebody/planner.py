@@ -222,8 +222,8 @@ class ChunkPlanner:
             if wild or attempt.loss > FAR:
                 # Nobody can be there, or means to: nothing is gained by hurrying with everything that there is.
                 calm = self._attempt(chunk, now, start, commanded, slowdown, before, c.calm)
-                if self._safe(calm):
-                    return calm
+                if self._safe(calm) and calm.slip <= SLIP_FAR:
+                    return attempt if self._follows(attempt) and attempt.imbalance < calm.imbalance else calm
             tried.append(attempt)
             # What is out of reach at the end stays so at any speed.
             if attempt.distance[-1].max() > c.loss_max:
