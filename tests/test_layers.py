@@ -36,6 +36,7 @@ LAYERS = (
         "backends",
         "posture_plan",
         "posture_track",
+        "plan_balance",
         "temper",
         "planner",
         "denoise",

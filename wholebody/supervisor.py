@@ -75,6 +75,7 @@ class Supervisor:
         self.status = NO_CHUNK
         self._refused: StatusReport | None = None
         self._noisy: tuple[str, ...] = ()
+        self._doubtful = False
         self._lift = 0.0
         self._waiting: ActionChunk | None = None
         self._retry = 0.0
@@ -143,7 +144,8 @@ class Supervisor:
             commanded = HandMotion(self._smoother.motion.rows.copy())
             lifted, lift = above_floor(chunk)
             meant, noisy = denoised(lifted, self.planner.caps)
-            plan = self.planner.plan(meant, now, start, commanded, before, doubtful=_distance(lifted, meant) > JUMP)
+            doubtful = _distance(lifted, meant) > JUMP
+            plan = self.planner.plan(meant, now, start, commanded, before, doubtful=doubtful)
         except (InputError, RuntimeError, ValueError) as error:
             self._smoother.state[:] = reference
             return self._refuse("planning_failed", str(error))
@@ -162,7 +164,7 @@ class Supervisor:
         if not plan.report.safe and self._lost():
             plan = self._stand(plan)
         self._plan, self._chunk, self._refused = plan, chunk, None
-        self.plan_report, self._noisy, self._lift = plan.report, noisy, lift
+        self.plan_report, self._noisy, self._doubtful, self._lift = plan.report, noisy, doubtful, lift
         self._chunk_end = float(chunk.times[-1])
         self._follower.begin(plan, self._chunk_end - chunk.t_obs)
         return self._report_plan()
@@ -269,14 +271,14 @@ class Supervisor:
         elif self._lift > 0.0:
             detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"
             self.status = StatusReport(Status.SLOWED, "into_floor", detail)
+        elif self._doubtful or (self._noisy and not self._plan.report.reasons):
+            detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
+            self.status = StatusReport(Status.SLOWED, "noisy_chunk", detail)
         elif self._plan.report.reasons:
             report = self._plan.report
             moved = max(float(report.clamped.max()), report.tempered)
             detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
-        elif self._noisy:
-            detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
-            self.status = StatusReport(Status.SLOWED, "noisy_chunk", detail)
         elif self._follower.rate < 0.98:
             self.status = StatusReport(Status.SLOWED, "tracking", f"slowed to {self._follower.rate:.2f} of chunk speed")
         else:
