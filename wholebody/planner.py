@@ -29,7 +29,7 @@ GOOD_LOSS, GOOD_EXCESS = 0.004, 0.5
 
 DRIFT_MAX = 0.006
 """How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
-SLIP_MAX, SLIP_FAR = 0.3, 0.1
+SLIP_MAX, SLIP_FAR = 0.3, 0.15
 """Impulse per mass that the floor may fail to give for lack of friction [m/s], and the same where a target is out of
 reach, for which less is risked. Recorded dances that are followed reach 0.27, one hostile chunk that made the robot
 fall 0.36."""
