@@ -16,8 +16,10 @@ Without ``q0_base`` the actions are anchored at the nominal stance; joints that 
 from __future__ import annotations
 
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
@@ -158,6 +160,18 @@ def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
         np.savez_compressed(stream, **arrays)
 
 
+UNREADABLE = (
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+    EOFError,
+    TokenError,  # a damaged header of an array
+    NotImplementedError,  # a compression that zipfile does not know
+    RuntimeError,  # a password is required
+)
+"""What zipfile and numpy raise on an archive that they cannot read."""
+
+
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         with zipfile.ZipFile(path) as archive:
@@ -167,8 +181,10 @@ def _read_arrays(path: Path) -> dict[str, np.ndarray]:
             return {key: stored[key] for key in stored.files}
     except OSError as error:
         raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, NotImplementedError, RuntimeError) as error:
-        raise FileFormatError(f"is no .npz file ({error}); write it with numpy.savez", path=str(path)) from error
+    except UNREADABLE as error:
+        raise FileFormatError(
+            f"is no .npz file, or a damaged or encrypted one ({error}); write it again with numpy.savez", path=str(path)
+        ) from error
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise

@@ -204,3 +204,17 @@ def test_an_absent_file_and_a_folder_are_refused(tmp_path):
         read_chunk_file(tmp_path / "absent.npz")
     with pytest.raises(FileFormatError, match="cannot be read"):
         read_chunk_file(tmp_path)
+
+
+def test_a_damaged_file_is_refused_whatever_byte_it_is(path):
+    content, rng, refused = save(path).read_bytes(), np.random.default_rng(0), 0
+    for _ in range(400):
+        damaged = bytearray(content)
+        for place in rng.integers(len(content), size=2):
+            damaged[place] ^= rng.integers(1, 256)
+        path.write_bytes(damaged)
+        try:
+            read_chunk_file(path)
+        except FileFormatError:
+            refused += 1
+    assert refused > 300
