@@ -31,8 +31,7 @@ DRIFT_MAX = 0.006
 """How far the capture point may drift where, between knots, the zero-moment point would have to leave that [m]."""
 SLIP_MAX, SLIP_FAR = 0.3, 0.15
 """Impulse per mass that the floor may fail to give for lack of friction [m/s], and the same where a target is out of
-reach, for which less is risked. Recorded dances that are followed reach 0.27, one hostile chunk that made the robot
-fall 0.36."""
+reach, for which less is risked."""
 FAR = 0.15
 """Distance of a palm from its target past which the target is out of reach, not just hard to follow [m]."""
 START_MAX = (0.3, np.deg2rad(60.0))
