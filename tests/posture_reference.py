@@ -61,20 +61,21 @@ class Reference:
         return r, J
 
     def motion(self, q, v, a):
-        """Rows of the motion (24,) and their derivatives by configuration, velocity and acceleration, (3, 24, 35)."""
+        """Rows of the motion (27,) and their derivatives by configuration, velocity and acceleration, (3, 27, 35)."""
         model, data, t = self.model, self.data, self.body.tables
         by = pin.computeRNEADerivatives(model, data, q, v, a)
         by_a = np.triu(by[2]) + np.triu(by[2], 1).T
         parts, tau = (by[0].copy(), by[1].copy(), by_a), data.tau.copy()
         wrench, D_wrench = self._wrench(q, tau, parts)
         weight = -t.mass * t.gravity[2]
-        r = np.concatenate([[-wrench[4], wrench[3], wrench[2]], np.zeros(21)])
-        D = np.zeros((3, 24, N_BODY))
+        r, D = np.zeros(27), np.zeros((3, 27, N_BODY))
+        r[:3], r[24:] = [-wrench[4], wrench[3], wrench[2]], wrench[[0, 1, 5]]
         for part in range(3):
             W = D_wrench[part]
             D[part, :3] = np.array([-W[4], W[3], W[2]]) / weight
-            D[part, 3:20] = parts[part][LOWER:]
+            D[part, 3:20], D[part, 24:] = parts[part][LOWER:], W[[0, 1, 5]] / weight
         r[:3] /= weight
+        r[24:] /= weight
         r[3:20] = tau[LOWER:]
         self._slide(q, v, r, D)
         return r, D
@@ -132,7 +133,7 @@ class Reference:
             D[1, rows, 3:6] += by_a[:2, :3] @ pin.skew(u)
 
     def reduced(self, k, D, back, forth, N, dt):
-        """Rows of knot k by the free directions of three knots, (24, 69)."""
+        """Rows of knot k by the free directions of three knots, (27, 69)."""
         K, zero = len(N), np.zeros((N_BODY, N.shape[2]))
         before = 0.5 * D[1] - D[2] / dt
         after = 2.0 * D[2] / dt if k == 0 else 0.5 * D[1] + D[2] / dt
@@ -152,5 +153,5 @@ def bounds(t, r, q, half, a, m, still, capture):
         np.abs(still[:WAIST]) / t.tau_max[:WAIST] - 1.0,
         t.normals @ (r[12:14] + t.com_stance) - t.com_offsets, [t.load_min - m[2]], np.abs(m[3:20]) / t.tau_max - 1.0,
         t.normals @ m[:2] - t.zmp_offsets * m[2], capture, np.abs(a[6:]) - t.acceleration_max,
-        np.abs(half[6:]) - t.speed_max,
+        np.abs(half[6:]) - t.speed_max, t.cone @ m[[0, 1, 2, 24, 25, 26]],
     ])  # fmt: skip

@@ -177,6 +177,8 @@ class PosturePlanConfig:
     """Largest tilt of the torso from vertical [rad]."""
     height_min: float = 0.3
     """Least height of the pelvis [m]."""
+    friction_share: float = 0.9
+    """Share of the friction that the controller counts on that the plan uses."""
     torque_share: float = 0.88
     """Share of the effort limits of waist and arms that the plan uses."""
     self_distance: float = 0.014

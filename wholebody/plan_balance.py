@@ -7,7 +7,7 @@ from itertools import product
 import daqp
 import numpy as np
 
-from wholebody.posture.body import FOOT_LOAD_MIN, Body
+from wholebody.posture.body import FOOT_LOAD_MIN, LEVER, Body
 from wholebody.posture_track import COARSE, GRID, PostureTrack
 
 BALANCE_MIN = 0.005
@@ -16,8 +16,6 @@ DRIFT_GAIN = 2.0
 """Share of a drift that the zero-moment point leads it by, to take it back."""
 MEMORY = 0.2
 """Time in which the controller makes up for an impulse that was missing [s]."""
-LEVER = 0.1
-"""What a moment per force is compared with a force at [m]: half of a sole."""
 BOX = np.array([0.1, 0.1, 0.06, 0.05, 0.025])
 """Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]."""
 SEPARATED = 1

@@ -12,12 +12,12 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from policy.rotations import matrix_to_rotvec, quaternion_to_matrix
+from policy.rotations import matrix_to_rotvec, quaternion_to_matrix, rotvec_to_matrix
 from wholebody.config import PlannerConfig
 from wholebody.plan_balance import PlanBalance
 from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
-from wholebody.posture_track import PostureState, PostureTrack, curve_through, track_along
+from wholebody.posture_track import GRID, PostureState, PostureTrack, curve_through, track_along
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.robot import Robot
 from wholebody.temper import JUMP, continued
@@ -38,6 +38,8 @@ START_MAX = (0.3, np.deg2rad(60.0))
 """A chunk that begins further from the hands than this is not the continuation of anything [m, rad]."""
 UNHURRIED = 0.6
 """Share of the usual speed, acceleration and jerk with which such a chunk is joined."""
+CLAMP_STEPS = 4
+"""Points of the posture plan from knot to knot that a hand is led through where it cannot be on its own path."""
 TEMPERED = 1e-3
 """How far steps are moved, to be steps that a hand can do, before that is worth a word [m]."""
 TURN_LOSS = 0.008
@@ -147,7 +149,7 @@ class ChunkPlanner:
     def __init__(self, spec: RobotSpec, robot: Robot, config: PlannerConfig, friction: float) -> None:
         self.spec, self.config = spec, config
         self.model, self.data = robot.model, robot.model.createData()
-        self.posture = PosturePlanner(spec, config.posture)
+        self.posture = PosturePlanner(spec, config.posture, friction)
         self.balance = PlanBalance(self.posture.body, friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
@@ -295,28 +297,56 @@ class ChunkPlanner:
         return before[:same]
 
     def _clamp(self, attempt: _Attempt) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
-        """Move the targets that the plan does not reach to where it does; a small remainder is left to the QP."""
+        """Lead the hands along the plan wherever it does not reach the targets; a small remainder is left to the QP.
+
+        Inside the tolerance the QP is left to close the gap; past it the path becomes the plan's own, whole, from a
+        knot before to a knot after: near a straight arm, a target a few millimetres off the planned posture drives the
+        arm far away from it, and so does a turn that is over before the next knot.
+        """
         reached, palms, steps = attempt.motion.T_palms, attempt.palms, attempt.steps
-        offset, distance = reached[:, :, :3, 3] - palms[:, :, :3, 3], attempt.distance
-        turn = np.array(
-            [[pin.log3(reached[k, i, :3, :3] @ palms[k, i, :3, :3].T) for i in (0, 1)] for k in range(len(steps))]
-        )
-        angle = np.linalg.norm(turn, axis=2)
-        # Inside the tolerance the QP is left to close the gap; past it the target becomes the plan's own pose, whole:
-        # near a straight arm, a target a few millimetres off the planned posture drives the arm far away from it.
-        share = np.clip(2.0 * distance / self.config.clamp_tolerance - 1.0, 0.0, 1.0)
-        turn_share = np.clip(2.0 * angle / self.config.turn_tolerance - 1.0, 0.0, 1.0)
+        turn = matrix_to_rotvec(reached[:, :, :3, :3] @ np.swapaxes(palms[:, :, :3, :3], -1, -2))
+        c, angle = self.config, np.linalg.norm(turn, axis=2)
+        share = _widened(np.clip(2.0 * attempt.distance / c.clamp_tolerance - 1.0, 0.0, 1.0))
+        turn_share = _widened(np.clip(2.0 * angle / c.turn_tolerance - 1.0, 0.0, 1.0))
         if not share.any() and not turn_share.any():
-            return attempt.raw, np.zeros_like(distance)
+            return attempt.raw, np.zeros_like(attempt.distance)
+        every = max(1, round((steps[1] - steps[0]) / (CLAMP_STEPS * GRID)))
+        q = attempt.track.q[: round((steps[-1] - steps[0]) / GRID) + 1 : every]
+        s = steps[0] + every * GRID * np.arange(len(q))
+        share, turn_share = _between(s, steps, share), _between(s, steps, turn_share)
+        led = np.flatnonzero((share > 0.0).any(axis=1) | (turn_share > 0.0).any(axis=1) | (s == s[0]))
+        planned = np.array([self._palms(x) for x in q[led]])
+        # The hands are not quite where the plan begins: that is made up for until the first knot.
+        left = _between(s[led], steps[:2], np.array([[1.0], [0.0]]))
         paths = []
         for i, path in enumerate(attempt.raw):
-            T = attempt.wanted[:, i].copy()
-            for k in range(len(steps)):
-                R = pin.exp3(turn[k, i] * turn_share[k, i]) @ palms[k, i, :3, :3]
-                palm = palms[k, i, :3, 3] + share[k, i] * offset[k, i]
-                T[k, :3, :3], T[k, :3, 3] = R, palm - R @ self.offsets[i]
-            paths.append(path.moved(steps, T))
-        return tuple(paths), distance * share
+            T = path.sample(s).T_world_hand
+            R, palm = T[led, :3, :3], T[led, :3, 3] + T[led, :3, :3] @ self.offsets[i]
+            turn, way = matrix_to_rotvec(planned[:, i, :3, :3] @ np.swapaxes(R, 1, 2)), planned[:, i, :3, 3] - palm
+            R = rotvec_to_matrix(turn_share[led, i, None] * (turn - left * turn[0])) @ R
+            palm += share[led, i, None] * (way - left * way[0])
+            T[led, :3, :3], T[led, :3, 3] = R, palm - R @ self.offsets[i]
+            paths.append(path.moved(s, T))
+        return tuple(paths), attempt.distance * _between(steps, s, share)
+
+    def _palms(self, q: np.ndarray) -> list[np.ndarray]:
+        """Poses of both palms, (4, 4) each, at a configuration."""
+        pin.forwardKinematics(self.model, self.data, q)
+        return [pin.updateFramePlacement(self.model, self.data, frame).homogeneous for frame in self.palm_ids]
+
+
+def _widened(share: np.ndarray) -> np.ndarray:
+    """What the knots (K, 2) before and after ask for as well."""
+    padded = np.pad(share, ((1, 1), (0, 0)))
+    return np.maximum(share, np.maximum(padded[:-2], padded[2:]))
+
+
+def _between(s: np.ndarray, steps: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Shares (K, 2) at ``steps``, smoothly in between: (n, 2) at ``s``."""
+    at = np.clip((s - steps[0]) / (steps[1] - steps[0]), 0.0, len(steps) - 1.0)
+    low = np.minimum(at.astype(int), len(steps) - 2)
+    x = (at - low)[:, None]
+    return share[low] + x**3 * (10.0 + x * (6.0 * x - 15.0)) * (share[low + 1] - share[low])
 
 
 def _begins_elsewhere(chunk: ActionChunk, now: float, commanded: HandMotion) -> bool:

@@ -58,11 +58,12 @@ class PosturePlanner:
     Args:
         spec: The robot.
         config: Scales, limits and margins.
+        friction: Coefficient that the controller counts on.
     """
 
-    def __init__(self, spec: RobotSpec, config: PosturePlanConfig | None = None) -> None:
+    def __init__(self, spec: RobotSpec, config: PosturePlanConfig | None = None, friction: float = 0.6) -> None:
         self.spec, self.config = spec, config or PosturePlanConfig()
-        self.body = Body(spec, self.config)
+        self.body = Body(spec, self.config, friction)
         self.model = self.body.full
         self.support = self.body.support
         self.mass = self.body.mass

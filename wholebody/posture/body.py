@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 
@@ -22,6 +24,8 @@ LOAD_MIN = 0.4
 """Least share of the weight that stays on the floor."""
 FOOT_LOAD_MIN = 0.06
 """Of the weight, on each foot: the controller keeps 5 N at each of its four points."""
+LEVER = 0.1
+"""What a moment per force is compared with a force at [m]: half of a sole."""
 
 
 class Body:
@@ -31,7 +35,7 @@ class Body:
     where the caller has them for the distances.
 
     Args:
-        spec: The robot. config: Limits and margins.
+        spec: The robot. config: Limits and margins. friction: Coefficient that the controller counts on.
 
     Attributes:
         model: Pinocchio's model of the body.
@@ -45,7 +49,7 @@ class Body:
         proximity: Distances by coal, for shapes that touch.
     """
 
-    def __init__(self, spec: RobotSpec, config: PosturePlanConfig) -> None:
+    def __init__(self, spec: RobotSpec, config: PosturePlanConfig, friction: float = 0.6) -> None:
         full = self.full = load_pinocchio(spec)
         self.q_full = stance_q(spec, full)
         names = list(full.names)
@@ -58,7 +62,7 @@ class Body:
         self.finger_order = np.argsort(self.fingers, kind="stable")
         self.mass = float(pin.computeTotalMass(full))
         self.tables, self.support, self.pressure_offsets = _tables(
-            spec, config, model, self.q_full[self.body].copy(), self.mass
+            spec, config, friction, model, self.q_full[self.body].copy(), self.mass
         )
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
@@ -80,7 +84,7 @@ class Body:
 
 
 def _tables(
-    spec: RobotSpec, c: PosturePlanConfig, model: pin.Model, q: np.ndarray, mass: float
+    spec: RobotSpec, c: PosturePlanConfig, friction: float, model: pin.Model, q: np.ndarray, mass: float
 ) -> tuple[Tables, SupportPolygon, np.ndarray]:
     """Without fingers; the support, and how far the centre of pressure goes towards its edges."""
     bodies, parent = body_table(model)
@@ -119,6 +123,7 @@ def _tables(
         com_offsets=support.offsets - c.com_margin,
         zmp_offsets=pressure - c.zmp_margin,
         capture_offsets=pressure - c.capture_margin,
+        cone=_cone(support, c.friction_share * friction),
         capture_time=c.capture_time,
         sweep=c.sweep,
     )
@@ -130,6 +135,35 @@ def _pressure_offsets(support: SupportPolygon, left: np.ndarray, right: np.ndarr
     shares = np.array([FOOT_LOAD_MIN, 1.0 - FOOT_LOAD_MIN])[:, None]
     ahead = [(foot @ support.normals.T).max(0) for foot in (left, right)]
     return (shares * ahead[0] + (1.0 - shares) * ahead[1]).max(0)
+
+
+def _cone(support: SupportPolygon, friction: float) -> np.ndarray:
+    """Sides (N_FRICTION, 6) of the cone of wrenches that soles give without sliding, the edges of the pressure aside.
+
+    Exact for a rectangle and for pyramids of friction inside the cones; the largest rectangle in the support of the
+    proportions of the box around it is taken.
+
+    Source:
+        Caron, Pham and Nakamura 2015, "Stability of Surface Contacts for Humanoid Robots: Closed-Form Formulae of the
+        Contact Wrench for Rectangular Support Areas", ICRA.
+    """
+    low, high = support.vertices.min(axis=0), support.vertices.max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    room = support.offsets - support.normals @ middle
+    half = half * np.min(room / (np.abs(support.normals) @ half)) * (1.0 - 2.0 * FOOT_LOAD_MIN)
+    (x, y), mu = half, friction / np.sqrt(2.0)
+    # About the middle: moments (-MOMENT + ..., ...) as columns of the rows of the motion.
+    turn_x, turn_y = np.array([0.0, 1.0, -middle[1], 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, middle[0], 0.0, 0.0, 0.0])
+    twist = np.array([0.0, 0.0, 0.0, middle[1], -middle[0], 1.0])
+    load, along, across = np.eye(6)[2:5]
+    sides = [sign * force - mu * load for force in (along, across) for sign in (1.0, -1.0)]
+    for sign, a, b in product((1.0, -1.0), repeat=3):
+        shears = a * (y * along + sign * mu * turn_x) + b * (x * across + sign * mu * turn_y)
+        sides.append(sign * twist + shears - mu * (x + y) * load)
+    sides = np.array(sides)
+    # All in terms of a force: a moment counts by what half a sole as lever makes of it.
+    size = np.linalg.norm(sides * [LEVER, LEVER, 0.0, 1.0, 1.0, LEVER], axis=1)
+    return sides / size[:, None]
 
 
 def _carries(model: pin.Model, joints: list[int]) -> np.ndarray:

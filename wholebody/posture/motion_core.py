@@ -22,7 +22,21 @@ from wholebody.posture.blas_core import times_transposed
 from wholebody.posture.body_core import base_rotation
 from wholebody.posture.curve_core import pace
 from wholebody.posture.place_core import momentum_of
-from wholebody.posture.tables import FIRST, FREE_LOWER, LOADED, LOWER, N_BODY, N_FREE, N_MOTION, SLIDE, TAU, UPPER
+from wholebody.posture.tables import (
+    FIRST,
+    FORCE,
+    FREE_LOWER,
+    LOADED,
+    LOWER,
+    N_BODY,
+    N_FREE,
+    N_FRICTION,
+    N_MOTION,
+    SLIDE,
+    TAU,
+    TWIST,
+    UPPER,
+)  # fmt: skip
 
 
 def cross(a, b, out, at):
@@ -259,11 +273,13 @@ def force_rates(k, m, work):
 
 
 def balance(k, robot, m, work):
-    """Rows MOMENT and LOADED: zero-moment point times load, and load, as shares of the weight."""
+    """Rows MOMENT, LOADED, FORCE and TWIST: the wrench of the floor, about the world's origin and per weight."""
     weight = -robot.mass * robot.gravity[2]
     f, p = work.f[0], m.q[k]
     n0, n1 = f[3] + p[1] * f[2] - p[2] * f[1], f[4] + p[2] * f[0] - p[0] * f[2]
     m.m[k, 0], m.m[k, 1], m.m[k, LOADED] = -n1 / weight, n0 / weight, f[2] / weight
+    m.m[k, FORCE], m.m[k, FORCE + 1] = f[0] / weight, f[1] / weight
+    m.m[k, TWIST] = (f[5] + p[0] * f[1] - p[1] * f[0]) / weight
     share = max(m.m[k, LOADED], 0.05)
     m.zmp[k, 0], m.zmp[k, 1] = m.m[k, 0] / share, m.m[k, 1] / share
     for part in range(3):
@@ -273,12 +289,13 @@ def balance(k, robot, m, work):
 
 
 def shares(F, p, weight, rows):
-    """Rows MOMENT and LOADED of the forces (n, 6) about a point p."""
+    """The same rows of the forces (n, 6) about a point p."""
     for j in range(F.shape[0]):
         f = F[j]
         rows[0, j] = -(f[4] + p[2] * f[0] - p[0] * f[2]) / weight
         rows[1, j] = (f[3] + p[1] * f[2] - p[2] * f[1]) / weight
-        rows[LOADED, j] = f[2] / weight
+        rows[LOADED, j], rows[FORCE, j], rows[FORCE + 1, j] = f[2] / weight, f[0] / weight, f[1] / weight
+        rows[TWIST, j] = (f[5] + p[0] * f[1] - p[1] * f[0]) / weight
 
 
 def torques(k, robot, m, work):
@@ -403,7 +420,7 @@ def reduce_motion(k, task, m, work):
 
 
 def bound_motion(k, robot, m, at):
-    """The bounds on load, torques, zero-moment point, accelerations and speeds; ``at`` is the number of edges."""
+    """The bounds on load, torques, zero-moment point, accelerations, speeds and friction, from row ``at`` on."""
     row, over, sign = m.m[k], m.over[k], m.sign[k]
     edge, torque = robot.normals.shape[0], at + 1
     over[at] = robot.load_min - row[LOADED]
@@ -421,3 +438,11 @@ def bound_motion(k, robot, m, at):
         sign[rates + i], sign[rates + n + i] = 1.0 if a > 0.0 else -1.0, 1.0 if h > 0.0 else -1.0
         over[rates + i] = abs(a) - robot.acceleration_max[i]
         over[rates + n + i] = abs(h) - robot.speed_max[i]
+    for e in range(N_FRICTION):
+        over[rates + 2 * n + e] = beyond(robot.cone[e], row)
+
+
+def beyond(side, row):
+    """How far rows of the motion (N_MOTION,) are beyond one side of the cone of friction."""
+    d = side[0] * row[0] + side[1] * row[1] + side[2] * row[LOADED]
+    return d + side[3] * row[FORCE] + side[4] * row[FORCE + 1] + side[5] * row[TWIST]

@@ -117,7 +117,7 @@ class Program:
 
     def cost(self, m: Motion) -> float:
         """What a motion costs."""
-        return run("sum_core", "cost", m, self._scales, self._weights)
+        return run("sum_core", "cost", m, self._scales, self._weights, EDGE + self._n_edges)
 
     def assemble(self) -> None:
         """Assemble the linear program of the present motion, as far as it does not depend on what is exceeded."""
@@ -141,7 +141,7 @@ class Program:
             "step_core", "step", self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
             float(damping), limit, float(largest),
         )  # fmt: skip
-        if promise < 0.0:
+        if size < 0.0:
             raise InputError(
                 "the posture plan's program is singular: is a scale in planner.posture or planner.gentle zero or huge? "
                 "`wholebody config` prints those that work"

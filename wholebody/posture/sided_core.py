@@ -5,9 +5,11 @@ from __future__ import annotations
 from wholebody.posture.ahead_core import capture_derivative, look_changes, sweep_derivative
 from wholebody.posture.blas_core import apply
 from wholebody.posture.curve_core import pace
+from wholebody.posture.motion_core import beyond
 from wholebody.posture.tables import (
     COM,
     EDGE,
+    FORCE,
     FREE_LOWER,
     HEIGHT,
     HOLD,
@@ -17,10 +19,12 @@ from wholebody.posture.tables import (
     LOWEST,
     N_BODY,
     N_FREE,
+    N_FRICTION,
     N_JOINTS,
     N_NEAR,
     NEAR,
     TAU,
+    TWIST,
     UPPER,
     WAIST,
 )  # fmt: skip
@@ -51,6 +55,8 @@ def changes(robot, m, dt, z, out, work):
         for j in range(n):
             row[rate + j] = sign[rate + j] * scale * (dh[k + 1, 6 + j] - dh[k, 6 + j])
             row[rate + n + j] = sign[rate + n + j] * dh[k, 6 + j]
+        for e in range(N_FRICTION):
+            row[rate + 2 * n + e] = beyond(robot.cone[e], motion)
 
 
 def steps(m, dt, z, dh):
@@ -151,7 +157,14 @@ def derivative(i, k, robot, m, dt, out):
             else:
                 normal = robot.normals[i - zmp]
                 out[j] = normal[0] * J[0, j] + normal[1] * J[1, j] - robot.zmp_offsets[i - zmp] * J[LOADED, j]
-    return (0, 3 * n) if i < rate else rate_derivative(i - rate, k, m, dt, sign, out)
+    elif i >= rate + 2 * N_JOINTS:
+        side, J = robot.cone[i - rate - 2 * N_JOINTS], m.J_m[k]
+        for j in range(3 * n):
+            d = side[0] * J[0, j] + side[1] * J[1, j] + side[2] * J[LOADED, j]
+            out[j] = d + side[3] * J[FORCE, j] + side[4] * J[FORCE + 1, j] + side[5] * J[TWIST, j]
+    else:
+        return rate_derivative(i - rate, k, m, dt, sign, out)
+    return 0, 3 * n
 
 
 def copy(sign, row, out):

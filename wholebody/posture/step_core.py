@@ -31,7 +31,7 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
         largest: Entry of the step above which it is not looked for any further.
 
     Returns:
-        The decrease of the cost that the linear program promises, -1 if it is singular; and the largest entry.
+        The decrease of the cost that the linear program promises, and the largest entry: -1 if it is singular.
     """
     s = system
     K, dt = m.q.shape[0], task.dt
@@ -46,7 +46,7 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
     for _ in range(limit):
         newton(first, robot, m, dt, weights, s, work)
         if not factor(first, K, s, work):
-            return -1.0, 0.0
+            return 0.0, -1.0
         solve(K, s)
         for k in range(2, K + 1):
             for i in range(N_FREE):

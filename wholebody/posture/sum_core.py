@@ -12,7 +12,6 @@ import math
 from wholebody.posture.blas_core import gram, outer_gram
 from wholebody.posture.curve_core import pace
 from wholebody.posture.tables import (
-    EDGE,
     FREE_LOWER,
     HEIGHT,
     JOINTS,
@@ -20,7 +19,6 @@ from wholebody.posture.tables import (
     N_BODY,
     N_FRAME,
     N_FREE,
-    N_JOINTS,
     N_POSITION,
     PELVIS,
     SLIDE,
@@ -31,10 +29,9 @@ from wholebody.posture.tables import (
 )  # fmt: skip
 
 
-def cost(m, scales, weights):
-    """What the motion costs; ``weights`` (n_sided,) are those of the bounds."""
+def cost(m, scales, weights, moving):
+    """What the motion costs; ``weights`` (n_sided,) are those of the bounds, from ``moving`` on also at the start."""
     K, total = m.q.shape[0], 0.0
-    edges = (weights.shape[0] - EDGE - 1 - UPPER - 2 * N_JOINTS) // 3
     for k in range(K):
         if k > 0:
             total += configuration_cost(m.r[k], scales)
@@ -47,7 +44,7 @@ def cost(m, scales, weights):
         for j in range(N_BODY):
             speed = scales.legs if 6 <= j < LOWER else scales.speed
             total += scales.smooth * m.a[k, j] * m.a[k, j] + speed * m.half[k, j] * m.half[k, j]
-        for i in range(0 if k > 0 else EDGE + edges, weights.shape[0]):
+        for i in range(0 if k > 0 else moving, weights.shape[0]):
             x = m.over[k, i]
             if x > 0.0:
                 total += weights[i] * x * x

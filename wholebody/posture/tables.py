@@ -21,8 +21,11 @@ N_JOINTS = N_BODY - 6
 # Rows of a knot with squares that are wanted small, and those of their Jacobian; joints need none.
 COM, TORSO, PELVIS, HEIGHT, JOINTS = 12, 14, 17, 20, 21
 N_POSITION, N_FRAME = 50, 21
-# Rows that depend on the motion: zero-moment point times load (2), load; torques, waist first; slide of the soles.
-MOMENT, LOADED, TAU, SLIDE, N_MOTION = 0, 2, 3, 20, 24
+# Rows that depend on the motion: zero-moment point times load (2), load; torques, waist first; slide of the soles;
+# horizontal force (2) and moment about the vertical, per weight.
+MOMENT, LOADED, TAU, SLIDE, FORCE, TWIST, N_MOTION = 0, 2, 3, 20, 24, 26, 27
+N_FRICTION = 12
+"""Sides of the cone of friction: two for each horizontal force, eight for the moment."""
 WAIST = 3
 # One-sided rows of a knot; edges of the support follow three times, first those of the centre of mass.
 TILT, LOWEST, LIMIT, HOLD, NEAR = 0, 2, 3, 32, 35
@@ -31,13 +34,13 @@ N_PAIRS, N_LOW = 16, 24
 N_NEAR = N_PAIRS + N_LOW
 EDGE = NEAR + N_NEAR
 # After the first edges, from here on plus their number: load, torques, edges of the zero-moment point. Then come edges
-# of the capture point, accelerations, speeds.
+# of the capture point, accelerations, speeds, friction.
 LOAD, TORQUE, ZMP = EDGE, EDGE + 1, EDGE + 1 + UPPER
 
 
 def n_sided(n_edges: int) -> int:
     """Number of one-sided rows of a knot."""
-    return ZMP + 3 * n_edges + 2 * N_JOINTS
+    return ZMP + 3 * n_edges + 2 * N_JOINTS + N_FRICTION
 
 
 class Tables(NamedTuple):
@@ -69,6 +72,7 @@ class Tables(NamedTuple):
     com_offsets: np.ndarray  # (E,)
     zmp_offsets: np.ndarray  # (E,)
     capture_offsets: np.ndarray  # (E,)
+    cone: np.ndarray  # (N_FRICTION, 6) sides of the cone of friction, by MOMENT, LOADED, FORCE, TWIST
     capture_time: float  # in which the capture point may reach them
     sweep: float  # for which bodies may go on approaching each other
 

@@ -44,7 +44,9 @@ ACCELERATION_SCALE = 2.0
 """[m/s^2, rad/s^2]"""
 SPEED_SCALE = 0.05
 """[m/s, rad/s]"""
-ROOMS = (0.01, 0.01, 0.05, 0.05, 0.012, 0.005, 0.05, 0.08, 0.02, 0.006, 30.0, 1.0)
+FRICTION_SCALE = 1e-2
+"""Share of the weight."""
+ROOMS = (0.01, 0.01, 0.05, 0.05, 0.012, 0.005, 0.05, 0.08, 0.02, 0.006, 30.0, 1.0, 0.3)
 """What of the plan's margins may be used up, in the order and the units of the scales above: most bounds of the plan
 stand before those of the controller and the robot. Whether the robot balances is judged from the whole curve."""
 SOFTNESS_MAX = 3.0
@@ -78,7 +80,7 @@ def sided(n_edges: int, softness: float) -> np.ndarray:
     scales = _columns(
         n_edges, TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm, HOLD_SCALE * firm, DISTANCE_SCALE * firm,
         COM_SCALE * firm, LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness,
-        CAPTURE_SCALE * softness, ACCELERATION_SCALE * softness, SPEED_SCALE * firm,
+        CAPTURE_SCALE * softness, ACCELERATION_SCALE * softness, SPEED_SCALE * firm, FRICTION_SCALE * softness,
     )  # fmt: skip
     return scales**-2
 
@@ -92,6 +94,6 @@ def _columns(n_edges: int, *values: float) -> np.ndarray:
     """One value for each kind of bound, in the order of the constants above, for each bound of a knot (n_sided,)."""
     ends = np.array([
         LOWEST, LIMIT, HOLD, NEAR, EDGE, LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges, ZMP + 2 * n_edges,
-        ZMP + 3 * n_edges, ZMP + 3 * n_edges + N_JOINTS, n_sided(n_edges),
+        ZMP + 3 * n_edges, ZMP + 3 * n_edges + N_JOINTS, ZMP + 3 * n_edges + 2 * N_JOINTS, n_sided(n_edges),
     ])  # fmt: skip
     return np.repeat(values, np.diff(ends, prepend=TILT))
