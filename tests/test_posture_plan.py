@@ -1,16 +1,20 @@
 """Strategy: the real planner on slow, fast and impossible paths; Pinocchio's inverse dynamics judges what it says, and
 its derivatives (`posture_reference.py`) judge those of the compiled program on random motions."""
 
+from itertools import product
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from posture_reference import Reference, bounds, free_directions
+from scipy.optimize import nnls
 
 from models.g1 import g1
 from policy.scripts import lissajous, reach, two_hand_lift
 from wholebody.config import PosturePlanConfig
+from wholebody.errors import InputError
 from wholebody.posture import tables
-from wholebody.posture.body import Body
+from wholebody.posture.body import FOOT_LOAD_MIN, Body
 from wholebody.posture.compiled import run
 from wholebody.posture.momenta import Momenta
 from wholebody.posture.program import Program
@@ -301,6 +305,37 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
     after = program.cost(program.trial)
     assert before - after == pytest.approx(2e-3 * promise, rel=0.5)
     assert before - after > 0.0
+
+
+def forces_at(corners):
+    """Wrenches per unit of load (6, n), as the rows of the motion, of the edges of the friction pyramids there."""
+    mu = PosturePlanConfig().friction_share * 0.6 / np.sqrt(2.0)
+    edges = [(x, y, mu * a, mu * b) for x, y in corners for a, b in product((-1.0, 1.0), repeat=2)]
+    return np.array([[x, y, 1.0, fx, fy, x * fy - y * fx] for x, y, fx, fy in edges]).T
+
+
+def test_what_is_inside_the_cone_of_friction_can_be_had_from_the_soles_and_what_is_outside_cannot(body):
+    """Oracle: whether forces at the corners add up to a wrench, by non-negative least squares."""
+    rng, vertices = np.random.default_rng(2), (1.0 - 2.0 * FOOT_LOAD_MIN) * body.support.vertices
+    box = product(*zip(vertices.min(axis=0), vertices.max(axis=0), strict=True))
+    soles, around, seen = forces_at(vertices), forces_at(box), [0, 0]
+    for wrench in rng.uniform(-1.0, 1.0, (400, 6)) * [0.06, 0.1, 0.0, 0.4, 0.4, 0.06] + np.eye(6)[2]:
+        over = (body.tables.cone @ wrench).max()
+        if over < 0.0:
+            seen[0] += 1
+            assert nnls(soles, wrench)[1] < 1e-9
+        elif over > 0.02:
+            seen[1] += 1
+            assert nnls(around, wrench)[1] > 1e-4
+    assert min(seen) > 50
+
+
+def test_a_program_that_has_no_step_says_so(body):
+    program, _ = linearised(body, 5, 4)
+    program.assemble()
+    program._system.H[3] = -1e12
+    with pytest.raises(InputError, match="singular"):
+        program.step(1e-7)
 
 
 def test_momenta_along_a_motion_are_those_of_pinocchio(body):

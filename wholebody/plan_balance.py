@@ -26,7 +26,7 @@ _EYE, _ZERO = np.eye(5), np.zeros(5)
 
 
 class PlanBalance:
-    """Judges the whole curve of a posture plan; the plan itself looks at its knots only, and not at friction.
+    """Judges the whole curve of a posture plan; the plan itself looks at its knots only.
 
     Args:
         body: The robot that is planned, on its feet.

@@ -6,6 +6,7 @@ is forbidden costs the square of its excess on a scale so fine that nothing want
     wanted      palms at their targets (pulling no harder when far away), centre of mass and zero-moment point over the
                 middle of the support, trunk upright, joints near the stance, little waist torque, acceleration, speed
     forbidden   zero-moment point or centre of mass near the edge of the support, unloading the floor
+                more horizontal force or moment about the vertical than friction gives
                 joints past position, speed, acceleration or torque limits (waist and arms)
                 places where the waist could not hold the upper body still
                 bodies nearer to each other or hands to the floor than they may be, trunk tilted too far, pelvis too low

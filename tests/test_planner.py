@@ -1,0 +1,87 @@
+"""Strategy: the real planner from the stance, on a scripted reach as it is and moved to where nobody can be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from models.g1 import g1
+from models.pinocchio_model import stance_q
+from policy import Observation
+from policy.scripts import scripted
+from wholebody.config import ControllerConfig
+from wholebody.planner import ChunkPlanner
+from wholebody.posture_track import GRID, PostureState
+from wholebody.reference import HandMotion, rest_row
+from wholebody.robot import Robot
+
+SPEC = g1()
+
+
+@pytest.fixture(scope="module")
+def setup():
+    """A planner, the stance, what the hands do there, and the first chunk of a reach."""
+    robot, joints, config = Robot(SPEC), np.array(SPEC.stance.joint_positions), ControllerConfig()
+    q = stance_q(SPEC, robot.model)
+    robot.update(q, np.zeros(robot.nv))
+    fingers = [joints[SPEC.indices(tool.finger_joints)] for tool in SPEC.tools]
+    poses = [robot.pose(tool.wrist_frame).homogeneous for tool in SPEC.tools]
+    rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
+    chunk = scripted("reach").infer(Observation(0.0, joints[:29], *fingers, robot.pose(SPEC.base_body).homogeneous))
+    return ChunkPlanner(SPEC, robot, config.planner, config.friction), PostureState.still(q, robot.nv), rows, chunk
+
+
+def stretched(chunk, scale):
+    """The chunk with the displacements of both hands from its first step multiplied."""
+    T = [x.copy() for x in (chunk.T_world_lhand, chunk.T_world_rhand)]
+    for x in T:
+        x[:, :3, 3] = x[0, :3, 3] + scale * (x[:, :3, 3] - x[0, :3, 3])
+    return replace(chunk, T_world_lhand=T[0], T_world_rhand=T[1])
+
+
+def palms_on(planner, track, rows):
+    """Palm positions (n, 2, 3) on rows of a track."""
+    model, data, out = planner.model, planner.model.createData(), []
+    for q in track.q[rows]:
+        pin.framesForwardKinematics(model, data, q)
+        out.append([data.oMf[frame].translation.copy() for frame in planner.palm_ids])
+    return np.array(out)
+
+
+def palms_of(planner, plan, s):
+    """Palm positions (n, 2, 3) that the hands' paths lead to."""
+    motions = [path.sample(s).T_world_hand for path in plan.paths]
+    return np.stack([T[:, :3, 3] + T[:, :3, :3] @ x for T, x in zip(motions, planner.offsets, strict=True)], axis=1)
+
+
+def test_a_reach_is_planned_as_it_is(setup):
+    planner, start, rows, chunk = setup
+    report = planner.plan(chunk, 0.0, start, HandMotion(rows)).report
+    assert (report.slowdown, report.reasons, report.clamped.max()) == (1.0, (), 0.0)
+    assert report.missed.max() < planner.config.clamp_tolerance / 2.0
+
+
+def test_where_a_target_is_out_of_reach_the_hand_is_led_along_the_plan_between_its_knots_too(setup):
+    planner, start, rows, chunk = setup
+    plan = planner.plan(stretched(chunk, 3.0), 0.0, start, HandMotion(rows))
+    assert "out_of_reach" in plan.report.reasons
+    knots = np.flatnonzero(plan.report.missed.min(axis=1) > planner.config.clamp_tolerance)
+    first, last = plan.report.steps[knots[[0, -1]]]
+    assert last - first > 0.3
+    at = np.arange(round((first - plan.start) / GRID), round((last - plan.start) / GRID))
+    planned, led = palms_on(planner, plan.posture, at), palms_of(planner, plan, plan.start + GRID * at)
+    assert np.linalg.norm(planned - led, axis=2).max() < 1e-3
+    bends = [np.linalg.norm(np.diff(x, 2, axis=0), axis=2).max() / GRID**2 for x in (led, planned)]
+    assert bends[0] < 1.3 * bends[1] + 1.0, "as fast as the plan, not as the targets"
+
+
+def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_where_they_are(setup):
+    planner, start, rows, chunk = setup
+    aside = rows.copy()
+    aside[:, 1] += 0.006
+    plan = planner.plan(stretched(chunk, 3.0), 0.0, start, HandMotion(aside))
+    for path, row in zip(plan.paths, aside, strict=True):
+        assert np.allclose(path.at(plan.start)[:3], row[:3], atol=1e-9)
+        s = plan.start + np.arange(0.0, 0.2, GRID)
+        assert np.linalg.norm(path.sample(s).a, axis=1).max() < 20.0
