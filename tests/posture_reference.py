@@ -22,7 +22,10 @@ class Reference:
     """Terms of a motion whose feet are in place."""
 
     def __init__(self, body, spec):
-        self.body, self.model, self.data = body, body.model, body.model.createData()
+        self.body, self.model = body, body.model.copy()
+        # The plan leaves rotors out, as Pinocchio 3.4 does in these derivatives; 3.8 counts them.
+        self.model.armature[:] = 0.0
+        self.data = self.model.createData()
         names = [*(tool.palm_frame for tool in spec.tools), spec.torso_body, spec.base_body]
         self.frames = [self.model.getFrameId(name) for name in names]
         self.soles = [self.model.getFrameId(foot.frame) for foot in spec.feet]
