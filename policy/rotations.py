@@ -105,12 +105,11 @@ def quaternion_to_matrix(
         )
     quat = quat / norm
     x, y, z, w = np.moveaxis(quat if order == "xyzw" else np.roll(quat, -1, axis=-1), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    R = np.empty((*x.shape, 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return R
 
 
 def matrix_to_quaternion(R: np.ndarray, order: QuaternionOrder) -> np.ndarray:
@@ -123,17 +122,18 @@ def matrix_to_quaternion(R: np.ndarray, order: QuaternionOrder) -> np.ndarray:
     R = np.asarray(R, dtype=float)
     xx, yy, zz = R[..., 0, 0], R[..., 1, 1], R[..., 2, 2]
     # The four candidates are the quaternion times 4x, 4y, 4z, 4w.
-    skew = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
-    xy, xz, yz = R[..., 0, 1] + R[..., 1, 0], R[..., 0, 2] + R[..., 2, 0], R[..., 1, 2] + R[..., 2, 1]
-    candidates = np.stack(
-        [
-            np.stack([1 + xx - yy - zz, xy, xz, skew[..., 0]], axis=-1),
-            np.stack([xy, 1 - xx + yy - zz, yz, skew[..., 1]], axis=-1),
-            np.stack([xz, yz, 1 - xx - yy + zz, skew[..., 2]], axis=-1),
-            np.concatenate([skew, (1 + xx + yy + zz)[..., None]], axis=-1),
-        ],
-        axis=-2,
-    )
+    candidates = np.empty((*xx.shape, 4, 4))
+    for (i, j), pair in {
+        (0, 1): R[..., 0, 1] + R[..., 1, 0],
+        (0, 2): R[..., 0, 2] + R[..., 2, 0],
+        (1, 2): R[..., 1, 2] + R[..., 2, 1],
+        (0, 3): R[..., 2, 1] - R[..., 1, 2],
+        (1, 3): R[..., 0, 2] - R[..., 2, 0],
+        (2, 3): R[..., 1, 0] - R[..., 0, 1],
+    }.items():
+        candidates[..., i, j] = candidates[..., j, i] = pair
+    for i, square in enumerate((1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz)):
+        candidates[..., i, i] = square
     best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
     quat = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
     quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)

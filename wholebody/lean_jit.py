@@ -25,6 +25,9 @@ none in what is compiled here, and looking takes a tenth of the time."""
 class _InnerLibrary(JITCodeLibrary):
     """Code of one function, neither linked nor optimised nor turned into machine code."""
 
+    def _optimize_functions(self, ll_module: ModuleRef) -> None:
+        """Whoever takes it in optimises it."""
+
     def finalize(self) -> None:
         self._raise_if_finalized()
         self._finalize_dynamic_globals()

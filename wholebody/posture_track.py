@@ -108,19 +108,22 @@ def track_along(curve: CubicBSpline, start: float, end: float, momenta: Momenta)
     v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
     rows = np.minimum(COARSE * np.arange(len(coarse)), len(grid) - 1)
     com, com_velocity, momentum, turns = momenta(q[rows], v[rows])
-    between = _Interpolation(coarse, grid)
-    bodies = []
-    for R in turns:
-        spin, change = _angular_rates(R, COARSE * GRID)
-        bodies.append((between.rotations(R), between(spin), between(change)))
     com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
+    spin, change = _angular_rates(turns, COARSE * GRID)
+    # Neighbours are close, so normalised quaternions will do between rotations.
+    quat = [_same_side(x) for x in matrix_to_quaternion(turns, "xyzw")]
+    parts = [com, com_velocity, com_acceleration, momentum, momentum_rate, *spin, *change, *quat]
+    parts = np.split(_between(coarse, grid, np.hstack(parts)), np.cumsum([3] * 9 + [4]), axis=1)
+    quat = np.stack(parts[9:])
+    R = quaternion_to_matrix(quat / np.linalg.norm(quat, axis=2, keepdims=True), "xyzw")
+    bodies = list(zip(R, parts[5:7], parts[7:9], strict=True))
     track = PostureTrack(
         start=float(start),
         q=q,
         v=v,
         ddq=ddq[:, 7:].copy(),
-        com=np.stack([between(x) for x in (com, com_velocity, com_acceleration)]),
-        momentum=np.stack([between(x) for x in (momentum, momentum_rate)]),
+        com=np.stack(parts[:3]),
+        momentum=np.stack(parts[3:5]),
         height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
         pelvis=bodies[0],
         torso=bodies[1],
@@ -132,28 +135,19 @@ def track_along(curve: CubicBSpline, start: float, end: float, momenta: Momenta)
     return track
 
 
-class _Interpolation:
-    """Linear interpolation from steps to the grid, both increasing."""
-
-    def __init__(self, steps: np.ndarray, grid: np.ndarray) -> None:
-        self._low = np.clip(np.searchsorted(steps, grid, side="right") - 1, 0, len(steps) - 2)
-        self._share = np.clip((grid - steps[self._low]) / np.diff(steps)[self._low], 0.0, 1.0)[:, None]
-
-    def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Rows (K, k) on the grid."""
-        return values[self._low] + self._share * (values[self._low + 1] - values[self._low])
-
-    def rotations(self, R: np.ndarray) -> np.ndarray:
-        """Rotations (K, 3, 3) on the grid; neighbours are close, so normalised quaternions will do."""
-        quat = self(_same_side(matrix_to_quaternion(R, "xyzw")))
-        return quaternion_to_matrix(quat / np.linalg.norm(quat, axis=1, keepdims=True), "xyzw")
+def _between(steps: np.ndarray, grid: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Rows (K, k) at steps, linearly on the grid; both increase."""
+    low = np.clip(np.searchsorted(steps, grid, side="right") - 1, 0, len(steps) - 2)
+    share = np.clip((grid - steps[low]) / np.diff(steps)[low], 0.0, 1.0)[:, None]
+    here = values[low]
+    return here + share * (values[low + 1] - here)
 
 
 def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Angular rates and accelerations, (K, 3) each, world axes, of rotations ``dt`` apart."""
-    turn = matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2)) / dt
-    spin = np.vstack([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
-    return spin, np.gradient(spin, dt, axis=0)
+    """Angular rates and accelerations, (n, K, 3) each, world axes, of rotations (n, K, 3, 3) ``dt`` apart."""
+    turn = matrix_to_rotvec(R[:, 1:] @ np.swapaxes(R[:, :-1], 2, 3)) / dt
+    spin = np.concatenate([turn[:, :1], 0.5 * (turn[:, 1:] + turn[:, :-1]), turn[:, -1:]], axis=1)
+    return spin, np.gradient(spin, dt, axis=1)
 
 
 def _configuration_rate(q: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from wholebody.posture.body_core import move
-from wholebody.posture.hold_core import hold
-from wholebody.posture.place_core import configuration
-from wholebody.posture.sided_core import derivative, place_changes
+from wholebody.posture.sided_core import place_changes, place_derivative
 from wholebody.posture.step_core import dot, factor_panel, subtract
 from wholebody.posture.sum_core import add_configuration
-from wholebody.posture.tables import EDGE, FREE_LOWER, LOWER, N_FREE, NEAR, UPPER
+from wholebody.posture.tables import EDGE, FREE_LOWER, LOWER, N_FREE, UPPER
 
 INERTIA = 30.0
 """Price of moving from one knot to the next [1/m^2, 1/rad^2]."""
@@ -18,33 +16,24 @@ TURNS = 4
 """Times that the set of exceeded bounds is guessed anew at a knot."""
 
 
-def follow(robot, task, m, scales, weights, first, system, work, sums):
-    """Fill the configurations from knot ``first`` on, each from the one before; distances do not count."""
-    count = EDGE + robot.normals.shape[0]
-    for k in range(first, m.q.shape[0]):
-        for j in range(m.q.shape[1]):
-            m.q[k, j] = m.q[k - 1, j]
-        m.near[k] = 0
-        for c in range(NEAR, EDGE):
-            m.over[k, c] = -1.0
-        configuration(k, robot, task, m, work)
-        hold(k, robot, m, work)
-        for i in range(N_FREE):
-            system.g[k + 1, i] = 0.0
-            for j in range(N_FREE):
-                system.H[k + 1, i, j] = 0.0
-        add_configuration(k, m, scales, system.H, system.g, sums)
-        improve(k, robot, task, m, weights, count, system, sums)
-        largest = 0.0
-        for i in range(N_FREE):
-            largest = max(largest, abs(system.z[k + 1, i]))
-        shrink = min(1.0, STEP_MAX / largest) if largest > 0.0 else 1.0
-        for i in range(N_FREE):
-            system.z[k + 1, i] *= shrink
-        shift(m.free[k], system.z[k + 1], m.q[k], work.lower_step)
+def follow(k, robot, m, scales, weights, system, work, sums):
+    """Move a knot that is in place towards what it is for."""
+    for i in range(N_FREE):
+        system.g[k + 1, i] = 0.0
+        for j in range(N_FREE):
+            system.H[k + 1, i, j] = 0.0
+    add_configuration(k, m, scales, system.H, system.g, sums)
+    improve(k, robot, m, weights, EDGE + robot.normals.shape[0], system, sums)
+    largest = 0.0
+    for i in range(N_FREE):
+        largest = max(largest, abs(system.z[k + 1, i]))
+    shrink = min(1.0, STEP_MAX / largest) if largest > 0.0 else 1.0
+    for i in range(N_FREE):
+        system.z[k + 1, i] *= shrink
+    shift(m.free[k], system.z[k + 1], m.q[k], work.lower_step)
 
 
-def improve(k, robot, task, m, weights, count, s, sums):
+def improve(k, robot, m, weights, count, s, sums):
     """The step of one knot, on the set of bounds that are exceeded after it."""
     n, z, row, active, change = N_FREE, s.z[k + 1], sums.row, s.active[k], s.change[k]
     U, y = s.panels[k + 1], s.y[k + 1]
@@ -58,7 +47,7 @@ def improve(k, robot, task, m, weights, count, s, sums):
             U[i, i] += INERTIA
         for b in range(count):
             if active[b]:
-                derivative(b, k, robot, m, task.dt, row)
+                place_derivative(b, k, robot, m, row)
                 add_row(weights[b], m.over[k, b], row[n:], U, y)
         factor_panel(U)
         for i in range(n):

@@ -18,9 +18,9 @@ from wholebody.posture.place_core import configuration
 from wholebody.posture.tables import LOAD
 
 
-def place(robot, task, m, work):
-    """Everything that depends on configurations, distances aside; puts the feet back."""
-    for k in range(m.q.shape[0]):
+def place(robot, task, m, work, first, last):
+    """Everything that depends on the configurations of some knots, distances aside; puts the feet back."""
+    for k in range(first, last):
         configuration(k, robot, task, m, work)
         hold(k, robot, m, work)
 

@@ -9,11 +9,16 @@ from wholebody.posture.program import Program
 
 ROUNDS = ((30.0, 3), (5.0, 3), (1.0, 24))
 """Softness of the bounds, and most steps with it."""
+NEAR, FIRM = 1.0, ((1.0, 1), (1.0, 24))
+"""Excess of the first motion, in terms of the room behind a bound, up to which bounds are firm at once; and the rounds
+then."""
 FEW, ALL = 4, 12
 """How often a step guesses anew which bounds are exceeded: few times while the next linearisation gains more than the
 exact step of this one; where few no longer help, as often as it takes."""
 ENOUGH = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
+LITTLE = 0.03
+"""Cost per knot: of such a motion, a step that gains less is the last one."""
 NOTHING = 1e-4
 """The same of what a step promises: one that promises less, with the exact set of exceeded bounds, is not taken."""
 SOON = 1e-2
@@ -29,7 +34,8 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     """Improve the present motion of the program, and answer what it costs with firm bounds."""
     damping = DAMPING
     program.linearise(program.now)
-    for softness, rounds in ROUNDS:
+    near = program.excess().max() <= NEAR
+    for softness, rounds in FIRM if near else ROUNDS:
         if softness < ROUNDS[0][0]:
             program.bend()
         guesses = FEW
@@ -54,6 +60,8 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
                 continue
             program.accept()
             gain, cost = (cost - cost_new) / cost, cost_new
+            if near and gain * cost < LITTLE * program.K:
+                break
             program.assemble()
             # Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05.
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), DAMPING_MIN)

@@ -11,7 +11,7 @@ from wholebody.errors import InputError
 from wholebody.posture import tables, weights
 from wholebody.posture.body import Body
 from wholebody.posture.compiled import run
-from wholebody.posture.tables import EDGE, Motion, Task
+from wholebody.posture.tables import EDGE, NEAR, Motion, Task
 
 BEND_MAX = 0.02
 """Of the palms' curve away from its control points [m, rad]."""
@@ -85,15 +85,16 @@ class Program:
 
     def follow(self, first: int) -> None:
         """Fill the configurations of the present motion from knot ``first`` on: hand over hand, without distances."""
-        run(
-            "guess_core", "follow", self.body.tables, self._task, self.now, self._scales, self._weights, first,
-            self._system, self._work, self._sums,
-        )  # fmt: skip
+        tables, task, m, work = self.body.tables, self._task, self.now, self._work
+        for k in range(first, self.K):
+            m.q[k], m.near[k], m.over[k, NEAR:EDGE] = m.q[k - 1], 0, -1.0
+            run("linear_core", "place", tables, task, m, work, k, k + 1)
+            run("guess_core", "follow", k, tables, m, self._scales, self._weights, self._system, work, self._sums)
 
     def linearise(self, m: Motion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
         body, task, work = self.body, self._task, self._work
-        run("linear_core", "place", body.tables, task, m, work)
+        run("linear_core", "place", body.tables, task, m, work, 0, self.K)
         unsure = run("near_core", "measure", body.tables, body.shapes, task, m, self.near, self._trigger)
         if unsure:
             self._measure(m, self.near.unsure[:unsure])

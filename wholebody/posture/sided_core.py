@@ -116,35 +116,18 @@ def place_changes(k, robot, m, x, row, sign, work):
 
 def derivative(i, k, robot, m, dt, out):
     """Derivative ``out`` (3 N_FREE,) of one bound of knot k; the first and the last entry that are not zero."""
-    E, f, n = robot.normals.shape[0], FREE_LOWER, N_FREE
+    E, n = robot.normals.shape[0], N_FREE
     load = EDGE + E
+    if i < load:
+        ends = place_derivative(i, k, robot, m, out)
+        if not NEAR <= i < EDGE:
+            return ends
+        sweep_derivative(i - NEAR, k, m, dt, out)
+        return 0, 3 * n
     zmp = load + 1 + UPPER
     rate = zmp + 2 * E
     out[:] = 0.0
     sign = m.sign[k, i]
-    if i < load:
-        if i < LOWEST:
-            copy(1.0, m.J_tilt[k, i], out)
-        elif i == LOWEST:
-            copy(-1.0, m.J[k, HEIGHT], out)
-        elif i < LIMIT + LOWER - 6:
-            for r in range(f):
-                out[n + r] = sign * m.free[k, r, 6 + i - LIMIT]
-            return n, n + f
-        elif i < HOLD:
-            j = n + f + i - LIMIT - LOWER + 6
-            out[j] = sign
-            return j, j + 1
-        elif i < NEAR:
-            copy(sign / robot.tau_max[i - HOLD], m.J_hold[k, i - HOLD], out)
-        elif i < EDGE:
-            copy(1.0, m.J_near[k, i - NEAR], out)
-            sweep_derivative(i - NEAR, k, m, dt, out)
-        else:
-            normal = robot.normals[i - EDGE]
-            for j in range(n):
-                out[n + j] = normal[0] * m.J[k, COM, j] + normal[1] * m.J[k, COM + 1, j]
-        return (0, 3 * n) if NEAR <= i < EDGE else (n, 2 * n)
     if zmp + E <= i < rate:
         capture_derivative(i - zmp - E, k, robot, m, dt, out)
     elif i < rate:
@@ -165,6 +148,34 @@ def derivative(i, k, robot, m, dt, out):
     else:
         return rate_derivative(i - rate, k, m, dt, sign, out)
     return 0, 3 * n
+
+
+def place_derivative(i, k, robot, m, out):
+    """The same for bounds on one configuration, as if the bodies stood still."""
+    f, n = FREE_LOWER, N_FREE
+    out[:] = 0.0
+    sign = m.sign[k, i]
+    if i < LOWEST:
+        copy(1.0, m.J_tilt[k, i], out)
+    elif i == LOWEST:
+        copy(-1.0, m.J[k, HEIGHT], out)
+    elif i < LIMIT + LOWER - 6:
+        for r in range(f):
+            out[n + r] = sign * m.free[k, r, 6 + i - LIMIT]
+        return n, n + f
+    elif i < HOLD:
+        j = n + f + i - LIMIT - LOWER + 6
+        out[j] = sign
+        return j, j + 1
+    elif i < NEAR:
+        copy(sign / robot.tau_max[i - HOLD], m.J_hold[k, i - HOLD], out)
+    elif i < EDGE:
+        copy(1.0, m.J_near[k, i - NEAR], out)
+    else:
+        normal = robot.normals[i - EDGE]
+        for j in range(n):
+            out[n + j] = normal[0] * m.J[k, COM, j] + normal[1] * m.J[k, COM + 1, j]
+    return n, 2 * n
 
 
 def copy(sign, row, out):

@@ -79,9 +79,8 @@ def join_curve(
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
     rough = _excursion(velocity + acceleration, DURATIONS[0]) > 1.0
     settling = join_duration(velocity, caps.scaled(HURRY)) if rough else DURATIONS[0]
-    joined = _add(_add(curve, place, s, duration), velocity, s, settling)
     # An acceleration that lasted as long would lead metres away.
-    joined = _add(joined, acceleration, s, DURATIONS[0])
+    joined = _corrected(curve, np.stack([place, velocity, acceleration]), s, [duration, settling, DURATIONS[0]])
     duration = max(duration, settling)
     before = brake_time(start, caps)
     rest = np.zeros_like(start)
@@ -159,11 +158,14 @@ def _bounds(cap: MotionCaps) -> tuple[float, ...]:
     return tuple(share * size for share, size in zip(JOIN_SHARES, sizes, strict=True))
 
 
-def _add(curve: PiecewiseQuintic, error: np.ndarray, s: float, duration: float) -> PiecewiseQuintic:
-    """The curve from ``s`` on, plus the quintic that takes ``error`` to zero in ``duration``."""
-    curve = curve.split(np.array([s, s + duration])).after(s)
-    count = int(np.searchsorted(curve.breaks, s + duration))
-    correction = quintic(np.array([duration]), error[:, None], np.zeros_like(error)[:, None])
+def _corrected(curve: PiecewiseQuintic, errors: np.ndarray, s: float, durations: list[float]) -> PiecewiseQuintic:
+    """The curve from ``s`` on, plus the quintics that take errors (k, 3, 14) to zero in durations (k,)."""
+    ends = s + np.array(durations)
+    curve = curve.split(np.array([s, *ends])).after(s)
+    counts = np.searchsorted(curve.breaks, ends)
+    quintics = quintic(np.array(durations), errors.swapaxes(0, 1), np.zeros_like(errors).swapaxes(0, 1))
+    moved = shift(np.repeat(quintics, counts, axis=0), np.concatenate([curve.breaks[:n] - s for n in counts]))
     coefficients = curve.coefficients.copy()
-    coefficients[:count] += shift(np.repeat(correction, count, axis=0), curve.breaks[:count] - s)
+    for part, n in zip(np.split(moved, np.cumsum(counts)[:-1]), counts, strict=True):
+        coefficients[:n] += part
     return PiecewiseQuintic(curve.breaks, coefficients)

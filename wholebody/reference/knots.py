@@ -35,7 +35,7 @@ def part_size(values: np.ndarray, part: slice) -> np.ndarray:
     x = values[..., part]
     if part == FINGER:
         return np.abs(x).max(axis=-1)
-    return np.linalg.norm(x, axis=-1) * (2.0 if part == ROTATION else 1.0)
+    return np.sqrt((x * x).sum(axis=-1)) * (2.0 if part == ROTATION else 1.0)
 
 
 def check_knots(

@@ -11,6 +11,12 @@ import numpy as np
 
 from policy.rotations import matrix_to_quaternion
 
+_TIMES = np.zeros((4, 4, 4))
+_TIMES[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = _TIMES[[0, 1, 2, 3], 3, [0, 1, 2, 3]] = _TIMES[3, [0, 1, 2], [0, 1, 2]] = 1.0
+_TIMES[[1, 2, 0], [0, 1, 2], [2, 0, 1]] = _TIMES[[0, 1, 2], [0, 1, 2], 3] = -1.0
+"""The product of two quaternions, entry k by entries i and j: many times faster than numpy's cross product of a few."""
+_TIMES_CONJUGATE = _TIMES[:, :, :3] * np.array([-1.0, -1.0, -1.0, 1.0])[:, None]
+
 
 def continuous_quaternions(R: np.ndarray) -> np.ndarray:
     """Unit quaternions without sign jumps, shape ``(H, 4)``, of rotation matrices ``(H, 3, 3)``."""
@@ -60,10 +66,9 @@ def rotation_angle(quat_a: np.ndarray, quat_b: np.ndarray) -> np.ndarray:
 
 def _times_conjugate(a: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Vector part of ``a q*``."""
-    return q[..., 3:] * a[..., :3] - a[..., 3:] * q[..., :3] - np.cross(a[..., :3], q[..., :3])
+    return np.einsum("...i,...j,ijk->...k", a, q, _TIMES_CONJUGATE)
 
 
 def _vector_times(v: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Product of the pure quaternion ``v`` and ``q``."""
-    vector = q[..., 3:] * v + np.cross(v, q[..., :3])
-    return np.concatenate([vector, -np.sum(v * q[..., :3], axis=-1, keepdims=True)], axis=-1)
+    return np.einsum("...i,...j,ijk->...k", v, q, _TIMES[:3])
