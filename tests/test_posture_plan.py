@@ -10,10 +10,10 @@ from posture_reference import Reference, bounds, free_directions
 from scipy.optimize import nnls
 
 from models.g1 import g1
-from policy.scripts import lissajous, reach, two_hand_lift
+from policy.scripts import lissajous, reach, two_hand_lift, wave
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError
-from wholebody.posture import tables
+from wholebody.posture import optimiser, tables
 from wholebody.posture.body import FOOT_LOAD_MIN, Body
 from wholebody.posture.compiled import run
 from wholebody.posture.momenta import Momenta
@@ -336,6 +336,22 @@ def test_a_program_that_has_no_step_says_so(body):
     program._system.H[3] = -1e12
     with pytest.raises(InputError, match="singular"):
         program.step(1e-7)
+
+
+def test_a_motion_within_its_bounds_is_found_in_fewer_steps_and_as_good(planner, monkeypatch):
+    counts, costs, linearise = [0, 0], [], Program.linearise
+    T, fingers = poses(wave(), planner.config.dt, 0.0, 2.0)
+    for i, near in enumerate((optimiser.NEAR, -1.0)):
+        monkeypatch.setattr(optimiser, "NEAR", near)
+
+        def counted(self, motion, i=i):
+            counts[i] += 1
+            linearise(self, motion)
+
+        monkeypatch.setattr(Program, "linearise", counted)
+        costs.append(planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers).cost)
+    assert counts[0] < counts[1]
+    assert costs[0] < 1.05 * costs[1]
 
 
 def test_momenta_along_a_motion_are_those_of_pinocchio(body):
