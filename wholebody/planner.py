@@ -289,9 +289,7 @@ class ChunkPlanner:
         """Of the plan before, what is still near the palms wanted, (k, nq)."""
         same = 0
         for q, T in zip(before, palms[1:-1], strict=False):
-            pin.forwardKinematics(self.model, self.data, q)
-            reached = [pin.updateFramePlacement(self.model, self.data, frame).translation for frame in self.palm_ids]
-            if np.linalg.norm(np.array(reached) - T[:, :3, 3], axis=1).max() > GUESS_DISTANCE:
+            if np.linalg.norm(np.array(self._palms(q))[:, :3, 3] - T[:, :3, 3], axis=1).max() > GUESS_DISTANCE:
                 break
             same += 1
         return before[:same]

@@ -17,12 +17,12 @@ FEW, ALL = 4, 12
 exact step of this one; where few no longer help, as often as it takes."""
 ENOUGH = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
-LITTLE = 0.03
-"""Cost per knot: of such a motion, a step that gains less is the last one."""
 NOTHING = 1e-4
 """The same of what a step promises: one that promises less, with the exact set of exceeded bounds, is not taken."""
 SOON = 1e-2
 """The same where bounds are soft, which only leads the way."""
+LITTLE = 0.03
+"""Cost per knot: where bounds are firm at once, a step that gains less is the last one."""
 STEP_MAX = 0.4
 """Largest step of a free direction that the linearisation is trusted for [m, rad]."""
 HOPELESS = 2.0
