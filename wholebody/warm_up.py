@@ -15,6 +15,8 @@ from policy.scripts import scripted
 from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.follower import compiled_follow
 from wholebody.planner import ChunkPlanner
+from wholebody.posture.body import Body
+from wholebody.posture.program import Program
 from wholebody.posture_track import PostureState
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
@@ -47,7 +49,14 @@ def warm_up() -> float:
 
 
 def compile_tick() -> None:
-    """Everything that a tick calls."""
+    """Everything that a tick calls, and before that the step of a plan.
+
+    That is what a plan needs last: both processes have the same amount to do, and none of it twice.
+    """
+    config = PlannerConfig().posture
+    program = Program(Body(g1(), config), config, 3)
+    program.weigh(config, 1.0)
+    program.step(1.0)
     compiled_stages()
     compiled_follow()
     compiled_plant()
