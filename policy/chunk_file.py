@@ -166,8 +166,7 @@ UNREADABLE = (
     zlib.error,
     EOFError,
     TokenError,  # a damaged header of an array
-    NotImplementedError,  # a compression that zipfile does not know
-    RuntimeError,  # a password is required
+    RuntimeError,  # a password is required, or the compression is none that zipfile knows
 )
 """What zipfile and numpy raise on an archive that they cannot read."""
 

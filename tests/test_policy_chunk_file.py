@@ -206,6 +206,18 @@ def test_an_absent_file_and_a_folder_are_refused(tmp_path):
         read_chunk_file(tmp_path)
 
 
+@pytest.mark.parametrize(("field", "value", "says"), [(0, 1, "password"), (2, 99, "compression")])
+def test_an_archive_that_nobody_can_open_here_is_refused_with_the_reason(path, field, value, says):
+    """Flags and compression are told twice: before the data of an entry, and in the list at the end of the archive."""
+    np.savez(path, fps=30.0)
+    content = bytearray(path.read_bytes())
+    for mark, flags in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        content[content.index(mark) + flags + field] = value
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=says):
+        read_chunk_file(path)
+
+
 def test_a_damaged_file_is_refused_wherever_the_damage_is(path):
     rng, refused = np.random.default_rng(1), 0
     # Numbers that compress badly: the stream has many places that a decompressor stumbles over.

@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from models.g1 import g1
 from policy.scripts import lissajous, reach, two_hand_lift, wave
-from wholebody.config import PosturePlanConfig
+from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.posture import optimiser, tables
 from wholebody.posture.body import FOOT_LOAD_MIN, Body
@@ -309,7 +309,7 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
 
 def forces_at(corners):
     """Wrenches per unit of load (6, n), as the rows of the motion, of the edges of the friction pyramids there."""
-    mu = PosturePlanConfig().friction_share * 0.6 / np.sqrt(2.0)
+    mu = PosturePlanConfig().friction_share * ControllerConfig().friction / np.sqrt(2.0)
     edges = [(x, y, mu * a, mu * b) for x, y in corners for a, b in product((-1.0, 1.0), repeat=2)]
     return np.array([[x, y, 1.0, fx, fy, x * fy - y * fx] for x, y, fx, fy in edges]).T
 

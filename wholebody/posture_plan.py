@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.spec import RobotSpec
-from wholebody.config import PosturePlanConfig
+from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.posture.body import Body
 from wholebody.posture.optimiser import optimise
 from wholebody.posture.program import Program
@@ -62,7 +62,9 @@ class PosturePlanner:
         friction: Coefficient that the controller counts on.
     """
 
-    def __init__(self, spec: RobotSpec, config: PosturePlanConfig | None = None, friction: float = 0.6) -> None:
+    def __init__(
+        self, spec: RobotSpec, config: PosturePlanConfig | None = None, friction: float = ControllerConfig.friction
+    ) -> None:
         self.spec, self.config = spec, config or PosturePlanConfig()
         self.body = Body(spec, self.config, friction)
         self.model = self.body.full

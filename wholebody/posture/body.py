@@ -11,7 +11,7 @@ from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from models.spec import RobotSpec
 from wholebody import gjk_core
 from wholebody.bodies import body_table
-from wholebody.config import PosturePlanConfig
+from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.posture.body_core import PLACEMENT_P
 from wholebody.posture.tables import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
@@ -49,7 +49,7 @@ class Body:
         proximity: Distances by coal, for shapes that touch.
     """
 
-    def __init__(self, spec: RobotSpec, config: PosturePlanConfig, friction: float = 0.6) -> None:
+    def __init__(self, spec: RobotSpec, config: PosturePlanConfig, friction: float = ControllerConfig.friction) -> None:
         full = self.full = load_pinocchio(spec)
         self.q_full = stance_q(spec, full)
         names = list(full.names)
