@@ -32,11 +32,12 @@ def setup():
     return ChunkPlanner(SPEC, robot, config.planner, config.friction), PostureState.still(q, robot.nv), rows, chunk
 
 
-def stretched(chunk, scale):
-    """The chunk with the displacements of both hands from its first step multiplied."""
+def stretched(chunk, scale, swing=0.0):
+    """The chunk with the displacements of both hands from its first step multiplied; they swing at 6 Hz besides [m]."""
     T = [x.copy() for x in (chunk.T_world_lhand, chunk.T_world_rhand)]
     for x in T:
         x[:, :3, 3] = x[0, :3, 3] + scale * (x[:, :3, 3] - x[0, :3, 3])
+        x[:, 2, 3] += swing * np.sin(12.0 * np.pi * (chunk.times - chunk.times[0]))
     return replace(chunk, T_world_lhand=T[0], T_world_rhand=T[1])
 
 
@@ -64,16 +65,15 @@ def test_a_reach_is_planned_as_it_is(setup):
 
 def test_where_a_target_is_out_of_reach_the_hand_is_led_along_the_plan_between_its_knots_too(setup):
     planner, start, rows, chunk = setup
-    plan = planner.plan(stretched(chunk, 3.0), 0.0, start, HandMotion(rows))
+    plan = planner.plan(stretched(chunk, 3.0, swing=0.01), 0.0, start, HandMotion(rows))
     assert "out_of_reach" in plan.report.reasons
-    knots = np.flatnonzero(plan.report.missed.min(axis=1) > planner.config.clamp_tolerance)
-    first, last = plan.report.steps[knots[[0, -1]]]
-    assert last - first > 0.3
-    at = np.arange(round((first - plan.start) / GRID), round((last - plan.start) / GRID))
+    beyond, steps = plan.report.missed.min(axis=1) > planner.config.clamp_tolerance, plan.report.steps
+    s = plan.start + GRID * np.arange(len(plan.posture.q))
+    knot = np.minimum(np.searchsorted(steps, s, side="right") - 1, len(steps) - 2)
+    at = np.flatnonzero((s < steps[-1]) & beyond[knot] & beyond[knot + 1])
+    assert GRID * len(at) > 0.3
     planned, led = palms_on(planner, plan.posture, at), palms_of(planner, plan, plan.start + GRID * at)
     assert np.linalg.norm(planned - led, axis=2).max() < 1e-3
-    bends = [np.linalg.norm(np.diff(x, 2, axis=0), axis=2).max() / GRID**2 for x in (led, planned)]
-    assert bends[0] < 1.3 * bends[1] + 1.0, "as fast as the plan, not as the targets"
 
 
 def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_where_they_are(setup):
