@@ -98,3 +98,24 @@ def test_code_that_numba_compiles_in_its_usual_way_may_call_the_same_functions(m
         return 2.0 * widest(values, scratch)
 
     assert twice(np.array([1.0, 2.0, 6.0]), np.zeros(3)) == 6.0
+
+
+def test_what_is_kept_on_disk_is_machine_code_and_names_only(module, monkeypatch):
+    """numba would keep LLVM's code as well, for functions that take this one in, and parse it at every start."""
+    from llvmlite.binding import parse_bitcode
+    from numba.core.codegen import JITCodeLibrary
+
+    kept, load = [], JITCodeLibrary._unserialize.__func__
+    compiled(module)
+
+    def noticed(cls, codegen, state):
+        kept.append(state)
+        return load(cls, codegen, state)
+
+    monkeypatch.setattr(JITCodeLibrary, "_unserialize", classmethod(noticed))
+    assert compiled(module)(np.array([1.0, 2.0, 6.0]), np.zeros(3)) == 3.0
+    ((_, kind, (_, bitcode)),) = kept
+    assert kind == "object"
+    defined = [one for one in parse_bitcode(bitcode).functions if not one.is_declaration]
+    assert defined
+    assert all(sum(len(list(block.instructions)) for block in one.blocks) == 1 for one in defined)

@@ -11,9 +11,11 @@ from scipy.optimize import nnls
 
 from models.g1 import g1
 from policy.scripts import lissajous, reach, two_hand_lift, wave
+from wholebody import posture_plan
 from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.posture import optimiser, tables
+from wholebody.posture import program as program_module
 from wholebody.posture.body import FOOT_LOAD_MIN, Body
 from wholebody.posture.compiled import run
 from wholebody.posture.momenta import Momenta
@@ -298,7 +300,7 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
     program, _ = linearised(body, 12, 4, speed=0.1)
     program.assemble()
     before = program.cost(program.now)
-    promise, _ = program.step(1.0)
+    promise, _, _ = program.step(1.0)
     program.z[:] *= 1e-3
     program.move()
     program.linearise(program.trial)
@@ -352,6 +354,49 @@ def test_a_motion_within_its_bounds_is_found_in_fewer_steps_and_as_good(planner,
         costs.append(planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers).cost)
     assert counts[0] < counts[1]
     assert costs[0] < 1.05 * costs[1]
+
+
+def test_a_step_is_exact_once_it_exceeds_the_bounds_that_it_counts_on(body):
+    program, _ = linearised(body, 12, 4, speed=0.1)
+    program.assemble()
+    assert not program.step(1.0, 1)[2]
+    promise, size, exact = program.step(1.0, 50)
+    z = program.z.copy()
+    assert exact
+    assert program.step(1.0, 51) == (promise, size, True)
+    assert np.array_equal(program.z, z)
+
+
+def test_a_first_motion_is_evened_out(planner, monkeypatch):
+    """A chunk that goes on where another one was to come to rest: there the motion first tried would jerk."""
+    T, fingers = poses(wave(), planner.config.dt, 0.0, 4.0)
+    before = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T[:30], fingers[:30])
+    first = []
+    monkeypatch.setattr(posture_plan, "optimise", lambda program, _: first.append(start_of(program)))
+    for evened in (program_module.EVENED, 0):
+        monkeypatch.setattr(program_module, "EVENED", evened)
+        planner.plan(before.q[20], before.v[20], T[20:56], fingers[20:56], before.q[21:25])
+    assert first[0] < 0.1 < 2.0 < first[1]
+
+
+def start_of(program):
+    """Largest excess over a bound of the motion that a search begins with."""
+    program.linearise(program.now)
+    return program.excess().max()
+
+
+def test_evening_out_keeps_the_first_configuration_and_makes_accelerations_small():
+    rng = np.random.default_rng(3)
+    q = np.tile(np.eye(36)[6], (20, 1)) + 0.1 * rng.normal(size=(20, 36))
+    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    q[7, 3:7] *= -1.0
+    even = q.copy()
+    program_module._even_out(even)
+    assert np.array_equal(even[0], q[0])
+    assert np.linalg.norm(even[:, 3:7], axis=1) == pytest.approx(1.0)
+    rough, smooth = (np.abs(np.diff(x[:, 7:], 2, axis=0)).max() for x in (q, even))
+    assert smooth < 0.2 * rough
+    assert np.abs(np.diff(even[:, 3:7], axis=0)).max() < 0.1
 
 
 def test_momenta_along_a_motion_are_those_of_pinocchio(body):

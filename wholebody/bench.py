@@ -14,11 +14,6 @@ bench = typer.Typer(no_args_is_help=True, help="Measurements that the documentat
 SOLVERS = "compiled,daqp,quadprog,proxqp,piqp,osqp"
 
 
-@bench.callback()
-def _group() -> None:
-    """Keeps the names of subcommands while there is only one."""
-
-
 @bench.command()
 def solvers(
     names: Annotated[str, typer.Option(help="QP solvers, or placo for the backend of that name.")] = SOLVERS,
@@ -79,6 +74,19 @@ def loop(
     if not 0.0 < seconds < float("inf"):
         raise ValueError(f"{seconds} s is no time to follow a policy for; it must be finite and above 0")
     typer.echo(json.dumps(bench_loop(policy, seconds)))
+
+
+@bench.command()
+def memory(
+    policy: Annotated[str, typer.Option(help="Scripted policy to follow, over and over again.")] = "wave",
+    ticks: Annotated[int, typer.Option(help="How many, rounded up to whole runs.")] = 100_000,
+) -> None:
+    """Print how much memory controller and plant take after one run and after many, as one line of JSON."""
+    from wholebody.loop_bench import bench_memory
+
+    if ticks < 1:
+        raise ValueError(f"{ticks} ticks; at least one is needed")
+    typer.echo(json.dumps(bench_memory(policy, ticks)))
 
 
 def _line(cells: tuple[str, ...] | list[str]) -> str:

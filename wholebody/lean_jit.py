@@ -10,7 +10,7 @@ Source:
 
 from __future__ import annotations
 
-from llvmlite.binding import ModuleRef
+from llvmlite.binding import ModuleRef, parse_assembly
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -51,6 +51,14 @@ class _EntryLibrary(JITCodeLibrary):
     def finalize(self) -> None:
         self._linking_libraries = [_Part(one) for one in _below(self)]
         super().finalize()
+
+    def serialize_using_object_code(self) -> tuple:
+        """Its machine code, and which names it defines. Nobody takes the function in, so nobody needs the rest."""
+        whole = self._final_module
+        names = [f'define void @"{one.name}"() {{ ret void }}' for one in whole.functions if not one.is_declaration]
+        names += [f'@"{one.name}" = global i8 0' for one in whole.global_variables if not one.is_declaration]
+        stubs = parse_assembly("\n".join([f'target triple = "{whole.triple}"', *names]))
+        return self.name, "object", (self._get_compiled_object(), stubs.as_bitcode())
 
 
 class _Part:

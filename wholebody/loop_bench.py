@@ -1,7 +1,9 @@
-"""How many times faster than real time controller and physics are together, on one core."""
+"""How many times faster than real time controller and physics are together, on one core, and the memory they take."""
 
 from __future__ import annotations
 
+import resource
+import sys
 from dataclasses import dataclass, field
 from time import thread_time_ns
 
@@ -29,8 +31,8 @@ class _Parts:
     controller: list[int] = field(default_factory=list)
     plant: list[int] = field(default_factory=list)
     plans: list[int] = field(default_factory=list)
-    before: list[np.ndarray] = field(default_factory=list)
-    """What MuJoCo's step began with: positions, speeds, accelerations of the step before and torques."""
+    before: list[np.ndarray] | None = field(default_factory=list)
+    """What MuJoCo's step began with: positions, speeds, accelerations of the step before and torques; unless None."""
 
 
 def bench_loop(policy: str, seconds: float) -> dict:
@@ -50,11 +52,7 @@ def bench_loop(policy: str, seconds: float) -> dict:
     """
     spec = g1()
     supervisor, plant, parts = Supervisor(spec), MujocoPlant(spec), _Parts()
-    state = plant.reset()
-    supervisor.reset(state)
-    while state.time < SETTLE - 1e-9:
-        state = plant.step(supervisor.step(state))
-    _follow(scripted(policy), supervisor, plant, state, seconds, parts)
+    _episode(scripted(policy), supervisor, plant, seconds, parts)
     both = np.array(parts.controller) + np.array(parts.plant)
     return {
         "policy": policy,
@@ -68,6 +66,42 @@ def bench_loop(policy: str, seconds: float) -> dict:
         "physics_us": _summary(_replay(plant.model, parts.before)),
         "plan_ms": round(1e-6 * float(np.median(parts.plans)), 2) if parts.plans else None,
     }
+
+
+def bench_memory(policy: str, ticks: int) -> dict:
+    """Follow a scripted policy over and over again in MuJoCo: how much memory controller and plant take.
+
+    Args:
+        policy: Name of a scripted policy.
+        ticks: How many, rounded up to whole runs of the policy; each run begins with the settling time.
+
+    Returns:
+        ``first_mb``, ``last_mb``: the largest resident size of the process up to the end of the first run and of the
+        last one [MB]; ``ticks`` made until then.
+    """
+    spec, script, sizes, made = g1(), scripted(policy), [], 0
+    supervisor, plant = Supervisor(spec), MujocoPlant(spec)
+    while made < ticks:
+        parts = _Parts(before=None)
+        _episode(script, supervisor, plant, script.duration, parts)
+        made += len(parts.controller)
+        sizes.append(_largest_size())
+    return {"policy": policy, "ticks": made, "runs": len(sizes), "first_mb": sizes[0], "last_mb": sizes[-1]}
+
+
+def _largest_size() -> float:
+    """Largest resident size of this process up to now [MB]; the system counts in KiB, macOS in bytes."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return round(1e-6 * unit * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, 1)
+
+
+def _episode(policy: Policy, supervisor: Supervisor, plant: MujocoPlant, seconds: float, parts: _Parts) -> None:
+    """Stand for the settling time, then follow a policy for a time [s] and fill in the parts."""
+    state = plant.reset()
+    supervisor.reset(state)
+    while state.time < SETTLE - 1e-9:
+        state = plant.step(supervisor.step(state))
+    _follow(policy, supervisor, plant, state, seconds, parts)
 
 
 def _follow(
@@ -91,7 +125,8 @@ def _follow(
         after = thread_time_ns()
         parts.controller.append(middle - begin)
         parts.plant.append(after - middle)
-        parts.before.append(np.concatenate([before, data.ctrl]))
+        if parts.before is not None:
+            parts.before.append(np.concatenate([before, data.ctrl]))
 
 
 def _replay(model: mujoco.MjModel, before: list[np.ndarray]) -> list[int]:

@@ -17,7 +17,7 @@ FEW, ALL = 4, 12
 exact step of this one; where few no longer help, as often as it takes."""
 ENOUGH = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
-NOTHING = 1e-4
+NOTHING = 1e-3
 """The same of what a step promises: one that promises less, with the exact set of exceeded bounds, is not taken."""
 SOON = 1e-2
 """The same where bounds are soft, which only leads the way."""
@@ -43,12 +43,12 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
         cost = program.cost(program.now)
         program.assemble()
         for _ in range(rounds):
-            promise, damping = _trusted_step(program, damping, guesses)
+            promise, damping, exact = _trusted_step(program, damping, guesses)
             if promise < SOON * cost and softness > 1.0:
                 break
-            if promise < NOTHING * cost and guesses < ALL:
+            if promise < NOTHING * cost and not exact and guesses < ALL:
                 guesses = ALL
-                promise, damping = _trusted_step(program, damping, guesses)
+                promise, damping, exact = _trusted_step(program, damping, guesses)
             if promise < NOTHING * cost:
                 break
             program.move()
@@ -72,10 +72,10 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     return cost
 
 
-def _trusted_step(program: Program, damping: float, guesses: int) -> tuple[float, float]:
+def _trusted_step(program: Program, damping: float, guesses: int) -> tuple[float, float, bool]:
     while True:
         last = damping > DAMPING_MAX
-        promise, size = program.step(damping, guesses, np.inf if last else HOPELESS * STEP_MAX)
+        promise, size, exact = program.step(damping, guesses, np.inf if last else HOPELESS * STEP_MAX)
         if size < STEP_MAX or last:
-            return promise, damping
+            return promise, damping, exact
         damping *= 4.0

@@ -15,6 +15,9 @@ from wholebody.posture.tables import EDGE, NEAR, Motion, Task
 
 BEND_MAX = 0.02
 """Of the palms' curve away from its control points [m, rad]."""
+EVENED, BEFORE = 8, 3
+"""How often each knot of a first motion becomes a mean of itself and the two beside it, and from how many knots before
+the first one looked for."""
 
 
 class Program:
@@ -84,12 +87,17 @@ class Program:
         self._scales, self._weights = weights.scales(config), weights.sided(self._n_edges, softness)
 
     def follow(self, first: int) -> None:
-        """Fill the configurations of the present motion from knot ``first`` on: hand over hand, without distances."""
+        """Fill the configurations of the present motion from knot ``first`` on: hand over hand, without distances.
+
+        Whoever goes hand over hand does not look at accelerations, so the motion found is evened out afterwards.
+        """
         tables, task, m, work = self.body.tables, self._task, self.now, self._work
         for k in range(first, self.K):
             m.q[k], m.near[k], m.over[k, NEAR:EDGE] = m.q[k - 1], 0, -1.0
             run("linear_core", "place", tables, task, m, work, k, k + 1)
             run("guess_core", "follow", k, tables, m, self._scales, self._weights, self._system, work, self._sums)
+        if first < self.K:
+            _even_out(m.q[max(0, first - 1 - BEFORE) :])
 
     def linearise(self, m: Motion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
@@ -124,7 +132,7 @@ class Program:
         """Assemble the linear program of the present motion, as far as it does not depend on what is exceeded."""
         run("sum_core", "assemble", self.now, self._task, self._scales, self._system.H, self._system.g, self._sums)
 
-    def step(self, damping: float, limit: int = 12, largest: float = np.inf) -> tuple[float, float]:
+    def step(self, damping: float, limit: int = 12, largest: float = np.inf) -> tuple[float, float, bool]:
         """Find the step of the linear program.
 
         Args:
@@ -133,12 +141,12 @@ class Program:
             largest: Entry of the step above which it is not looked for any further.
 
         Returns:
-            The decrease of the cost that it promises, and its largest entry.
+            The decrease of the cost that it promises, its largest entry, and whether it is the exact one.
 
         Raises:
             InputError: If the program is singular.
         """
-        promise, size = run(
+        promise, size, exact = run(
             "step_core", "step", self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
             float(damping), limit, float(largest),
         )  # fmt: skip
@@ -147,7 +155,7 @@ class Program:
                 "the posture plan's program is singular: is a scale in planner.posture or planner.gentle zero or huge? "
                 "`wholebody config` prints those that work"
             )
-        return promise, size
+        return promise, size, exact
 
     def move(self) -> None:
         """Set the configurations of the trial to where the step leads."""
@@ -162,3 +170,13 @@ class Program:
         over = self.now.over.copy()
         over[0, : EDGE + self._n_edges] = -1.0
         return np.maximum(0.0, (over / weights.rooms(self._n_edges)).max(axis=1))
+
+
+def _even_out(q: np.ndarray) -> None:
+    """Low-pass filter of some configurations (k, nq) in place; the first one stays."""
+    n = len(q)
+    mean = 0.5 * np.eye(n) + 0.25 * (np.eye(n, k=1) + np.eye(n, k=-1))
+    mean[0], mean[-1, -1] = np.eye(n)[0], 0.75
+    q[:, 3:7] *= np.copysign(1.0, q[:, 3:7] @ q[0, 3:7])[:, None]
+    q[1:] = np.linalg.matrix_power(mean, EVENED)[1:] @ q
+    q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)

@@ -31,7 +31,8 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
         largest: Entry of the step above which it is not looked for any further.
 
     Returns:
-        The decrease of the cost that the linear program promises, and the largest entry: -1 if it is singular.
+        The decrease of the cost that the linear program promises, the largest entry, -1 if it is singular, and whether
+        the step is the program's exact one.
     """
     s = system
     K, dt = m.q.shape[0], task.dt
@@ -42,11 +43,11 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
         for i in range(N_FREE):
             s.extra[k + 1, i] = damping * (s.H[k + 1, i, i] + 1.0)
     find_active(robot, m, s)
-    first, size = 1, 0.0
+    first, size, exact = 1, 0.0, False
     for _ in range(limit):
         newton(first, robot, m, dt, weights, s, work)
         if not factor(first, K, s, work):
-            return 0.0, -1.0
+            return 0.0, -1.0, False
         solve(K, s)
         for k in range(2, K + 1):
             for i in range(N_FREE):
@@ -56,15 +57,16 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
         t = line_search(K, m, weights, s)
         size = advance(K, t, s)
         if size > largest:
-            return 0.0, size
+            return 0.0, size, False
         for k in range(K):
             for i in range(weights.shape[0]):
                 s.along[k, i] += t * s.change[k, i]
         first = find_active(robot, m, s)
-        if first == K and t > FULL_STEP:
+        exact = first == K and t > FULL_STEP
+        if exact:
             break
         first = max(1, first - 1)
-    return decrease(K, m, weights, s), size
+    return decrease(K, m, weights, s), size, exact
 
 
 def advance(K, t, s):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.blas_core import gram, outer_gram
+from wholebody.posture.blas_core import outer_gram
 from wholebody.posture.curve_core import pace
 from wholebody.posture.tables import (
     FREE_LOWER,
@@ -101,7 +101,7 @@ def assemble(m, task, scales, H, g, work):
 
 def add_configuration(k, m, scales, H, g, work):
     """Rows that depend on one configuration."""
-    B, v, block, r = work.frames, work.frame_values, work.square, m.r[k]
+    B, v, r = work.frames, work.frame_values, m.r[k]
     for i in range(N_FRAME):
         if i < 12:
             h = i // 3
@@ -114,11 +114,8 @@ def add_configuration(k, m, scales, H, g, work):
         v[i] = root * r[i]
         for j in range(N_FREE):
             B[i, j] = root * m.J[k, i, j]
-    gram(B, block)
     panel, slope, w = H[k + 1], g[k + 1], scales.posture
-    for i in range(N_FREE):
-        for j in range(N_FREE):
-            panel[i, j] += block[i, j]
+    add_gram(B, 0, panel)
     for i in range(N_FRAME):
         for j in range(N_FREE):
             slope[j] += v[i] * B[i, j]
@@ -138,7 +135,7 @@ def add_configuration(k, m, scales, H, g, work):
 
 def add_dense(k, m, scales, H, g, work):
     """Zero-moment point and waist torques: rows that depend on everything."""
-    B, block, slope = work.dense, work.band, g
+    B, slope = work.dense, g
     for i in range(2 + WAIST):
         row = i if i < 2 else TAU + i - 2
         root = math.sqrt(scales.zmp if i < 2 else scales.waist)
@@ -148,12 +145,27 @@ def add_dense(k, m, scales, H, g, work):
         for c in range(3):
             for j in range(N_FREE):
                 slope[k + c, j] += value * B[i, c * N_FREE + j]
-    gram(B, block)
     for c in range(3):
-        panel, start = H[k + c], c * N_FREE
-        for i in range(N_FREE):
-            for j in range(3 * N_FREE - start):
-                panel[i, j] += block[start + i, start + j]
+        add_gram(B, c * N_FREE, H[k + c])
+
+
+def add_gram(B, start, panel):
+    """Add the first rows of ``B' B``, with the columns of B from ``start`` on, to those of a panel."""
+    rows, n = B.shape[0], B.shape[1] - start
+    for i in range(N_FREE):
+        out, r = panel[i], 0
+        while r + 4 <= rows:
+            r0, r1, r2, r3 = B[r, start:], B[r + 1, start:], B[r + 2, start:], B[r + 3, start:]
+            c0, c1, c2, c3 = r0[i], r1[i], r2[i], r3[i]
+            for j in range(n):
+                out[j] += c0 * r0[j] + c1 * r1[j] + c2 * r2[j] + c3 * r3[j]
+            r += 4
+        while r < rows:
+            r0 = B[r, start:]
+            c0 = r0[i]
+            for j in range(n):
+                out[j] += c0 * r0[j]
+            r += 1
 
 
 def add_lower(k, m, dt, scales, H, g, work):

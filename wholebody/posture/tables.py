@@ -354,9 +354,7 @@ class SumWork(NamedTuple):
 
     frames: np.ndarray
     frame_values: np.ndarray
-    square: np.ndarray
     dense: np.ndarray
-    band: np.ndarray
     legs: np.ndarray
     leg_values: np.ndarray
     leg_square: np.ndarray
@@ -372,9 +370,7 @@ def new_sum_work(K: int) -> SumWork:
     return SumWork(
         frames=np.zeros((N_FRAME, f)),
         frame_values=np.zeros(N_FRAME),
-        square=np.zeros((f, f)),
         dense=np.zeros((2 + WAIST, 3 * f)),
-        band=np.zeros((3 * f, 3 * f)),
         legs=np.zeros((3 * FREE_LOWER, 2 * LOWER + 4)),
         leg_values=np.zeros(2 * LOWER + 4),
         leg_square=np.zeros((3 * FREE_LOWER, 3 * FREE_LOWER)),
