@@ -156,16 +156,17 @@ def draw(curves: dict[str, dict[int, float]], path: str) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 3.2), layout="constrained")
-    panels = figure.subplots(1, 3, sharey=True)
+    panels = figure.subplots(1, 3)
     for panel, title in zip(panels, ("contacts", "pairs", "active limits"), strict=True):
         for name, curve in curves.items():
             if name.startswith(title):
                 panel.plot(list(curve), list(curve.values()), marker="o", label=name.removeprefix(f"{title}, "))
         panel.set_xlabel(title)
+        panel.set_ylim(bottom=0.0)
         panel.grid(alpha=0.3)
     panels[0].set_ylabel("thread CPU time of a solution [us]")
+    panels[0].set_xticks(list(curves["contacts"]))
     panels[2].legend()
-    panels[0].set_ylim(bottom=0.0)
     figure.savefig(path, dpi=80)
 
 

@@ -2,8 +2,9 @@
 
     python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6]
 
-Thread CPU time [ms]. A chunk takes one posture plan, or several where it is too fast or out of reach. The last line is
-the time of one `pinocchio.computeRNEADerivatives` of the same robot [us], to compare machines by.
+Thread CPU time. A chunk takes one posture plan, or several where it is too fast or out of reach. The second table has
+the parts of a linearisation, and the step [us a knot]. The last line is the time of one
+`pinocchio.computeRNEADerivatives` of the same robot [us], to compare machines by.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from fuzz import FAMILIES, Episode
 from models.g1 import g1
 from policy.scripts import lissajous, reach, wave
 from wholebody.planner import ChunkPlanner
+from wholebody.posture import program
 from wholebody.posture.program import Program
 from wholebody.posture_plan import PosturePlanner
 from wholebody.runtime import run_episode
@@ -34,6 +36,32 @@ HEADINGS = (
     "Motion", "chunks", "ms a chunk: median", "max", "plans a chunk", "knots", "ms a plan: median", "max",
     "linearisations a plan", "ms each", "ms a step",
 )  # fmt: skip
+
+
+PARTS = ("place", "measure", "describe", "rates", "assemble", "step")
+
+
+class Parts:
+    """Times of the compiled parts of a plan, per knot."""
+
+    def __init__(self) -> None:
+        self.of: dict[str, list[float]] = {}
+        self._run = program.run
+        program.run = self._timed
+
+    def _timed(self, module: str, name: str, *arguments: object) -> object:
+        begin = thread_time()
+        answer = self._run(module, name, *arguments)
+        knots = next(one.q.shape[0] for one in arguments if isinstance(one, program.Motion))
+        if not (name == "place" and arguments[-1] - arguments[-2] == 1):  # one knot of the first motion
+            self.of.setdefault(name, []).append(1e6 * (thread_time() - begin) / knots)
+        return answer
+
+    def cells(self) -> list[str]:
+        """Mean of each part, and begin anew."""
+        means = [f"{np.mean(self.of.get(name, [np.nan])):.0f}" for name in PARTS]
+        self.of.clear()
+        return means
 
 
 class Times:
@@ -84,14 +112,25 @@ def main() -> None:
     times = Times(
         (ChunkPlanner, "plan"), (PosturePlanner, "plan"), (Program, "linearise"), (Program, "step")
     )  # fmt: skip
+    parts = Parts()
     print(f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}")
-    scripts = {"lissajous": lissajous(), "reach high": reach(0.25, 1.5), "reach low": reach(0.4, 0.3), "wave": wave()}
+    scripts = {
+        "lissajous": lissajous(),
+        "reach high": reach(0.25, 1.5),
+        "reach low": reach(0.4, 0.3),
+        "reach": reach(0.45, 0.6),
+        "wave": wave(),
+    }
     for name, policy in scripts.items():
         run_episode(policy, supervisor, plant, duration=options.seconds)
         print(f"| {' | '.join(times.row(name))} |", flush=True)
+    plain = parts.cells()
     for seed in options.seeds:
         Episode(supervisor, plant, seed).run()
         print(f"| {' | '.join(times.row(f'hostile: {list(FAMILIES)[seed % len(FAMILIES)]}'))} |", flush=True)
+    print("\n| Part, us a knot | scripts | hostile |\n|---|---|---|")
+    for row in zip(PARTS, plain, parts.cells(), strict=True):
+        print(f"| {' | '.join(row)} |")
     print(f"\ncomputeRNEADerivatives: {yardstick(supervisor.planner.posture.body.model):.1f} us")
 
 
