@@ -155,8 +155,11 @@ class Channel:
         except TimeoutError as error:
             text = f"no websocket within {self.connect_timeout:g} s; is a policy server on that port?"
             raise RemoteTimeoutError(text, uri=self.uri) from error
-        except (OSError, WebSocketException) as error:
-            raise RemoteConnectionError(f"no websocket there: {error}", uri=self.uri) from error
+        except (OSError, WebSocketException, AssertionError) as error:
+            # websockets asserts that nobody answers before it has asked; an SSH server greets whoever connects.
+            why = str(error) or "it spoke before it was asked"
+            text = f"no websocket there: {why}; is a policy server on that port?"
+            raise RemoteConnectionError(text, uri=self.uri) from error
 
     def _exchange(self, frame: bytes | None, timeout: float, awaited: str) -> bytes | str:
         from websockets.exceptions import ConnectionClosed

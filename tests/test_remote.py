@@ -318,6 +318,26 @@ def test_what_is_no_websocket_is_said():
             connect(peer)
 
 
+def test_what_speaks_before_it_is_asked_is_no_websocket(monkeypatch):
+    """An SSH server greets whoever connects, which websockets does not expect before its own request."""
+    from websockets.sync.client import ClientConnection
+
+    shake = ClientConnection.handshake
+
+    def late(self, *arguments):
+        time.sleep(0.2)
+        shake(self, *arguments)
+
+    def greet(wire):
+        wire.send(b"SSH-2.0-OpenSSH_9.6\r\n")
+        time.sleep(0.5)
+
+    monkeypatch.setattr(ClientConnection, "handshake", late)
+    peer = Peer(greet, handshake=False)
+    with peer, pytest.raises(RemoteConnectionError, match=r"no websocket there: .+; is a policy server on that port"):
+        connect(peer)
+
+
 def test_where_nobody_listens_the_client_waits_and_then_says_so():
     begin = time.monotonic()
     with pytest.raises(RemoteConnectionError, match="nobody listens there; start the server"):
