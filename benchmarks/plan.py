@@ -36,8 +36,6 @@ HEADINGS = (
     "Motion", "chunks", "ms a chunk: median", "max", "plans a chunk", "knots", "ms a plan: median", "max",
     "linearisations a plan", "ms each", "ms a step",
 )  # fmt: skip
-
-
 PARTS = ("place", "measure", "describe", "rates", "assemble", "step")
 
 

@@ -31,8 +31,8 @@ class _Parts:
     controller: list[int] = field(default_factory=list)
     plant: list[int] = field(default_factory=list)
     plans: list[int] = field(default_factory=list)
-    before: list[np.ndarray] | None = field(default_factory=list)
-    """What MuJoCo's step began with: positions, speeds, accelerations of the step before and torques; unless None."""
+    before: list[np.ndarray] = field(default_factory=list)
+    """What MuJoCo's step began with: positions, speeds, accelerations of the step before and torques."""
 
 
 def bench_loop(policy: str, seconds: float) -> dict:
@@ -82,7 +82,7 @@ def bench_memory(policy: str, ticks: int) -> dict:
     spec, script, sizes, made = g1(), scripted(policy), [], 0
     supervisor, plant = Supervisor(spec), MujocoPlant(spec)
     while made < ticks:
-        parts = _Parts(before=None)
+        parts = _Parts()
         _episode(script, supervisor, plant, script.duration, parts)
         made += len(parts.controller)
         sizes.append(_largest_size())
@@ -125,8 +125,7 @@ def _follow(
         after = thread_time_ns()
         parts.controller.append(middle - begin)
         parts.plant.append(after - middle)
-        if parts.before is not None:
-            parts.before.append(np.concatenate([before, data.ctrl]))
+        parts.before.append(np.concatenate([before, data.ctrl]))
 
 
 def _replay(model: mujoco.MjModel, before: list[np.ndarray]) -> list[int]:
