@@ -52,7 +52,7 @@ regression: $(VENV)/.all-installed ## Run the long studies against their stored 
 
 regression-update: $(VENV)/.all-installed ## Run the long studies and store their values, stamped with the versions used
 	$(REGRESSION) --regression-update $(ARGS)
-	$(BIN)/python tests/stored.py
+	$(BIN)/python tests/support/stored.py
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	@$(LATEST)/bin/wholebody warmup

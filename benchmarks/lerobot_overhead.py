@@ -2,7 +2,7 @@
 
     python benchmarks/lerobot_overhead.py [--chunks 200]
 
-Tiny real networks (tests/tiny_policies.py): the network's own time is subtracted, so its size does not matter. Times
+Tiny real networks (tests/support/tiny_policies.py): the network's own time is subtracted, so its size does not matter. Times
 are CPU time of the calling thread, with one thread in torch: all of `infer` but the network, what LeRobot's own pre-
 and post-processor need of it, what is left for the adapter (images, state, checks, decoding), and a plain LeRobot call
 (prepare_observation_for_inference and both processors) on the same frame.
@@ -23,12 +23,11 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-import tiny_policies as tiny
-
 from policy.anchor import Anchor
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_spec import state_numbers
 from policy.observation import Observation
+from tests.support import tiny_policies as tiny
 
 SIZE = 224
 

@@ -28,12 +28,11 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-import tiny_policies as tiny
-
 from policy.anchor import Anchor
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_numbers, write_specs
+from tests.support import tiny_policies as tiny
 
 FULL = {"image_resolution": (224, 224), "paligemma_variant": "gemma_2b", "action_expert_variant": "gemma_300m"}
 """What `tiny_policies.config` makes smaller, as in ``PI05Config``."""

@@ -20,10 +20,9 @@ import pinocchio as pin
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from fuzz import FAMILIES, Episode
-
 from models.g1 import g1
 from policy.scripts import lissajous, reach, wave
+from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.planner import ChunkPlanner
 from wholebody.posture import program
 from wholebody.posture.program import Program
@@ -101,7 +100,9 @@ class Times:
 def main() -> None:
     """Print a table in Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 5, 6, 7], help="cases of tests/fuzz.py")
+    parser.add_argument(
+        "--seeds", type=int, nargs="*", default=[0, 1, 5, 6, 7], help="cases of tests/support/hostile_chunks.py"
+    )
     parser.add_argument("--seconds", type=float, default=6.0, help="of each script")
     options = parser.parse_args()
     spec = g1()

@@ -148,7 +148,7 @@ def show(name: str, value: torch.Tensor | np.ndarray, meaning: str = "") -> None
 def main_with_tiny_weights() -> Trace:
     """The same with a π0.5 of a million parameters, random on purpose: the one that the tests use."""
     sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-    from tiny_policies import tiny_backbones, write_checkpoint
+    from tests.support.tiny_policies import tiny_backbones, write_checkpoint
 
     with TemporaryDirectory() as folder, tiny_backbones():
         return main(write_checkpoint("pi05", folder))

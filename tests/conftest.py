@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from stored import Measured, StoredValues
+
+from tests.support.stored import Measured, StoredValues
 
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
 NEED_LEROBOT = [

@@ -4,9 +4,9 @@ import json
 import sys
 
 import pytest
-from dataset_cases import LENGTHS, write_v30
 
 from policy.layouts import builtin
+from tests.support.dataset_cases import LENGTHS, write_v30
 from wholebody import cli
 
 

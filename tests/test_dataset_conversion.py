@@ -7,8 +7,6 @@ import numpy as np
 import pandas
 import pytest
 import torch
-from dataset_cases import IMAGE, LENGTHS, TASKS, VIDEO, image, joints_of, write_v21, write_v30
-from joint_cases import DEX1, DEX3
 from lerobot.configs import FeatureType, NormalizationMode, PolicyFeature
 from lerobot.datasets import LeRobotDataset
 from lerobot.lerobot_types import TransitionKey
@@ -23,6 +21,8 @@ from policy.errors import DatasetError, SpecError
 from policy.joint_conversion import JointConversion
 from policy.layouts import builtin
 from policy.spec import ActionSpec
+from tests.support.dataset_cases import IMAGE, LENGTHS, TASKS, VIDEO, image, joints_of, write_v21, write_v30
+from tests.support.joint_cases import DEX1, DEX3
 
 WBC32 = builtin("wbc32")
 MM, HUNDREDTH_DEGREE = 1e-3, np.deg2rad(0.01)

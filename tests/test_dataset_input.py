@@ -7,13 +7,13 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
-from dataset_cases import IMAGE, VIDEO, write_v21, write_v30
 
 from policy.dataset import inside, open_dataset
 from policy.dataset_conversion import DatasetSettings, convert_dataset
 from policy.dataset_writer import DatasetWriter
 from policy.errors import DatasetError, SpecError
 from policy.layouts import builtin
+from tests.support.dataset_cases import IMAGE, VIDEO, write_v21, write_v30
 
 DATA = "data/chunk-000/file-000.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"

@@ -5,8 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from dataset_cases import LENGTHS, joints_of, write_v30
-from policy_cases import observation
 
 from policy.anchor import Anchor
 from policy.dataset_conversion import DatasetSettings, convert_dataset
@@ -15,6 +13,8 @@ from policy.errors import DatasetError
 from policy.joint_conversion import JointConversion
 from policy.joint_layout import joint_layout
 from policy.layouts import builtin
+from tests.support.dataset_cases import LENGTHS, joints_of, write_v30
+from tests.support.policy_cases import observation
 from wholebody import cli
 from wholebody.sources import expanded, open_source
 

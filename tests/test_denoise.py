@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from policy_cases import observation
 
 from models.g1 import g1
 from policy.rotations import angle_between, rotvec_to_matrix
 from policy.scripts import scripted
+from tests.support.policy_cases import observation
 from wholebody.denoise import denoised, smooth
 from wholebody.reference import HandCaps
 from wholebody.runtime import observe

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from policy_cases import observation
 
 from policy.ensemble import TAPER, TemporalEnsemble, mean_rotation
 from policy.errors import ChunkError
@@ -12,6 +11,7 @@ from policy.executor import ExecutorConfig
 from policy.executor_simulated import simulated_executor
 from policy.rotations import rotation_residual, rotvec_to_matrix
 from policy.scripts import scripted
+from tests.support.policy_cases import observation
 
 
 def chunks(*times, name="wave"):

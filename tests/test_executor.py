@@ -9,14 +9,14 @@ import logging
 
 import numpy as np
 import pytest
-from faulty_policies import FAULTS, FaultyPolicy, executor
-from policy_cases import observation
 
 from policy.clock import SimulatedClock
 from policy.errors import PolicyError
 from policy.executor import Executor, ExecutorConfig
 from policy.executor_simulated import SimulatedWorker, simulated_executor, uniform_latency
 from policy.scripts import scripted
+from tests.support.faulty_policies import FAULTS, FaultyPolicy, executor
+from tests.support.policy_cases import observation
 
 TICK = 0.002
 

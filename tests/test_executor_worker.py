@@ -4,12 +4,12 @@ import threading
 from time import perf_counter, sleep
 
 import pytest
-from faulty_policies import FaultyPolicy
-from policy_cases import observation
 
 from policy.clock import MonotonicClock
 from policy.executor import Executor, ExecutorConfig
 from policy.scripts import scripted
+from tests.support.faulty_policies import FaultyPolicy
+from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
 

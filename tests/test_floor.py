@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from policy_cases import observation
 
 from policy.rotations import rotvec_to_matrix
 from policy.scripts import scripted
+from tests.support.policy_cases import observation
 from wholebody.floor import CLEARANCE, HAND_BOX, above_floor
 
 

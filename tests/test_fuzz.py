@@ -4,9 +4,9 @@ feasible one. Families in `fuzz.py`.
 
 import numpy as np
 import pytest
-from fuzz import FAMILIES, Episode
 
 from models.g1 import g1
+from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.supervisor import Supervisor
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from joint_cases import DEX1, DEX3, swinging
 
 from policy.anchor import Anchor
 from policy.errors import ChunkError, DatasetError, SpecError
@@ -14,6 +13,7 @@ from policy.kinematics import IK_TOLERANCE, kinematics
 from policy.layouts import builtin
 from policy.rotations import matrix_to_rot6d
 from policy.slot import DEX1_OPEN
+from tests.support.joint_cases import DEX1, DEX3, swinging
 
 WBC32, WBC27 = builtin("wbc32"), builtin("wbc27")
 WITH_WAIST = joint_layout([*UNITREE_DEX3, "kWaistYaw", "kWaistRoll", "kWaistPitch"], 31)

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from joint_cases import DEX1, DEX3, swinging
 
 from models.g1 import g1
 from policy.errors import DatasetError
 from policy.joint_layout import UNITREE_DEX3, check_values, flat_names, joint_layout
 from policy.layouts import builtin
+from tests.support.joint_cases import DEX1, DEX3, swinging
 
 NAMES = list(UNITREE_DEX3)
 

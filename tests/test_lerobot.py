@@ -9,7 +9,6 @@ from time import thread_time
 
 import numpy as np
 import pytest
-import tiny_policies as tiny
 import torch
 from lerobot.policies.utils import prepare_observation_for_inference
 from lerobot.processor.relative_action_processor import to_relative_actions
@@ -21,6 +20,7 @@ from policy.grey_cameras import grey_images
 from policy.layouts import builtin
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_layout, state_numbers, write_specs
+from tests.support import tiny_policies as tiny
 from wholebody.sources import open_source
 
 

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from tiny_policies import SPEC, observation, tiny_backbones, write_checkpoint
 
 from models.g1 import g1
 from policy.executor import ExecutorConfig
 from policy.executor_simulated import simulated_executor, uniform_latency
 from policy.lerobot import LeRobotPolicy
+from tests.support.tiny_policies import SPEC, observation, tiny_backbones, write_checkpoint
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.supervisor import Supervisor

@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-import tiny_policies as tiny
 from typer.testing import CliRunner
 
 from policy.lerobot_stats import WIDTH_MIN
 from policy.lerobot_weights import WEIGHTS_FILE
+from tests.support import tiny_policies as tiny
 from wholebody import doctor
 from wholebody.cli import app
 from wholebody.doctor import Diagnosis, examine

@@ -5,7 +5,6 @@ import json
 
 import numpy as np
 import pytest
-import tiny_policies as tiny
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies.factory import get_policy_class, make_pre_post_processors
@@ -17,6 +16,7 @@ from policy.lerobot_features import camera_keys, check_features, chunk_length, c
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_layout, write_specs
 from policy.lerobot_stats import ACTION, STATE
+from tests.support import tiny_policies as tiny
 
 
 def layouts(spec=tiny.SPEC):

@@ -6,13 +6,13 @@ The tokenizer of these tests has one token a character; Gemma's has one a digit,
 import dataclasses
 
 import pytest
-import tiny_policies as tiny
 
 from policy.anchor import Anchor
 from policy.errors import ObservationError
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_prompt import check_prompt, longest_prompt, token_count, tokenizer_step
+from tests.support import tiny_policies as tiny
 
 LONG = "pick up the red can from the left shelf and put it into the blue bin on the right"
 

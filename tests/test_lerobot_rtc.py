@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import tiny_policies as tiny
 import torch
 from lerobot.policies.rtc import ActionQueue, RTCConfig
 from lerobot.policies.rtc.latency_tracker import LatencyTracker
@@ -13,6 +12,7 @@ from policy.codec import encode
 from policy.executor import ExecutorConfig
 from policy.lerobot import RealTimeLeRobotPolicy
 from policy.prefix import Prefix, PrefixPolicy
+from tests.support import tiny_policies as tiny
 from wholebody.sources import open_source
 
 LATENCY, FPS = 0.2, 30.0

@@ -5,7 +5,6 @@ Strategy: real pipelines of LeRobot, saved with damaged statistics. Each trap is
 
 import numpy as np
 import pytest
-import tiny_policies as tiny
 import torch
 from lerobot.policies.factory import make_pre_post_processors
 from safetensors.torch import load_file, save_file
@@ -15,6 +14,7 @@ from policy.lerobot import LeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_stats import WIDTH_MIN, bounds, mode_of, normaliser
 from policy.observation import Observation
+from tests.support import tiny_policies as tiny
 
 UNNORMALISER = "policy_postprocessor_step_0_unnormalizer_processor.safetensors"
 NORMALISER = "policy_preprocessor_step_3_normalizer_processor.safetensors"

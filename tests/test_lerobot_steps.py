@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 import torch
-from joint_cases import DEX1, DEX3, swinging
 from lerobot.configs import FeatureType, NormalizationMode, PipelineFeatureType, PolicyFeature
 from lerobot.lerobot_types import TransitionKey
 from lerobot.policies import make_pre_post_processors
@@ -19,6 +18,7 @@ from policy.joint_conversion import JointConversion
 from policy.joint_layout import UNITREE_DEX1, UNITREE_DEX3
 from policy.layouts import builtin
 from policy.lerobot_steps import G1JointsToWristsStep, G1WristsToJointsStep, insert_steps, pair
+from tests.support.joint_cases import DEX1, DEX3, swinging
 
 CONVERSION = JointConversion(DEX3, builtin("wbc32"))
 Q = swinging(frames=20, share=0.2)

@@ -12,13 +12,13 @@ import shutil
 import numpy as np
 import pyarrow.parquet
 import pytest
-import tiny_policies as tiny
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_numbers
 from policy.lerobot_training_data import TrainingData, check_training_data, true_stats
+from tests.support import tiny_policies as tiny
 
 EPISODES, FRAMES = 8, 100
 

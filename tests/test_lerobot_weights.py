@@ -7,7 +7,6 @@ tensor or the file in the sentence. ACT shares LeRobot's generic loading, which 
 
 import numpy as np
 import pytest
-import tiny_policies as tiny
 import torch
 from lerobot.policies.act.modeling_act import ACTPolicy
 from lerobot.policies.pi05.modeling_pi05 import PI05Policy
@@ -17,6 +16,7 @@ from safetensors.torch import load_file, save_file
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_weights import WEIGHTS_FILE
+from tests.support import tiny_policies as tiny
 
 OUT = {"pi05": "model.action_out_proj.weight", "act": "model.action_head.weight"}
 

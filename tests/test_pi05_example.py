@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tiny_policies import observation, tiny_backbones, write_checkpoint
 
 from policy.anchor import Anchor
 from policy.codec import decode
 from policy.lerobot import LeRobotPolicy
+from tests.support.tiny_policies import observation, tiny_backbones, write_checkpoint
 
 ROOT = Path(__file__).parent.parent
 SPEC = importlib.util.spec_from_file_location("pi05_to_g1", ROOT / "examples" / "pi05_to_g1.py")

@@ -4,8 +4,9 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-import tiny_policies as tiny
 import torch
+
+from tests.support import tiny_policies as tiny
 
 SCRIPT = Path(__file__).parent.parent / "benchmarks" / "pi05_full_size.py"
 

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from policy_cases import observation, wandering_chunk
 
 from policy import ActionChunk, Anchor, ChunkError, ObservationError
+from tests.support.policy_cases import observation, wandering_chunk
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import zipfile
 
 import numpy as np
 import pytest
-from policy_cases import anchor_somewhere, wandering_chunk
 
 from policy import Anchor, ChunkFile, FileFormatError, builtin, encode, read_chunk_file, write_chunk_file
 from policy.joints import LEFT_ARM
+from tests.support.policy_cases import anchor_somewhere, wandering_chunk
 
 STEPS = 8
 

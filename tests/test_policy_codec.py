@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from policy_cases import anchor_somewhere, observation, rotation_vectors, wandering_chunk
 
 from policy import LAYOUTS, ActionSpec, Anchor, ChunkError, builtin, decode, encode
 from policy.codec import HINT_TOLERANCE
@@ -21,6 +20,7 @@ from policy.kinematics import kinematics
 from policy.layouts import joints, stack
 from policy.rotations import angle_between, matrix_to_rot6d, rotvec_to_matrix
 from policy.se3 import inverse, make_transform, yaw_frame
+from tests.support.policy_cases import anchor_somewhere, observation, rotation_vectors, wandering_chunk
 
 ANCHOR = anchor_somewhere()
 ROTATIONS = [

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tiny_policies import CAMERAS, WIDTH, config, observation, shorter, tiny_backbones, write_checkpoint
 
 from models.g1 import g1
 from policy.anchor import Anchor
@@ -20,6 +19,7 @@ from policy.codec import decode
 from policy.layouts import builtin
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_spec import state_layout, state_numbers
+from tests.support.tiny_policies import CAMERAS, WIDTH, config, observation, shorter, tiny_backbones, write_checkpoint
 from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
 from wholebody.supervisor import Supervisor

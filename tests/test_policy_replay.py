@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from policy_cases import observation, wandering_chunk
 from test_policy_motion_csv import made_up_motion
 
 from policy import (
@@ -27,6 +26,7 @@ from policy import (
     write_chunk_file,
     write_motion_csv,
 )
+from tests.support.policy_cases import observation, wandering_chunk
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from policy_cases import rotation_vectors
 from scipy.spatial.transform import Rotation, Slerp
 
 from policy.errors import RotationError
@@ -25,6 +24,7 @@ from policy.rotations import (
     rpy_to_matrix,
 )
 from policy.se3 import interpolate, inverse, make_transform, translated, yaw_frame
+from tests.support.policy_cases import rotation_vectors
 
 MANY = Rotation.random(300, rng=np.random.default_rng(7))
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from policy_cases import observation
 
 from models import g1
 from policy import SCRIPTS, PolicyError, scripted
@@ -10,6 +9,7 @@ from policy.hands import grasp_posture
 from policy.scripted import minimum_jerk, palm_offset, stance_pose
 from policy.scripts import OBJECT_IN_PALM, grasp, lissajous, pick, reach, two_hand_lift, wave
 from policy.waypoints import Waypoint, waypoint_policy
+from tests.support.policy_cases import observation
 
 TIMES = np.arange(0.0, 26.0, 0.002)
 

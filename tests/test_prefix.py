@@ -1,12 +1,12 @@
 """Strategy: the prefix as raw actions, seen from a pelvis that has moved, decodes to what is executed."""
 
 import numpy as np
-from policy_cases import anchor_somewhere, wandering_chunk
 
 from policy.codec import decode
 from policy.layouts import builtin
 from policy.prefix import Prefix, PrefixPolicy
 from policy.scripts import scripted
+from tests.support.policy_cases import anchor_somewhere, wandering_chunk
 
 
 def test_the_left_over_actions_are_what_is_executed_seen_from_the_new_observation():

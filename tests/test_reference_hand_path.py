@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_motions import angle_between, chunk, knots_of, lissajous_rows, wild_knots
 from scipy.spatial.transform import Rotation
 
+from tests.support.reference_motions import angle_between, chunk, knots_of, lissajous_rows, wild_knots
 from wholebody.errors import InputError
 from wholebody.reference import HandMotion, HandPath, rest_row
 from wholebody.reference.hand_path import CELL

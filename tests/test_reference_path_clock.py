@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reference_motions import lissajous_rows
 from scipy.spatial.transform import Rotation
 
+from tests.support.reference_motions import lissajous_rows
 from wholebody.errors import InputError
 from wholebody.reference import HandMotion, PathClock, time_scaled
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from reference_motions import chunk, lissajous_rows
 from scipy.spatial.transform import Rotation
 
+from tests.support.reference_motions import chunk, lissajous_rows
 from wholebody.reference import HandMotion, HandPath, path_seam, rest_row, seam
 
 

@@ -8,9 +8,9 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from reference_motions import angle_between, chunk, lissajous_rows, wild_knots
 from scipy.spatial.transform import Rotation
 
+from tests.support.reference_motions import angle_between, chunk, lissajous_rows, wild_knots
 from wholebody.errors import InputError
 from wholebody.reference import (
     HandCaps,

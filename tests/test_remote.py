@@ -13,8 +13,6 @@ import time
 
 import numpy as np
 import pytest
-from openpi_peer import IMAGE, REQUEST, SERVER, Peer, frame
-from policy_cases import observation
 from test_remote_msgpack import STATE
 
 from policy import Anchor, Observation, ObservationError, SpecError, builtin, decode
@@ -31,6 +29,8 @@ from policy.remote_channel import (
     full_uri,
 )
 from policy.remote_openpi import ALOHA, LIBERO, KeyMap
+from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, Peer, frame
+from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
 

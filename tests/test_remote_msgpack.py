@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
-from openpi_peer import IMAGE, REQUEST, SERVER, payload_of
-from policy_cases import observation
 
 from policy import builtin
 from policy.lerobot_spec import state_layout, state_numbers
 from policy.msgpack_numpy import WireError, pack, unpack
+from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, payload_of
+from tests.support.policy_cases import observation
 
 STATE = state_numbers(state_layout(builtin("wbc32")), observation()).astype(np.float32)
 

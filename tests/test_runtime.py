@@ -9,7 +9,6 @@ import sys
 
 import numpy as np
 import pytest
-from faulty_policies import FaultyPolicy, executor
 
 from models.g1 import g1
 from policy.clock import MonotonicClock
@@ -17,6 +16,7 @@ from policy.executor import Executor, ExecutorConfig
 from policy.executor_simulated import simulated_executor, uniform_latency
 from policy.remote import RemotePolicy
 from policy.scripts import scripted, wave
+from tests.support.faulty_policies import FaultyPolicy, executor
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.supervisor import Supervisor

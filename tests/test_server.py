@@ -7,7 +7,6 @@ import urllib.request
 
 import numpy as np
 import pytest
-from policy_cases import observation
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as raw_connect
 
@@ -21,6 +20,7 @@ from policy.remote_channel import RemoteError, RemoteServerError, RemoteTimeoutE
 from policy.remote_wire import chunk_to_map, observation_to_map
 from policy.scripts import scripted
 from policy.server import CLOSE_REASON, PolicyServer, metadata_of
+from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
 

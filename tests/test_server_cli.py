@@ -9,10 +9,10 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
-from policy_cases import observation
 
 from policy.remote import RemotePolicy
 from policy.scripts import scripted
+from tests.support.policy_cases import observation
 from wholebody import cli
 
 pytestmark = pytest.mark.alone

@@ -5,12 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from tiny_policies import observation, tiny_backbones, write_checkpoint
 
 from policy.lerobot import LeRobotPolicy
 from policy.prefix import Prefix
 from policy.remote import RemotePolicy
 from policy.server import PolicyServer
+from tests.support.tiny_policies import observation, tiny_backbones, write_checkpoint
 
 CLIENT = """
 import sys

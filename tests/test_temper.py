@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from reference_motions import lissajous_rows
 from scipy.spatial.transform import Rotation
 
+from tests.support.reference_motions import lissajous_rows
 from wholebody.reference import HandCaps, HandMotion, rest_row
 from wholebody.temper import CALM, DEMAND, JUMP, PAST, continued, nearest
 

@@ -1,6 +1,6 @@
 """Hostile chunks by the hundred: seeded families, each episode with one feasible chunk in the middle.
 
-``python tests/fuzz.py FIRST LAST`` runs the cases FIRST to LAST - 1 and prints one line each.
+``python tests/support/hostile_chunks.py FIRST LAST`` runs the cases FIRST to LAST - 1 and prints one line each.
 """
 
 import sys

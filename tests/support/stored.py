@@ -1,6 +1,6 @@
 """Values that a simulation gave before, kept in JSON beside the versions that gave them, and the bars to meet.
 
-``python tests/stored.py`` writes the table of those of the whole robot into ``docs/measured.md``.
+``python tests/support/stored.py`` writes the table of those of the whole robot into ``docs/measured.md``.
 """
 
 from __future__ import annotations

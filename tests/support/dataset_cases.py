@@ -5,9 +5,10 @@ import shutil
 
 import numpy as np
 import pyarrow.parquet
-from joint_cases import DEX3, swinging
 from lerobot.configs.video import RGBEncoderConfig
 from lerobot.datasets import LeRobotDataset
+
+from tests.support.joint_cases import DEX3, swinging
 
 VIDEO, IMAGE = "observation.images.head", "observation.images.wrist"
 LENGTHS = (12, 9, 14)

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pytest
-from stored import BEGIN, DOCUMENT, END, StoredValues, current_versions, document
+
+from tests.support.stored import BEGIN, DOCUMENT, END, StoredValues, current_versions, document
 
 pytest_plugins = ["pytester"]
 
@@ -114,4 +115,4 @@ def test_the_document_shows_the_stored_values_and_marks_missed_bars(tmp_path):
 
 def test_the_documentation_shows_what_is_stored():
     text = DOCUMENT.read_text()
-    assert text == document(text), "python tests/stored.py writes it anew"
+    assert text == document(text), "python tests/support/stored.py writes it anew"

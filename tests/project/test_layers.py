@@ -98,7 +98,7 @@ def rank(module):
     for layer, names in enumerate(LAYERS):
         if unit in names:
             return layer, unit if isinstance(names, set) else names.index(unit)
-    raise LookupError(f"{module} is not in the import map: add it to LAYERS in tests/test_layers.py")
+    raise LookupError(f"{module} is not in the import map: add it to LAYERS in tests/project/test_layers.py")
 
 
 def may_import_inside_wholebody(module, target):
@@ -176,7 +176,7 @@ def test_importing_a_package_loads_nothing_heavy(package):
         ("policy/base.py", "from wholebody import errors", "policy may not"),
         ("policy/base.py", "import torch.nn as nn", "only policy/lerobot"),
         ("wholebody/cli.py", "def f():\n    import lerobot", "only policy/lerobot"),
-        ("wholebody/runtime.py", "from tests.stored import StoredValues", "does not know its users"),
+        ("wholebody/runtime.py", "from tests.support.stored import StoredValues", "does not know its users"),
         ("wholebody/tasks/com.py", "from wholebody.limits import base", "sibling"),
         ("wholebody/tasks/com.py", "from ..limits.base import Rows", "sibling"),
         ("wholebody/sim/plant.py", "if TYPE_CHECKING:\n    from wholebody.qp.problem import QP", "later layer"),
