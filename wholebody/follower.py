@@ -11,7 +11,7 @@ from wholebody import follow_core as core
 from wholebody.backends import Controller
 from wholebody.body_reference import COM, PALM, POSTURE, PackedReference
 from wholebody.config import ControllerConfig
-from wholebody.native import digest, native, register
+from wholebody.jit.entry import digest, native, register
 from wholebody.planner import ChunkPlan
 from wholebody.posture_track import GRID, PostureState, PostureTrack
 from wholebody.reference import PathClock, ReferenceSmoother, path_core, smoother_core

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wholebody.contacts.foot import FootContact
+from wholebody.jit.packed import Arena
 from wholebody.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PRICE
 from wholebody.kinematic.place_core import STEP
 from wholebody.limits.balance import GRAVITY, BalanceLimit
 from wholebody.qp import blocks_core as b
-from wholebody.qp.arena import Arena
 from wholebody.qp.dynamics import body_table
 from wholebody.qp.memory import (
     DUAL_ACCEPTED,

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 
-from wholebody.native import digest, native, register
-from wholebody.posture import blas_core, tables
+from wholebody.jit import blas as blas_core
+from wholebody.jit.entry import digest, native, register
+from wholebody.posture import tables
 
 CORES = (
     "body_core", "place_core", "curve_core", "motion_core", "hold_core", "ahead_core", "linear_core", "near_core",

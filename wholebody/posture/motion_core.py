@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.blas_core import times_transposed
+from wholebody.jit.blas import times_transposed
 from wholebody.posture.body_core import base_rotation
 from wholebody.posture.curve_core import pace
 from wholebody.posture.place_core import momentum_of

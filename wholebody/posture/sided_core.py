@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from wholebody.jit.blas import apply
 from wholebody.posture.ahead_core import capture_derivative, look_changes, sweep_derivative
-from wholebody.posture.blas_core import apply
 from wholebody.posture.curve_core import pace
 from wholebody.posture.motion_core import beyond
 from wholebody.posture.tables import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.blas_core import gram
+from wholebody.jit.blas import gram
 from wholebody.posture.sided_core import add_active, changes
 from wholebody.posture.tables import EDGE, N_FREE
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.blas_core import outer_gram
+from wholebody.jit.blas import outer_gram
 from wholebody.posture.curve_core import pace
 from wholebody.posture.tables import (
     FREE_LOWER,

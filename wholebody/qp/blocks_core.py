@@ -1,7 +1,7 @@
 """Where everything lies in the two flat arrays, of reals and of integers, that the compiled tick works on.
 
 One array instead of eighty arguments: a call then costs no more than the arithmetic in it. A block is a row ``start
-rows columns`` of the table; `wholebody.qp.arena` makes the table, compiled code takes blocks out of it.
+rows columns`` of the table; `wholebody.jit.packed` makes the table, compiled code takes blocks out of it.
 """
 
 # Reals that belong to the robot and the configuration.

@@ -8,7 +8,7 @@ from functools import cache
 from importlib import import_module
 from types import ModuleType
 
-from wholebody.native import digest, native, register
+from wholebody.jit.entry import digest, native, register
 
 CORES = (
     "wholebody.gjk_core",
@@ -43,7 +43,7 @@ OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
 def compiled_stages() -> tuple[Callable, ...]:
     """The stages of a tick, compiled, or loaded from numba's cache on disk; arguments are ``reals, ints``.
 
-    They are called by their entry points (see `wholebody.native`), so the arguments have to be pairs of an array and
+    They are called by their entry points (see `wholebody.jit.entry`), so the arguments have to be pairs of an array and
     its table, of floats and of integers. numba takes a second to import, so it is imported here.
     """
     register_cores()

@@ -11,12 +11,12 @@ import pinocchio as pin
 from wholebody.bodies import body_table
 from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
+from wholebody.jit.packed import Arena
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp import blocks_core as b
-from wholebody.qp.arena import Arena
 from wholebody.qp.formulation import Regularisation
 from wholebody.qp.nearest import Blocks, near_shapes, near_tables
 from wholebody.robot import Robot

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 
-from wholebody.native import digest, native
+from wholebody.jit.entry import digest, native
 from wholebody.sim import drive_core
 
 OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
@@ -15,7 +15,7 @@ OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
 
 @cache
 def compiled_plant() -> tuple[Callable[..., None], Callable[..., None]]:
-    """The compiled `drive_core.drive` and `drive_core.read`, by their native entries (`wholebody.native`)."""
+    """The compiled `drive_core.drive` and `drive_core.read`, by their native entries (`wholebody.jit.entry`)."""
     from numba import boolean, float64, int64, types
 
     version, vector = digest([sys.modules[__name__], drive_core]), float64[::1]

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from wholebody.native import digest, native, register
+from wholebody.jit.entry import digest, native, register
 
 SOURCE = '''
 def total(values):
@@ -41,7 +41,7 @@ import sys
 import numpy as np
 sys.path.insert(0, sys.argv[1])
 import {name} as module
-from wholebody.native import digest, native, register
+from wholebody.jit.entry import digest, native, register
 from numba import float64
 register(module, _nrt=False, no_cfunc_wrapper=True)
 entry = native(module.widest, (float64[::1], float64[::1]), digest([module]), _nrt=False, no_cfunc_wrapper=True)

@@ -21,7 +21,7 @@ def register(module: ModuleType, exclude: Collection[str] = (), **options: bool)
     """
     from numba.extending import register_jitable
 
-    from wholebody.lean_jit import InnerCompiler
+    from wholebody.jit.compiler import InnerCompiler
 
     for name, member in vars(module).items():
         own = isinstance(member, FunctionType) and member.__module__ == module.__name__
@@ -53,7 +53,7 @@ def native(function: Callable, arguments: tuple, version: int, **options: bool) 
     """
     import numba
 
-    from wholebody.lean_jit import EntryCompiler
+    from wholebody.jit.compiler import EntryCompiler
 
     compiler = numba.njit(cache=True, error_model="numpy", nogil=True, pipeline_class=EntryCompiler, **options)
     stage = compiler(_closed(function, version))

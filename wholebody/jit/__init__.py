@@ -1,0 +1,1 @@
+"""How arithmetic is compiled with numba."""
