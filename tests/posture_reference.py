@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
+from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.proximity import point_rates
 from wholebody.posture.tables import FIRST, LOWER, N_BODY, UPPER, WAIST
-from wholebody.proximity import point_rates
-from wholebody.underside import Underside
 
 
 def free_directions(m):

@@ -10,13 +10,13 @@ from test_limits_self_collision import acceleration, postures, standing
 
 from models.g1 import g1
 from models.pinocchio_model import load_collision, stance_q
+from wholebody.collision.floor_clearance import Underside
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.limits.floor import FloorLimit
 from wholebody.robot import Robot
 from wholebody.sim.plant import MujocoPlant
-from wholebody.underside import Underside
 
 HIGH = 10.0
 """Trigger with which every body counts [m]."""

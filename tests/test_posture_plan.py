@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 from models.g1 import g1
 from policy.scripts import lissajous, reach, two_hand_lift, wave
 from wholebody import posture_plan
+from wholebody.collision.floor_clearance import Underside
 from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.posture import optimiser, tables
@@ -23,7 +24,6 @@ from wholebody.posture.program import Program
 from wholebody.posture.tables import N_BODY
 from wholebody.posture.weights import DISTANCE_SCALE
 from wholebody.posture_plan import PosturePlanner
-from wholebody.underside import Underside
 
 SPEC = g1()
 

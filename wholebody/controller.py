@@ -11,6 +11,8 @@ from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from wholebody.body_reference import BodyReference, PackedReference, PalmReference, ReferenceMemory
 from wholebody.body_tasks import make_feet, make_tasks
+from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
@@ -18,7 +20,6 @@ from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
-from wholebody.proximity import Proximity
 from wholebody.qp.fast import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
 from wholebody.qp.memory import Parts
@@ -27,7 +28,6 @@ from wholebody.qp.solvers import solve
 from wholebody.robot import Robot
 from wholebody.support import convex_polygon
 from wholebody.types import JointCommand, RobotState
-from wholebody.underside import Underside
 
 __all__ = ["BodyReference", "PackedReference", "PalmReference", "TickReport", "WholeBodyController"]
 

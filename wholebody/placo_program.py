@@ -20,9 +20,9 @@ import placo
 
 from models.placo_model import contact_frame, load_placo
 from models.spec import RobotSpec
+from wholebody.collision.proximity import watched_pairs
 from wholebody.contacts.foot import FootContact
 from wholebody.placo_tasks import mirror
-from wholebody.proximity import watched_pairs
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.robot import Robot
 from wholebody.tasks.base import Task

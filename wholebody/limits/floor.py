@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.proximity import point_rates
 from wholebody.limits.base import Rows, barrier
-from wholebody.proximity import point_rates
 from wholebody.robot import Robot
-from wholebody.underside import Underside
 
 
 class FloorLimit:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from wholebody.collision.proximity import Proximity
 from wholebody.limits.base import Rows, barrier
-from wholebody.proximity import Proximity
 from wholebody.robot import Robot
 
 

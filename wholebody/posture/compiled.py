@@ -39,7 +39,7 @@ class Stages:
 @cache
 def _version() -> int:
     modules = [import_module(f"wholebody.posture.{name}") for name in CORES]
-    modules.append(import_module("wholebody.gjk_core"))
+    modules.append(import_module("wholebody.collision.gjk"))
     for module in modules:
         register(module, **OPTIONS)
     register(blas_core, _nrt=True)  # numba wants to count what it gives to BLAS

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.gjk_core import APART, BEYOND, BODY, distance, support_vertex
+from wholebody.collision.gjk import APART, BEYOND, BODY, distance, support_vertex
 from wholebody.posture.body_core import place_body
 from wholebody.posture.place_core import reduce_row
 from wholebody.posture.tables import FREE_LOWER, LOWER, N_BODY, N_JOINTS, N_NEAR, N_PAIRS, NEAR

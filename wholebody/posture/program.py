@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from policy.rotations import rotvec_to_matrix
-from wholebody import gjk_core
+from wholebody.collision import gjk as gjk_core
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.posture import tables, weights

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wholebody.gjk_core import SCRATCH
+from wholebody.collision.gjk import SCRATCH
 
 FIRST = 1.5
 """Share of the way to the second control point in the first velocity between knots: the first is not free."""
@@ -228,7 +228,7 @@ def new_work() -> Work:
 
 
 class Shapes(NamedTuple):
-    """Convex shapes of the robot, as in `wholebody.shapes`; which pairs of them count, and which near the floor."""
+    """Convex shapes of the robot, as in `wholebody.collision.shapes`; which pairs of them count, and which near the floor."""
 
     shapes: np.ndarray
     rounds: np.ndarray

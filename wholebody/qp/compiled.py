@@ -11,7 +11,7 @@ from types import ModuleType
 from wholebody.jit.entry import digest, native, register
 
 CORES = (
-    "wholebody.gjk_core",
+    "wholebody.collision.gjk",
     "wholebody.qp.linear_core",
     "wholebody.qp.motion_core",
     "wholebody.qp.dynamics_core",

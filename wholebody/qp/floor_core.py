@@ -1,6 +1,6 @@
 """Rows that keep bodies off the floor, as `wholebody.limits.floor`; compiles with numba as it stands."""
 
-from wholebody.gjk_core import support_vertex
+from wholebody.collision.gjk import support_vertex
 from wholebody.qp import blocks_core as mem
 from wholebody.qp.bounds_core import barrier
 from wholebody.qp.motion_core import point_columns, point_drift, point_speed

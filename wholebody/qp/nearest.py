@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from models.spec import RobotSpec
-from wholebody import gjk_core
-from wholebody.proximity import Proximity
+from wholebody.collision import gjk as gjk_core
+from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.proximity import Proximity
+from wholebody.collision.shapes import shape_table
 from wholebody.qp import blocks_core as b
-from wholebody.shapes import shape_table
-from wholebody.underside import Underside
 
 Blocks = dict[int, np.ndarray]
 

@@ -1,8 +1,8 @@
-"""The near pairs of bodies, as `wholebody.proximity` finds them; compiles with numba as it stands."""
+"""The near pairs of bodies, as `wholebody.collision.proximity` finds them; compiles with numba as it stands."""
 
 import math
 
-from wholebody.gjk_core import APART, BEYOND, BODY, distance
+from wholebody.collision.gjk import APART, BEYOND, BODY, distance
 from wholebody.qp import blocks_core as mem
 
 SLACK = 0.01

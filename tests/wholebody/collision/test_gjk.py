@@ -9,14 +9,14 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import load_collision, load_pinocchio, stance_q
 from models.urdf import light_urdf
-from wholebody import gjk_core as core
+from wholebody.collision import gjk as core
+from wholebody.collision.proximity import Proximity
+from wholebody.collision.shapes import shape_table
 from wholebody.config import ControllerConfig
 from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
-from wholebody.proximity import Proximity
 from wholebody.qp import blocks_core as b
 from wholebody.reference.compiled import compiled
-from wholebody.shapes import shape_table
 from wholebody.types import RobotState
 
 POSTURES = 150
@@ -205,7 +205,7 @@ def test_damaged_edges_in_the_cache_are_made_again(robot, table, tmp_path, monke
     stored = light_urdf(robot[0]).with_name("edges.npz")
     whole = stored.read_bytes()
     copy = tmp_path / stored.name
-    monkeypatch.setattr("wholebody.shapes.light_urdf", lambda spec: tmp_path / "robot.urdf")
+    monkeypatch.setattr("wholebody.collision.shapes.light_urdf", lambda spec: tmp_path / "robot.urdf")
     for content in (b"", whole[:1000], whole):
         copy.write_bytes(content)
         again = shape_table(robot[0], robot[2])

@@ -15,7 +15,7 @@ import pinocchio as pin
 from models.cache import whole_file
 from models.spec import RobotSpec
 from models.urdf import light_urdf
-from wholebody import gjk_core as core
+from wholebody.collision import gjk as core
 from wholebody.errors import InputError
 
 _BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from wholebody.collision.proximity import joint_supports
+from wholebody.collision.shapes import hull_corners
 from wholebody.errors import InputError
-from wholebody.proximity import joint_supports
-from wholebody.shapes import hull_corners
 
 LOW = ("elbow", "wrist", "hand")
 """Parts of the names of bodies below the elbows. Bounds on the height and the tilt of the pelvis keep the others of a

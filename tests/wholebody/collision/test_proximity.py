@@ -9,8 +9,8 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from wholebody.collision.proximity import Proximity, watched_pairs
 from wholebody.errors import InputError
-from wholebody.proximity import Proximity, watched_pairs
 from wholebody.robot import Robot
 
 TRIGGER = 0.05

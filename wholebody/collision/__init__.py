@@ -1,0 +1,1 @@
+"""Shapes of the bodies, and their distances from each other and from the floor."""
