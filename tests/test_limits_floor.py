@@ -15,7 +15,7 @@ from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.limits.floor import FloorLimit
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
 
 HIGH = 10.0

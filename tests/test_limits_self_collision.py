@@ -12,7 +12,7 @@ from models.pinocchio_model import stance_q
 from wholebody.collision.proximity import Proximity
 from wholebody.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.limits.self_collision import SelfCollisionLimit
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
 
 POSTURES, LEAST, TRIGGER = 1000, 10, 0.05

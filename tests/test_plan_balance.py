@@ -10,7 +10,7 @@ from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.plan_balance import BALANCE_MIN, MEMORY, PlanBalance
 from wholebody.posture.body import Body
 from wholebody.posture_track import PostureTrack
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 ROWS = 500
 """Of a track: a second."""

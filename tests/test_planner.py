@@ -14,7 +14,7 @@ from wholebody.config import ControllerConfig
 from wholebody.planner import ChunkPlanner
 from wholebody.posture_track import GRID, PostureState
 from wholebody.reference import HandMotion, rest_row
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 SPEC = g1()
 

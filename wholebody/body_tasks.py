@@ -9,7 +9,7 @@ import numpy as np
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask

@@ -25,8 +25,8 @@ from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisatio
 from wholebody.qp.memory import Parts
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
-from wholebody.robot import Robot
-from wholebody.support import convex_polygon
+from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState
 
 __all__ = ["BodyReference", "PackedReference", "PalmReference", "TickReport", "WholeBodyController"]

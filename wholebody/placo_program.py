@@ -24,7 +24,7 @@ from wholebody.collision.proximity import watched_pairs
 from wholebody.contacts.foot import FootContact
 from wholebody.placo_tasks import mirror
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.base import Task
 
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import placo
 
 from wholebody.errors import InputError
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.base import Task, limited
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask

@@ -19,7 +19,7 @@ from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
 from wholebody.posture_track import GRID, PostureState, PostureTrack, curve_through, track_along
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.temper import JUMP, continued
 
 GUESS_DISTANCE = 0.03

@@ -10,7 +10,7 @@ import pinocchio as pin
 from policy.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
 from wholebody.posture.momenta import Momenta
 from wholebody.reference.cubic import CubicBSpline
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 GRID = 0.002
 """Spacing of the sampled posture [s]."""

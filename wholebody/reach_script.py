@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from wholebody.body_reference import BodyReference, PackedReference, PalmReference
-from wholebody.robot import Robot
-from wholebody.support import convex_polygon
+from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import convex_polygon
 
 POSTURE = {
     "hip_pitch": -0.25,

@@ -20,7 +20,7 @@ from wholebody.posture.program import Program
 from wholebody.posture_track import PostureState
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.runtime import observe
 from wholebody.sim.compiled import compiled_plant
 from wholebody.supervisor import Supervisor

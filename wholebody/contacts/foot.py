@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 CONE_NORMALS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 """Directions of the inscribed friction pyramid's faces."""

@@ -16,8 +16,8 @@ from wholebody.kinematic.program import KinematicProgram
 from wholebody.limits.balance import BalanceLimit
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve
-from wholebody.robot import Robot
-from wholebody.support import convex_polygon
+from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState
 
 

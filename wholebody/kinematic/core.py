@@ -21,8 +21,8 @@ from wholebody.qp.active_core import append, exchange, point_of, remove, settle,
 from wholebody.qp.assemble_core import factor, has_weight, targets
 from wholebody.qp.cost_core import add_frame, add_posture, expand, reduce_row
 from wholebody.qp.linear_core import dot, null_space, particular, solve_transposed, solve_upper
-from wholebody.qp.motion_core import rotation_error
 from wholebody.qp.solve_core import holds
+from wholebody.robot.kernels.frames import rotation_error
 
 HANDS = 2
 """Frames of the hands come after those of the contacts; then pelvis and torso."""

@@ -23,7 +23,7 @@ from wholebody.contacts.foot import FootContact
 from wholebody.limits.balance import BalanceLimit
 from wholebody.qp.formulation import UNBOUNDED
 from wholebody.qp.problem import QuadraticProgram
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.base import Objective, Task
 
 FOOT_GAIN = 50.0

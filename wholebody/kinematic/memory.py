@@ -13,7 +13,6 @@ from wholebody.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PRICE
 from wholebody.kinematic.place_core import STEP
 from wholebody.limits.balance import GRAVITY, BalanceLimit
 from wholebody.qp import blocks_core as b
-from wholebody.qp.dynamics import body_table
 from wholebody.qp.memory import (
     DUAL_ACCEPTED,
     ITERATION_LIMIT,
@@ -23,7 +22,8 @@ from wholebody.qp.memory import (
     frame_bodies,
     frame_names,
 )
-from wholebody.robot import Robot
+from wholebody.robot.compiled_dynamics import body_table
+from wholebody.robot.state import Robot
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask

@@ -6,9 +6,18 @@ Compiles with numba as it stands. Blocks are those of `wholebody.qp.blocks_core`
 from wholebody.qp import blocks_core as mem
 from wholebody.qp.bounds_core import point_offsets
 from wholebody.qp.cost_core import contact_gram
-from wholebody.qp.dynamics_core import AXIS, LEVER, MASS, PLACEMENT_P, base_rotation, dot6, joint_rotation, rotate
 from wholebody.qp.linear_core import dot, inverse_6
-from wholebody.qp.motion_core import frame_columns, place_frames
+from wholebody.robot.kernels.frames import frame_columns, place_frames
+from wholebody.robot.kernels.rigid_body import (
+    AXIS,
+    LEVER,
+    MASS,
+    PLACEMENT_P,
+    base_rotation,
+    dot6,
+    joint_rotation,
+    rotate,
+)
 
 # Entries of STEP.
 DT, FOOT_GAIN, SPEED_PRICE, RETREAT, HAND_KD, TRUNK_KD, COM_KD, GRAVITY = range(8)

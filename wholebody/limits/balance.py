@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.limits.base import Rows
-from wholebody.robot import Robot
-from wholebody.support import SupportPolygon
+from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import SupportPolygon
 
 GRAVITY = 9.81
 """[m/s^2]"""

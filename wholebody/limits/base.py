@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 
 @dataclass(frozen=True)

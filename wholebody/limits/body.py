@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.limits.base import Rows, barrier
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 
 class OrientationLimit:

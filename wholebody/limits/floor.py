@@ -7,7 +7,7 @@ import numpy as np
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import point_rates
 from wholebody.limits.base import Rows, barrier
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 
 class FloorLimit:

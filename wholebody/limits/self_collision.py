@@ -6,7 +6,7 @@ import numpy as np
 
 from wholebody.collision.proximity import Proximity
 from wholebody.limits.base import Rows, barrier
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 
 class SelfCollisionLimit:

@@ -9,7 +9,6 @@ import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from models.spec import RobotSpec
-from wholebody.bodies import body_table
 from wholebody.collision import gjk as gjk_core
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import Proximity
@@ -18,7 +17,8 @@ from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.posture.body_core import PLACEMENT_P
 from wholebody.posture.tables import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
-from wholebody.support import SupportPolygon, convex_polygon
+from wholebody.robot.body_table import body_table
+from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
 LOAD_MIN = 0.4
 """Least share of the weight that stays on the floor."""

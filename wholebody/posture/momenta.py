@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from wholebody.bodies import body_table
 from wholebody.posture.compiled import run
+from wholebody.robot.body_table import body_table
 
 
 class Momenta:

@@ -23,11 +23,11 @@ from wholebody.qp.cost_core import (
     whole_body_target,
     wrench_cost,
 )
-from wholebody.qp.dynamics_core import dynamics
 from wholebody.qp.floor_core import limit_floor
 from wholebody.qp.linear_core import cholesky, inverse_6, null_space, particular, solve_transposed, solve_upper
-from wholebody.qp.motion_core import frame_columns, move_frames, place_frames
 from wholebody.qp.rows_core import all_bounds
+from wholebody.robot.kernels.frames import frame_columns, move_frames, place_frames
+from wholebody.robot.kernels.rigid_body import dynamics
 
 
 def move(reals, ints):

@@ -2,7 +2,7 @@
 
 import math
 
-from wholebody.qp.motion_core import point_columns, point_drift, point_speed, rotation_error
+from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed, rotation_error
 
 
 def braking_acceleration(q, dq, q_max, dq_max, brake, dt):

@@ -13,8 +13,8 @@ from wholebody.jit.entry import digest, native, register
 CORES = (
     "wholebody.collision.gjk",
     "wholebody.qp.linear_core",
-    "wholebody.qp.motion_core",
-    "wholebody.qp.dynamics_core",
+    "wholebody.robot.kernels.frames",
+    "wholebody.robot.kernels.rigid_body",
     "wholebody.qp.bounds_core",
     "wholebody.qp.floor_core",
     "wholebody.qp.cost_core",

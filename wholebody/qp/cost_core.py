@@ -10,7 +10,7 @@ The equalities of `wholebody.qp.formulation` are eliminated:
 Cost and constraints of ``y`` and ``e`` are then apart: ``1/2 y' H y + g' y`` and ``1/2 price |e|^2``.
 """
 
-from wholebody.qp.motion_core import rotation_error, shorten
+from wholebody.robot.kernels.frames import rotation_error, shorten
 
 
 def frame_targets(q, ref, share, gain, R, x, velocity, drift, target, weight, scratch):

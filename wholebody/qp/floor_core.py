@@ -3,7 +3,7 @@
 from wholebody.collision.gjk import support_vertex
 from wholebody.qp import blocks_core as mem
 from wholebody.qp.bounds_core import barrier
-from wholebody.qp.motion_core import point_columns, point_drift, point_speed
+from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed
 
 DISTANCE, TRIGGER, BRAKE, DT = range(4)
 """Entries of FLOOR_LIMIT."""

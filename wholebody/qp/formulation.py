@@ -26,7 +26,7 @@ import numpy as np
 from wholebody.contacts.foot import FootContact
 from wholebody.limits.base import Rows
 from wholebody.qp.problem import QPSolution, QuadraticProgram
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.base import Objective
 
 UNBOUNDED = 1e9

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from wholebody.bodies import body_table
 from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
 from wholebody.jit.packed import Arena
@@ -19,7 +18,8 @@ from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp import blocks_core as b
 from wholebody.qp.formulation import Regularisation
 from wholebody.qp.nearest import Blocks, near_shapes, near_tables
-from wholebody.robot import Robot
+from wholebody.robot.body_table import body_table
+from wholebody.robot.state import Robot
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask

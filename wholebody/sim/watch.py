@@ -7,8 +7,8 @@ from math import hypot
 
 import numpy as np
 
+from wholebody.robot.support_polygon import convex_polygon
 from wholebody.sim.plant import MujocoPlant
-from wholebody.support import convex_polygon
 
 POSITION_TOLERANCE = 2e-3
 """How far a joint may pass its position limit before it counts: MuJoCo's limits are springs [rad]."""

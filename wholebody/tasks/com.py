@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.base import Objective, limited
 
 

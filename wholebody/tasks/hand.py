@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 from wholebody.tasks.base import Objective, limited
 
 

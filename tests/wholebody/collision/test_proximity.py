@@ -11,7 +11,7 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.collision.proximity import Proximity, watched_pairs
 from wholebody.errors import InputError
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 TRIGGER = 0.05
 POSTURES = 1000

@@ -6,9 +6,9 @@ import pytest
 
 from models.g1 import g1
 from wholebody.errors import InputError
-from wholebody.qp import dynamics_core as core
-from wholebody.qp.dynamics import CompiledDynamics
-from wholebody.robot import Robot
+from wholebody.robot.compiled_dynamics import CompiledDynamics
+from wholebody.robot.kernels import rigid_body as core
+from wholebody.robot.state import Robot
 
 STATES = 200
 TOLERANCE = 1e-10

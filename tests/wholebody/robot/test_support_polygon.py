@@ -1,6 +1,6 @@
 import numpy as np
 
-from wholebody.support import convex_polygon
+from wholebody.robot.support_polygon import convex_polygon
 
 
 def test_the_margin_of_a_square_is_the_distance_to_its_nearest_edge():

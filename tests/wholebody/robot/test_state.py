@@ -7,7 +7,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.errors import InputError
-from wholebody.robot import Robot
+from wholebody.robot.state import Robot
 
 STEP = 1e-5
 

@@ -11,9 +11,9 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from wholebody.bodies import body_table
-from wholebody.qp import dynamics_core as core
 from wholebody.reference.compiled import compiled
+from wholebody.robot.body_table import body_table
+from wholebody.robot.kernels import rigid_body as core
 
 
 class CompiledDynamics:

@@ -1,0 +1,1 @@
+"""The robot at one instant: dynamics, frames, support polygon."""
