@@ -6,15 +6,15 @@ there, the smoother behind, and the posture plan, all written into the packed re
 Arguments that recur:
 
 * ``settings`` and ``clock``: numbers, in the order of the constants below;
-* ``paths``: both hands' paths, as `wholebody.reference.path_core` reads them;
+* ``paths``: both hands' paths, as `wholebody.reference.kernels.path` reads them;
 * ``track``: the posture plan on its grid, a row each, in the order of the constants below;
 * ``row``: the packed reference, (96 + 3 n_joints,).
 """
 
 import math
 
-from wholebody.reference.path_core import path_row
-from wholebody.reference.smoother_core import smoother_step
+from wholebody.reference.kernels.path import path_row
+from wholebody.reference.kernels.smoother import smoother_step
 
 # Settings: numbers that a plan or the configuration gives.
 (DT, MOVING, PLAN_RATE, GRID_START, GRID_STEP, LAST_STEP, ERROR_SLOW, ERROR_STOP, BALANCE_SLOW, POSTURE_SLOW,

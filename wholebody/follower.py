@@ -14,7 +14,9 @@ from wholebody.config import ControllerConfig
 from wholebody.jit.entry import digest, native, register
 from wholebody.planner import ChunkPlan
 from wholebody.posture_track import GRID, PostureState, PostureTrack
-from wholebody.reference import PathClock, ReferenceSmoother, path_core, smoother_core
+from wholebody.reference import PathClock, ReferenceSmoother
+from wholebody.reference.kernels import path as path_core
+from wholebody.reference.kernels import smoother as smoother_core
 
 NO_PATH = np.zeros(0)
 

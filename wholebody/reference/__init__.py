@@ -4,7 +4,7 @@
 `ReferenceSmoother` guarantees the caps whatever it is given, `seam` measures where pieces meet.
 """
 
-from wholebody.reference.caps import HandCaps, MotionCaps
+from wholebody.reference.hand_limits import HandCaps, MotionCaps
 from wholebody.reference.hand_path import HandPath
 from wholebody.reference.join import Join
 from wholebody.reference.layout import HandMotion, rest_row

@@ -16,10 +16,10 @@ import numpy as np
 
 from policy.rotations import matrix_to_quaternion
 from wholebody.errors import InputError
-from wholebody.reference import path_core
-from wholebody.reference.caps import HandCaps
 from wholebody.reference.compiled import compiled
+from wholebody.reference.hand_limits import HandCaps
 from wholebody.reference.join import Join, join_curve
+from wholebody.reference.kernels import path as path_core
 from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P, V, W
 from wholebody.reference.rotation import angular_rates, unit_quaternion
@@ -136,7 +136,7 @@ class HandPath:
 
     @cached_property
     def flat(self) -> np.ndarray:
-        """The path as one array, as `wholebody.reference.path_core` reads it."""
+        """The path as one array, as `wholebody.reference.kernels.path` reads it."""
         breaks, coefficients = self.curve.breaks, self.curve.coefficients
         cells = np.arange(breaks[0], breaks[-1], CELL)
         segment = np.clip(np.searchsorted(breaks, cells, side="right") - 1, 0, len(coefficients) - 1)

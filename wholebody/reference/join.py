@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wholebody.reference.caps import HandCaps, MotionCaps
+from wholebody.reference.hand_limits import HandCaps, MotionCaps
 from wholebody.reference.knots import FINGER, PARTS, POSITION, ROTATION, brake_time, part_size
 from wholebody.reference.layout import HandMotion
 from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_quaternion

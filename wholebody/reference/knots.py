@@ -9,7 +9,7 @@ import numpy as np
 
 from policy.rotations import rotation_residual
 from wholebody.errors import InputError
-from wholebody.reference.caps import HandCaps, MotionCaps
+from wholebody.reference.hand_limits import HandCaps, MotionCaps
 from wholebody.reference.layout import FINGERS
 from wholebody.reference.rotation import continuous_quaternions
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic

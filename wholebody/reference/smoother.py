@@ -2,7 +2,7 @@
 
 It runs every control tick behind path and clock. A target that is inside the caps is reproduced with no lag; a target
 that jumps, turns by 180 degrees or is not finite is rejoined by a minimum-jerk move. The arithmetic and its sources are
-in `wholebody.reference.smoother_core`.
+in `wholebody.reference.kernels.smoother`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from functools import cache
 import numpy as np
 
 from wholebody.errors import InputError
-from wholebody.reference import smoother_core as core
-from wholebody.reference.caps import HandCaps
 from wholebody.reference.compiled import compiled
+from wholebody.reference.hand_limits import HandCaps
+from wholebody.reference.kernels import smoother as core
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P
 
 

@@ -11,7 +11,7 @@ from wholebody.errors import InputError
 from wholebody.reference import HandMotion, HandPath, rest_row
 from wholebody.reference.hand_path import CELL
 from wholebody.reference.join import PATIENCE
-from wholebody.reference.path_core import path_row
+from wholebody.reference.kernels.path import path_row
 
 H = 1e-5
 GRID = np.linspace(-0.4, 2.2, 2601) + 0.3e-3

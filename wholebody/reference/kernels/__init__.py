@@ -1,0 +1,1 @@
+"""Hand paths and smoother at one instant, compiled."""
