@@ -11,7 +11,7 @@ from wholebody.report import HEADINGS, lines, row, table_line, table_summary, to
 from wholebody.resources import verdict_schema
 from wholebody.runtime import EpisodeResult, Refusal
 from wholebody.sim.fall import Fall
-from wholebody.sim.watch import Excess
+from wholebody.sim.limit_monitor import Excess
 from wholebody.verdict import judge
 
 

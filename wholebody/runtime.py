@@ -19,10 +19,10 @@ from policy.executor_simulated import simulated_executor
 from policy.observation import Observation
 from wholebody.score import Score, start_jump
 from wholebody.sim.fall import Fall, detect_fall, pelvis_tilt
+from wholebody.sim.limit_monitor import Excess, Watch
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
-from wholebody.sim.watch import Excess, Watch
 from wholebody.stitching import SeamMeter, Stitch, commanded_chunk
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState, Status

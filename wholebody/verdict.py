@@ -14,7 +14,7 @@ import numpy as np
 
 from wholebody.planner import START_MAX
 from wholebody.runtime import EpisodeResult
-from wholebody.sim.watch import Excess
+from wholebody.sim.limit_monitor import Excess
 from wholebody.timing import Timing, timing
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 
 from wholebody.jit.entry import digest, native
-from wholebody.sim import drive_core
+from wholebody.sim.kernels import motors as drive_core
 
 OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
 """Nothing is allocated, so nobody has to count references."""

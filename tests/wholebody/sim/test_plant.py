@@ -10,8 +10,8 @@ from models.g1 import g1
 from models.pinocchio_model import load_pinocchio
 from wholebody.errors import InputError
 from wholebody.sim.fall import detect_fall
+from wholebody.sim.limit_monitor import Watch
 from wholebody.sim.plant import MujocoPlant
-from wholebody.sim.watch import Watch
 from wholebody.types import JointCommand, Status
 
 SPEC = g1()

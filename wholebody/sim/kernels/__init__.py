@@ -1,0 +1,1 @@
+"""Motors and state of the plant, compiled."""
