@@ -6,10 +6,10 @@ The closed loops drive hands down with the program alone, at a floor raised to w
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_limits_self_collision import acceleration, postures, standing
 
 from models.g1 import g1
 from models.pinocchio_model import load_collision, stance_q
+from tests.wholebody.limits.test_self_collision import acceleration, postures, standing
 from wholebody.collision.floor_clearance import Underside
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.controller import WholeBodyController
