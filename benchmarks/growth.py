@@ -24,7 +24,7 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig
 from wholebody.controller import WholeBodyController
-from wholebody.qp.fast import CompiledProgram
+from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.reach_script import ReachScript
 from wholebody.types import RobotState
 

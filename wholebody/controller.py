@@ -20,11 +20,11 @@ from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
-from wholebody.qp.fast import CompiledProgram
+from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
-from wholebody.qp.memory import Parts
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
+from wholebody.qp.workspace import Parts
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState

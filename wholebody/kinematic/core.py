@@ -16,12 +16,12 @@ from wholebody.kinematic.place_core import (
     frames,
     place,
 )
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.active_core import append, exchange, point_of, remove, settle, worst
-from wholebody.qp.assemble_core import factor, has_weight, targets
-from wholebody.qp.cost_core import add_frame, add_posture, expand, reduce_row
-from wholebody.qp.linear_core import dot, null_space, particular, solve_transposed, solve_upper
-from wholebody.qp.solve_core import holds
+from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.active_set import append, exchange, point_of, remove, settle, worst
+from wholebody.qp.kernels.assemble import factor, has_weight, targets
+from wholebody.qp.kernels.cost import add_frame, add_posture, expand, reduce_row
+from wholebody.qp.kernels.linear_algebra import dot, null_space, particular, solve_transposed, solve_upper
+from wholebody.qp.kernels.solve import holds
 from wholebody.robot.kernels.frames import rotation_error
 
 HANDS = 2

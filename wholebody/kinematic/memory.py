@@ -12,8 +12,8 @@ from wholebody.jit.packed import Arena
 from wholebody.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PRICE
 from wholebody.kinematic.place_core import STEP
 from wholebody.limits.balance import GRAVITY, BalanceLimit
-from wholebody.qp import blocks_core as b
-from wholebody.qp.memory import (
+from wholebody.qp.kernels import blocks as b
+from wholebody.qp.workspace import (
     DUAL_ACCEPTED,
     ITERATION_LIMIT,
     PRIMAL_ACCEPTED,
@@ -33,7 +33,7 @@ from wholebody.tasks.posture import PostureTask
 
 @dataclass(frozen=True, kw_only=True)
 class KinematicParts:
-    """What the program is made of; names and meanings as in `wholebody.qp.memory.Parts`.
+    """What the program is made of; names and meanings as in `wholebody.qp.workspace.Parts`.
 
     Attributes:
         joints: Rows ``q_min q_max dq_max``, Pinocchio order, shape (3, n_joints).

@@ -1,12 +1,12 @@
 """Where bodies, centre of mass and frames are, and what their weight asks of the joints.
 
-Compiles with numba as it stands. Blocks are those of `wholebody.qp.blocks_core`.
+Compiles with numba as it stands. Blocks are those of `wholebody.qp.kernels.blocks`.
 """
 
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.bounds_core import point_offsets
-from wholebody.qp.cost_core import contact_gram
-from wholebody.qp.linear_core import dot, inverse_6
+from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.cost import contact_gram
+from wholebody.qp.kernels.limits import point_offsets
+from wholebody.qp.kernels.linear_algebra import dot, inverse_6
 from wholebody.robot.kernels.frames import frame_columns, place_frames
 from wholebody.robot.kernels.rigid_body import (
     AXIS,

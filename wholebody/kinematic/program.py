@@ -12,8 +12,8 @@ import numpy as np
 from wholebody.jit.entry import digest, native
 from wholebody.kinematic import core, place_core
 from wholebody.kinematic.memory import KinematicParts, make_memory
-from wholebody.qp import blocks_core as b
 from wholebody.qp.compiled import CORES, OPTIONS, memories, register_cores
+from wholebody.qp.kernels import blocks as b
 from wholebody.qp.problem import QPSolution, Residuals
 
 _NONE = np.zeros(0)

@@ -12,21 +12,21 @@ from wholebody.jit.entry import digest, native, register
 
 CORES = (
     "wholebody.collision.gjk",
-    "wholebody.qp.linear_core",
+    "wholebody.qp.kernels.linear_algebra",
     "wholebody.robot.kernels.frames",
     "wholebody.robot.kernels.rigid_body",
-    "wholebody.qp.bounds_core",
-    "wholebody.qp.floor_core",
-    "wholebody.qp.cost_core",
-    "wholebody.qp.rows_core",
-    "wholebody.qp.active_core",
-    "wholebody.qp.blocks_core",
-    "wholebody.qp.assemble_core",
-    "wholebody.qp.nearest_core",
-    "wholebody.qp.solve_core",
-    "wholebody.qp.judge_core",
-    "wholebody.qp.command_core",
-    "wholebody.qp.stages_core",
+    "wholebody.qp.kernels.limits",
+    "wholebody.qp.kernels.floor",
+    "wholebody.qp.kernels.cost",
+    "wholebody.qp.kernels.constraints",
+    "wholebody.qp.kernels.active_set",
+    "wholebody.qp.kernels.blocks",
+    "wholebody.qp.kernels.assemble",
+    "wholebody.qp.kernels.proximity",
+    "wholebody.qp.kernels.solve",
+    "wholebody.qp.kernels.residuals",
+    "wholebody.qp.kernels.command",
+    "wholebody.qp.kernels.entry_points",
 )
 """Modules whose functions compile as they stand."""
 
@@ -47,7 +47,7 @@ def compiled_stages() -> tuple[Callable, ...]:
     its table, of floats and of integers. numba takes a second to import, so it is imported here.
     """
     register_cores()
-    stages = [getattr(import_module("wholebody.qp.stages_core"), name) for name in STAGES]
+    stages = [getattr(import_module("wholebody.qp.kernels.entry_points"), name) for name in STAGES]
     version = digest([sys.modules[__name__], *(import_module(name) for name in CORES)])
     return tuple(native(stage, memories(), version, **OPTIONS) for stage in stages)
 
@@ -78,7 +78,7 @@ def _register_blocks() -> None:
     from numba.extending import lower_builtin, type_callable
     from numba.np.arrayobj import populate_array
 
-    from wholebody.qp import blocks_core
+    from wholebody.qp.kernels import blocks as blocks_core
 
     def shape_of(builder, kind, rows, columns):
         three = rows.type(3)

@@ -15,7 +15,7 @@ from wholebody.collision.shapes import shape_table
 from wholebody.config import ControllerConfig
 from wholebody.controller import WholeBodyController
 from wholebody.errors import InputError
-from wholebody.qp import blocks_core as b
+from wholebody.qp.kernels import blocks as b
 from wholebody.reference.compiled import compiled
 from wholebody.types import RobotState
 

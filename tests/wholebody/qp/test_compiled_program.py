@@ -11,17 +11,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_qp import standing
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from tests.wholebody.qp.test_formulation import standing
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.controller import PalmReference, WholeBodyController
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.memory import ITERATION_LIMIT
+from wholebody.qp.kernels import blocks as mem
 from wholebody.qp.presolve import prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import solve
+from wholebody.qp.workspace import ITERATION_LIMIT
 from wholebody.types import RobotState
 
 ACTIVE = 1e-6

@@ -5,12 +5,12 @@ Then each solver alone, with no second one to help, closes the loop over standin
 
 import numpy as np
 import pytest
-from test_qp import standing
 from typer.testing import CliRunner
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import reach
+from tests.wholebody.qp.test_formulation import standing
 from wholebody.bench import bench
 from wholebody.controller import WholeBodyController
 from wholebody.qp.presolve import polish, prepare

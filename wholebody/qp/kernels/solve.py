@@ -2,11 +2,11 @@
 
 import math
 
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.active_core import append, exchange, point_of, remove, settle, step_back, worst
-from wholebody.qp.cost_core import expand
-from wholebody.qp.linear_core import dot, solve_upper
-from wholebody.qp.rows_core import add_spread, describe, evaluate, transform, wrench_of
+from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.active_set import append, exchange, point_of, remove, settle, step_back, worst
+from wholebody.qp.kernels.constraints import add_spread, describe, evaluate, transform, wrench_of
+from wholebody.qp.kernels.cost import expand
+from wholebody.qp.kernels.linear_algebra import dot, solve_upper
 
 REFINEMENTS = 4
 EXACT = 2e-13

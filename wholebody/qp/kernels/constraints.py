@@ -5,8 +5,8 @@ normal force of the k points, four sides of the friction pyramid of each point, 
 two-sided, in full variables ``dv (nv), f (3 k), slack (2)``.
 """
 
-from wholebody.qp.cost_core import reduce_row
-from wholebody.qp.linear_core import dot, solve_transposed
+from wholebody.qp.kernels.cost import reduce_row
+from wholebody.qp.kernels.linear_algebra import dot, solve_transposed
 
 
 def all_bounds(low, high, tau_max, nle, contact, soft_upper, lower, upper):

@@ -9,7 +9,7 @@ from wholebody.collision import gjk as gjk_core
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import shape_table
-from wholebody.qp import blocks_core as b
+from wholebody.qp.kernels import blocks as b
 
 Blocks = dict[int, np.ndarray]
 

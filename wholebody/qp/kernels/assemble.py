@@ -1,16 +1,8 @@
 """The program at one state, from dynamics to factored Hessian; compiles with numba as it stands."""
 
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.bounds_core import (
-    balance_rows,
-    collision_rows,
-    foot_target,
-    height_rows,
-    joint_bounds,
-    orientation_rows,
-    point_offsets,
-)
-from wholebody.qp.cost_core import (
+from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.constraints import all_bounds
+from wholebody.qp.kernels.cost import (
     add_frame,
     add_posture,
     add_wrench,
@@ -23,9 +15,24 @@ from wholebody.qp.cost_core import (
     whole_body_target,
     wrench_cost,
 )
-from wholebody.qp.floor_core import limit_floor
-from wholebody.qp.linear_core import cholesky, inverse_6, null_space, particular, solve_transposed, solve_upper
-from wholebody.qp.rows_core import all_bounds
+from wholebody.qp.kernels.floor import limit_floor
+from wholebody.qp.kernels.limits import (
+    balance_rows,
+    collision_rows,
+    foot_target,
+    height_rows,
+    joint_bounds,
+    orientation_rows,
+    point_offsets,
+)
+from wholebody.qp.kernels.linear_algebra import (
+    cholesky,
+    inverse_6,
+    null_space,
+    particular,
+    solve_transposed,
+    solve_upper,
+)
 from wholebody.robot.kernels.frames import frame_columns, move_frames, place_frames
 from wholebody.robot.kernels.rigid_body import dynamics
 

@@ -4,11 +4,11 @@ Compiles with numba as it stands. Only the multipliers of the equalities are eli
 looking along the accelerations that they allow, those of the six root rows by least squares over the forces.
 """
 
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.cost_core import reduce_row
-from wholebody.qp.linear_core import add_scaled, dot
-from wholebody.qp.rows_core import add_spread, contact_wrenches, torque_values, wrench_of
-from wholebody.qp.solve_core import full_row
+from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.constraints import add_spread, contact_wrenches, torque_values, wrench_of
+from wholebody.qp.kernels.cost import reduce_row
+from wholebody.qp.kernels.linear_algebra import add_scaled, dot
+from wholebody.qp.kernels.solve import full_row
 
 
 def larger(a, b):

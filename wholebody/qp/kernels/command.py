@@ -1,6 +1,6 @@
 """From the answer to the joint command: the integrated desired state; compiles with numba as it stands."""
 
-from wholebody.qp import blocks_core as mem
+from wholebody.qp.kernels import blocks as mem
 
 
 def command(reals, ints):

@@ -16,7 +16,7 @@ Source:
 
 import math
 
-from wholebody.qp.linear_core import add_scaled, dot
+from wholebody.qp.kernels.linear_algebra import add_scaled, dot
 
 DEPENDENT = 1e-10
 """A row whose part outside the working set is smaller than this share of it counts as dependent."""

@@ -4,7 +4,11 @@ Each of these only hands on: a stage has other options than what it calls, so wh
 compiled twice.
 """
 
-from wholebody.qp import assemble_core, command_core, judge_core, nearest_core, solve_core
+from wholebody.qp.kernels import assemble as assemble_core
+from wholebody.qp.kernels import command as command_core
+from wholebody.qp.kernels import proximity as nearest_core
+from wholebody.qp.kernels import residuals as judge_core
+from wholebody.qp.kernels import solve as solve_core
 
 _move, _nearest, _assemble = assemble_core.move, nearest_core.nearest, assemble_core.assemble
 _search, _conclude, _command = solve_core.search, judge_core.conclude, command_core.command

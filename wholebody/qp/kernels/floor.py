@@ -1,8 +1,8 @@
 """Rows that keep bodies off the floor, as `wholebody.limits.floor`; compiles with numba as it stands."""
 
 from wholebody.collision.gjk import support_vertex
-from wholebody.qp import blocks_core as mem
-from wholebody.qp.bounds_core import barrier
+from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.limits import barrier
 from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed
 
 DISTANCE, TRIGGER, BRAKE, DT = range(4)

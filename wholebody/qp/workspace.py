@@ -15,9 +15,9 @@ from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.self_collision import SelfCollisionLimit
-from wholebody.qp import blocks_core as b
 from wholebody.qp.formulation import Regularisation
-from wholebody.qp.nearest import Blocks, near_shapes, near_tables
+from wholebody.qp.kernels import blocks as b
+from wholebody.qp.proximity_tables import Blocks, near_shapes, near_tables
 from wholebody.robot.body_table import body_table
 from wholebody.robot.state import Robot
 from wholebody.tasks.com import ComTask

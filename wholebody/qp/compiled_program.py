@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from wholebody.qp import blocks_core as b
 from wholebody.qp.compiled import compiled_stages
 from wholebody.qp.formulation import WholeBodySolution
-from wholebody.qp.memory import Parts, make_memory
+from wholebody.qp.kernels import blocks as b
 from wholebody.qp.problem import QPSolution, Residuals
+from wholebody.qp.workspace import Parts, make_memory
 
 _NONE = np.zeros(0)
 

@@ -3,7 +3,7 @@
 import math
 
 from wholebody.collision.gjk import APART, BEYOND, BODY, distance
-from wholebody.qp import blocks_core as mem
+from wholebody.qp.kernels import blocks as mem
 
 SLACK = 0.01
 """Distance beyond what matters at which a lower bound will do: a pair that is just out of it would be back soon [m]."""
