@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from models.g1 import g1
 from policy.scripts import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
-from wholebody.planner import ChunkPlanner
+from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.posture import program
 from wholebody.posture.program import Program
 from wholebody.posture_plan import PosturePlanner

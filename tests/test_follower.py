@@ -12,7 +12,7 @@ from policy.scripts import scripted
 from wholebody.body_reference import BodyReference, PalmReference
 from wholebody.follower import Follower
 from wholebody.limits.balance import natural_frequency
-from wholebody.posture_track import PostureTrack
+from wholebody.planning.trajectory import PostureTrack
 from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
 from wholebody.runtime import observe
 from wholebody.supervisor import Supervisor

@@ -12,8 +12,8 @@ from wholebody.backends import Controller
 from wholebody.body_reference import COM, PALM, POSTURE, PackedReference
 from wholebody.config import ControllerConfig
 from wholebody.jit.entry import digest, native, register
-from wholebody.planner import ChunkPlan
-from wholebody.posture_track import GRID, PostureState, PostureTrack
+from wholebody.planning.chunk_planner import ChunkPlan
+from wholebody.planning.trajectory import GRID, PostureState, PostureTrack
 from wholebody.reference import PathClock, ReferenceSmoother
 from wholebody.reference.kernels import path as path_core
 from wholebody.reference.kernels import smoother as smoother_core

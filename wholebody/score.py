@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from wholebody.planner import PlanReport
+from wholebody.planning.chunk_planner import PlanReport
 from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState
 

@@ -14,14 +14,14 @@ from policy.rotations import matrix_to_quaternion
 from wholebody.backends import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.controller import TickReport
-from wholebody.denoise import denoised
 from wholebody.errors import InputError
-from wholebody.floor import above_floor
 from wholebody.follower import Follower
-from wholebody.planner import ChunkPlan, ChunkPlanner, PlanReport
-from wholebody.posture_track import PostureState, PostureTrack
+from wholebody.planning.chunk_planner import ChunkPlan, ChunkPlanner, PlanReport
+from wholebody.planning.floor_projection import above_floor
+from wholebody.planning.limit_projection import JUMP
+from wholebody.planning.smoothing import denoised
+from wholebody.planning.trajectory import PostureState, PostureTrack
 from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
-from wholebody.temper import JUMP
 from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
 
 DAMPING_KD = 8.0

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from wholebody.planner import START_MAX
+from wholebody.planning.chunk_planner import START_MAX
 from wholebody.runtime import EpisodeResult
 from wholebody.sim.limit_monitor import Excess
 from wholebody.timing import Timing, timing

@@ -14,10 +14,10 @@ from policy.observation import Observation
 from policy.scripts import scripted
 from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.follower import compiled_follow
-from wholebody.planner import ChunkPlanner
+from wholebody.planning.chunk_planner import ChunkPlanner
+from wholebody.planning.trajectory import PostureState
 from wholebody.posture.body import Body
 from wholebody.posture.program import Program
-from wholebody.posture_track import PostureState
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot

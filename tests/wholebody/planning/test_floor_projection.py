@@ -8,7 +8,7 @@ import pytest
 from policy.rotations import rotvec_to_matrix
 from policy.scripts import scripted
 from tests.support.policy_cases import observation
-from wholebody.floor import CLEARANCE, HAND_BOX, above_floor
+from wholebody.planning.floor_projection import CLEARANCE, HAND_BOX, above_floor
 
 
 def chunk_at(height, turn=(0.0, 0.0, 0.0)):

@@ -14,13 +14,13 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.rotations import matrix_to_rotvec, quaternion_to_matrix, rotvec_to_matrix
 from wholebody.config import PlannerConfig
-from wholebody.plan_balance import PlanBalance
+from wholebody.planning.contact_feasibility import PlanBalance
+from wholebody.planning.limit_projection import JUMP, continued
+from wholebody.planning.trajectory import GRID, PostureState, PostureTrack, curve_through, track_along
 from wholebody.posture.momenta import Momenta
 from wholebody.posture_plan import PostureMotion, PosturePlanner
-from wholebody.posture_track import GRID, PostureState, PostureTrack, curve_through, track_along
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.robot.state import Robot
-from wholebody.temper import JUMP, continued
 
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""

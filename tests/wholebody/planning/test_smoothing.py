@@ -9,7 +9,7 @@ from models.g1 import g1
 from policy.rotations import angle_between, rotvec_to_matrix
 from policy.scripts import scripted
 from tests.support.policy_cases import observation
-from wholebody.denoise import denoised, smooth
+from wholebody.planning.smoothing import denoised, smooth
 from wholebody.reference import HandCaps
 from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant

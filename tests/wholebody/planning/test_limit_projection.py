@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.support.reference_motions import lissajous_rows
+from wholebody.planning.limit_projection import CALM, DEMAND, JUMP, PAST, continued, nearest
 from wholebody.reference import HandCaps, HandMotion, rest_row
-from wholebody.temper import CALM, DEMAND, JUMP, PAST, continued, nearest
 
 CAPS = HandCaps()
 FPS = 30.0

@@ -7,9 +7,9 @@ from scipy.optimize import nnls
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig, PosturePlanConfig
-from wholebody.plan_balance import BALANCE_MIN, MEMORY, PlanBalance
+from wholebody.planning.contact_feasibility import BALANCE_MIN, MEMORY, PlanBalance
+from wholebody.planning.trajectory import PostureTrack
 from wholebody.posture.body import Body
-from wholebody.posture_track import PostureTrack
 from wholebody.robot.state import Robot
 
 ROWS = 500

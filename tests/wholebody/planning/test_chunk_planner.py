@@ -11,8 +11,8 @@ from models.pinocchio_model import stance_q
 from policy import Observation
 from policy.scripts import scripted
 from wholebody.config import ControllerConfig
-from wholebody.planner import ChunkPlanner
-from wholebody.posture_track import GRID, PostureState
+from wholebody.planning.chunk_planner import ChunkPlanner
+from wholebody.planning.trajectory import GRID, PostureState
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
 

@@ -1,0 +1,1 @@
+"""From an action chunk to a plan: hand paths and a whole-body trajectory."""
