@@ -24,9 +24,9 @@ from models.g1 import g1
 from policy.scripts import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.posture import program
-from wholebody.posture.program import Program
-from wholebody.posture_plan import PosturePlanner
+from wholebody.planning.trajopt import problem as program
+from wholebody.planning.trajopt.optimizer import PosturePlanner
+from wholebody.planning.trajopt.problem import Program
 from wholebody.runtime import run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.supervisor import Supervisor

@@ -16,8 +16,8 @@ from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.follower import compiled_follow
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import PostureState
-from wholebody.posture.body import Body
-from wholebody.posture.program import Program
+from wholebody.planning.trajopt.problem import Program
+from wholebody.planning.trajopt.robot_tables import Body
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot

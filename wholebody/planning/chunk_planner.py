@@ -17,8 +17,8 @@ from wholebody.config import PlannerConfig
 from wholebody.planning.contact_feasibility import PlanBalance
 from wholebody.planning.limit_projection import JUMP, continued
 from wholebody.planning.trajectory import GRID, PostureState, PostureTrack, curve_through, track_along
-from wholebody.posture.momenta import Momenta
-from wholebody.posture_plan import PostureMotion, PosturePlanner
+from wholebody.planning.trajopt.centroidal import Momenta
+from wholebody.planning.trajopt.optimizer import PostureMotion, PosturePlanner
 from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
 from wholebody.robot.state import Robot
 

@@ -8,7 +8,7 @@ import daqp
 import numpy as np
 
 from wholebody.planning.trajectory import COARSE, GRID, PostureTrack
-from wholebody.posture.body import FOOT_LOAD_MIN, LEVER, Body
+from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, LEVER, Body
 
 BALANCE_MIN = 0.005
 """Distance of the zero-moment point from the edge that is kept [m]."""

@@ -9,7 +9,7 @@ from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.planning.contact_feasibility import BALANCE_MIN, MEMORY, PlanBalance
 from wholebody.planning.trajectory import PostureTrack
-from wholebody.posture.body import Body
+from wholebody.planning.trajopt.robot_tables import Body
 from wholebody.robot.state import Robot
 
 ROWS = 500

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from wholebody.jit.blas import outer_gram
-from wholebody.posture.curve_core import pace
-from wholebody.posture.tables import (
+from wholebody.planning.trajopt.kernels.spline import pace
+from wholebody.planning.trajopt.layout import (  # fmt: skip
     FREE_LOWER,
     HEIGHT,
     JOINTS,
@@ -26,7 +26,7 @@ from wholebody.posture.tables import (
     TORSO,
     UPPER,
     WAIST,
-)  # fmt: skip
+)
 
 
 def cost(m, scales, weights, moving):

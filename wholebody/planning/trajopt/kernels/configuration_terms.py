@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.body_core import INERTIA, LEVER, MASS, fixed_frame, frame_rows, settle, turn_between
-from wholebody.posture.tables import (
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import (
+    INERTIA,
+    LEVER,
+    MASS,
+    fixed_frame,
+    frame_rows,
+    settle,
+    turn_between,
+)
+from wholebody.planning.trajopt.layout import (  # fmt: skip
     COM,
     EDGE,
     FREE_LOWER,
@@ -20,7 +28,7 @@ from wholebody.posture.tables import (
     TILT,
     TORSO,
     UPPER,
-)  # fmt: skip
+)
 
 
 def body_inertia(row, R, p, out):

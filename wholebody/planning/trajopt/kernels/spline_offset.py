@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from wholebody.posture.body_core import base_rotation, fixed_frame, move, place_body, turn_between
-from wholebody.posture.tables import LOWER, N_JOINTS, UPPER
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import (
+    base_rotation,
+    fixed_frame,
+    move,
+    place_body,
+    turn_between,
+)
+from wholebody.planning.trajopt.layout import LOWER, N_JOINTS, UPPER
 
 
 def bend(robot, task, m, other, largest, work):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from wholebody.jit.blas import apply
-from wholebody.posture.ahead_core import capture_derivative, look_changes, sweep_derivative
-from wholebody.posture.curve_core import pace
-from wholebody.posture.motion_core import beyond
-from wholebody.posture.tables import (
+from wholebody.planning.trajopt.kernels.capture_point import capture_derivative, look_changes, sweep_derivative
+from wholebody.planning.trajopt.kernels.inverse_dynamics import beyond
+from wholebody.planning.trajopt.kernels.spline import pace
+from wholebody.planning.trajopt.layout import (  # fmt: skip
     COM,
     EDGE,
     FORCE,
@@ -27,7 +27,7 @@ from wholebody.posture.tables import (
     TWIST,
     UPPER,
     WAIST,
-)  # fmt: skip
+)
 
 
 def changes(robot, m, dt, z, out, work):

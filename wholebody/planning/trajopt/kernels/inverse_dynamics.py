@@ -19,10 +19,10 @@ from __future__ import annotations
 import math
 
 from wholebody.jit.blas import times_transposed
-from wholebody.posture.body_core import base_rotation
-from wholebody.posture.curve_core import pace
-from wholebody.posture.place_core import momentum_of
-from wholebody.posture.tables import (
+from wholebody.planning.trajopt.kernels.configuration_terms import momentum_of
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import base_rotation
+from wholebody.planning.trajopt.kernels.spline import pace
+from wholebody.planning.trajopt.layout import (  # fmt: skip
     FIRST,
     FORCE,
     FREE_LOWER,
@@ -36,7 +36,7 @@ from wholebody.posture.tables import (
     TAU,
     TWIST,
     UPPER,
-)  # fmt: skip
+)
 
 
 def cross(a, b, out, at):

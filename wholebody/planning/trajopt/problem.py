@@ -8,10 +8,11 @@ from policy.rotations import rotvec_to_matrix
 from wholebody.collision import gjk as gjk_core
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError
-from wholebody.posture import tables, weights
-from wholebody.posture.body import Body
-from wholebody.posture.compiled import run
-from wholebody.posture.tables import EDGE, NEAR, Motion, Task
+from wholebody.planning.trajopt import layout as tables
+from wholebody.planning.trajopt import weights
+from wholebody.planning.trajopt.compiled import run
+from wholebody.planning.trajopt.layout import EDGE, NEAR, Motion, Task
+from wholebody.planning.trajopt.robot_tables import Body
 
 BEND_MAX = 0.02
 """Of the palms' curve away from its control points [m, rad]."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.curve_core import pace
-from wholebody.posture.tables import COM, FREE_LOWER, LOADED, LOWER, N_BODY, N_FREE, NEAR, ZMP
+from wholebody.planning.trajopt.kernels.spline import pace
+from wholebody.planning.trajopt.layout import COM, FREE_LOWER, LOADED, LOWER, N_BODY, N_FREE, NEAR, ZMP
 
 GRAVITY, LOWEST_HEIGHT = 9.81, 0.2
 """Of the pendulum [m/s^2], and its least height [m], as `wholebody.limits.balance`."""

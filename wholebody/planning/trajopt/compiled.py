@@ -9,7 +9,7 @@ from importlib import import_module
 
 from wholebody.jit import blas as blas_core
 from wholebody.jit.entry import digest, native, register
-from wholebody.posture import tables
+from wholebody.planning.trajopt import layout as tables
 
 CORES = (
     "body_core", "place_core", "curve_core", "motion_core", "hold_core", "ahead_core", "linear_core", "near_core",
@@ -38,7 +38,7 @@ class Stages:
 
 @cache
 def _version() -> int:
-    modules = [import_module(f"wholebody.posture.{name}") for name in CORES]
+    modules = [import_module(f"wholebody.planning.trajopt.{name}") for name in CORES]
     modules.append(import_module("wholebody.collision.gjk"))
     for module in modules:
         register(module, **OPTIONS)
@@ -50,7 +50,7 @@ def _stage(module: str, name: str, arguments: tuple) -> Callable:
     from numba import typeof
 
     version = _version()
-    function = getattr(import_module(f"wholebody.posture.{module}"), name)
+    function = getattr(import_module(f"wholebody.planning.trajopt.{module}"), name)
     return native(function, tuple(typeof(argument) for argument in arguments), version, **OPTIONS)
 
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import point_rates
-from wholebody.posture.tables import FIRST, LOWER, N_BODY, UPPER, WAIST
+from wholebody.planning.trajopt.layout import FIRST, LOWER, N_BODY, UPPER, WAIST
 
 
 def free_directions(m):

@@ -24,9 +24,9 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig, PosturePlanConfig
-from wholebody.posture.body import Body
-from wholebody.posture.optimiser import optimise
-from wholebody.posture.program import Program
+from wholebody.planning.trajopt.gauss_newton import optimise
+from wholebody.planning.trajopt.problem import Program
+from wholebody.planning.trajopt.robot_tables import Body
 
 SIZES_KEPT = 8
 """Numbers of knots for which memory is kept: 4 MB for forty knots."""

@@ -15,8 +15,8 @@ from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import ShapeTable, shape_table
 from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
-from wholebody.posture.body_core import PLACEMENT_P
-from wholebody.posture.tables import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import PLACEMENT_P
+from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
 from wholebody.robot.body_table import body_table
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 

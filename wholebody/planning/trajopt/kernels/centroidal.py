@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from wholebody.posture.body_core import base_rotation, fixed_frame, place_body
-from wholebody.posture.place_core import body_inertia, momentum_of
+from wholebody.planning.trajopt.kernels.configuration_terms import body_inertia, momentum_of
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import base_rotation, fixed_frame, place_body
 
 
 def momenta(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.config import PosturePlanConfig
-from wholebody.posture.program import Program
+from wholebody.planning.trajopt.problem import Program
 
 ROUNDS = ((30.0, 3), (5.0, 3), (1.0, 24))
 """Softness of the bounds, and most steps with it."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 from wholebody.collision.gjk import APART, BEYOND, BODY, distance, support_vertex
-from wholebody.posture.body_core import place_body
-from wholebody.posture.place_core import reduce_row
-from wholebody.posture.tables import FREE_LOWER, LOWER, N_BODY, N_JOINTS, N_NEAR, N_PAIRS, NEAR
+from wholebody.planning.trajopt.kernels.configuration_terms import reduce_row
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import place_body
+from wholebody.planning.trajopt.layout import FREE_LOWER, LOWER, N_BODY, N_JOINTS, N_NEAR, N_PAIRS, NEAR
 
 REMEASURE = 0.01
 """Motion of a joint up to which measured distances are changed by their derivatives [rad]."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from wholebody.posture.ahead_core import capture, sweep
-from wholebody.posture.hold_core import hold
-from wholebody.posture.motion_core import (
+from wholebody.planning.trajopt.kernels.capture_point import capture, sweep
+from wholebody.planning.trajopt.kernels.configuration_terms import configuration
+from wholebody.planning.trajopt.kernels.inverse_dynamics import (  # fmt: skip
     balance,
     bound_motion,
     force_rates,
@@ -13,9 +13,9 @@ from wholebody.posture.motion_core import (
     reduce_motion,
     soles,
     torques,
-)  # fmt: skip
-from wholebody.posture.place_core import configuration
-from wholebody.posture.tables import LOAD
+)
+from wholebody.planning.trajopt.kernels.static_torque import hold
+from wholebody.planning.trajopt.layout import LOAD
 
 
 def place(robot, task, m, work, first, last):

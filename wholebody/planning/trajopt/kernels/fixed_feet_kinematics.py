@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.posture.tables import FREE_LOWER, LOWER
+from wholebody.planning.trajopt.layout import FREE_LOWER, LOWER
 
 PLACEMENT_P, AXIS, MASS, LEVER, INERTIA = 9, 12, 15, 16, 19
 """Columns of the body table: joint placement (rotation from 0), joint axis, mass, its centre, inertia about that."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from wholebody.posture.body_core import move
-from wholebody.posture.sided_core import place_changes, place_derivative
-from wholebody.posture.step_core import dot, factor_panel, subtract
-from wholebody.posture.sum_core import add_configuration
-from wholebody.posture.tables import EDGE, FREE_LOWER, LOWER, N_FREE, UPPER
+from wholebody.planning.trajopt.kernels.cost import add_configuration
+from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import move
+from wholebody.planning.trajopt.kernels.inequalities import place_changes, place_derivative
+from wholebody.planning.trajopt.kernels.newton import dot, factor_panel, subtract
+from wholebody.planning.trajopt.layout import EDGE, FREE_LOWER, LOWER, N_FREE, UPPER
 
 INERTIA = 30.0
 """Price of moving from one knot to the next [1/m^2, 1/rad^2]."""

@@ -6,9 +6,9 @@ its knots than it does between them. Within this bound the robot can stop anywhe
 
 from __future__ import annotations
 
-from wholebody.posture.motion_core import add_cross_force, cross_motion, dot6
-from wholebody.posture.place_core import momentum_of, reduce_row
-from wholebody.posture.tables import HOLD, LOWER, N_BODY, WAIST
+from wholebody.planning.trajopt.kernels.configuration_terms import momentum_of, reduce_row
+from wholebody.planning.trajopt.kernels.inverse_dynamics import add_cross_force, cross_motion, dot6
+from wholebody.planning.trajopt.layout import HOLD, LOWER, N_BODY, WAIST
 
 
 def hold(k, robot, m, work):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.config import PosturePlanConfig
-from wholebody.posture.tables import (
+from wholebody.planning.trajopt.layout import (  # fmt: skip
     EDGE,
     HOLD,
     LIMIT,
@@ -18,7 +18,7 @@ from wholebody.posture.tables import (
     ZMP,
     Scales,
     n_sided,
-)  # fmt: skip
+)
 
 TILT_SCALE = 2e-3
 """Excess of a tilt that costs as much as 1 [rad]; likewise below."""

@@ -6,24 +6,25 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 import pytest
-from posture_reference import Reference, bounds, free_directions
 from scipy.optimize import nnls
 
 from models.g1 import g1
 from policy.scripts import lissajous, reach, two_hand_lift, wave
-from wholebody import posture_plan
+from tests.support.trajopt_reference import Reference, bounds, free_directions
 from wholebody.collision.floor_clearance import Underside
 from wholebody.config import ControllerConfig, PosturePlanConfig
 from wholebody.errors import InputError
-from wholebody.posture import optimiser, tables
-from wholebody.posture import program as program_module
-from wholebody.posture.body import FOOT_LOAD_MIN, Body
-from wholebody.posture.compiled import run
-from wholebody.posture.momenta import Momenta
-from wholebody.posture.program import Program
-from wholebody.posture.tables import N_BODY
-from wholebody.posture.weights import DISTANCE_SCALE
-from wholebody.posture_plan import PosturePlanner
+from wholebody.planning.trajopt import gauss_newton as optimiser
+from wholebody.planning.trajopt import layout as tables
+from wholebody.planning.trajopt import optimizer as posture_plan
+from wholebody.planning.trajopt import problem as program_module
+from wholebody.planning.trajopt.centroidal import Momenta
+from wholebody.planning.trajopt.compiled import run
+from wholebody.planning.trajopt.layout import N_BODY
+from wholebody.planning.trajopt.optimizer import PosturePlanner
+from wholebody.planning.trajopt.problem import Program
+from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, Body
+from wholebody.planning.trajopt.weights import DISTANCE_SCALE
 
 SPEC = g1()
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from wholebody.posture.compiled import run
+from wholebody.planning.trajopt.compiled import run
 from wholebody.robot.body_table import body_table
 
 

@@ -6,7 +6,7 @@ from there to the next. It begins at a given place with a given velocity, which 
 
 from __future__ import annotations
 
-from wholebody.posture.tables import FIRST
+from wholebody.planning.trajopt.layout import FIRST
 
 
 def pace(k, K, dt):

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from wholebody.jit.blas import gram
-from wholebody.posture.sided_core import add_active, changes
-from wholebody.posture.tables import EDGE, N_FREE
+from wholebody.planning.trajopt.kernels.inequalities import add_active, changes
+from wholebody.planning.trajopt.layout import EDGE, N_FREE
 
 FULL_STEP = 0.99
 """Share of Newton's step from which on it counts as a whole one."""

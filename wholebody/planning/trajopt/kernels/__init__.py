@@ -1,0 +1,1 @@
+"""Terms and steps of the trajectory optimiser, compiled."""
