@@ -23,7 +23,7 @@ import pinocchio as pin
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig
-from wholebody.controller import WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.reach_script import ReachScript
 from wholebody.types import RobotState

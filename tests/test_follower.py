@@ -9,7 +9,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import scripted
-from wholebody.body_reference import BodyReference, PalmReference
+from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.follower import Follower
 from wholebody.limits.balance import natural_frequency
 from wholebody.planning.trajectory import PostureTrack

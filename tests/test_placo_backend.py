@@ -13,7 +13,7 @@ from models.pinocchio_model import stance_q
 from policy.scripts import reach
 from wholebody.backends import make_controller
 from wholebody.config import BodyConfig, ControllerConfig
-from wholebody.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.errors import InputError
 from wholebody.placo_backend import PlacoController
 from wholebody.placo_program import PlacoProgram

@@ -8,7 +8,7 @@ from models.g1 import g1
 from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from policy.scripts import reach
 from wholebody.config import ControllerConfig
-from wholebody.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant

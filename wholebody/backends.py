@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
-from wholebody.controller import WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.kinematic.controller import KinematicController
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from wholebody import follow_core as core
 from wholebody.backends import Controller
-from wholebody.body_reference import COM, PALM, POSTURE, PackedReference
 from wholebody.config import ControllerConfig
+from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
 from wholebody.jit.entry import digest, native, register
 from wholebody.planning.chunk_planner import ChunkPlan
 from wholebody.planning.trajectory import GRID, PostureState, PostureTrack

@@ -9,7 +9,7 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
-from wholebody.controller import TickReport, WholeBodyController
+from wholebody.control.controller import TickReport, WholeBodyController
 from wholebody.placo_program import PlacoLimits, PlacoProgram
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, Residuals

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.spec import RobotSpec
-from wholebody.body_reference import BodyReference, PackedReference, PalmReference
+from wholebody.control.reference_packet import BodyReference, PackedReference, PalmReference
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
 

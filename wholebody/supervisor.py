@@ -13,7 +13,7 @@ from policy.errors import ChunkError
 from policy.rotations import matrix_to_quaternion
 from wholebody.backends import make_controller
 from wholebody.config import ControllerConfig
-from wholebody.controller import TickReport
+from wholebody.control.controller import TickReport
 from wholebody.errors import InputError
 from wholebody.follower import Follower
 from wholebody.planning.chunk_planner import ChunkPlan, ChunkPlanner, PlanReport

@@ -142,7 +142,10 @@ def knows_everything(root):
         if module == "wholebody" or module.split(".")[1] in composition:
             continue
         targets = [f"{target}." for target in imports_of(path, root)]
-        if all(any(t.startswith(p) for t in targets) for p in ("policy.", "wholebody.controller.", "wholebody.sim.")):
+        if all(
+            any(t.startswith(p) for t in targets)
+            for p in ("policy.", "wholebody.control.controller.", "wholebody.sim.")
+        ):
             found.append(module)
     return found
 
@@ -182,7 +185,7 @@ def test_importing_a_package_loads_nothing_heavy(package):
         ("wholebody/sim/plant.py", "if TYPE_CHECKING:\n    from wholebody.qp.problem import QP", "later layer"),
         ("wholebody/errors.py", "from wholebody.types import RobotState", "later layer"),
         ("wholebody/robot/state.py", "from wholebody import Controller", "later layer"),
-        ("wholebody/controller.py", "from wholebody.supervisor import Supervisor", "later layer"),
+        ("wholebody/control/controller.py", "from wholebody.supervisor import Supervisor", "later layer"),
     ],
 )
 def test_the_checker_finds(tmp_path, file, source, complaint):
@@ -208,7 +211,7 @@ def test_the_checker_finds(tmp_path, file, source, complaint):
             "from wholebody.robot.state import Robot\nfrom wholebody.tasks.base import Objective",
         ),
         ("wholebody/types.py", "from wholebody.errors import InputError"),
-        ("wholebody/supervisor.py", "from wholebody.controller import Controller"),
+        ("wholebody/supervisor.py", "from wholebody.control.controller import Controller"),
         ("wholebody/cli.py", "from wholebody import report, runtime\nfrom policy.scripted import lissajous"),
         ("wholebody/__init__.py", "from wholebody.runtime import run"),
     ],
@@ -224,7 +227,7 @@ def test_the_checker_lets_pass(tmp_path, file, source):
 
 
 def test_the_checker_finds_a_controller_that_knows_everything(tmp_path):
-    source = "import policy.base\nimport wholebody.controller\nfrom wholebody.sim.plant import Plant"
+    source = "import policy.base\nimport wholebody.control.controller\nfrom wholebody.sim.plant import Plant"
     (tmp_path / "wholebody").mkdir()
     (tmp_path / "wholebody" / "supervisor.py").write_text(source)
     (tmp_path / "wholebody" / "runtime.py").write_text(source)

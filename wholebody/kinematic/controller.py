@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 
 from models.spec import RobotSpec
-from wholebody.body_reference import BodyReference, PackedReference, ReferenceMemory
-from wholebody.body_tasks import BodyTasks, make_feet, make_tasks
 from wholebody.config import ControllerConfig
-from wholebody.controller import TickReport
+from wholebody.control.controller import TickReport
+from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory
+from wholebody.control.task_set import BodyTasks, make_feet, make_tasks
 from wholebody.kinematic.formulation import build, gravity_torques
 from wholebody.kinematic.memory import KinematicParts
 from wholebody.kinematic.program import KinematicProgram

@@ -26,7 +26,7 @@ class KinematicProgram:
         v: Velocity of the last answer, shape (nv,).
         tau: Joint torques that hold the measured configuration, shape (n_joints,), [N m].
         dual: Multiplier of each row, positive at the upper side: speeds of the joints, edges of the support.
-        reference: Where the references of the tasks are read, laid out as in `wholebody.body_reference`.
+        reference: Where the references of the tasks are read, laid out as in `wholebody.control.reference_packet`.
         share: Trust in the hands, shape (2,).
         palms: Palm points from the origin of the base, shape (2, 3), [m].
         com: Centre of mass, shape (3,). J_com: Its Jacobian, shape (3, nv).

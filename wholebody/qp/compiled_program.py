@@ -72,7 +72,7 @@ class CompiledProgram:
         slack: Of the balance and of the collision rows, shape (2,).
         dual: Multiplier of each row in the order of `rows_core`, positive at the upper side.
         desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
-        reference: Where the references of the tasks are read, laid out as in `wholebody.body_reference`.
+        reference: Where the references of the tasks are read, laid out as in `wholebody.control.reference_packet`.
         share: Trust in the hands, shape (2,).
         palms: Where the palms are, from the origin of the base in world axes, shape (2, 3), [m].
         code: What the last call came to, one of `blocks_core`.

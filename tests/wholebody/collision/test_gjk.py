@@ -13,7 +13,7 @@ from wholebody.collision import gjk as core
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import shape_table
 from wholebody.config import ControllerConfig
-from wholebody.controller import WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.qp.kernels import blocks as b
 from wholebody.reference.compiled import compiled

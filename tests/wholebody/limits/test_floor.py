@@ -12,7 +12,7 @@ from models.pinocchio_model import load_collision, stance_q
 from tests.wholebody.limits.test_self_collision import acceleration, postures, standing
 from wholebody.collision.floor_clearance import Underside
 from wholebody.config import ControllerConfig, SafetyConfig
-from wholebody.controller import WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.limits.floor import FloorLimit
 from wholebody.robot.state import Robot

@@ -10,7 +10,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.collision.proximity import Proximity
-from wholebody.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant

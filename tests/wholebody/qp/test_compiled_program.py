@@ -16,7 +16,7 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from tests.wholebody.qp.test_formulation import standing
 from wholebody.config import ControllerConfig, SafetyConfig
-from wholebody.controller import PalmReference, WholeBodyController
+from wholebody.control.controller import PalmReference, WholeBodyController
 from wholebody.qp.kernels import blocks as mem
 from wholebody.qp.presolve import prepare
 from wholebody.qp.residuals import kkt_residuals

@@ -9,7 +9,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig
-from wholebody.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.errors import InputError
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import solve

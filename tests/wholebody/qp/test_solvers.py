@@ -12,7 +12,7 @@ from models.pinocchio_model import stance_q
 from policy.scripts import reach
 from tests.wholebody.qp.test_formulation import standing
 from wholebody.bench import bench
-from wholebody.controller import WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.qp.presolve import polish, prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import PRIMAL_TOLERANCE, available, solve

@@ -9,11 +9,11 @@ import numpy as np
 
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
-from wholebody.body_reference import BodyReference, PackedReference, PalmReference, ReferenceMemory
-from wholebody.body_tasks import make_feet, make_tasks
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
+from wholebody.control.reference_packet import BodyReference, PackedReference, PalmReference, ReferenceMemory
+from wholebody.control.task_set import make_feet, make_tasks
 from wholebody.errors import InputError
 from wholebody.limits.balance import BalanceLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit

@@ -1,0 +1,1 @@
+"""One tick: state and reference in, joint command out."""
