@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from wholebody import follow_core as core
-from wholebody.backends import Controller
+from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
 from wholebody.jit.entry import digest, native, register

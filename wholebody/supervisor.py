@@ -11,7 +11,7 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.rotations import matrix_to_quaternion
-from wholebody.backends import make_controller
+from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
 from wholebody.errors import InputError

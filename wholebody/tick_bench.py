@@ -12,10 +12,10 @@ import pinocchio as pin
 
 from models.g1 import g1
 from models.spec import RobotSpec
-from wholebody.backends import Controller, make_controller
+from wholebody.backends.kinematic.controller import KinematicController
+from wholebody.backends.registry import Controller, make_controller
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
 from wholebody.errors import InputError
-from wholebody.kinematic.controller import KinematicController
 from wholebody.reach_script import ReachScript
 from wholebody.slow_ticks import SLOW, SlowTicks
 from wholebody.types import RobotState

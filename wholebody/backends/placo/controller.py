@@ -8,9 +8,9 @@ from time import thread_time
 import numpy as np
 
 from models.spec import RobotSpec
+from wholebody.backends.placo.program import PlacoLimits, PlacoProgram
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport, WholeBodyController
-from wholebody.placo_program import PlacoLimits, PlacoProgram
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, Residuals
 from wholebody.tasks.momentum import AngularMomentumTask

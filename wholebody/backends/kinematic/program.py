@@ -9,9 +9,10 @@ from importlib import import_module
 
 import numpy as np
 
+from wholebody.backends.kinematic.kernels import placement as place_core
+from wholebody.backends.kinematic.kernels import program as core
+from wholebody.backends.kinematic.workspace import KinematicParts, make_memory
 from wholebody.jit.entry import digest, native
-from wholebody.kinematic import core, place_core
-from wholebody.kinematic.memory import KinematicParts, make_memory
 from wholebody.qp.compiled import CORES, OPTIONS, memories, register_cores
 from wholebody.qp.kernels import blocks as b
 from wholebody.qp.problem import QPSolution, Residuals

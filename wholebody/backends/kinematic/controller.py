@@ -6,13 +6,13 @@ import numpy as np
 import pinocchio as pin
 
 from models.spec import RobotSpec
+from wholebody.backends.kinematic.formulation import build, gravity_torques
+from wholebody.backends.kinematic.program import KinematicProgram
+from wholebody.backends.kinematic.workspace import KinematicParts
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
 from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory
 from wholebody.control.task_set import BodyTasks, make_feet, make_tasks
-from wholebody.kinematic.formulation import build, gravity_torques
-from wholebody.kinematic.memory import KinematicParts
-from wholebody.kinematic.program import KinematicProgram
 from wholebody.limits.balance import BalanceLimit
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve

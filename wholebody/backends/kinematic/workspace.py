@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wholebody.backends.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PRICE
+from wholebody.backends.kinematic.kernels.placement import STEP
 from wholebody.contacts.foot import FootContact
 from wholebody.jit.packed import Arena
-from wholebody.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PRICE
-from wholebody.kinematic.place_core import STEP
 from wholebody.limits.balance import GRAVITY, BalanceLimit
 from wholebody.qp.kernels import blocks as b
 from wholebody.qp.workspace import (

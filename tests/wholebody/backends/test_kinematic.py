@@ -12,9 +12,9 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import scripted
+from wholebody.backends.kinematic.controller import KinematicController
+from wholebody.backends.kinematic.formulation import gravity_torques, speed_bounds
 from wholebody.config import ControllerConfig
-from wholebody.kinematic.controller import KinematicController
-from wholebody.kinematic.formulation import gravity_torques, speed_bounds
 from wholebody.qp.solvers import solve
 from wholebody.reach_script import ReachScript
 from wholebody.runtime import EpisodeConfig, run_episode

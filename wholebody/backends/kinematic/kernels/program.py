@@ -4,7 +4,7 @@ Memory and methods are those of `wholebody.qp`: blocks of `blocks_core`, contact
 active-set method of `active_core`. Rows: speeds of the n joints, then the edges of the support.
 """
 
-from wholebody.kinematic.place_core import (
+from wholebody.backends.kinematic.kernels.placement import (
     COM_KD,
     DT,
     FOOT_GAIN,

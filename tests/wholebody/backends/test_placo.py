@@ -11,13 +11,13 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import reach
-from wholebody.backends import make_controller
+from wholebody.backends.placo.controller import PlacoController
+from wholebody.backends.placo.program import PlacoProgram
+from wholebody.backends.placo.tasks import mirror
+from wholebody.backends.registry import make_controller
 from wholebody.config import BodyConfig, ControllerConfig
 from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.errors import InputError
-from wholebody.placo_backend import PlacoController
-from wholebody.placo_program import PlacoProgram
-from wholebody.placo_tasks import mirror
 from wholebody.qp.formulation import Regularisation
 from wholebody.qp.solvers import solve
 from wholebody.runtime import EpisodeConfig

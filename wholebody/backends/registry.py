@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from models.spec import RobotSpec
+from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
-from wholebody.kinematic.controller import KinematicController
 
 BACKENDS = ("native", "placo", "kinematic")
 """Ours, placo's `DynamicsSolver`, and inverse kinematics without dynamics."""
@@ -26,7 +26,7 @@ def make_controller(spec: RobotSpec, config: ControllerConfig) -> Controller:
         return WholeBodyController(spec, config)
     if config.backend == "placo":
         # placo takes seconds to load.
-        from wholebody.placo_backend import PlacoController
+        from wholebody.backends.placo.controller import PlacoController
 
         return PlacoController(spec, config)
     if config.backend == "kinematic":

@@ -20,9 +20,9 @@ import placo
 
 from models.placo_model import contact_frame, load_placo
 from models.spec import RobotSpec
+from wholebody.backends.placo.tasks import mirror
 from wholebody.collision.proximity import watched_pairs
 from wholebody.contacts.foot import FootContact
-from wholebody.placo_tasks import mirror
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.robot.state import Robot
 from wholebody.tasks.base import Task
@@ -59,7 +59,7 @@ class PlacoProgram:
         spec: The robot.
         robot: Ours, updated by the caller.
         feet: Rigid contacts.
-        tasks: Ours; each has a counterpart in placo, see `wholebody.placo_tasks`.
+        tasks: Ours; each has a counterpart in placo, see `wholebody.backends.placo.tasks`.
         limits: None leaves all inequalities out but those of the contacts.
         regularisation: The small costs.
     """

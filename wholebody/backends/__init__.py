@@ -1,0 +1,1 @@
+"""Controllers by name: ours, placo's dynamics, inverse kinematics alone."""

@@ -1,0 +1,1 @@
+"""The program of a tick in placo's `DynamicsSolver`."""
