@@ -24,7 +24,7 @@ times.append(perf_counter())
 import numpy as np
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from wholebody.supervisor import Supervisor
+from wholebody.execution.supervisor import Supervisor
 from wholebody.types import RobotState
 times.append(perf_counter())
 spec = g1()

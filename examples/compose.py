@@ -2,9 +2,9 @@
 
 from models.g1 import g1
 from policy.scripts import reach
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import run_episode
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 
 spec = g1()
 policy, supervisor, plant = reach(0.45, 0.60), Supervisor(spec), MujocoPlant(spec)

@@ -24,9 +24,9 @@ from policy.lerobot import LeRobotPolicy
 from policy.lerobot_features import camera_keys
 from policy.lerobot_spec import state_numbers
 from policy.observation import Observation
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 
 TASK = "pick up the can"
 NUM_STEPS = 10

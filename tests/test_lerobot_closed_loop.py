@@ -13,9 +13,9 @@ from policy.executor import ExecutorConfig
 from policy.executor_simulated import simulated_executor, uniform_latency
 from policy.lerobot import LeRobotPolicy
 from tests.support.tiny_policies import SPEC, observation, tiny_backbones, write_checkpoint
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 
 FAST = dataclasses.replace(SPEC, fps=50.0)
 """50 steps at 50 Hz."""

@@ -17,9 +17,9 @@ from policy.executor_simulated import simulated_executor, uniform_latency
 from policy.remote import RemotePolicy
 from policy.scripts import scripted, wave
 from tests.support.faulty_policies import FaultyPolicy, executor
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 
 SPEC = g1()
 SEAM, SEAM_VELOCITY = 1e-3, 0.05

@@ -13,9 +13,9 @@ import numpy as np
 from models.g1 import g1
 from policy.base import Policy
 from policy.scripts import scripted
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState
 
 SETTLE = 1.0

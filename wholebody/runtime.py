@@ -17,6 +17,7 @@ from policy.executor import Executor, ExecutorConfig
 from policy.executor_report import ExecutionReport
 from policy.executor_simulated import simulated_executor
 from policy.observation import Observation
+from wholebody.execution.supervisor import Supervisor
 from wholebody.score import Score, start_jump
 from wholebody.sim.fall import Fall, detect_fall, pelvis_tilt
 from wholebody.sim.limit_monitor import Excess, Watch
@@ -24,7 +25,6 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
 from wholebody.stitching import SeamMeter, Stitch, commanded_chunk
-from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState, Status
 
 Cameras = Callable[[], Mapping[str, np.ndarray]]

@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
+from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import PlanReport
-from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState
 
 DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005

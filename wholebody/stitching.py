@@ -9,7 +9,7 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.rotations import matrix_to_rotvec
-from wholebody.supervisor import Supervisor
+from wholebody.execution.supervisor import Supervisor
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from models.pinocchio_model import stance_q
 from policy.observation import Observation
 from policy.scripts import scripted
 from wholebody.config import ControllerConfig, PlannerConfig
-from wholebody.follower import compiled_follow
+from wholebody.execution.plan_follower import compiled_follow
+from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import PostureState
 from wholebody.planning.trajopt.problem import Program
@@ -23,7 +24,6 @@ from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
 from wholebody.runtime import observe
 from wholebody.sim.compiled import compiled_plant
-from wholebody.supervisor import Supervisor
 from wholebody.types import RobotState
 
 

@@ -185,7 +185,7 @@ def test_importing_a_package_loads_nothing_heavy(package):
         ("wholebody/sim/plant.py", "if TYPE_CHECKING:\n    from wholebody.qp.problem import QP", "later layer"),
         ("wholebody/errors.py", "from wholebody.types import RobotState", "later layer"),
         ("wholebody/robot/state.py", "from wholebody import Controller", "later layer"),
-        ("wholebody/control/controller.py", "from wholebody.supervisor import Supervisor", "later layer"),
+        ("wholebody/control/controller.py", "from wholebody.execution.supervisor import Supervisor", "later layer"),
     ],
 )
 def test_the_checker_finds(tmp_path, file, source, complaint):
@@ -211,7 +211,7 @@ def test_the_checker_finds(tmp_path, file, source, complaint):
             "from wholebody.robot.state import Robot\nfrom wholebody.tasks.base import Objective",
         ),
         ("wholebody/types.py", "from wholebody.errors import InputError"),
-        ("wholebody/supervisor.py", "from wholebody.control.controller import Controller"),
+        ("wholebody/execution/supervisor.py", "from wholebody.control.controller import Controller"),
         ("wholebody/cli.py", "from wholebody import report, runtime\nfrom policy.scripted import lissajous"),
         ("wholebody/__init__.py", "from wholebody.runtime import run"),
     ],
@@ -231,7 +231,7 @@ def test_the_checker_finds_a_controller_that_knows_everything(tmp_path):
     (tmp_path / "wholebody").mkdir()
     (tmp_path / "wholebody" / "supervisor.py").write_text(source)
     (tmp_path / "wholebody" / "runtime.py").write_text(source)
-    assert knows_everything(tmp_path) == ["wholebody.supervisor"]
+    assert knows_everything(tmp_path) == ["wholebody.execution.supervisor"]
 
 
 def test_a_module_that_nobody_placed_is_named(tmp_path):

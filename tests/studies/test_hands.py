@@ -12,10 +12,10 @@ from policy.hands import grasp_posture
 from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from policy.scripts import scripted
 from wholebody.config import ControllerConfig
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
-from wholebody.supervisor import Supervisor
 
 SPEC = g1()
 SETTLE = 0.2

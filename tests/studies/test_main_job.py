@@ -13,11 +13,11 @@ from models.pinocchio_model import load_collision
 from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from policy.scripts import reach, scripted
 from wholebody.config import ControllerConfig
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import REALISTIC, Sensors
-from wholebody.supervisor import Supervisor
 
 pytestmark = [pytest.mark.regression, pytest.mark.timeout(0)]
 

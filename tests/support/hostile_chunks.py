@@ -16,10 +16,10 @@ from policy.chunk import ActionChunk
 from policy.rotations import rotvec_to_matrix
 from policy.scripted import stance_pose, to_chunk
 from policy.scripts import reach
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import observe
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 from wholebody.types import Status
 
 STEPS, FPS = 50, 30.0

@@ -12,10 +12,10 @@ import pytest
 from models.g1 import g1
 from policy.rotations import rotvec_to_matrix
 from policy.scripts import reach
+from wholebody.execution.supervisor import Supervisor
 from wholebody.runtime import observe
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def sent_down(chunk, height, pitch, seconds):
 @pytest.mark.parametrize(("height", "pitch", "seconds"), [(0.12, 1.5, 0.4), (0.1, 1.2, 0.25)])
 def test_hands_sent_into_the_floor_never_touch_it(robot, monkeypatch, height, pitch, seconds):
     supervisor, plant = robot
-    monkeypatch.setattr("wholebody.supervisor.above_floor", lambda chunk: (chunk, 0.0))
+    monkeypatch.setattr("wholebody.execution.supervisor.above_floor", lambda chunk: (chunk, 0.0))
     state, policy, least = plant.reset(), reach(0.40, 0.30), np.inf
     supervisor.reset(state)
     policy.reset()

@@ -40,6 +40,6 @@ def test_a_short_tridiagonal_system_has_the_solution_of_a_long_one():
 
 
 def test_loading_the_supervisor_does_without_scipy():
-    code = "import sys, wholebody.supervisor; print('scipy' in sys.modules)"
+    code = "import sys, wholebody.execution.supervisor; print('scipy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -15,7 +15,7 @@ from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
 from wholebody.errors import InputError
-from wholebody.follower import Follower
+from wholebody.execution.plan_follower import Follower
 from wholebody.planning.chunk_planner import ChunkPlan, ChunkPlanner, PlanReport
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP

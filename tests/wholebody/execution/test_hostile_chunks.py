@@ -7,8 +7,8 @@ import pytest
 
 from models.g1 import g1
 from tests.support.hostile_chunks import FAMILIES, Episode
+from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
-from wholebody.supervisor import Supervisor
 
 CASES = 330
 """Thirty of each family."""

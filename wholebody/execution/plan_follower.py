@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
-from wholebody import follow_core as core
 from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
+from wholebody.execution.kernels import plan_follower as core
 from wholebody.jit.entry import digest, native, register
 from wholebody.planning.chunk_planner import ChunkPlan
 from wholebody.planning.trajectory import GRID, PostureState, PostureTrack

@@ -1,0 +1,1 @@
+"""Between chunk and joint command: the supervisor and the plan follower."""

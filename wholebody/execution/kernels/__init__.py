@@ -1,0 +1,1 @@
+"""What to follow at a tick, compiled."""
