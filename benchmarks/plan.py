@@ -23,12 +23,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from models.g1 import g1
 from policy.scripts import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
+from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajopt import problem as program
 from wholebody.planning.trajopt.optimizer import PosturePlanner
 from wholebody.planning.trajopt.problem import Program
-from wholebody.runtime import run_episode
 from wholebody.sim.plant import MujocoPlant
 
 HEADINGS = (

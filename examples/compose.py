@@ -2,8 +2,8 @@
 
 from models.g1 import g1
 from policy.scripts import reach
+from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import run_episode
 from wholebody.sim.plant import MujocoPlant
 
 spec = g1()

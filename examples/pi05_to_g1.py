@@ -24,8 +24,8 @@ from policy.lerobot import LeRobotPolicy
 from policy.lerobot_features import camera_keys
 from policy.lerobot_spec import state_numbers
 from policy.observation import Observation
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
 
 TASK = "pick up the can"

@@ -12,8 +12,8 @@ import pytest
 from models.scenes import SCENES
 from policy.scripts import SCRIPTS
 from wholebody import cli
+from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema
-from wholebody.timing import Timing
 from wholebody.verdict import Verdict
 
 SHORT = ("--duration", "0.2", "--hold", "0.2")

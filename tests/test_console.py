@@ -11,7 +11,7 @@ from wholebody.console import log_to_terminal
     ("logger", "line"),
     [
         ("policy.executor", "wholebody: starved"),
-        ("wholebody.runtime", "wholebody: starved"),
+        ("wholebody.episode.run", "wholebody: starved"),
         ("another.library", "another.library: starved"),
     ],
 )

@@ -13,8 +13,8 @@ from policy.executor import ExecutorConfig
 from policy.executor_simulated import simulated_executor, uniform_latency
 from policy.lerobot import LeRobotPolicy
 from tests.support.tiny_policies import SPEC, observation, tiny_backbones, write_checkpoint
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 
 FAST = dataclasses.replace(SPEC, fps=50.0)

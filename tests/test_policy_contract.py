@@ -20,8 +20,8 @@ from policy.layouts import builtin
 from policy.lerobot import LeRobotPolicy
 from policy.lerobot_spec import state_layout, state_numbers
 from tests.support.tiny_policies import CAMERAS, WIDTH, config, observation, shorter, tiny_backbones, write_checkpoint
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
 
 PAGE = (Path(__file__).parent.parent / "docs" / "policy_contract.md").read_text()

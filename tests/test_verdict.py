@@ -7,9 +7,9 @@ import jsonschema
 import numpy as np
 import pytest
 
+from wholebody.episode.run import EpisodeResult, Refusal
 from wholebody.report import HEADINGS, lines, row, table_line, table_summary, to_json
 from wholebody.resources import verdict_schema
-from wholebody.runtime import EpisodeResult, Refusal
 from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import Excess
 from wholebody.verdict import judge

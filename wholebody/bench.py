@@ -23,8 +23,8 @@ def solvers(
     """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
     from models.g1 import g1
     from policy.scripts import lissajous, reach
+    from wholebody.episode.run import EpisodeConfig
     from wholebody.qp.solvers import available
-    from wholebody.runtime import EpisodeConfig
     from wholebody.solver_study import HEADINGS, cells, standing, study
 
     wanted = [name.strip() for name in names.split(",")]

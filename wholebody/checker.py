@@ -10,8 +10,8 @@ from models.g1 import g1
 from policy.base import Policy
 from policy.executor import Executor
 from wholebody.config import ControllerConfig
+from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import SensorConfig, Sensors

@@ -422,7 +422,7 @@ def _checker(
 ) -> Checker:
     from wholebody.checker import Checker
     from wholebody.config_file import load_config
-    from wholebody.runtime import EpisodeConfig
+    from wholebody.episode.run import EpisodeConfig
     from wholebody.sim.sensors import REALISTIC, SensorConfig
 
     settings = load_config(config) if config else None

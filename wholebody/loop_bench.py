@@ -13,8 +13,8 @@ import numpy as np
 from models.g1 import g1
 from policy.base import Policy
 from policy.scripts import scripted
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState
 

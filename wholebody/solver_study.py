@@ -10,8 +10,8 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
+from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import JointCommand, RobotState
 

@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
+from wholebody.episode.run import EpisodeResult
+from wholebody.episode.timing import Timing, timing
 from wholebody.planning.chunk_planner import START_MAX
-from wholebody.runtime import EpisodeResult
 from wholebody.sim.limit_monitor import Excess
-from wholebody.timing import Timing, timing
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 
@@ -77,7 +77,7 @@ class Verdict:
         time_factor: Time taken over time asked for.
         seconds: Time per status [s].
         reasons: Time per reason code [s].
-        demandable_share: Share of the steps that could be asked for (`wholebody.score.demandable`).
+        demandable_share: Share of the steps that could be asked for (`wholebody.episode.tracking_error.demandable`).
         demandable_rms_m, demandable_max_m: Palm errors over those [m].
         within_20mm: Share of those within 20 mm.
         pressure_margin_m: Least distance of the centre of pressure from the edge of the soles [m].

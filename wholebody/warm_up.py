@@ -13,6 +13,7 @@ from models.pinocchio_model import stance_q
 from policy.observation import Observation
 from policy.scripts import scripted
 from wholebody.config import ControllerConfig, PlannerConfig
+from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import compiled_follow
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
@@ -22,7 +23,6 @@ from wholebody.planning.trajopt.robot_tables import Body
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
-from wholebody.runtime import observe
 from wholebody.sim.compiled import compiled_plant
 from wholebody.types import RobotState
 

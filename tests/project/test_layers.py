@@ -179,7 +179,7 @@ def test_importing_a_package_loads_nothing_heavy(package):
         ("policy/base.py", "from wholebody import errors", "policy may not"),
         ("policy/base.py", "import torch.nn as nn", "only policy/lerobot"),
         ("wholebody/cli.py", "def f():\n    import lerobot", "only policy/lerobot"),
-        ("wholebody/runtime.py", "from tests.support.stored import StoredValues", "does not know its users"),
+        ("wholebody/episode/run.py", "from tests.support.stored import StoredValues", "does not know its users"),
         ("wholebody/tasks/com.py", "from wholebody.limits import base", "sibling"),
         ("wholebody/tasks/com.py", "from ..limits.base import Rows", "sibling"),
         ("wholebody/sim/plant.py", "if TYPE_CHECKING:\n    from wholebody.qp.problem import QP", "later layer"),
@@ -213,7 +213,7 @@ def test_the_checker_finds(tmp_path, file, source, complaint):
         ("wholebody/types.py", "from wholebody.errors import InputError"),
         ("wholebody/execution/supervisor.py", "from wholebody.control.controller import Controller"),
         ("wholebody/cli.py", "from wholebody import report, runtime\nfrom policy.scripted import lissajous"),
-        ("wholebody/__init__.py", "from wholebody.runtime import run"),
+        ("wholebody/__init__.py", "from wholebody.episode.run import run"),
     ],
 )
 def test_the_checker_lets_pass(tmp_path, file, source):

@@ -12,8 +12,8 @@ from policy.hands import grasp_posture
 from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from policy.scripts import scripted
 from wholebody.config import ControllerConfig
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 

@@ -13,8 +13,8 @@ from models.pinocchio_model import load_collision
 from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from policy.scripts import reach, scripted
 from wholebody.config import ControllerConfig
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import REALISTIC, Sensors

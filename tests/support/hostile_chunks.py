@@ -16,8 +16,8 @@ from policy.chunk import ActionChunk
 from policy.rotations import rotvec_to_matrix
 from policy.scripted import stance_pose, to_chunk
 from policy.scripts import reach
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import observe
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status

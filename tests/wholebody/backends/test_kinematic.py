@@ -15,10 +15,10 @@ from policy.scripts import scripted
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.kinematic.formulation import gravity_torques, speed_bounds
 from wholebody.config import ControllerConfig
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.qp.solvers import solve
 from wholebody.reach_script import ReachScript
-from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.tick_bench import KINEMATIC, Variant, _tightened
 from wholebody.types import RobotState

@@ -10,12 +10,12 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import scripted
 from wholebody.control.reference_packet import BodyReference, PalmReference
+from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import Follower
 from wholebody.execution.supervisor import Supervisor
 from wholebody.limits.balance import natural_frequency
 from wholebody.planning.trajectory import PostureTrack
 from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
-from wholebody.runtime import observe
 from wholebody.types import RobotState
 
 SPEC = g1()

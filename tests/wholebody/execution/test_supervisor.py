@@ -7,8 +7,8 @@ import pytest
 
 from models.g1 import g1
 from policy.scripts import reach, scripted
+from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import RETRY, Supervisor
-from wholebody.runtime import EpisodeConfig, observe, run_episode
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState, Status
 

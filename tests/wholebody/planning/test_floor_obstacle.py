@@ -12,8 +12,8 @@ import pytest
 from models.g1 import g1
 from policy.rotations import rotvec_to_matrix
 from policy.scripts import reach
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import observe
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
 

@@ -9,10 +9,10 @@ from models.g1 import g1
 from policy.rotations import angle_between, rotvec_to_matrix
 from policy.scripts import scripted
 from tests.support.policy_cases import observation
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.smoothing import denoised, smooth
 from wholebody.reference import HandCaps
-from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status
 

@@ -13,10 +13,10 @@ from policy.scripts import reach
 from tests.wholebody.qp.test_formulation import standing
 from wholebody.bench import bench
 from wholebody.control.controller import WholeBodyController
+from wholebody.episode.run import EpisodeConfig
 from wholebody.qp.presolve import polish, prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import PRIMAL_TOLERANCE, available, solve
-from wholebody.runtime import EpisodeConfig
 from wholebody.solver_study import HEADINGS, SolverRow, cells, study
 from wholebody.types import RobotState
 

@@ -17,8 +17,8 @@ from policy.executor_simulated import simulated_executor, uniform_latency
 from policy.remote import RemotePolicy
 from policy.scripts import scripted, wave
 from tests.support.faulty_policies import FaultyPolicy, executor
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.plant import MujocoPlant
 
 SPEC = g1()

@@ -12,7 +12,7 @@ from policy.chunk import ActionChunk
 from policy.rotations import rotvec_to_matrix
 from policy.scripted import stance_pose
 from policy.se3 import make_transform
-from wholebody.score import DEMANDABLE_DISTANCE, Score, demandable, start_jump
+from wholebody.episode.tracking_error import DEMANDABLE_DISTANCE, Score, demandable, start_jump
 from wholebody.types import RobotState
 
 SPEC = g1()

@@ -9,8 +9,8 @@ from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
 from policy.scripts import reach
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import EpisodeConfig, run_episode
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.sensors import REALISTIC, SensorConfig, Sensors

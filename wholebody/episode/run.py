@@ -17,14 +17,14 @@ from policy.executor import Executor, ExecutorConfig
 from policy.executor_report import ExecutionReport
 from policy.executor_simulated import simulated_executor
 from policy.observation import Observation
+from wholebody.episode.chunk_seams import SeamMeter, Stitch, commanded_chunk
+from wholebody.episode.tracking_error import Score, start_jump
 from wholebody.execution.supervisor import Supervisor
-from wholebody.score import Score, start_jump
 from wholebody.sim.fall import Fall, detect_fall, pelvis_tilt
 from wholebody.sim.limit_monitor import Excess, Watch
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
-from wholebody.stitching import SeamMeter, Stitch, commanded_chunk
 from wholebody.types import RobotState, Status
 
 Cameras = Callable[[], Mapping[str, np.ndarray]]
@@ -68,7 +68,7 @@ class EpisodeResult:
         errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
         turns: Angles of the palms' orientations to those asked for, shape (n, 2), [rad].
         lags: Distances of the palms from where they were commanded to be, shape (n, 2), [m].
-        demandable: Whether the step could be asked for, shape (n, 2): see `wholebody.score.demandable`.
+        demandable: Whether the step could be asked for, shape (n, 2): see `wholebody.episode.tracking_error.demandable`.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time at which two bodies of the robot touched, by pair [s].
         scene_contacts: First time at which the robot touched something else, feet on the floor left out [s].

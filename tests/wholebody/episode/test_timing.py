@@ -8,10 +8,10 @@ import pytest
 from test_cli import wholebody
 
 from policy.executor_report import Delivery, ExecutionReport
+from wholebody.episode.chunk_seams import Stitch
+from wholebody.episode.run import EpisodeResult
+from wholebody.episode.timing import Timing, timing
 from wholebody.resources import verdict_schema
-from wholebody.runtime import EpisodeResult
-from wholebody.stitching import Stitch
-from wholebody.timing import Timing, timing
 
 
 def result():

@@ -7,10 +7,10 @@ from models.g1 import g1
 from policy.rotations import rotvec_to_matrix
 from policy.scripts import scripted
 from policy.se3 import make_transform
+from wholebody.episode.chunk_seams import SeamMeter, commanded_chunk
+from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.runtime import observe
 from wholebody.sim.plant import MujocoPlant
-from wholebody.stitching import SeamMeter, commanded_chunk
 
 DT = 0.002
 

@@ -1,0 +1,1 @@
+"""The closed loop in stepped simulation, and what is measured in it."""
