@@ -14,7 +14,7 @@ from policy.scripts import SCRIPTS
 from wholebody import cli
 from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema
-from wholebody.verdict import Verdict
+from wholebody.verdict.verdict import Verdict
 
 SHORT = ("--duration", "0.2", "--hold", "0.2")
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from policy.base import Policy
     from policy.convert import DatasetSettings
     from policy.executor import Executor
-    from wholebody.checker import Checker
+    from wholebody.verdict.check import Checker
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
@@ -204,7 +204,7 @@ def run(
         verdicts.append(verdict)
         show(verdict)
     if motions and not quiet:
-        from wholebody.report import table_summary
+        from wholebody.verdict.report import table_summary
 
         print(table_summary(verdicts))
     write_json(json_to, verdicts)
@@ -420,10 +420,10 @@ def _executor(
 def _checker(
     scene: str, config: Path | None, hold: float, realistic: bool, delay_ms: float, payload_kg: tuple[float, float]
 ) -> Checker:
-    from wholebody.checker import Checker
     from wholebody.config_file import load_config
     from wholebody.episode.run import EpisodeConfig
     from wholebody.sim.sensors import REALISTIC, SensorConfig
+    from wholebody.verdict.check import Checker
 
     settings = load_config(config) if config else None
     sensors = replace(REALISTIC if realistic else SensorConfig(), delay=1e-3 * delay_ms)

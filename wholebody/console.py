@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from wholebody.sim.recorder import Recorder
-    from wholebody.verdict import Verdict
+    from wholebody.verdict.verdict import Verdict
 
 
 class _Sentences(logging.Formatter):
@@ -45,7 +45,7 @@ def check_places(
 
 def print_verdict(verdict: Verdict) -> None:
     """The answer in words, its first line the verdict."""
-    from wholebody.report import lines
+    from wholebody.verdict.report import lines
 
     print("\n".join(lines(verdict)), flush=True)
 
@@ -56,7 +56,7 @@ def print_nothing(verdict: Verdict) -> None:
 
 def table_printer(names: list[str]) -> Callable[[Verdict], None]:
     """Print the heading; what it returns prints a motion's row as soon as that motion is over."""
-    from wholebody.report import HEADINGS, row, table_line
+    from wholebody.verdict.report import HEADINGS, row, table_line
 
     width = max(len(Path(name).stem) for name in names)
     print(table_line(HEADINGS, width), flush=True)
@@ -107,7 +107,7 @@ def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, r
 
 def write_json(target: str, verdicts: list[Verdict]) -> None:
     """All verdicts as JSON, to a file or with '-' to standard output; nothing for no target."""
-    from wholebody.report import to_json
+    from wholebody.verdict.report import to_json
 
     if target:
         write_text(target, to_json(verdicts))

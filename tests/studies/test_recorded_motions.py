@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from policy.replay import open_recording
-from wholebody.checker import Checker
-from wholebody.report import HEADINGS, row, table_line
+from wholebody.verdict.check import Checker
+from wholebody.verdict.report import HEADINGS, row, table_line
 
 pytestmark = [pytest.mark.regression, pytest.mark.timeout(0)]
 

@@ -15,7 +15,7 @@ from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import SensorConfig, Sensors
-from wholebody.verdict import Verdict, judge
+from wholebody.verdict.verdict import Verdict, judge
 
 
 class Checker:

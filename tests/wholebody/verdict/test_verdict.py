@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from wholebody.episode.run import EpisodeResult, Refusal
-from wholebody.report import HEADINGS, lines, row, table_line, table_summary, to_json
 from wholebody.resources import verdict_schema
 from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import Excess
-from wholebody.verdict import judge
+from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json
+from wholebody.verdict.verdict import judge
 
 
 def result(*, errors=0.001, lags=0.001, **changes):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wholebody.verdict import BEND_MAX, Verdict, Violation
+from wholebody.verdict.verdict import BEND_MAX, Verdict, Violation
 
 FOR_PEOPLE = {
     "m": (1e3, " mm"),

@@ -1,0 +1,1 @@
+"""The checker: is a chunk feasible, and which constraint says no."""
