@@ -22,10 +22,10 @@ import pinocchio as pin
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from wholebody.bench.reach_script import ReachScript
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.qp.compiled_program import CompiledProgram
-from wholebody.reach_script import ReachScript
 from wholebody.types import RobotState
 
 PAIRS = (0, 5, 10, 20, 40, 60, 80, 100)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from wholebody.bench import bench
+from wholebody.bench.commands import bench
 from wholebody.console import (
     check_places,
     log_to_terminal,

@@ -14,13 +14,13 @@ from models.pinocchio_model import stance_q
 from policy.scripts import scripted
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.kinematic.formulation import gravity_torques, speed_bounds
+from wholebody.bench.reach_script import ReachScript
+from wholebody.bench.tick import KINEMATIC, Variant, _tightened
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.qp.solvers import solve
-from wholebody.reach_script import ReachScript
 from wholebody.sim.plant import MujocoPlant
-from wholebody.tick_bench import KINEMATIC, Variant, _tightened
 from wholebody.types import RobotState
 
 SPEC = g1()

@@ -15,13 +15,13 @@ from wholebody.backends.placo.controller import PlacoController
 from wholebody.backends.placo.program import PlacoProgram
 from wholebody.backends.placo.tasks import mirror
 from wholebody.backends.registry import make_controller
+from wholebody.bench.solvers import study
 from wholebody.config import BodyConfig, ControllerConfig
 from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.episode.run import EpisodeConfig
 from wholebody.errors import InputError
 from wholebody.qp.formulation import Regularisation
 from wholebody.qp.solvers import solve
-from wholebody.solver_study import study
 from wholebody.types import RobotState
 
 

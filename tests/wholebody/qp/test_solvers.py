@@ -11,13 +11,13 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripts import reach
 from tests.wholebody.qp.test_formulation import standing
-from wholebody.bench import bench
+from wholebody.bench.commands import bench
+from wholebody.bench.solvers import HEADINGS, SolverRow, cells, study
 from wholebody.control.controller import WholeBodyController
 from wholebody.episode.run import EpisodeConfig
 from wholebody.qp.presolve import polish, prepare
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import PRIMAL_TOLERANCE, available, solve
-from wholebody.solver_study import HEADINGS, SolverRow, cells, study
 from wholebody.types import RobotState
 
 SOLVERS = ("daqp", "quadprog", "proxqp", "piqp", "osqp")

@@ -1,6 +1,6 @@
 """Strategy: a fraction of a second of it, and one whole run for memory; times are only looked at for shape."""
 
-from wholebody.loop_bench import bench_loop, bench_memory
+from wholebody.bench.loop import bench_loop, bench_memory
 
 
 def test_a_short_run_says_what_the_parts_take():

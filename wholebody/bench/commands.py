@@ -23,9 +23,9 @@ def solvers(
     """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
     from models.g1 import g1
     from policy.scripts import lissajous, reach
+    from wholebody.bench.solvers import HEADINGS, cells, standing, study
     from wholebody.episode.run import EpisodeConfig
     from wholebody.qp.solvers import available
-    from wholebody.solver_study import HEADINGS, cells, standing, study
 
     wanted = [name.strip() for name in names.split(",")]
     known = ("compiled", *available(), "placo")
@@ -54,7 +54,7 @@ def tick(
     variant: Annotated[str, typer.Option(help="Limits that bind: none, torque, speed, friction or near.")] = "none",
 ) -> None:
     """Time one controller tick on the reach script and print one line of JSON."""
-    from wholebody.tick_bench import ROWS, VARIANTS, bench_tick
+    from wholebody.bench.tick import ROWS, VARIANTS, bench_tick
 
     if row not in ROWS or ticks < 1:
         raise ValueError(f"row '{row}' with {ticks} ticks; rows: {', '.join(ROWS)}; at least one tick")
@@ -69,7 +69,7 @@ def loop(
     seconds: Annotated[float, typer.Option(help="Simulated time after a second of standing.")] = 10.0,
 ) -> None:
     """Time controller and 2 ms physics together, planning apart, and print one line of JSON."""
-    from wholebody.loop_bench import bench_loop
+    from wholebody.bench.loop import bench_loop
 
     if not 0.0 < seconds < float("inf"):
         raise ValueError(f"{seconds} s is no time to follow a policy for; it must be finite and above 0")
@@ -82,7 +82,7 @@ def memory(
     ticks: Annotated[int, typer.Option(help="How many, rounded up to whole runs.")] = 100_000,
 ) -> None:
     """Print how much memory controller and plant take after one run and after many, as one line of JSON."""
-    from wholebody.loop_bench import bench_memory
+    from wholebody.bench.loop import bench_memory
 
     if ticks < 1:
         raise ValueError(f"{ticks} ticks; at least one is needed")

@@ -14,10 +14,10 @@ from models.g1 import g1
 from models.spec import RobotSpec
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.registry import Controller, make_controller
+from wholebody.bench.reach_script import ReachScript
+from wholebody.bench.slow_ticks import SLOW, SlowTicks
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
 from wholebody.errors import InputError
-from wholebody.reach_script import ReachScript
-from wholebody.slow_ticks import SLOW, SlowTicks
 from wholebody.types import RobotState
 
 WARM_UP = 500

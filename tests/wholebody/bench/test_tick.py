@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from models.g1 import g1
-from wholebody.reach_script import ReachScript
-from wholebody.slow_ticks import SlowTicks
-from wholebody.tick_bench import ROWS, TIMED, VARIANTS, _worst_repeated, bench_tick
+from wholebody.bench.reach_script import ReachScript
+from wholebody.bench.slow_ticks import SlowTicks
+from wholebody.bench.tick import ROWS, TIMED, VARIANTS, _worst_repeated, bench_tick
 
 pytestmark = pytest.mark.alone
 

@@ -1,0 +1,1 @@
+"""What `wholebody bench` measures."""
