@@ -18,7 +18,9 @@ from policy.remote import RemotePolicy
 
 SIZES = {"no image": None, "3 x 224 x 224": (224, 224), "3 x 640 x 480": (480, 640), "3 x 1280 x 720": (720, 1280)}
 CAMERAS = ("head", "left_wrist", "right_wrist")
-SERVE = "import sys; sys.argv[1:] = ['serve-policy', 'wave', '--port', '0']; from wholebody.cli import main; main()"
+SERVE = (
+    "import sys; sys.argv[1:] = ['serve-policy', 'wave', '--port', '0']; from wholebody.cli.main import main; main()"
+)
 
 
 def main(requests: int = 200) -> None:

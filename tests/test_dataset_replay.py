@@ -15,8 +15,8 @@ from policy.joint_layout import joint_layout
 from policy.layouts import builtin
 from tests.support.dataset_cases import LENGTHS, joints_of, write_v30
 from tests.support.policy_cases import observation
-from wholebody import cli
-from wholebody.sources import expanded, open_source
+from wholebody.cli import main as cli
+from wholebody.cli.sources import expanded, open_source
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from policy.layouts import builtin
 from policy.lerobot_finding import CheckpointError
 from policy.lerobot_spec import state_layout, state_numbers, write_specs
 from tests.support import tiny_policies as tiny
-from wholebody.sources import open_source
+from wholebody.cli.sources import open_source
 
 
 def noise_of(config, seed=0):

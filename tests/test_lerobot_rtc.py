@@ -13,7 +13,7 @@ from policy.executor import ExecutorConfig
 from policy.lerobot import RealTimeLeRobotPolicy
 from policy.prefix import Prefix, PrefixPolicy
 from tests.support import tiny_policies as tiny
-from wholebody.sources import open_source
+from wholebody.cli.sources import open_source
 
 LATENCY, FPS = 0.2, 30.0
 

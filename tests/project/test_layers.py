@@ -178,7 +178,7 @@ def test_importing_a_package_loads_nothing_heavy(package):
         ("models/g1.py", "def f():\n    from wholebody.robot.state import Robot", "models may not"),
         ("policy/base.py", "from wholebody import errors", "policy may not"),
         ("policy/base.py", "import torch.nn as nn", "only policy/lerobot"),
-        ("wholebody/cli.py", "def f():\n    import lerobot", "only policy/lerobot"),
+        ("wholebody/cli/main.py", "def f():\n    import lerobot", "only policy/lerobot"),
         ("wholebody/episode/run.py", "from tests.support.stored import StoredValues", "does not know its users"),
         ("wholebody/tasks/com.py", "from wholebody.limits import base", "sibling"),
         ("wholebody/tasks/com.py", "from ..limits.base import Rows", "sibling"),
@@ -212,7 +212,7 @@ def test_the_checker_finds(tmp_path, file, source, complaint):
         ),
         ("wholebody/types.py", "from wholebody.errors import InputError"),
         ("wholebody/execution/supervisor.py", "from wholebody.control.controller import Controller"),
-        ("wholebody/cli.py", "from wholebody import report, runtime\nfrom policy.scripted import lissajous"),
+        ("wholebody/cli/main.py", "from wholebody import report, runtime\nfrom policy.scripted import lissajous"),
         ("wholebody/__init__.py", "from wholebody.episode.run import run"),
     ],
 )

@@ -73,7 +73,7 @@ def test_the_wheel_carries_the_licence_and_the_command(wheel):
     names = archive.namelist()
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     (entry_points,) = [name for name in names if name.endswith("entry_points.txt")]
-    assert "wholebody = wholebody.cli:main" in archive.read(entry_points).decode()
+    assert "wholebody = wholebody.cli.main:main" in archive.read(entry_points).decode()
 
 
 def test_the_installed_packages_are_the_wheels_not_the_checkouts(installed, tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from wholebody.cli import app
+from wholebody.cli.main import app
 from wholebody.resources import verdict_schema
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -5,9 +5,9 @@ import json
 import jsonschema
 import numpy as np
 import pytest
-from test_cli import wholebody
 
 from policy.executor_report import Delivery, ExecutionReport
+from tests.wholebody.cli.test_main import wholebody
 from wholebody.episode.chunk_seams import Stitch
 from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing

@@ -11,7 +11,7 @@ import pytest
 
 from models.scenes import SCENES
 from policy.scripts import SCRIPTS
-from wholebody import cli
+from wholebody.cli import main as cli
 from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema
 from wholebody.verdict.verdict import Verdict
@@ -20,7 +20,7 @@ SHORT = ("--duration", "0.2", "--hold", "0.2")
 
 
 def wholebody(*arguments, cwd=None):
-    code = "from wholebody.cli import main; main()"
+    code = "from wholebody.cli.main import main; main()"
     return subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=250, check=False, cwd=cwd
     )

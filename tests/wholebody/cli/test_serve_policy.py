@@ -13,11 +13,11 @@ import pytest
 from policy.remote import RemotePolicy
 from policy.scripts import scripted
 from tests.support.policy_cases import observation
-from wholebody import cli
+from wholebody.cli import main as cli
 
 pytestmark = pytest.mark.alone
 
-CODE = "from wholebody.cli import main; main()"
+CODE = "from wholebody.cli.main import main; main()"
 
 
 def command(*arguments):

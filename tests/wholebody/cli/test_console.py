@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from wholebody.console import log_to_terminal
+from wholebody.cli.console import log_to_terminal
 
 
 @pytest.mark.parametrize(

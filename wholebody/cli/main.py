@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from wholebody.bench.commands import bench
-from wholebody.console import (
+from wholebody.cli.console import (
     check_places,
     log_to_terminal,
     print_nothing,
@@ -27,7 +27,7 @@ from wholebody.console import (
     write_pictures,
     write_text,
 )
-from wholebody.sources import expanded, is_checkpoint, layout_named, open_source
+from wholebody.cli.sources import expanded, is_checkpoint, layout_named, open_source
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -279,7 +279,7 @@ def doctor(
     json_to: JsonTo = "",
 ) -> None:
     """Check a LeRobot checkpoint and say what would help. Exit code 0 well, 1 with warnings, 2 not fit to be run."""
-    from wholebody.doctor import examine
+    from wholebody.cli.doctor import examine
 
     check_places(json_to)
     diagnosis = examine(
@@ -352,7 +352,7 @@ def serve_policy(
 @app.command()
 def warmup() -> None:
     """Compile the control tick once, for all later runs."""
-    from wholebody.warm_up import warm_up
+    from wholebody.cli.warm_up import warm_up
 
     print("compiling the control tick and the plan: about a minute, once", file=sys.stderr)
     print(f"ready after {warm_up():.0f} s", file=sys.stderr)

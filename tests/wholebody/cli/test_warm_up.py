@@ -2,8 +2,8 @@
 
 from types import BuiltinFunctionType
 
+from wholebody.cli.warm_up import warm_up
 from wholebody.qp.compiled import STAGES, compiled_stages
-from wholebody.warm_up import warm_up
 
 
 def test_after_warming_up_every_stage_of_the_tick_is_compiled():

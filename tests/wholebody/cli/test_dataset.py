@@ -7,7 +7,7 @@ import pytest
 
 from policy.layouts import builtin
 from tests.support.dataset_cases import LENGTHS, write_v30
-from wholebody import cli
+from wholebody.cli import main as cli
 
 
 @pytest.fixture(scope="module")

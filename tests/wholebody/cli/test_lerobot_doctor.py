@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 from policy.lerobot_stats import WIDTH_MIN
 from policy.lerobot_weights import WEIGHTS_FILE
 from tests.support import tiny_policies as tiny
-from wholebody import doctor
-from wholebody.cli import app
-from wholebody.doctor import Diagnosis, examine
+from wholebody.cli import doctor
+from wholebody.cli.doctor import Diagnosis, examine
+from wholebody.cli.main import app
 
 
 def diagnose(*arguments):
