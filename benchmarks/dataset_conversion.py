@@ -18,16 +18,16 @@ from pathlib import Path
 import numpy as np
 
 from models.g1 import g1
-from policy.anchor import Anchor
-from policy.convert import DatasetSettings, convert_dataset
-from policy.dataset import INDICES, Episode
-from policy.dataset_report import ConvertedDataset
-from policy.dataset_writer import DatasetWriter, set_column
-from policy.inverse_kinematics import ARMS, reach
-from policy.joint_layout import UNITREE_DEX3, joint_layout
+from policy.action_spec.anchor import Anchor
+from policy.dataset.format import INDICES, Episode
+from policy.dataset.joint_layout import UNITREE_DEX3, joint_layout
+from policy.dataset.report import ConvertedDataset
+from policy.dataset.writer import DatasetWriter, set_column
 from policy.joints import BODY_JOINTS
-from policy.kinematics import IK_TOLERANCE, kinematics
-from policy.motion_csv import read_motion_csv
+from policy.kinematics.forward import IK_TOLERANCE, kinematics
+from policy.kinematics.inverse import ARMS, reach
+from policy.recorded.convert import DatasetSettings, convert_dataset
+from policy.recorded.motion_csv import read_motion_csv
 
 LAYOUT = joint_layout(list(UNITREE_DEX3), 28)
 INDEX = [g1().index(name) for name in LAYOUT.names]

@@ -23,9 +23,9 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from policy.anchor import Anchor
-from policy.lerobot import LeRobotPolicy
-from policy.lerobot_spec import state_numbers
+from policy.action_spec.anchor import Anchor
+from policy.lerobot.policy import LeRobotPolicy
+from policy.lerobot.spec import state_numbers
 from policy.observation import Observation
 from tests.support import tiny_policies as tiny
 

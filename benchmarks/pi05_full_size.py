@@ -28,10 +28,10 @@ import torch
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from policy.anchor import Anchor
-from policy.lerobot import LeRobotPolicy
-from policy.lerobot_finding import CheckpointError
-from policy.lerobot_spec import state_numbers, write_specs
+from policy.action_spec.anchor import Anchor
+from policy.findings import CheckpointError
+from policy.lerobot.policy import LeRobotPolicy
+from policy.lerobot.spec import state_numbers, write_specs
 from tests.support import tiny_policies as tiny
 
 FULL = {"image_resolution": (224, 224), "paligemma_variant": "gemma_2b", "action_expert_variant": "gemma_300m"}

@@ -21,7 +21,7 @@ import pinocchio as pin
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from models.g1 import g1
-from policy.scripts import lissajous, reach, wave
+from policy.scripted.library import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor

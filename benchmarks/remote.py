@@ -12,9 +12,9 @@ from time import process_time
 
 import numpy as np
 
-from policy.anchor import Anchor
+from policy.action_spec.anchor import Anchor
 from policy.observation import Observation
-from policy.remote import RemotePolicy
+from policy.remote.client import RemotePolicy
 
 SIZES = {"no image": None, "3 x 224 x 224": (224, 224), "3 x 640 x 480": (480, 640), "3 x 1280 x 720": (720, 1280)}
 CAMERAS = ("head", "left_wrist", "right_wrist")

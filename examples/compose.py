@@ -1,7 +1,7 @@
 """Policy, controller and MuJoCo in ten lines."""
 
 from models.g1 import g1
-from policy.scripts import reach
+from policy.scripted.library import reach
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant

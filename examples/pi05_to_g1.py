@@ -18,11 +18,11 @@ import numpy as np
 import torch
 
 from models.g1 import g1
-from policy.anchor import Anchor
-from policy.codec import decode
-from policy.lerobot import LeRobotPolicy
-from policy.lerobot_features import camera_keys
-from policy.lerobot_spec import state_numbers
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import decode
+from policy.lerobot.features import camera_keys
+from policy.lerobot.policy import LeRobotPolicy
+from policy.lerobot.spec import state_numbers
 from policy.observation import Observation
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
@@ -110,7 +110,7 @@ def main(path: str | Path, seconds: float = 0.5) -> Trace:
     trace = network_by_hand(policy, observation)
 
     # 8. Numbers become poses: wbc32's are in the pelvis as measured in this observation.
-    chunk = decode(policy.spec, trace.actions, Anchor.measured(observation), t_obs=observation.time)
+    chunk = decode(policy.action_spec.spec, trace.actions, Anchor.measured(observation), t_obs=observation.time)
     for name, value in chunk.arrays().items():
         show(f"chunk.{name}", value)
 

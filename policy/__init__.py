@@ -1,20 +1,20 @@
 """From an observation to an action chunk: specs, codecs, recorded and scripted policies. Imports numpy only."""
 
-from policy.anchor import Anchor
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import LAYOUTS, builtin
+from policy.action_spec.codec import decode, encode
+from policy.action_spec.slot import Slot
+from policy.action_spec.spec import ActionSpec, require_same
 from policy.base import Policy
 from policy.chunk import ActionChunk
-from policy.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
-from policy.codec import decode, encode
-from policy.convert import convert
 from policy.errors import ChunkError, FileFormatError, ObservationError, PolicyError, RotationError, SpecError
-from policy.layouts import LAYOUTS, builtin
-from policy.motion_csv import Motion, motion_chunk, read_motion_csv, write_motion_csv
 from policy.observation import Observation
-from policy.replay import ReplayPolicy, open_recording
-from policy.scripted import ScriptedPolicy
-from policy.scripts import SCRIPTS, scripted
-from policy.slot import Slot
-from policy.spec import ActionSpec, require_same
+from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
+from policy.recorded.convert import convert
+from policy.recorded.motion_csv import Motion, motion_chunk, read_motion_csv, write_motion_csv
+from policy.recorded.replay import ReplayPolicy, open_recording
+from policy.scripted.library import SCRIPTS, scripted
+from policy.scripted.policy import ScriptedPolicy
 
 __all__ = [
     "LAYOUTS",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
+from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.observation import Observation
-from policy.spec import ActionSpec
 
 
 @runtime_checkable

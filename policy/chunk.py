@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from policy.errors import ChunkError
-from policy.rotations import rotation_residual
+from policy.geometry.rotations import rotation_residual
 
 ROTATION_TOLERANCE = 1e-6
 """Largest residual of a pose's rotation: decoding orthonormalises, so more than rounding is a mistake."""

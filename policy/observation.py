@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from policy.errors import ObservationError
-from policy.rotations import rotation_residual
+from policy.geometry.rotations import rotation_residual
 
 
 @dataclass(frozen=True)

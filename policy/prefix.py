@@ -7,12 +7,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from policy.anchor import Anchor
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import encode
+from policy.action_spec.spec import ActionSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
-from policy.codec import encode
 from policy.observation import Observation
-from policy.spec import ActionSpec
 
 
 @dataclass(frozen=True)

@@ -205,14 +205,17 @@ def test_the_checker_finds(tmp_path, file, source, complaint):
     ("file", "source"),
     [
         ("policy/base.py", "import numpy as np\nfrom models import g1\nfrom policy.chunk import ActionChunk"),
-        ("policy/lerobot_steps.py", "import torch\nfrom lerobot.processor import ProcessorStep"),
+        ("policy/lerobot/steps.py", "import torch\nfrom lerobot.processor import ProcessorStep"),
         (
             "wholebody/tasks/com.py",
             "from wholebody.robot.state import Robot\nfrom wholebody.tasks.base import Objective",
         ),
         ("wholebody/types.py", "from wholebody.errors import InputError"),
         ("wholebody/execution/supervisor.py", "from wholebody.control.controller import Controller"),
-        ("wholebody/cli/main.py", "from wholebody import report, runtime\nfrom policy.scripted import lissajous"),
+        (
+            "wholebody/cli/main.py",
+            "from wholebody import report, runtime\nfrom policy.scripted.policy import lissajous",
+        ),
         ("wholebody/__init__.py", "from wholebody.episode.run import run"),
     ],
 )

@@ -8,9 +8,9 @@ import pinocchio as pin
 import pytest
 
 from models.g1 import g1
-from policy.hands import grasp_posture
-from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
-from policy.scripts import scripted
+from policy.action_spec.hands import grasp_posture
+from policy.scripted.library import scripted
+from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor

@@ -10,8 +10,8 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import load_collision
-from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
-from policy.scripts import reach, scripted
+from policy.scripted.library import reach, scripted
+from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor

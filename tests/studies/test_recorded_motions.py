@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from policy.replay import open_recording
+from policy.recorded.replay import open_recording
 from wholebody.verdict.check import Checker
 from wholebody.verdict.report import HEADINGS, row, table_line
 

@@ -13,9 +13,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from models.g1 import g1
 from policy.chunk import ActionChunk
-from policy.rotations import rotvec_to_matrix
-from policy.scripted import stance_pose, to_chunk
-from policy.scripts import reach
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.scripted.library import reach
+from policy.scripted.policy import stance_pose, to_chunk
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall

@@ -3,8 +3,8 @@
 import numpy as np
 
 from models.g1 import g1
-from policy.joint_layout import UNITREE_DEX1, UNITREE_DEX3, joint_layout
-from policy.slot import DEX1_OPEN
+from policy.action_spec.slot import DEX1_OPEN
+from policy.dataset.joint_layout import UNITREE_DEX1, UNITREE_DEX3, joint_layout
 
 DEX3 = joint_layout([list(UNITREE_DEX3)], 28)
 DEX1 = joint_layout([list(UNITREE_DEX1)], 16)

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from policy import ActionChunk, Anchor, Observation, builtin
-from policy.rotations import rotvec_to_matrix
-from policy.se3 import make_transform
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.geometry.se3 import make_transform
 
 
 def observation(time=0.0, *, lean=0.0, anchor=None):

@@ -16,10 +16,10 @@ from unittest import mock
 import numpy as np
 import torch
 
-from policy.anchor import Anchor
-from policy.layouts import builtin
-from policy.lerobot import LeRobotPolicy
-from policy.lerobot_spec import state_layout, state_numbers, write_specs
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.lerobot.policy import LeRobotPolicy
+from policy.lerobot.spec import state_layout, state_numbers, write_specs
 from policy.observation import Observation
 
 VOCABULARY = 512

@@ -22,7 +22,7 @@ def solvers(
 ) -> None:
     """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
     from models.g1 import g1
-    from policy.scripts import lissajous, reach
+    from policy.scripted.library import lissajous, reach
     from wholebody.bench.solvers import HEADINGS, cells, standing, study
     from wholebody.episode.run import EpisodeConfig
     from wholebody.qp.solvers import available

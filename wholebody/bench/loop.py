@@ -12,7 +12,7 @@ import numpy as np
 
 from models.g1 import g1
 from policy.base import Policy
-from policy.scripts import scripted
+from policy.scripted.library import scripted
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.spec import RobotSpec
-from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
+from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor

@@ -1,6 +1,6 @@
 """``wholebody doctor``: would this checkpoint do on the robot what it did in training?
 
-Every check of `policy.lerobot`, then a chunk from the nominal stance, decoded as it would be executed.
+Every check of `policy.lerobot.policy`, then a chunk from the nominal stance, decoded as it would be executed.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from policy.anchor import Anchor
+from policy.action_spec.anchor import Anchor
 from policy.chunk import ActionChunk
 from policy.errors import ObservationError, PolicyError
-from policy.grey_cameras import grey_images
-from policy.lerobot_checkpoint import Checkpoint, LoadOptions, open_checkpoint
-from policy.lerobot_finding import CheckpointError, Finding, Level
+from policy.findings import CheckpointError, Finding, Level
+from policy.geometry.rotations import angle_between
+from policy.lerobot.checkpoint import Checkpoint, LoadOptions, open_checkpoint
 from policy.observation import Observation
-from policy.rotations import angle_between
+from policy.placeholder_cameras import grey_images
 
 if TYPE_CHECKING:
-    from policy.lerobot import LeRobotPolicy
-    from policy.spec import ActionSpec
+    from policy.action_spec.spec import ActionSpec
+    from policy.lerobot.policy import LeRobotPolicy
 
 LEVELS: tuple[Level, ...] = ("ok", "warning", "error")
 """In the order of the exit codes 0, 1, 2."""
@@ -75,7 +75,7 @@ def examine(
         checkpoint: Its folder.
         dataset: Folder of the LeRobot dataset that it was trained on, to recompute statistics from.
         spec: Layout that the actions must have; what the checkpoint says if None.
-        **options: As in `policy.lerobot_checkpoint.LoadOptions`.
+        **options: As in `policy.lerobot.checkpoint.LoadOptions`.
 
     Returns:
         All findings; nothing that is wrong with the checkpoint raises.
@@ -100,7 +100,7 @@ def dry_observation(policy: LeRobotPolicy) -> Observation:
 
 
 def _against_dataset(checkpoint: Checkpoint, dataset: str | Path) -> list[Finding]:
-    from policy.lerobot_training_data import TrainingData, check_training_data
+    from policy.lerobot.training_data import TrainingData, check_training_data
 
     try:
         return check_training_data(checkpoint, TrainingData.open(dataset))
@@ -110,7 +110,7 @@ def _against_dataset(checkpoint: Checkpoint, dataset: str | Path) -> list[Findin
 
 def _dry_run(checkpoint: Checkpoint) -> list[Finding]:
     """One chunk from the nominal stance, twice: the first call is slower."""
-    from policy.lerobot import LeRobotPolicy
+    from policy.lerobot.policy import LeRobotPolicy
 
     policy = LeRobotPolicy(checkpoint)
     observation = dry_observation(policy)

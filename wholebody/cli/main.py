@@ -31,8 +31,8 @@ from wholebody.cli.sources import expanded, is_checkpoint, layout_named, open_so
 
 if TYPE_CHECKING:
     from policy.base import Policy
-    from policy.convert import DatasetSettings
-    from policy.executor import Executor
+    from policy.executor.executor import Executor
+    from policy.recorded.convert import DatasetSettings
     from wholebody.verdict.check import Checker
 
 SOURCES = (
@@ -238,14 +238,14 @@ def convert(
     """Convert between chunk files and motion files, or a dataset of joints to one of wrists."""
     layout = layout_named(to) or "wbc32"
     if source.suffix.lower() in (".npz", ".csv") and not source.is_dir():
-        from policy.convert import convert as convert_file
+        from policy.recorded.convert import convert as convert_file
 
         if target is None:
             raise ValueError("name the file to write, ending in .npz or .csv")
         convert_file(source, target, to=layout, csv_fps=csv_fps, assume=layout_named(assume_spec))
         print(f"wrote {target}")
         return
-    from policy.convert import DatasetSettings, episode_numbers
+    from policy.recorded.convert import DatasetSettings, episode_numbers
 
     settings = DatasetSettings(
         to=layout,
@@ -319,10 +319,10 @@ def serve_policy(
     assume_spec: AssumeSpec = "",
 ) -> None:
     """Serve a policy over a websocket, in openpi's protocol, to one robot at a time. Ends with Ctrl-C."""
-    from policy.server import LOOPBACK, PolicyServer
+    from policy.remote.server import LOOPBACK, PolicyServer
 
     if Path(source).is_dir():
-        from policy.lerobot import LeRobotPolicy
+        from policy.lerobot.policy import LeRobotPolicy
 
         policy = LeRobotPolicy.from_pretrained(
             source,
@@ -343,7 +343,7 @@ def serve_policy(
     with PolicyServer(policy, host=host, port=port) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)
-        print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
+        print(f"serving '{server.metadata['name']}' ({policy.action_spec.spec.id}) at {server.uri}", flush=True)
         if host not in (LOOPBACK, "localhost", "::1"):
             print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
         server.wait()
@@ -370,7 +370,7 @@ def config() -> None:
 def _convert_dataset(source: Path, target: Path | None, settings: DatasetSettings, json_to: str) -> None:
     import json
 
-    from policy.convert import convert_dataset
+    from policy.recorded.convert import convert_dataset
 
     check_places(json_to)
     quiet = json_to == "-"
@@ -406,9 +406,9 @@ def _executor(
     policy: Policy, latency_ms: tuple[float, float] | None, replace_every: int, ensemble: float | None, real_time: bool
 ) -> Executor:
     """The policy beside a simulated control loop, as late as it was said to be, or as a server really is."""
-    from policy.executor import ExecutorConfig
-    from policy.executor_simulated import Latency, simulated_executor, uniform_latency
-    from policy.remote import RemotePolicy
+    from policy.executor.executor import ExecutorConfig
+    from policy.executor.simulated import Latency, simulated_executor, uniform_latency
+    from policy.remote.client import RemotePolicy
 
     config = ExecutorConfig(replace_every=replace_every, ensemble=ensemble, real_time=real_time)
     latency: Latency | float | None = None if isinstance(policy, RemotePolicy) else 0.0

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from policy.action_spec.spec import ActionSpec
     from policy.base import Policy
-    from policy.spec import ActionSpec
 
 
 def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str = "", **options: Any) -> Policy:
@@ -20,25 +20,25 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
         csv_fps: Frame rate of motion files [Hz].
         assume: Layout that the user vouches for.
         task: What a checkpoint is told to do.
-        **options: More of `policy.lerobot_checkpoint.LoadOptions`, for checkpoints.
+        **options: More of `policy.lerobot.checkpoint.LoadOptions`, for checkpoints.
 
     Raises:
         PolicyError: If there is nothing of that name, or it is malformed.
     """
-    from policy.replay import open_recording
-    from policy.scripts import scripted
+    from policy.recorded.replay import open_recording
+    from policy.scripted.library import scripted
 
     if name.startswith(("ws://", "wss://")):
-        from policy.remote import RemotePolicy
+        from policy.remote.client import RemotePolicy
 
         return RemotePolicy.connect(name, assume_spec=assume, grey_cameras=True)
     folder, _, number = name.rpartition("#")
     if number.isdecimal() and is_dataset(folder):
-        from policy.dataset_replay import open_episode
+        from policy.recorded.dataset_replay import open_episode
 
         return open_episode(folder, int(number), assume=assume)
     if is_checkpoint(name):
-        from policy.lerobot import LeRobotPolicy
+        from policy.lerobot.policy import LeRobotPolicy
 
         return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, grey_cameras=True, **options)
     if Path(name).suffix.lower() in (".npz", ".csv"):
@@ -59,8 +59,8 @@ def expanded(name: str, episodes: str) -> list[str]:
     """
     if not is_dataset(name):
         return [name]
-    from policy.convert import episode_numbers
-    from policy.dataset_replay import episode_count
+    from policy.recorded.convert import episode_numbers
+    from policy.recorded.dataset_replay import episode_count
 
     numbers = episode_numbers(episodes) if episodes else range(episode_count(name))
     return [f"{name}#{number}" for number in numbers]
@@ -96,8 +96,8 @@ def layout_named(text: str) -> ActionSpec | None:
         SpecError: If there is none of that name, or the file is malformed.
         OSError: If the file cannot be read.
     """
-    from policy.layouts import builtin
-    from policy.spec import ActionSpec
+    from policy.action_spec.builtin import builtin
+    from policy.action_spec.spec import ActionSpec
 
     if not text:
         return None

@@ -11,7 +11,7 @@ import numpy as np
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.observation import Observation
-from policy.scripts import scripted
+from policy.scripted.library import scripted
 from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import compiled_follow

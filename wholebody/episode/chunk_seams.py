@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from policy.chunk import ActionChunk
-from policy.rotations import matrix_to_rotvec
+from policy.geometry.rotations import matrix_to_rotvec
 from wholebody.execution.supervisor import Supervisor
 
 

@@ -13,9 +13,9 @@ from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.clock import SimulatedClock
-from policy.executor import Executor, ExecutorConfig
-from policy.executor_report import ExecutionReport
-from policy.executor_simulated import simulated_executor
+from policy.executor.executor import Executor, ExecutorConfig
+from policy.executor.report import ExecutionReport
+from policy.executor.simulated import simulated_executor
 from policy.observation import Observation
 from wholebody.episode.chunk_seams import SeamMeter, Stitch, commanded_chunk
 from wholebody.episode.tracking_error import Score, start_jump

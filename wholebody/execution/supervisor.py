@@ -10,7 +10,7 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
-from policy.rotations import matrix_to_quaternion
+from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport

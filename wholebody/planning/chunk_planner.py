@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from policy.rotations import matrix_to_rotvec, quaternion_to_matrix, rotvec_to_matrix
+from policy.geometry.rotations import matrix_to_rotvec, quaternion_to_matrix, rotvec_to_matrix
 from wholebody.config import PlannerConfig
 from wholebody.planning.contact_feasibility import PlanBalance
 from wholebody.planning.limit_projection import JUMP, continued

@@ -14,8 +14,8 @@ from functools import lru_cache
 import daqp
 import numpy as np
 
-from policy.rotations import quaternion_to_matrix, rotvec_to_matrix
-from policy.se3 import make_transform
+from policy.geometry.rotations import quaternion_to_matrix, rotvec_to_matrix
+from policy.geometry.se3 import make_transform
 from wholebody.reference import HandCaps, HandMotion, MotionCaps
 from wholebody.reference.rotation import continuous_quaternions
 

@@ -15,8 +15,8 @@ from functools import lru_cache
 import numpy as np
 
 from policy.chunk import ActionChunk
-from policy.rotations import matrix_to_rotvec
-from policy.se3 import make_transform
+from policy.geometry.rotations import matrix_to_rotvec
+from policy.geometry.se3 import make_transform
 from wholebody.reference import HandCaps, MotionCaps
 
 SCATTER_SHARE = 0.5

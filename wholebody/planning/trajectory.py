@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from policy.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
+from policy.geometry.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
 from wholebody.planning.trajopt.centroidal import Momenta
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot

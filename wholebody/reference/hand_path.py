@@ -14,7 +14,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from policy.rotations import matrix_to_quaternion
+from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.errors import InputError
 from wholebody.reference.compiled import compiled
 from wholebody.reference.hand_limits import HandCaps

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from policy.rotations import rotation_residual
+from policy.geometry.rotations import rotation_residual
 from wholebody.errors import InputError
 from wholebody.reference.hand_limits import HandCaps, MotionCaps
 from wholebody.reference.layout import FINGERS

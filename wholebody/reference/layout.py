@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from policy.rotations import matrix_to_quaternion, quaternion_to_matrix
+from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 
 FINGERS = 7
 ROW = 40

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from policy.rotations import matrix_to_quaternion
+from policy.geometry.rotations import matrix_to_quaternion
 
 _TIMES = np.zeros((4, 4, 4))
 _TIMES[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = _TIMES[[0, 1, 2, 3], 3, [0, 1, 2, 3]] = _TIMES[3, [0, 1, 2], [0, 1, 2]] = 1.0

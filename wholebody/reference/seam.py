@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policy.rotations import matrix_to_quaternion, rotvec_to_matrix
+from policy.geometry.rotations import matrix_to_quaternion, rotvec_to_matrix
 from wholebody.reference.hand_path import HandPath
 from wholebody.reference.layout import DQ_FINGER, Q_FINGER, QUAT, HandMotion, P, V, W
 from wholebody.reference.rotation import rotation_angle

@@ -8,7 +8,7 @@ import cattrs
 
 from models.g1 import g1
 from policy.base import Policy
-from policy.executor import Executor
+from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor

@@ -11,7 +11,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from policy.scripts import scripted
+from policy.scripted.library import scripted
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.kinematic.formulation import gravity_torques, speed_bounds
 from wholebody.bench.reach_script import ReachScript

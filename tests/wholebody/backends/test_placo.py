@@ -10,7 +10,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from policy.scripts import reach
+from policy.scripted.library import reach
 from wholebody.backends.placo.controller import PlacoController
 from wholebody.backends.placo.program import PlacoProgram
 from wholebody.backends.placo.tasks import mirror

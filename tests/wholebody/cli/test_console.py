@@ -10,7 +10,7 @@ from wholebody.cli.console import log_to_terminal
 @pytest.mark.parametrize(
     ("logger", "line"),
     [
-        ("policy.executor", "wholebody: starved"),
+        ("policy.executor.executor", "wholebody: starved"),
         ("wholebody.episode.run", "wholebody: starved"),
         ("another.library", "another.library: starved"),
     ],

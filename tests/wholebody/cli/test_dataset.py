@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from policy.layouts import builtin
+from policy.action_spec.builtin import builtin
 from tests.support.dataset_cases import LENGTHS, write_v30
 from wholebody.cli import main as cli
 

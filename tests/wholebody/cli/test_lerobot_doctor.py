@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from policy.lerobot_stats import WIDTH_MIN
-from policy.lerobot_weights import WEIGHTS_FILE
+from policy.lerobot.stats import WIDTH_MIN
+from policy.lerobot.weights import WEIGHTS_FILE
 from tests.support import tiny_policies as tiny
 from wholebody.cli import doctor
 from wholebody.cli.doctor import Diagnosis, examine
@@ -161,7 +161,7 @@ def test_a_policy_slower_than_its_chunks_is_a_warning(tmp_path_factory, monkeypa
 
 
 def test_the_exit_code_is_the_worst_level():
-    from policy.lerobot_finding import Finding
+    from policy.findings import Finding
 
     ok, warning, error = (Finding("x", level, "y") for level in doctor.LEVELS)
     assert [Diagnosis("", found).exit_code for found in ((ok,), (ok, warning), (error, warning))] == [0, 1, 2]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from models.scenes import SCENES
-from policy.scripts import SCRIPTS
+from policy.scripted.library import SCRIPTS
 from wholebody.cli import main as cli
 from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from policy.remote import RemotePolicy
-from policy.scripts import scripted
+from policy.remote.client import RemotePolicy
+from policy.scripted.library import scripted
 from tests.support.policy_cases import observation
 from wholebody.cli import main as cli
 

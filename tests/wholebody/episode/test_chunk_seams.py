@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from models.g1 import g1
-from policy.rotations import rotvec_to_matrix
-from policy.scripts import scripted
-from policy.se3 import make_transform
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.geometry.se3 import make_transform
+from policy.scripted.library import scripted
 from wholebody.episode.chunk_seams import SeamMeter, commanded_chunk
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor

@@ -12,10 +12,10 @@ import pytest
 
 from models.g1 import g1
 from policy.clock import MonotonicClock
-from policy.executor import Executor, ExecutorConfig
-from policy.executor_simulated import simulated_executor, uniform_latency
-from policy.remote import RemotePolicy
-from policy.scripts import scripted, wave
+from policy.executor.executor import Executor, ExecutorConfig
+from policy.executor.simulated import simulated_executor, uniform_latency
+from policy.remote.client import RemotePolicy
+from policy.scripted.library import scripted, wave
 from tests.support.faulty_policies import FaultyPolicy, executor
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -62,7 +62,7 @@ def run_faulty(robot, fault, *, horizon, at, after, settings):
 @pytest.mark.parametrize(("fault", "code"), HEADLINES.items())
 def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(robot, fault, code, caplog):
     settings = ExecutorConfig(replace_every=10, hang_after=0.4)
-    with caplog.at_level(logging.WARNING, logger="policy.executor"):
+    with caplog.at_level(logging.WARNING, logger="policy.executor.executor"):
         result, report = run_faulty(robot, fault, horizon=20, at=0.25, after=0.85, settings=settings)
     assert result.fall is None
     assert result.tilt < TILT
@@ -75,8 +75,8 @@ def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(ro
 
 
 SERVE = """
-from policy.scripts import scripted
-from policy.server import PolicyServer
+from policy.scripted.library import scripted
+from policy.remote.server import PolicyServer
 
 server = PolicyServer(scripted("wave"), port=0)
 print(server.uri, flush=True)
@@ -172,7 +172,7 @@ class Shaking:
     sees_robot = False
 
     def __init__(self, policy, scatter):
-        self.policy, self.spec, self.scatter = policy, policy.spec, scatter
+        self.policy, self.spec, self.scatter = policy, policy.action_spec.spec, scatter
 
     def reset(self, task=""):
         self.policy.reset(task)

@@ -5,8 +5,8 @@ import pinocchio as pin
 import pytest
 
 from models.g1 import g1
-from policy.scripted import HandMotion, ScriptedPolicy, stance_pose
-from policy.scripts import reach
+from policy.scripted.library import reach
+from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
 from wholebody.episode.run import EpisodeConfig, run_episode

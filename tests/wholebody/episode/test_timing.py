@@ -6,7 +6,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from policy.executor_report import Delivery, ExecutionReport
+from policy.executor.report import Delivery, ExecutionReport
 from tests.wholebody.cli.test_main import wholebody
 from wholebody.episode.chunk_seams import Stitch
 from wholebody.episode.run import EpisodeResult

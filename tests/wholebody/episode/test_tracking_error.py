@@ -9,9 +9,9 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import load_pinocchio, stance_q
 from policy.chunk import ActionChunk
-from policy.rotations import rotvec_to_matrix
-from policy.scripted import stance_pose
-from policy.se3 import make_transform
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.geometry.se3 import make_transform
+from policy.scripted.policy import stance_pose
 from wholebody.episode.tracking_error import DEMANDABLE_DISTANCE, Score, demandable, start_jump
 from wholebody.types import RobotState
 

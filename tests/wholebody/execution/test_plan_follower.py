@@ -8,7 +8,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from policy.scripts import scripted
+from policy.scripted.library import scripted
 from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import Follower

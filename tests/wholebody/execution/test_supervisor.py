@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.g1 import g1
-from policy.scripts import reach, scripted
+from policy.scripted.library import reach, scripted
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import RETRY, Supervisor
 from wholebody.sim.plant import MujocoPlant

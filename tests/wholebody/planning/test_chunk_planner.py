@@ -9,7 +9,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy import Observation
-from policy.scripts import scripted
+from policy.scripted.library import scripted
 from wholebody.config import ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import GRID, PostureState

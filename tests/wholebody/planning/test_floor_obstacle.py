@@ -10,8 +10,8 @@ import pinocchio as pin
 import pytest
 
 from models.g1 import g1
-from policy.rotations import rotvec_to_matrix
-from policy.scripts import reach
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.scripted.library import reach
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from policy.rotations import rotvec_to_matrix
-from policy.scripts import scripted
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.scripted.library import scripted
 from tests.support.policy_cases import observation
 from wholebody.planning.floor_projection import CLEARANCE, HAND_BOX, above_floor
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from models.g1 import g1
-from policy.rotations import angle_between, rotvec_to_matrix
-from policy.scripts import scripted
+from policy.geometry.rotations import angle_between, rotvec_to_matrix
+from policy.scripted.library import scripted
 from tests.support.policy_cases import observation
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from policy.scripts import reach
+from policy.scripted.library import reach
 from tests.wholebody.qp.test_formulation import standing
 from wholebody.bench.commands import bench
 from wholebody.bench.solvers import HEADINGS, SolverRow, cells, study

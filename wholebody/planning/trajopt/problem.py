@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from policy.rotations import rotvec_to_matrix
+from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision import gjk as gjk_core
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError

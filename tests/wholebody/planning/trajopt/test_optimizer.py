@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import nnls
 
 from models.g1 import g1
-from policy.scripts import lissajous, reach, two_hand_lift, wave
+from policy.scripted.library import lissajous, reach, two_hand_lift, wave
 from tests.support.trajopt_reference import Reference, bounds, free_directions
 from wholebody.collision.floor_clearance import Underside
 from wholebody.config import ControllerConfig, PosturePlanConfig

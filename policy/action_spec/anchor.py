@@ -1,0 +1,77 @@
+"""Where a chunk is fixed in the world, and the state that relative actions refer to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from models.g1 import g1
+from policy.geometry.rotations import nearest_rotation, quaternion_to_matrix
+from policy.geometry.se3 import inverse, make_transform, yaw_frame
+from policy.joints import BODY_JOINTS
+from policy.kinematics.forward import kinematics
+from policy.observation import Observation
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A pelvis pose with the joints that go with it.
+
+    There are two kinds. A policy that was given an observation's state is anchored at that observation's measured
+    pelvis (`measured`). A source that does not see the robot is anchored once an episode at the nominal stance
+    (`nominal`): anchored at the measured pelvis, a leaning reach would move its own target on.
+
+    Attributes:
+        T_world_base: Pelvis in world, shape (4, 4).
+        q_body: Body joints in motor order, shape (29,), [rad].
+        q_lhand, q_rhand: Dex3 joints in motor order, shape (7,), [rad].
+    """
+
+    T_world_base: np.ndarray
+    q_body: np.ndarray
+    q_lhand: np.ndarray
+    q_rhand: np.ndarray
+
+    @classmethod
+    def measured(cls, observation: Observation) -> Anchor:
+        """At the pelvis and joints of an observation.
+
+        Raises:
+            ObservationError: If the observation is malformed.
+        """
+        observation.validate()
+        T = np.asarray(observation.T_world_base, dtype=float)
+        # The measured rotation may carry rounding that a chunk must not inherit.
+        return cls(
+            make_transform(nearest_rotation(T[:3, :3]), T[:3, 3]),
+            np.asarray(observation.q_body, dtype=float),
+            np.asarray(observation.q_lhand, dtype=float),
+            np.asarray(observation.q_rhand, dtype=float),
+        )
+
+    @classmethod
+    def nominal(cls, T_world_feet: np.ndarray | None = None) -> Anchor:
+        """At the pelvis of the default stance, upright and heading along the feet.
+
+        Args:
+            T_world_feet: Midpoint of the soles on the floor, x forward, shape (4, 4); the world frame if None.
+        """
+        spec = g1()
+        stance = spec.stance
+        R = quaternion_to_matrix(np.array(stance.base_quat_xyzw), "xyzw")
+        T_feet_base = yaw_frame(make_transform(R, np.array(stance.base_position)))
+        T_world_feet = np.eye(4) if T_world_feet is None else yaw_frame(np.asarray(T_world_feet, dtype=float))
+        n, fingers = len(BODY_JOINTS), np.array(spec.hand_neutral)
+        return cls(T_world_feet @ T_feet_base, stance.joints[:n].copy(), fingers[:7], fingers[7:])
+
+    @cached_property
+    def T_base_world(self) -> np.ndarray:
+        """World in pelvis, shape (4, 4)."""
+        return inverse(self.T_world_base)
+
+    @cached_property
+    def poses(self) -> dict[str, np.ndarray]:
+        """``T_base_lhand``, ``T_base_rhand``, ``T_base_torso`` (4, 4) at these joints, keys lhand, rhand, torso."""
+        return kinematics().poses(self.q_body)

@@ -1,0 +1,172 @@
+"""The action layouts that ship with the package. A layout never changes once released: a change is a new version."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from policy.action_spec.slot import Slot
+from policy.action_spec.spec import ActionSpec
+from policy.errors import SpecError, did_you_mean
+from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST_JOINTS
+
+
+def wbc32() -> ActionSpec:
+    """Two wrist poses and all fingers: 32 numbers, which is exactly ``max_action_dim`` of π0 and π0.5 weights.
+
+    Left wrist xyz and rot6d, right wrist likewise, left Dex3, right Dex3; absolute, in the measured pelvis.
+    """
+    return ActionSpec(
+        name="wbc32",
+        slots=stack(
+            *wrist("left"),
+            *wrist("right"),
+            joints("left_hand", LEFT_HAND_JOINTS),
+            joints("right_hand", RIGHT_HAND_JOINTS),
+        ),
+    )
+
+
+def wbc27() -> ActionSpec:
+    """Wrist poses, one closing number a hand, waist roll, pitch, yaw, base height and planar velocity: 27 numbers."""
+    return ActionSpec(
+        name="wbc27",
+        slots=stack(
+            *wrist("left"),
+            *wrist("right"),
+            scalar("left_grasp", "1", limits=((0.0, 1.0),)),
+            scalar("right_grasp", "1", limits=((0.0, 1.0),)),
+            joints("waist", ("waist_roll_joint", "waist_pitch_joint", "waist_yaw_joint")),
+            scalar("base_height", "m"),
+            velocity(),
+        ),
+    )
+
+
+def unifolm23() -> ActionSpec:
+    """UnifoLM-VLA-0 ``EE_R6_G1``: wrist poses, Dex1 grippers right before left, waist yaw, roll, pitch.
+
+    Source:
+        unifolm-vla ``rlds_dataset.py`` (``batch_pose17_to_pose23``: rot6d by columns, grippers last, right first) and
+        its dataset statistics (grippers up to 4.5: motor angle, not a share). Dex1 grippers become Dex3 closings.
+    """
+    return ActionSpec(
+        name="unifolm23",
+        horizon=25,
+        slots=stack(
+            *wrist("left"),
+            *wrist("right"),
+            scalar("right_grasp", "dex1 rad"),
+            scalar("left_grasp", "dex1 rad"),
+            joints("waist", WAIST_JOINTS),
+        ),
+    )
+
+
+def joint28() -> ActionSpec:
+    """Both arms and both Dex3 hands as joint targets, as in the datasets ``unitreerobotics/G1_Dex3_*``.
+
+    Waist and pelvis are not in it: wrist poses follow with the anchor's.
+
+    Source:
+        unitree_lerobot ``constants.py``: left arm, right arm, left hand, right hand (index before middle).
+    """
+    return ActionSpec(
+        name="joint28",
+        slots=stack(
+            joints("left_arm", LEFT_ARM_JOINTS),
+            joints("right_arm", RIGHT_ARM_JOINTS),
+            joints("left_hand", LEFT_HAND_JOINTS),
+            joints("right_hand", RIGHT_HAND_JOINTS),
+        ),
+    )
+
+
+def joint16() -> ActionSpec:
+    """Both arms as joint targets and two Dex1 grippers, as in the datasets ``unitreerobotics/G1_Dex1_*``."""
+    return ActionSpec(
+        name="joint16",
+        slots=stack(
+            joints("left_arm", LEFT_ARM_JOINTS),
+            joints("right_arm", RIGHT_ARM_JOINTS),
+            scalar("left_grasp", "dex1 rad"),
+            scalar("right_grasp", "dex1 rad"),
+        ),
+    )
+
+
+def gr00t_g1() -> ActionSpec:
+    """GR00T N1.7 ``REAL_G1``: wrists relative to the state (``T_ref @ T_rel``, rot6d by rows), then joints; 53 numbers.
+
+    Hands and arms are relative joints, waist, height and velocity absolute. Upstream states neither the rate (30 Hz is
+    taken) nor the finger order (Dex3 DDS order is taken: GR00T-WholeBodyControl hands the numbers straight to the
+    driver). For a checkpoint fine-tuned with absolute hands, change ``mode`` in the JSON: the hash changes with it.
+
+    Source:
+        Keys and widths of ``real_g1_relative_eef_relative_joints`` in the checkpoint's processor_config.json.
+    """
+    return ActionSpec(
+        name="gr00t_g1",
+        horizon=40,
+        slots=stack(
+            *wrist("left", mode="relative_se3", rot6d_layout="rows"),
+            *wrist("right", mode="relative_se3", rot6d_layout="rows"),
+            joints("left_hand", LEFT_HAND_JOINTS, mode="relative_add"),
+            joints("right_hand", RIGHT_HAND_JOINTS, mode="relative_add"),
+            joints("left_arm", LEFT_ARM_JOINTS, mode="relative_add"),
+            joints("right_arm", RIGHT_ARM_JOINTS, mode="relative_add"),
+            joints("waist", WAIST_JOINTS),
+            scalar("base_height", "m"),
+            velocity(),
+        ),
+    )
+
+
+def wrist(side: str, **settings: object) -> tuple[dict, dict]:
+    """Position and rot6d (columns) of a wrist; settings such as ``mode`` or ``rot6d_layout`` replace the defaults."""
+    shared = {key: value for key, value in settings.items() if key not in ("rot6d_layout", "tcp_offset")}
+    tool = {"tcp_offset": settings["tcp_offset"]} if "tcp_offset" in settings else {}
+    layout = settings.get("rot6d_layout", "cols")
+    return (
+        {"name": f"{side}_wrist_position", "kind": "position", "size": 3, "unit": "m", **shared, **tool},
+        {"name": f"{side}_wrist_rotation", "kind": "rot6d", "size": 6, "unit": "1", "rot6d_layout": layout, **shared},
+    )
+
+
+def joints(name: str, names: tuple[str, ...], **settings: object) -> dict:
+    """A joint slot in radians."""
+    return {"name": name, "kind": "joint", "size": len(names), "unit": "rad", "joint_names": tuple(names), **settings}
+
+
+def scalar(name: str, unit: str, **settings: object) -> dict:
+    """A single number."""
+    return {"name": name, "kind": "scalar", "size": 1, "unit": unit, **settings}
+
+
+def velocity() -> dict:
+    """Planar velocity x, y and yaw rate of the base."""
+    return {"name": "base_velocity", "kind": "velocity", "size": 3, "unit": "m/s, rad/s"}
+
+
+def stack(*parts: dict) -> tuple[Slot, ...]:
+    """Slots one after the other."""
+    slots, at = [], 0
+    for part in parts:
+        slots.append(Slot(start=at, **part))
+        at += part["size"]
+    return tuple(slots)
+
+
+LAYOUTS = {layout.__name__: layout for layout in (wbc32, wbc27, unifolm23, joint28, joint16, gr00t_g1)}
+"""Built-in layouts by name."""
+
+
+@lru_cache(maxsize=16)
+def builtin(name: str) -> ActionSpec:
+    """A built-in layout.
+
+    Raises:
+        SpecError: If there is none of that name.
+    """
+    if name not in LAYOUTS:
+        raise SpecError(f"no layout is called '{name}'; {did_you_mean(name, LAYOUTS)}built in: {', '.join(LAYOUTS)}")
+    return LAYOUTS[name]()

@@ -1,0 +1,213 @@
+"""Action specs: what every number of a raw action vector means, as a versioned, hashed contract.
+
+Equal dimension is never compatibility. Two layouts of 32 numbers can differ in frame, in tool point, in finger order,
+or by a transpose of the rotation, and nothing in the numbers says so; `require_same` compares hashes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from policy.action_spec.slot import Slot, one_of
+from policy.errors import SpecError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionSpec:
+    """The layout of a raw action ``(H, A)``.
+
+    Attributes:
+        name: What people call it; not part of the hash.
+        version: Version of the layout.
+        fps: Steps per second of a chunk [Hz].
+        horizon: Steps of a chunk.
+        slots: In the order of the numbers, without gap or overlap.
+    """
+
+    name: str
+    version: int = 1
+    fps: float = 30.0
+    horizon: int = 50
+    slots: tuple[Slot, ...]
+
+    def __post_init__(self) -> None:
+        if not self.fps > 0.0 or not np.isfinite(self.fps):
+            raise SpecError(f"spec '{self.name}': fps {self.fps}; a positive rate in Hz is expected")
+        if self.horizon < 1 or self.version < 1:
+            raise SpecError(f"spec '{self.name}': horizon {self.horizon} and version {self.version} must be at least 1")
+        names = [slot.name for slot in self.slots]
+        doubled = sorted({name for name in names if names.count(name) > 1})
+        if doubled:
+            raise SpecError(f"spec '{self.name}': slots {doubled} occur twice")
+        at = 0
+        for slot in self.slots:
+            if slot.start != at:
+                raise SpecError(f"spec '{self.name}': slot '{slot.name}' starts at {slot.start}; {at} is next")
+            at += slot.size
+        self._check_sides()
+
+    @property
+    def dim(self) -> int:
+        """Length A of the action vector."""
+        return sum(slot.size for slot in self.slots)
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """LeRobot feature of each number, length A."""
+        return tuple(name for slot in self.slots for name in slot.feature_names)
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of everything that gives the numbers a meaning (all but the name), 64 hexadecimal digits."""
+        content = {key: value for key, value in self.to_dict().items() if key != "name"}
+        canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
+
+    @property
+    def id(self) -> str:
+        """Name, version and the first digits of the hash, as in ``wbc32-v1-0a1b2c3d4e5f``."""
+        return f"{self.name}-v{self.version}-{self.hash[:12]}"
+
+    @cached_property
+    def _slots(self) -> dict[str, Slot]:
+        return {slot.name: slot for slot in self.slots}
+
+    def slot(self, name: str) -> Slot | None:
+        """The slot that drives something, or None."""
+        return self._slots.get(name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; `from_dict` gives the same spec back."""
+        return json.loads(json.dumps(dataclasses.asdict(self)))
+
+    def to_json(self) -> str:
+        """JSON text, indented, with the hash beside the content so that an edited file is noticed."""
+        return json.dumps({**self.to_dict(), "hash": self.hash}, indent=2)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> ActionSpec:
+        """Spec from plain data.
+
+        Raises:
+            SpecError: If a key is unknown or missing, a value impossible, or the hash beside it another.
+        """
+        data = dict(data)
+        stated = data.pop("hash", None)
+        slots = data.pop("slots", None)
+        if not isinstance(slots, list) or not all(isinstance(slot, Mapping) for slot in slots):
+            raise SpecError("a spec needs 'slots', a list of objects")
+        spec = _build(cls, {**data, "slots": tuple(_build(Slot, slot) for slot in slots)}, "spec")
+        if stated is not None and stated != spec.hash:
+            raise SpecError(
+                f"spec '{spec.name}' says hash {stated}, its content has {spec.hash}: it was edited; "
+                "remove the hash if the change is meant"
+            )
+        return spec
+
+    @classmethod
+    def from_json(cls, text: str) -> ActionSpec:
+        """Spec from JSON text.
+
+        Raises:
+            SpecError: If the text is no JSON object, or as in `from_dict`.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise SpecError(f"the spec is no JSON: {error}") from error
+        if not isinstance(data, dict):
+            raise SpecError(f"the spec is a JSON {type(data).__name__}; an object is expected")
+        return cls.from_dict(data)
+
+    def _check_sides(self) -> None:
+        for side in ("left", "right"):
+            if self.slot(f"{side}_wrist_position") is None and self.slot(f"{side}_arm") is None:
+                raise SpecError(
+                    f"spec '{self.name}' does not say where the {side} hand goes: it needs a slot "
+                    f"'{side}_wrist_position' or '{side}_arm'"
+                )
+            position, rotation = self.slot(f"{side}_wrist_position"), self.slot(f"{side}_wrist_rotation")
+            if rotation and not position:
+                raise SpecError(f"spec '{self.name}' gives a rotation but no position for the {side} wrist")
+            if rotation and position and rotation.frame != position.frame:
+                raise SpecError(
+                    f"spec '{self.name}': the {side} wrist's position is in the frame '{position.frame}', "
+                    f"its rotation in '{rotation.frame}'; both must be in one"
+                )
+            if self.slot(f"{side}_hand") and self.slot(f"{side}_grasp"):
+                raise SpecError(f"spec '{self.name}' gives both '{side}_hand' and '{side}_grasp'")
+
+
+def require_same(expected: ActionSpec, found: ActionSpec | str | None, *, assume: bool = False) -> None:
+    """Handshake between a producer of actions and their consumer.
+
+    Args:
+        expected: What the consumer decodes.
+        found: Spec or hash that comes with the actions, None if nothing does.
+        assume: The user vouches that the actions are as expected (``--assume-spec``).
+
+    Raises:
+        SpecError: If the hash is missing or another, and the user does not vouch.
+    """
+    if assume:
+        return
+    if found is None:
+        raise SpecError(
+            f"the actions come without a spec; {expected.dim} numbers alone do not say what they mean. "
+            f"If they are '{expected.name}', say --assume-spec {expected.name}"
+        )
+    if isinstance(found, ActionSpec):
+        if found.hash == expected.hash:
+            return
+        raise SpecError(f"spec '{found.name}' is not '{expected.name}': {'; '.join(differences(expected, found))}")
+    if found != expected.hash:
+        raise SpecError(
+            f"the actions have spec hash {found[:12]}, '{expected.name}' has {expected.hash[:12]}: the layouts differ "
+            "even where the dimension does not; decode them with their own spec, or say --assume-spec"
+        )
+
+
+def differences(expected: ActionSpec, found: ActionSpec) -> list[str]:
+    """What differs between two specs, one sentence for each field, in the order of the slots."""
+    said = [
+        f"{field} is {getattr(found, field)}, expected {getattr(expected, field)}"
+        for field in ("version", "fps", "horizon", "dim")
+        if getattr(found, field) != getattr(expected, field)
+    ]
+    for slot in expected.slots:
+        other = found.slot(slot.name)
+        if other is None:
+            said.append(f"slot '{slot.name}' is missing")
+            continue
+        for field in dataclasses.fields(Slot):
+            mine, theirs = getattr(slot, field.name), getattr(other, field.name)
+            if mine != theirs:
+                said.append(f"slot '{slot.name}' has {field.name} {theirs}, expected {mine}")
+    known = [slot.name for slot in expected.slots]
+    said += [f"slot '{slot.name}' is not expected" for slot in found.slots if slot.name not in known]
+    return said
+
+
+def _build[T: (ActionSpec, Slot)](kind: type[T], data: Mapping[str, Any], what: str = "slot") -> T:
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    for key in data:
+        one_of(f"{what}: key", key, fields)
+    missing = [name for name, field in fields.items() if field.default is dataclasses.MISSING and name not in data]
+    if missing:
+        raise SpecError(f"{what}: keys {missing} are missing")
+    try:
+        return kind(**{key: _tuples(value) for key, value in data.items()})
+    except TypeError as error:
+        raise SpecError(f"{what} {data.get('name', '')!r}: a value has the wrong type ({error})") from error
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

@@ -1,0 +1,1 @@
+"""LeRobot datasets: reading, checking, and from joints to wrists."""

@@ -1,0 +1,128 @@
+"""What a dataset must be to be converted: columns that are known joints, finite numbers, time that goes on, images."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from policy.action_spec.builtin import LAYOUTS, builtin
+from policy.action_spec.spec import ActionSpec
+from policy.dataset.format import Dataset, Episode
+from policy.dataset.joint_layout import JointLayout, check_values, flat_names, joint_layout
+from policy.errors import DatasetError
+
+if TYPE_CHECKING:
+    import pyarrow
+
+RECOMPUTE = "lerobot-edit-dataset --operation.type recompute_stats --operation.skip_image_video false"
+
+
+def column_layout(dataset: Dataset, key: str, *, assume: ActionSpec | None = None, unit: str = "rad") -> JointLayout:
+    """What the columns of a feature are.
+
+    Args:
+        dataset: Where it is.
+        key: Its name.
+        assume: Joint layout that the user vouches for.
+        unit: Unit of the joints, ``rad`` or ``deg``.
+
+    Raises:
+        DatasetError: If they are no joints, or it is not known which.
+    """
+    feature = dataset.feature(key)
+    names = feature.get("names")
+    for name in LAYOUTS:
+        if flat_names(names) == builtin(name).feature_names and builtin(name).slot("left_wrist_position"):
+            raise DatasetError(
+                f"'{key}' of {dataset.folder} is in the layout {name} already, by the names of its columns; there are "
+                "no joints to convert",
+                feature=key,
+            )
+    return joint_layout(names, int(feature["shape"][0]), feature=key, assume=assume, unit=unit)
+
+
+def check_joints(dataset: Dataset, layouts: Mapping[str, JointLayout]) -> list[str]:
+    """Read every joint of every episode.
+
+    Args:
+        dataset: Where they are.
+        layouts: What the columns of each feature are.
+
+    Returns:
+        Notes about joints beyond their limits.
+
+    Raises:
+        DatasetError: If a number is not finite, is not in the unit that was said, or cannot be of the joint it is
+            called; names episode and frame.
+    """
+    notes: list[str] = []
+    for key, layout in layouts.items():
+        lengths = [episode.length for episode in dataset.episodes]
+        values = np.concatenate(list(dataset.numbers(key)))
+        try:
+            notes += check_values(layout, values, feature=key)
+        except DatasetError as error:
+            if error.frame is None:
+                raise
+            # A frame over all episodes means little to someone who has to leave one out.
+            at = int(np.searchsorted(np.cumsum(lengths), error.frame, side="right"))
+            frame, episode = error.frame - sum(lengths[:at]), dataset.episodes[at].index
+            text = f"{dataset.folder}, episode {episode}, frame {frame}: {error}"
+            raise DatasetError(text, feature=key, frame=error.frame) from error
+    return notes
+
+
+def check_times(dataset: Dataset) -> list[str]:
+    """Refuse time that stands still or goes back; nothing to note otherwise.
+
+    Raises:
+        DatasetError: Naming episode and frame.
+    """
+    for episode in dataset.episodes:
+        times = np.asarray(dataset.table(episode, ["timestamp"]).column("timestamp"), dtype=float)
+        gaps = np.diff(times)
+        if not np.isfinite(times).all() or not (gaps > 0.0).all():
+            frame = int(np.argmax(~np.isfinite(times))) if not np.isfinite(times).all() else int(np.argmin(gaps)) + 1
+            raise DatasetError(
+                f"{dataset.folder}, episode {episode.index}: the timestamp {times[frame]} s of frame {frame} does not "
+                "come after the one before; leave the episode out with --episodes",
+                feature="timestamp",
+            )
+    return []
+
+
+def check_cameras(dataset: Dataset, *, without_stats: bool = False) -> list[str]:
+    """Whether the cameras have statistics, which are carried over.
+
+    Raises:
+        DatasetError: If they have none and `without_stats` does not accept that.
+    """
+    missing = [key for key in dataset.cameras if key not in dataset.stats]
+    if not missing:
+        return []
+    if without_stats:
+        return [f"no statistics of {', '.join(missing)}: a policy that normalises images cannot be trained with them"]
+    raise DatasetError(
+        f"{dataset.folder} has no statistics of {missing[0]}, and they cannot be had without decoding every video. "
+        f"Policies that normalise images (ACT, Diffusion) need them: let LeRobot make them ({RECOMPUTE}). π0, π0.5 and "
+        "SmolVLA do without: go on with --without-camera-stats",
+        feature=missing[0],
+    )
+
+
+def check_images(rows: pyarrow.Table, keys: list[str], episode: Episode) -> None:
+    """Refuse images that are in files of their own.
+
+    Raises:
+        DatasetError: Naming the camera.
+    """
+    for key in keys:
+        images = rows.column(key).combine_chunks()
+        if images.field("bytes").null_count:
+            raise DatasetError(
+                f"'{key}' of episode {episode.index} has images outside of {episode.file}, which are not carried over; "
+                "embed them first (LeRobot does so when it saves an episode)",
+                feature=key,
+            )

@@ -1,0 +1,285 @@
+"""A joint-space dataset of the G1 as a dataset of wrists: actions from commanded joints, states from measured ones.
+
+What the recording does not say (the waist, the pelvis) is assumed, and every assumption is written into the result:
+``meta/conversion.json`` has source, provenance, assumptions, notes and the error of the way back to joints;
+``meta/action_spec.json`` and ``meta/state_spec.json`` have the layouts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from policy.action_spec.builtin import builtin
+from policy.action_spec.spec import ActionSpec
+from policy.dataset.checks import check_cameras, check_images, check_joints, check_times, column_layout
+from policy.dataset.format import ACTION, STATE, Dataset, Episode, open_dataset, vectors
+from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
+from policy.dataset.report import ConvertedDataset
+from policy.dataset.stats import narrow, statistics, widened
+from policy.dataset.writer import DatasetWriter, set_column
+from policy.errors import DatasetError
+from policy.kinematics.forward import kinematics
+from policy.lerobot.spec import state_layout
+
+if TYPE_CHECKING:
+    import pyarrow
+
+PROVENANCE = {ACTION: "commanded", STATE: "measured"}
+"""Whether the joints of a feature were sent to the motors or read from them."""
+KEPT = "source."
+"""In front of the names of kept joint columns: LeRobot takes what begins with ``action`` or ``observation`` as input or
+output of policies."""
+_NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetSettings:
+    """How a dataset is converted.
+
+    Attributes:
+        to: Layout of the result, a built-in name or a spec; its rate becomes the dataset's.
+        waist: Yaw, roll and pitch [rad] where they were not recorded.
+        unit: Unit of the recorded joints, ``rad`` or ``deg``.
+        synergy: Map between one closing number and fingers, where only one side has fingers.
+        assume: Joint layout that the user vouches for, where names do not say it.
+        episodes: Numbers of the episodes to convert; None for all.
+        keep_joints: Keep the joint columns too, as ``source.action`` and ``source.observation.state``.
+        check: Go back to joints from every stored frame and report the error.
+        least_range: Floor under the ranges that normalisers divide by, in SI; 0 for none.
+        link_videos: Hard-link videos instead of copying them.
+        without_camera_stats: Accept cameras without statistics.
+    """
+
+    to: str | ActionSpec = "wbc32"
+    waist: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    unit: str = "rad"
+    synergy: str | None = None
+    assume: ActionSpec | None = None
+    episodes: tuple[int, ...] | None = None
+    keep_joints: bool = False
+    check: bool = True
+    least_range: float = 0.0
+    link_videos: bool = False
+    without_camera_stats: bool = False
+
+
+def convert_dataset(
+    source: str | Path,
+    target: str | Path,
+    settings: DatasetSettings | None = None,
+    *,
+    progress: Progress | None = None,
+) -> ConvertedDataset:
+    """Convert a LeRobot dataset (v3.0, v2.1, v2.0) of joints to one of wrists (v3.0).
+
+    Args:
+        source: Dataset folder.
+        target: Folder to write; must not exist.
+        settings: How.
+        progress: Called with frames done and frames in all.
+
+    Raises:
+        DatasetError: If the dataset cannot be read or is not in joints that are understood; nothing is written.
+        SpecError: If the layout cannot be filled from joints.
+    """
+    kinematics()  # reading the robot's description once is no part of the rate
+    began = time.process_time()
+    settings = settings or DatasetSettings()
+    if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):
+        raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
+    dataset = _selected(open_dataset(source), settings.episodes)
+    spec = builtin(settings.to) if isinstance(settings.to, str) else settings.to
+    spec = dataclasses.replace(spec, fps=dataset.fps)
+    conversions = {}
+    for key, layout in {ACTION: spec, STATE: state_layout(spec)}.items():
+        columns = column_layout(dataset, key, assume=settings.assume, unit=settings.unit)
+        conversions[key] = JointConversion(columns, layout, settings.waist, settings.synergy)
+    notes = [
+        *check_cameras(dataset, without_stats=settings.without_camera_stats),
+        *check_joints(dataset, {key: conversion.source for key, conversion in conversions.items()}),
+        *check_times(dataset),
+        *_left_out(conversions),
+    ]
+    work = _Work(dataset, conversions, settings)
+    with DatasetWriter(Path(target), work.info(), dataset.tasks, link=settings.link_videos) as writer:
+        for episode in dataset.episodes:
+            work.convert(episode, writer, progress)
+        stats, more = work.stats()
+        result = ConvertedDataset(
+            folder=Path(target),
+            source=dataset,
+            spec=spec,
+            assumptions={**_pelvis(), **conversions[ACTION].assumptions},
+            notes=(*notes, *more),
+            trips=dict(work.trips),
+            cpu_seconds=time.process_time() - began,
+        )
+        writer.finish(stats, _files(result, conversions, settings))
+    return result
+
+
+def episode_numbers(text: str) -> tuple[int, ...]:
+    """Episodes from ``0-3,7``.
+
+    Raises:
+        DatasetError: If the text is no such list.
+    """
+    numbers: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if not first.isdecimal() or not (last or first).isdecimal() or int(last or first) < int(first):
+            raise DatasetError(f"episodes '{text}' are no list of numbers and ranges such as 0-3,7")
+        numbers += range(int(first), int(last or first) + 1)
+    return tuple(numbers)
+
+
+class _Work:
+    """What is gathered over the episodes."""
+
+    def __init__(self, dataset: Dataset, conversions: Mapping[str, JointConversion], settings: DatasetSettings) -> None:
+        self.dataset, self.conversions, self.settings = dataset, conversions, settings
+        self.trips: dict[str, RoundTrip] = {}
+        self._done = 0
+        self._columns: dict[str, list[np.ndarray]] = {}
+        self._kept = [key for key in dataset.features if key not in dataset.cameras or self._is_image(key)]
+
+    def _is_image(self, key: str) -> bool:
+        return self.dataset.features[key]["dtype"] == "image"
+
+    def info(self) -> dict[str, Any]:
+        """The source's description with the converted features in it."""
+        features = {key: dict(feature) for key, feature in self.dataset.features.items()}
+        for key, conversion in self.conversions.items():
+            if self.settings.keep_joints:
+                features[KEPT + key] = dict(features[key])
+            layout = conversion.target
+            said = {"provenance": PROVENANCE[key], "layout": layout.id, "hash": layout.hash}
+            features[key] |= {"dtype": "float32", "shape": [layout.dim], "names": list(layout.feature_names)}
+            features[key]["info"] = {**(features[key].get("info") or {}), **said}
+        return {**self.dataset.info, "features": features}
+
+    def convert(self, episode: Episode, writer: DatasetWriter, progress: Progress | None) -> None:
+        """Append an episode to the result."""
+        rows = self.dataset.table(episode, self._kept)
+        check_images(rows, [key for key in self.dataset.cameras if self._is_image(key)], episode)
+        columns: dict[str, np.ndarray] = {}
+        for key, conversion in self.conversions.items():
+            joints = vectors(rows.column(key), conversion.source.dim, key, episode)
+            columns[key] = conversion.forward(joints).astype(np.float32)
+            if self.settings.check:
+                trip = round_trip(conversion, joints, columns[key])
+                self.trips[key] = self.trips[key].merged(trip) if key in self.trips else trip
+            if self.settings.keep_joints:
+                rows = set_column(rows, KEPT + key, joints)
+            rows = set_column(rows, key, columns[key])
+        rows = writer.numbered(rows)
+        columns |= dict(self._numeric(rows, episode))
+        for key, values in columns.items():
+            self._columns.setdefault(key, []).append(values)
+        writer.add(episode, rows, {**{key: statistics(x) for key, x in columns.items()}, **episode.camera_stats})
+        self._done += episode.length
+        if progress is not None:
+            progress(self._done, self.dataset.frames)
+
+    def stats(self) -> tuple[dict[str, Mapping[str, Any]], list[str]]:
+        """Statistics over all episodes, and what there is to say about them."""
+        found: dict[str, Mapping[str, Any]] = {
+            key: statistics(np.concatenate(parts)) for key, parts in self._columns.items()
+        }
+        notes = []
+        for key, conversion in self.conversions.items():
+            still = narrow(found[key], conversion.target)
+            if len(still):
+                notes.append(_still_note(key, [conversion.target.feature_names[i] for i in still], self.settings))
+            if self.settings.least_range:
+                found[key] = widened(found[key], conversion.target, self.settings.least_range)
+        features, whole = self.dataset.features, self.dataset.stats
+        carried = {key: whole[key] for key in whole if key in features and key not in found}
+        if self.settings.episodes is not None and any(key in carried for key in self.dataset.cameras):
+            notes.append("statistics of the cameras are those of all episodes of the source")
+        return {**found, **carried}, notes
+
+    def _numeric(self, rows: pyarrow.Table, episode: Episode) -> Iterator[tuple[str, np.ndarray]]:
+        """The other columns of numbers, whose statistics are computed anew too."""
+        for key in rows.column_names:
+            feature = self.dataset.features.get(key.removeprefix(KEPT))
+            if key in self.conversions or feature is None or feature["dtype"] not in _NUMBERS:
+                continue
+            column, shape = rows.column(key), tuple(feature["shape"])
+            if shape == (1,) and not hasattr(column.type, "value_type"):
+                yield key, np.asarray(column).astype(float)
+            elif len(shape) == 1:
+                yield key, vectors(column, shape[0], key, episode)
+
+
+def _selected(dataset: Dataset, numbers: tuple[int, ...] | None) -> Dataset:
+    if numbers is None:
+        return dataset
+    count = len(dataset.episodes)
+    wrong = [number for number in numbers if not 0 <= number < count]
+    if wrong or len(set(numbers)) != len(numbers) or not numbers:
+        what = f"there is no episode {wrong[0]}" if wrong else "each may be named once, one at least"
+        raise DatasetError(f"episodes {list(numbers)[:8]}: {what}; {dataset.folder} has 0 to {count - 1}")
+    return dataclasses.replace(dataset, episodes=tuple(dataset.episodes[number] for number in sorted(numbers)))
+
+
+def _left_out(conversions: Mapping[str, JointConversion]) -> list[str]:
+    notes = []
+    for key, conversion in conversions.items():
+        used = {conversion.source.names[i] for i in conversion.source.columns}
+        rest = [name for name in conversion.source.names if name not in used]
+        if rest:
+            notes.append(f"{key}: {', '.join(rest)} are left out, '{conversion.target.name}' has no place for them")
+    return notes
+
+
+def _still_note(key: str, names: list[str], settings: DatasetSettings) -> str:
+    some = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+    if settings.least_range:
+        return f"{key}: {some} hardly move; their ranges were widened to {settings.least_range:g}"
+    return (
+        f"{key}: {some} hardly move, so a normaliser would blow noise up to the whole range; --least-range 0.01 puts a "
+        "floor under it"
+    )
+
+
+def _pelvis() -> dict[str, str]:
+    return {"pelvis": "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"}
+
+
+def _files(result: ConvertedDataset, conversions: Mapping[str, JointConversion], settings: DatasetSettings) -> dict:
+    try:
+        release = version("g1-wholebody")
+    except PackageNotFoundError:
+        release = "unknown"
+    said = {
+        "tool": f"g1-wholebody {release}, wholebody convert",
+        **result.to_dict(),
+        "features": {
+            key: {
+                "provenance": PROVENANCE[key],
+                "layout": conversion.target.id,
+                "joints": list(conversion.source.names),
+                "names_in_source": list(conversion.source.given),
+                "unit_in_source": conversion.source.unit,
+                "layout_assumed": settings.assume is not None,
+            }
+            for key, conversion in conversions.items()
+        },
+        "statistics": {"over": "all frames alike", "least_range": settings.least_range},
+    }
+    return {
+        "conversion.json": json.dumps(said, indent=2) + "\n",
+        "action_spec.json": conversions[ACTION].target.to_json() + "\n",
+        "state_spec.json": conversions[STATE].target.to_json() + "\n",
+    }

@@ -1,0 +1,298 @@
+"""A LeRobot dataset folder as it is on disk: what its episodes are, and where their rows and videos lie.
+
+Read with pyarrow alone, so that no network is asked, no torch is loaded and no video is decoded. Formats v3.0 (several
+episodes a file), v2.1 and v2.0 (one file an episode) give the same `Dataset`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from policy.errors import DatasetError, did_you_mean
+
+if TYPE_CHECKING:
+    import pyarrow
+
+ACTION, STATE = "action", "observation.state"
+INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+"""Columns that every dataset has."""
+Stats = Mapping[str, Mapping[str, Any]]
+"""Statistics by feature and name, nested lists as in JSON."""
+
+
+@dataclass(frozen=True)
+class VideoSpan:
+    """Where the frames of an episode are in a video file, from ``start`` to ``end`` [s]."""
+
+    file: Path
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One recording.
+
+    Attributes:
+        index: Its number in the dataset.
+        length: Number of frames.
+        tasks: What was to be done.
+        file: Parquet file with its rows.
+        first_row: Its first row there.
+        videos: Where each camera's frames are.
+        camera_stats: Statistics of its images, as far as the dataset has them.
+        extra: What else the dataset says about it.
+    """
+
+    index: int
+    length: int
+    tasks: tuple[str, ...]
+    file: Path
+    first_row: int
+    videos: Mapping[str, VideoSpan] = field(default_factory=dict)
+    camera_stats: Stats = field(default_factory=dict)
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset folder.
+
+    Attributes:
+        folder: Where ``meta`` and ``data`` are.
+        version: Format, such as ``v3.0``.
+        info: Content of ``meta/info.json``.
+        tasks: Text of each task index.
+        episodes: In order.
+        stats: Statistics over all episodes; empty where the dataset has none.
+    """
+
+    folder: Path
+    version: str
+    info: Mapping[str, Any]
+    tasks: tuple[str, ...]
+    episodes: tuple[Episode, ...]
+    stats: Stats
+
+    @property
+    def fps(self) -> float:
+        """Frames per second [Hz]."""
+        return float(self.info["fps"])
+
+    @property
+    def features(self) -> Mapping[str, Mapping[str, Any]]:
+        """What the columns and videos are, by key."""
+        return self.info["features"]
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Keys of images and videos."""
+        return tuple(key for key, feature in self.features.items() if feature["dtype"] in ("image", "video"))
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of all episodes."""
+        return sum(episode.length for episode in self.episodes)
+
+    def feature(self, key: str) -> Mapping[str, Any]:
+        """A vector feature.
+
+        Raises:
+            DatasetError: If there is none of that name, or it is no vector.
+        """
+        if key not in self.features:
+            vectors = [name for name in self.features if name not in (*self.cameras, *INDICES)]
+            raise DatasetError(
+                f"{self.folder} has no feature '{key}'; {did_you_mean(key, vectors)}there are "
+                f"{', '.join(vectors) or 'none'}. Arms and hands must be in '{ACTION}' and '{STATE}'; put them there "
+                "with lerobot.datasets.dataset_tools.modify_features first",
+                feature=key,
+            )
+        feature = self.features[key]
+        shape = feature.get("shape")
+        if not isinstance(shape, (list, tuple)) or len(shape) != 1:
+            raise DatasetError(f"'{key}' of {self.folder} has shape {shape}; a vector is expected", feature=key)
+        return feature
+
+    def table(self, episode: Episode, columns: list[str] | None = None) -> pyarrow.Table:
+        """Rows of an episode.
+
+        Raises:
+            DatasetError: If the file is damaged, lacks a column, or holds something else there.
+        """
+        wanted = None if columns is None else (*columns, "episode_index")
+        modified_ns = episode.file.stat().st_mtime_ns if episode.file.exists() else 0
+        rows = _file(episode.file, modified_ns, wanted).slice(episode.first_row, episode.length)
+        found = np.asarray(rows.column("episode_index")) if "episode_index" in rows.column_names else np.empty(0)
+        if len(found) != episode.length or (found != episode.index).any():
+            raise DatasetError(
+                f"{episode.file} does not hold the {episode.length} frames of episode {episode.index} from row "
+                f"{episode.first_row} on; meta/episodes and data are of different recordings: get both again",
+                feature="episode_index",
+            )
+        return rows if columns is None else rows.select(columns)
+
+    def numbers(self, key: str) -> Iterator[np.ndarray]:
+        """A vector feature of each episode in turn, shape (length, D).
+
+        Raises:
+            DatasetError: If a row is missing or has another length than the feature.
+        """
+        width = int(self.feature(key)["shape"][0])
+        for episode in self.episodes:
+            yield vectors(self.table(episode, [key]).column(key), width, key, episode)
+
+
+def open_dataset(folder: str | Path) -> Dataset:
+    """Read what a dataset says about itself; rows and videos are left where they are.
+
+    Raises:
+        DatasetError: If there is no dataset, it is of a format that is not read, or contradicts itself.
+    """
+    from policy.dataset.v21 import read_v21
+    from policy.dataset.v30 import read_v30
+
+    folder = Path(folder)
+    info = read_json(folder / "meta" / "info.json")
+    version = info.get("codebase_version")
+    readers = {"v3.0": read_v30, "v2.1": read_v21, "v2.0": read_v21}
+    if version not in readers:
+        raise DatasetError(
+            f"{folder} is in the format {version}; {', '.join(readers)} are read: bring it up with LeRobot's own "
+            "converters (lerobot.scripts.convert_dataset_*) first"
+        )
+    _check_info(folder, info)
+    dataset = readers[version](folder, info)
+    if not dataset.episodes:
+        raise DatasetError(f"{folder} has no episodes; record some, or download all of it")
+    return dataset
+
+
+def read_json(file: Path) -> dict[str, Any]:
+    """An object in a JSON file.
+
+    Raises:
+        DatasetError: If there is none.
+    """
+    try:
+        data = json.loads(file.read_text())
+    except FileNotFoundError as error:
+        raise DatasetError(
+            f"{file} does not exist; give the folder of a LeRobot dataset, the one with meta and data in it"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"{file} cannot be read: {error}") from error
+    if not isinstance(data, dict):
+        raise DatasetError(f"{file} is a JSON {type(data).__name__}; an object is expected")
+    return data
+
+
+def read_parquet(file: Path, columns: list[str] | None = None) -> pyarrow.Table:
+    """A parquet file as a table.
+
+    Raises:
+        DatasetError: If it is missing or damaged, or pyarrow is not installed.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise DatasetError(
+            "datasets are read with pyarrow, which is not installed: pip install 'g1-wholebody[lerobot]'"
+        ) from error
+    try:
+        return pyarrow.parquet.ParquetFile(file, memory_map=True).read(columns)
+    except FileNotFoundError as error:
+        raise DatasetError(f"{file} does not exist; download all of the dataset, data and meta") from error
+    except (OSError, pyarrow.ArrowException) as error:
+        raise DatasetError(
+            f"{file} cannot be read ({error}); a recording that was not ended with finalize() has no readable files, "
+            "a git clone without 'git lfs pull' has only pointers"
+        ) from error
+
+
+def inside(folder: Path, template: object, **parts: object) -> Path:
+    """Path of a file that ``info.json`` names by a template, never outside the dataset.
+
+    Raises:
+        DatasetError: If the template is none, or leads elsewhere.
+    """
+    try:
+        file = folder / str(template).format(**parts)
+    except (KeyError, IndexError, ValueError, TypeError, AttributeError) as error:
+        raise DatasetError(f"meta/info.json has the path '{template}', which cannot be filled in: {error!r}") from error
+    if not file.resolve().is_relative_to(folder.resolve()):
+        raise DatasetError(f"meta/info.json has the path '{template}', which leaves the dataset's folder")
+    return file
+
+
+def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
+    """What is said of each episode, by its number.
+
+    Raises:
+        DatasetError: If a number or length is none, or the numbers are not those from 0 on.
+    """
+    for row in rows:
+        index, length = row["episode_index"], row["length"]
+        if type(index) is not int or type(length) is not int or length < 1:
+            raise DatasetError(
+                f"{where} has an episode_index {index!r} of length {length!r}; whole numbers are expected"
+            )
+    rows = sorted(rows, key=lambda row: row["episode_index"])
+    if [row["episode_index"] for row in rows] != list(range(len(rows))):
+        raise DatasetError(f"{where} does not list the episodes 0 to {len(rows) - 1} once each")
+    return rows
+
+
+def vectors(column: pyarrow.ChunkedArray, width: int, key: str, episode: Episode) -> np.ndarray:
+    """Rows of a vector column, shape (n, width), in their own precision."""
+    flat = column.combine_chunks()
+    flat = flat.flatten() if hasattr(flat, "flatten") and flat.null_count == 0 else None
+    values = None if flat is None else flat.to_numpy(zero_copy_only=False)
+    if values is None or values.dtype.kind not in "fiu" or values.size != width * len(column):
+        raise DatasetError(
+            f"'{key}' of episode {episode.index} in {episode.file} is no table of {width} numbers a frame, as "
+            "meta/info.json says; rows are missing or of another length",
+            feature=key,
+        )
+    return values.reshape(len(column), width)
+
+
+@lru_cache(maxsize=1)
+def _file(file: Path, modified_ns: int, columns: tuple[str, ...] | None) -> pyarrow.Table:
+    """A data file; the last one is kept, because its episodes are asked for one after the other."""
+    table = read_parquet(file, list(columns) if columns else None)
+    missing = [name for name in columns or () if name not in table.column_names]
+    if missing:
+        known = ", ".join(read_parquet(file).column_names)
+        raise DatasetError(f"{file} has no column '{missing[0]}'; it has {known}", feature=missing[0])
+    return table
+
+
+def _check_info(folder: Path, info: Mapping[str, Any]) -> None:
+    fps, features = info.get("fps"), info.get("features")
+    if not isinstance(fps, (int, float)) or not 0.0 < fps < float("inf"):
+        raise DatasetError(f"{folder}/meta/info.json has fps {fps}; a positive rate in Hz is expected")
+    if not isinstance(features, dict) or not all(
+        isinstance(feature, dict) and "dtype" in feature and "shape" in feature for feature in features.values()
+    ):
+        raise DatasetError(f"{folder}/meta/info.json has no 'features', an object with dtype and shape of each")
+    if not all(_is_shape(feature["shape"]) for feature in features.values()):
+        raise DatasetError(f"{folder}/meta/info.json has a feature whose shape is no list of whole numbers")
+    chunks_size = info.get("chunks_size", 1)
+    if type(chunks_size) is not int or chunks_size < 1:
+        raise DatasetError(f"{folder}/meta/info.json has chunks_size {chunks_size!r}; a positive number is expected")
+    for key in features:
+        if "/" in key or "\\" in key or ".." in key:
+            raise DatasetError(f"{folder}/meta/info.json has the feature '{key}', which is no name but a path")
+
+
+def _is_shape(shape: object) -> bool:
+    return isinstance(shape, list) and all(type(size) is int and size > 0 for size in shape)

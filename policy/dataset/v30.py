@@ -1,0 +1,102 @@
+"""Format v3.0: several episodes a file, what belongs to which in ``meta/episodes``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from policy.dataset.format import Dataset, Episode, VideoSpan, in_order, inside, read_json, read_parquet
+from policy.errors import DatasetError
+
+_PLACES = ("data/", "videos/", "stats/", "meta/episodes/")
+_FIELDS = ("episode_index", "length", "tasks", "dataset_from_index", "dataset_to_index")
+"""Columns of ``meta/episodes`` that every dataset has; others are carried along."""
+
+
+def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
+    """A dataset in the format v3.0.
+
+    Raises:
+        DatasetError: If ``meta`` is incomplete or contradicts itself.
+    """
+    features = info["features"]
+    cameras = [key for key, feature in features.items() if feature["dtype"] in ("image", "video")]
+    rows = [row for file in _files(folder) for row in _rows(file, cameras)]
+    rows = in_order(rows, folder / "meta" / "episodes")
+    first: dict[Path, int] = {}
+    files = [_data_file(folder, info, row) for row in rows]
+    for file, row in zip(files, rows, strict=True):
+        first[file] = min(first.get(file, row["dataset_from_index"]), row["dataset_from_index"])
+    episodes = tuple(
+        Episode(
+            index=row["episode_index"],
+            length=row["length"],
+            tasks=tuple(row["tasks"] or ()),
+            file=file,
+            first_row=row["dataset_from_index"] - first[file],
+            videos={key: _span(folder, info, row, key) for key in cameras if features[key]["dtype"] == "video"},
+            camera_stats=_camera_stats(row, cameras),
+            extra={key: row[key] for key in row if key not in _FIELDS and not key.startswith(_PLACES)},
+        )
+        for file, row in zip(files, rows, strict=True)
+    )
+    stats = folder / "meta" / "stats.json"
+    return Dataset(folder, "v3.0", info, _tasks(folder), episodes, read_json(stats) if stats.exists() else {})
+
+
+def _files(folder: Path) -> list[Path]:
+    files = sorted((folder / "meta" / "episodes").glob("*/*.parquet"))
+    if not files:
+        raise DatasetError(f"{folder}/meta/episodes has no .parquet files; download all of the dataset's meta")
+    return files
+
+
+def _rows(file: Path, cameras: list[str]) -> list[dict[str, Any]]:
+    table = read_parquet(file)
+    missing = [name for name in _FIELDS if name not in table.column_names]
+    if missing:
+        raise DatasetError(f"{file} has no column '{missing[0]}'; it is no meta/episodes of the format v3.0")
+    kept = [
+        name
+        for name in table.column_names
+        if not name.startswith("stats/") or name.split("/")[1] in cameras  # the others are computed anew
+    ]
+    return table.select(kept).to_pylist()
+
+
+def _data_file(folder: Path, info: Mapping[str, Any], row: Mapping[str, Any]) -> Path:
+    chunk, file = row.get("data/chunk_index"), row.get("data/file_index")
+    return inside(folder, info.get("data_path"), chunk_index=chunk, file_index=file)
+
+
+def _span(folder: Path, info: Mapping[str, Any], row: Mapping[str, Any], key: str) -> VideoSpan:
+    names = [f"videos/{key}/{name}" for name in ("chunk_index", "file_index", "from_timestamp", "to_timestamp")]
+    missing = [name for name in names if row.get(name) is None]
+    if missing:
+        number = row["episode_index"]
+        raise DatasetError(f"{folder}/meta/episodes has no '{missing[0]}' for episode {number}", feature=key)
+    chunk, number, start, end = (row[name] for name in names)
+    file = inside(folder, info.get("video_path"), video_key=key, chunk_index=chunk, file_index=number)
+    return VideoSpan(file, float(start), float(end))
+
+
+def _camera_stats(row: Mapping[str, Any], cameras: list[str]) -> dict[str, dict[str, Any]]:
+    stats: dict[str, dict[str, Any]] = {}
+    for name, value in row.items():
+        if name.startswith("stats/") and value is not None:
+            _, key, kind = name.split("/", 2)
+            stats.setdefault(key, {})[kind] = value
+    return {key: stats[key] for key in cameras if key in stats}
+
+
+def _tasks(folder: Path) -> tuple[str, ...]:
+    file = folder / "meta" / "tasks.parquet"
+    table = read_parquet(file)
+    names = [name for name in table.column_names if name != "task_index"]
+    if "task_index" not in table.column_names or len(names) != 1:
+        raise DatasetError(f"{file} has the columns {', '.join(table.column_names)}; task_index and task are expected")
+    pairs = sorted(zip(table.column("task_index").to_pylist(), table.column(names[0]).to_pylist(), strict=True))
+    if [number for number, _ in pairs] != list(range(len(pairs))):
+        raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
+    return tuple(text for _, text in pairs)

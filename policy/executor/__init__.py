@@ -1,0 +1,1 @@
+"""Policies beside the control loop: latency, late answers, ensembles."""

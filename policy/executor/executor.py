@@ -1,0 +1,249 @@
+"""Between a policy that takes its time and a control loop that has none."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil, inf
+
+from policy.base import Policy
+from policy.chunk import ActionChunk
+from policy.clock import Clock
+from policy.errors import ChunkError, PolicyError
+from policy.executor.ensemble import TemporalEnsemble
+from policy.executor.report import Delivery, ExecutionReport
+from policy.executor.worker import Job, Outcome, ThreadWorker, Worker
+from policy.observation import Observation
+from policy.prefix import Prefix, PrefixPolicy
+from policy.recorded.resample import resampled
+
+Executing = Callable[[float, int, float], ActionChunk | None]
+"""What is commanded from a time on [s], for a number of steps at a rate [Hz]; None if nothing is."""
+
+TIME_TOLERANCE = 1e-6
+"""Rounding that a chunk's time may have against its observation's [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExecutorConfig:
+    """How chunks are asked for and judged."""
+
+    replace_every: int = 25
+    """Steps of a chunk after which the next one is asked for."""
+    age_max: float | None = None
+    """Oldest observation that a chunk may answer when it arrives [s]; None: any, until its last step is over."""
+    hang_after: float = 1.0
+    """Duration of a call after which the policy counts as hung [s]."""
+    retry_after: float = 0.25
+    """Pause after a chunk that could not be used [s]."""
+    ensemble: float | None = None
+    """Average chunks with ACT's weights exp(-value i), oldest first (ACT: 0.01); None does not."""
+    real_time: bool = False
+    """Real-time chunking: tell the policy what will be executed before its chunk arrives."""
+    execution_horizon: int = 10
+    """Real-time chunking: step from which on a chunk is free, LeRobot's default; later if the delay is longer."""
+    delay_window: int = 10
+    """Real-time chunking: the largest of so many last latencies is expected; a slow first call is forgotten."""
+
+    def __post_init__(self) -> None:
+        counts = ("replace_every", "execution_horizon", "delay_window")
+        for name in (*counts, "hang_after", "retry_after", "age_max"):
+            value = getattr(self, name)
+            if value is not None and not value >= (1 if name in counts else 0.0):
+                raise ValueError(f"{name} is {value}; at least {1 if name in counts else 0} is expected")
+
+
+class Executor:
+    """Runs a policy beside a control loop.
+
+    `poll`, once a control period, never waits: it asks the policy for the next chunk when one is due, and hands out a
+    chunk that has arrived and can be used. Whatever a policy does wrong, hanging, raising, dying, returning not a
+    number or another layout, ends up in the `report`, and no chunk comes; what the robot then does is the controller's
+    part.
+
+    Args:
+        policy: Called by the worker only.
+        clock: The robot's clock, that of the observations.
+        config: How chunks are asked for and judged.
+        worker: Who runs the policy; a thread if None.
+
+    Raises:
+        PolicyError: If real-time chunking is wanted from a policy that cannot do it.
+    """
+
+    def __init__(
+        self, policy: Policy, clock: Clock, *, config: ExecutorConfig | None = None, worker: Worker | None = None
+    ) -> None:
+        self.policy, self.clock, self.config = policy, clock, config or ExecutorConfig()
+        if self.config.real_time and not isinstance(policy, PrefixPolicy):
+            raise PolicyError(
+                f"real-time chunking needs a policy with infer_after(observation, prefix); {type(policy).__name__} has "
+                "none: switch real_time off, or average chunks with ensemble"
+            )
+        self.worker = ThreadWorker(policy, clock) if worker is None else worker
+        self._ensemble = None if self.config.ensemble is None else TemporalEnsemble(self.config.ensemble)
+        self._episode = -1
+        self._latencies: deque[float] = deque(maxlen=self.config.delay_window)
+        self.report = ExecutionReport()
+
+    def reset(self, task: str = "") -> None:
+        """Begin an episode: chunks that were asked for before it will be refused, and the policy is reset."""
+        self.report = ExecutionReport()
+        self.task, self._episode = task, self._episode + 1
+        self._spec_id = self.policy.spec.id
+        self._last: ActionChunk | None = None
+        self._running: ActionChunk | None = None
+        self._before: tuple[ActionChunk | None, ActionChunk | None] = (None, None)
+        self._asked: float | None = None
+        self._hung = self._dead = self._starving = False
+        self._not_before = -inf
+        self._polled = self.clock.now()
+        if self._ensemble is not None:
+            self._ensemble.reset()
+        self.worker.submit(Job(self._episode, self.clock.now(), task=task))
+
+    @property
+    def running(self) -> ActionChunk | None:
+        """The chunk that was handed out last, as it was handed out."""
+        return self._running
+
+    def poll(self, observe: Callable[[], Observation], executing: Executing | None = None) -> ActionChunk | None:
+        """A new chunk to execute from now on, or None: go on with the one before.
+
+        Args:
+            observe: Called if a chunk is asked for.
+            executing: What is really commanded; the last chunk itself if not given. Used by real-time chunking.
+        """
+        now = self.clock.now()
+        self._account(now)
+        chunk = self._collect(now)
+        if self._due(now):
+            self._ask(now, observe(), executing)
+            chunk = self._collect(now) or chunk
+        return chunk
+
+    def refused(self, code: str, detail: str) -> None:
+        """Take note that the controller did not accept the chunk handed out last: the one before goes on."""
+        now = self.clock.now()
+        self._running, self._last = self._before
+        if self._ensemble is not None:
+            self._ensemble.drop_newest()
+        if self.report.deliveries:
+            self.report.deliveries.pop()
+        self._fail(now, code, detail)
+
+    def close(self) -> None:
+        """End the worker; does not wait for a running call."""
+        self.worker.close()
+
+    def _account(self, now: float) -> None:
+        """Waiting, starvation and hanging since the last poll."""
+        passed, self._polled = now - self._polled, now
+        if self._running is None:
+            self.report.waited += passed
+        elif now > self._running.times[-1] + TIME_TOLERANCE:
+            self.report.starved += passed
+            if not self._starving:
+                self._starving = True
+                self.report.starvations += 1
+                self.report.add(now, "starved", f"the last chunk ended at {self._running.times[-1]:.3f} s")
+        if self._asked is not None and not self._hung and now - self._asked > self.config.hang_after:
+            self._hung = True
+            self.report.add(now, "policy_hung", f"no answer since {self._asked:.3f} s")
+
+    def _due(self, now: float) -> bool:
+        if self._asked is not None or self._dead or now < self._not_before - TIME_TOLERANCE:
+            return False
+        if self._running is None:
+            return True
+        return now >= self._running.t_obs + self.config.replace_every / self._running.fps - TIME_TOLERANCE
+
+    def _ask(self, now: float, observation: Observation, executing: Executing | None) -> None:
+        self._asked = now
+        prefix = self._prefix(observation, executing) if self.config.real_time else None
+        self.worker.submit(Job(self._episode, now, observation, prefix))
+
+    def _prefix(self, observation: Observation, executing: Executing | None) -> Prefix | None:
+        """What will be executed from the observation on; None before the first chunk."""
+        running = self._running
+        if running is None:
+            return None
+        steps, t = len(running), observation.time
+        executed = executing(t, steps, running.fps) if executing else resampled(running, t, steps, running.fps)
+        left = int((running.times[-1] - t) * running.fps + TIME_TOLERANCE) + 1
+        if executed is None or left < 1:
+            return None
+        delay = ceil(max(self._latencies, default=0.0) * running.fps)
+        # A prefix that ends before the chunk arrives would leave the stitch free.
+        horizon = min(max(self.config.execution_horizon, delay + self.config.execution_horizon // 2), left)
+        return Prefix(executed, left, min(delay, horizon), horizon)
+
+    def _collect(self, now: float) -> ActionChunk | None:
+        """The newest usable chunk among the outcomes that are there."""
+        chunk = None
+        while (outcome := self.worker.poll()) is not None:
+            chunk = self._judge(outcome, now) or chunk
+        return chunk
+
+    def _judge(self, outcome: Outcome, now: float) -> ActionChunk | None:
+        job = outcome.job
+        if job.episode == self._episode and job.observation is not None:
+            self._asked, self._hung = None, False
+        if outcome.dead:
+            self._dead = job.episode == self._episode
+            return self._fail(now, "policy_dead", f"{type(outcome.error).__name__}: {outcome.error}")
+        if outcome.error is not None:
+            return self._fail(now, "policy_raised", f"{type(outcome.error).__name__}: {outcome.error}")
+        if job.observation is None:
+            return None
+        if job.episode != self._episode:
+            return self._fail(now, "chunk_from_before_reset", f"asked for at {job.asked:.3f} s in the episode before")
+        fault = self._fault(outcome.chunk, job.observation, now)
+        if fault is not None:
+            return self._fail(now, *fault)
+        return self._hand_out(outcome, now)
+
+    def _fault(self, chunk: object, observation: Observation, now: float) -> tuple[str, str] | None:
+        """Why an answer cannot be used: code and sentence."""
+        if not isinstance(chunk, ActionChunk):
+            return "chunk_invalid", f"the policy returned {type(chunk).__name__}; an ActionChunk is expected"
+        if chunk.spec_id != self._spec_id:
+            return "chunk_wrong_spec", f"the chunk has layout '{chunk.spec_id}'; '{self._spec_id}' is expected"
+        try:
+            chunk.validate()
+        except (ChunkError, ValueError, TypeError) as error:
+            return "chunk_invalid", str(error)
+        return self._fault_of_time(chunk, observation, now)
+
+    def _fault_of_time(self, chunk: ActionChunk, observation: Observation, now: float) -> tuple[str, str] | None:
+        lead = observation.time - chunk.t_obs
+        if not -TIME_TOLERANCE <= lead <= 1.0 / chunk.fps + TIME_TOLERANCE:
+            said = f"the chunk begins at {chunk.t_obs:.4f} s, its observation is of {observation.time:.4f} s"
+            return "chunk_wrong_time", f"{said}; at most one step earlier is expected"
+        try:
+            chunk.validate(after=self._last)
+        except ChunkError as error:
+            return "chunk_out_of_order", str(error)
+        age = now - chunk.t_obs
+        age_max = inf if self.config.age_max is None else self.config.age_max
+        if chunk.times[-1] <= now or age > age_max:
+            length = len(chunk) / chunk.fps
+            return "chunk_stale", f"its observation is {age:.3f} s old; it is {length:.3f} s long, age_max {age_max} s"
+        return None
+
+    def _hand_out(self, outcome: Outcome, now: float) -> ActionChunk:
+        chunk = outcome.chunk
+        self._latencies.append(outcome.done - chunk.t_obs)
+        skipped = int((chunk.times < now - TIME_TOLERANCE).sum())
+        self.report.deliveries.append(Delivery(chunk.seq, chunk.t_obs, outcome.done, now, skipped))
+        self.report.recovered()
+        self._starving = False
+        self._before = (self._running, self._last)
+        self._last = chunk
+        self._running = chunk if self._ensemble is None else self._ensemble.add(chunk)
+        return self._running
+
+    def _fail(self, now: float, code: str, detail: str) -> None:
+        self.report.add(now, code, detail)
+        self._not_before = now + self.config.retry_after

@@ -1,0 +1,141 @@
+"""Joints along a path of wrist poses, for layouts and files that speak joints. The pelvis stays where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from models.g1 import g1
+from policy.errors import ChunkError
+from policy.joints import BODY_JOINTS, LEFT_ARM, RIGHT_ARM, WAIST
+from policy.kinematics.forward import IK_TOLERANCE, kinematics
+
+_ALL = np.arange(len(BODY_JOINTS))
+MOTION_TOLERANCE = 1e-3
+"""Largest pose error of a written motion, metres and radians in one norm: recordings are not better."""
+ARMS = {"lhand": _ALL[LEFT_ARM], "rhand": _ALL[RIGHT_ARM]}
+"""Joints of each arm within the 29 body joints."""
+_STARTS_ANYWHERE = 48
+"""Local searches before a pose counts as out of reach; of 3000 poses in reach, from a far posture, two are missed."""
+UPPER_BODY = np.concatenate([_ALL[WAIST], ARMS["lhand"], ARMS["rhand"]])
+"""Waist and arms within the 29 body joints."""
+_SIDES = {"lhand": "left", "rhand": "right"}
+
+
+def arm_joints(
+    hand: str, T_base_hand: np.ndarray, q_body: np.ndarray, *, q_waist: np.ndarray | None = None
+) -> np.ndarray:
+    """Joints of one arm along a path of wrist poses, each step started from the one before.
+
+    Args:
+        hand: ``lhand`` or ``rhand``.
+        T_base_hand: Wrist in the pelvis, shape (H, 4, 4).
+        q_body: Posture at the start, shape (29,), [rad].
+        q_waist: Waist at each step if it moves, shape (H, 3), [rad].
+
+    Returns:
+        Shape (H, 7), [rad].
+
+    Raises:
+        ChunkError: Naming the first step that the arm cannot reach from this pelvis and waist.
+    """
+    arm, solved = ARMS[hand], np.empty((len(T_base_hand), 7))
+    q = np.array(q_body, dtype=float)
+    for step, T in enumerate(T_base_hand):
+        if q_waist is not None:
+            q[WAIST] = q_waist[step]
+        q, error = reach({hand: T}, arm, q, q_body)
+        if not error <= IK_TOLERANCE:
+            raise ChunkError(
+                f"the {_SIDES[hand]} arm cannot reach its pose at step {step}: {error:.3g} (m and rad) remain, "
+                f"{IK_TOLERANCE:g} is allowed; a joint layout has no torso to lean with, "
+                "a wrist layout such as wbc32 leaves that to the controller",
+                step=step,
+                slot=f"{_SIDES[hand]}_arm",
+            )
+        solved[step] = q[arm]
+    return solved
+
+
+def upper_body_joints(T_base_lhand: np.ndarray, T_base_rhand: np.ndarray, q_body: np.ndarray) -> np.ndarray:
+    """Postures along two paths of wrist poses: by the arms alone where they can, else with the waist.
+
+    Args:
+        T_base_lhand: Left wrist in the pelvis, shape (H, 4, 4).
+        T_base_rhand: Right wrist in the pelvis, shape (H, 4, 4).
+        q_body: Posture at the start, shape (29,), [rad]; legs stay in it.
+
+    Returns:
+        Shape (H, 29), [rad].
+
+    Raises:
+        ChunkError: Naming the first step that waist and arms cannot reach from this pelvis.
+    """
+    both, upper = UPPER_BODY[3:], UPPER_BODY
+    q, solved = np.array(q_body, dtype=float), np.empty((len(T_base_lhand), len(BODY_JOINTS)))
+    for step, (T_l, T_r) in enumerate(zip(T_base_lhand, T_base_rhand, strict=True)):
+        goals = {"lhand": T_l, "rhand": T_r}
+        before = q
+        q, error = _best(goals, both, before, [before[both]])
+        if not error <= IK_TOLERANCE:
+            q, error = reach(goals, upper, before, q_body)
+        if not error <= MOTION_TOLERANCE:
+            raise ChunkError(
+                f"waist and arms cannot reach the wrist poses at step {step}: {error:.3g} (m and rad) remain, "
+                f"{MOTION_TOLERANCE:g} is allowed, with the pelvis where it is; "
+                "a chunk file can say such poses, a motion cannot",
+                step=step,
+            )
+        solved[step] = q
+    return solved
+
+
+def reach(
+    goals: dict[str, np.ndarray], joints: np.ndarray, q: np.ndarray, q_first: np.ndarray, *, thorough: bool = True
+) -> tuple[np.ndarray, float]:
+    """Posture nearest to some goals, from the step before, and where that fails from other starts.
+
+    Args:
+        goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
+        joints: Which of the 29 body joints may move.
+        q: Posture at the step before, shape (29,), [rad].
+        q_first: Posture at the start of the path, shape (29,), [rad].
+        thorough: Search from all over the joint ranges before giving up (half a second), else from a few places.
+
+    Returns:
+        Posture, shape (29,), [rad], and the norm of the remaining error [m and rad], at most `IK_TOLERANCE` if reached.
+    """
+    starts = _starts(q, q_first, joints)
+    return _best(goals, joints, q, starts if thorough else starts[:12])
+
+
+def _best(
+    goals: dict[str, np.ndarray], joints: np.ndarray, q: np.ndarray, starts: Sequence[np.ndarray]
+) -> tuple[np.ndarray, float]:
+    """The first start that gets there, or the one that gets nearest."""
+    best, least = q, np.inf
+    for start in starts:
+        trial = q.copy()
+        trial[joints] = start
+        found, error = kinematics().solve(goals, joints, trial)
+        if error < least:
+            best, least = found, error
+        if error <= IK_TOLERANCE:
+            break
+    return best, least
+
+
+def _starts(q: np.ndarray, q_first: np.ndarray, joints: np.ndarray) -> list[np.ndarray]:
+    """Where to start from: the step before, the first posture, the stance, straight arms, anywhere else."""
+    given = [q[joints], np.asarray(q_first, dtype=float)[joints], g1().stance.joints[joints], np.zeros(len(joints))]
+    return [*given, *_anywhere()[:, joints]]
+
+
+@lru_cache(maxsize=1)
+def _anywhere() -> np.ndarray:
+    """Postures spread over the joint ranges, shape (n, 29), [rad]; the same in every process."""
+    spec, n = g1(), len(BODY_JOINTS)
+    shares = np.random.default_rng(0).uniform(0.1, 0.9, (_STARTS_ANYWHERE, n))
+    return spec.position_min[:n] + shares * (spec.position_max[:n] - spec.position_min[:n])

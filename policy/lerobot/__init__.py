@@ -1,0 +1,1 @@
+"""LeRobot's checkpoints as policies; the only place that imports torch and lerobot."""

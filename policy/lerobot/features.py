@@ -1,0 +1,177 @@
+"""Whether a checkpoint's inputs and outputs are those of the robot: dimensions, names, cameras, steps of a chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from policy.action_spec.spec import ActionSpec
+from policy.errors import did_you_mean
+from policy.findings import Finding
+from policy.lerobot.stats import ACTION, STATE
+
+if TYPE_CHECKING:
+    from lerobot.configs import PreTrainedConfig
+
+IMAGES = "observation.images."
+ENVIRONMENT = "observation.environment_state"
+EMPTY_CAMERA = "empty_camera_"
+"""Cameras that π0, π0.5 and SmolVLA fill in by themselves, with nothing."""
+
+
+def camera_keys(config: PreTrainedConfig) -> dict[str, str]:
+    """Camera -> feature of LeRobot, in the order of the configuration, without the empty ones."""
+    cameras = {key.removeprefix(IMAGES): key for key in config.image_features}
+    return {name: key for name, key in cameras.items() if not name.startswith(EMPTY_CAMERA)}
+
+
+def chunk_length(config: PreTrainedConfig) -> int:
+    """Steps that ``predict_action_chunk`` returns."""
+    # Diffusion cuts its horizon to n_action_steps; the others return all of their chunk.
+    names = ("chunk_size", "action_chunk_size", "n_action_steps")
+    return int(next(getattr(config, name) for name in names if hasattr(config, name)))
+
+
+def resizes_images(config: PreTrainedConfig) -> bool:
+    """Whether the network brings images of any size to its own; ACT and Diffusion compute with what they get."""
+    return any(getattr(config, name, None) for name in ("image_resolution", "resize_imgs_with_padding"))
+
+
+def relative_step(processor: Any) -> Any | None:
+    """The step of a pre-processor that makes actions relative to the state, None if none does."""
+    from lerobot.processor import RelativeActionsProcessorStep
+
+    steps = (step for step in processor.steps if isinstance(step, RelativeActionsProcessorStep))
+    return next((step for step in steps if step.enabled), None)
+
+
+def absolute_step(processor: Any) -> Any | None:
+    """Its inverse in a post-processor, None if there is none."""
+    from lerobot.processor import AbsoluteActionsProcessorStep
+
+    steps = (step for step in processor.steps if isinstance(step, AbsoluteActionsProcessorStep))
+    return next((step for step in steps if step.enabled), None)
+
+
+def check_features(
+    config: PreTrainedConfig,
+    layouts: Mapping[str, ActionSpec],
+    *,
+    cameras: Iterable[str] = (),
+    environment: bool = False,
+) -> list[Finding]:
+    """What `config.json` says against the layouts.
+
+    Args:
+        config: Of the policy.
+        layouts: What the numbers of ``action`` and, where the policy has one, ``observation.state`` are.
+        cameras: Cameras that the user thinks it has.
+        environment: Whether something gives ``observation.environment_state``.
+    """
+    findings = [*_check_action(config, layouts[ACTION]), *_check_inputs(config, environment)]
+    known = camera_keys(config)
+    for name in cameras:
+        if name not in known:
+            text = f"the policy has no camera '{name}'; {did_you_mean(name, known)}it has {', '.join(known) or 'none'}"
+            findings.append(Finding("features", "error", text, "cameras maps the policy's names to the robot's"))
+    if STATE in layouts:
+        findings += _check_width(config, STATE, config.robot_state_feature, layouts[STATE], "max_state_dim")
+    if findings:
+        return findings
+    inputs = f"{layouts[STATE].dim} numbers of state, " if STATE in layouts else ""
+    cameras = ", ".join(camera_keys(config)) or "no camera"
+    spec = layouts[ACTION]
+    text = f"{inputs}{cameras} -> {spec.horizon} steps of {spec.dim} at {spec.fps:g} Hz"
+    return [Finding("features", "ok", text)]
+
+
+def check_relative(config: PreTrainedConfig, processors: tuple[Any, Any], layouts: Mapping[str, ActionSpec]) -> Finding:
+    """Whether what makes actions relative and what undoes it belong together, and the state lines up with them."""
+    before, after = relative_step(processors[0]), absolute_step(processors[1])
+    wanted = bool(getattr(config, "use_relative_actions", False))
+    if before is None and after is None and not wanted:
+        return Finding("relative", "ok", "actions are predicted as the layout has them, not relative to the state")
+    parts = {"config.json": wanted, "the pre-processor": before is not None, "the post-processor": after is not None}
+    if not all(parts.values()):
+        text = f"relative actions are on in {_those(parts, True)} and off in {_those(parts, False)}"
+        return Finding("relative", "error", text, "take all three from the same training run")
+    spec, state = layouts[ACTION], layouts.get(STATE)
+    if state is None or state.feature_names != spec.feature_names:
+        other = "none" if state is None else f"'{state.name}'"
+        text = f"relative actions add the state number by number, but the state layout is {other}, not '{spec.name}'"
+        return Finding("relative", "error", text, "the state must be in the action's slots")
+    broken = [slot.name for slot in spec.slots if slot.kind in ("quaternion", "rotvec", "rpy")]
+    if broken:
+        text = f"relative actions subtract {', '.join(broken)} number by number, which jumps at sign flips and at 180°"
+        return Finding("relative", "error", text, "use rot6d, or a layout whose slots are relative themselves")
+    mask = before._build_mask(spec.dim)
+    kept = [name for name, relative in zip(spec.feature_names, mask, strict=True) if not relative]
+    text = f"{sum(mask)} of {spec.dim} numbers are predicted relative to the state, chunks are made absolute once"
+    return Finding("relative", "ok", f"{text}; absolute: {', '.join(kept) or 'none'}")
+
+
+def compare_names(check: str, key: str, names: Sequence[str], layout: ActionSpec, where: str) -> Iterator[Finding]:
+    """Names that a file gives to the numbers of a feature against those of a layout; nothing if they agree.
+
+    Args:
+        check: Name of the check.
+        key: Feature.
+        names: What the file says.
+        layout: What is meant.
+        where: The file.
+    """
+    if tuple(names) == layout.feature_names:
+        return
+    if len(names) != layout.dim:
+        text = f"{key} has {len(names)} names in {where}; layout '{layout.name}' has {layout.dim} numbers"
+        yield Finding(check, "error", text, "name the layout that the checkpoint was trained with")
+        return
+    i = next(i for i, pair in enumerate(zip(names, layout.feature_names, strict=True)) if pair[0] != pair[1])
+    text = f"number {i} of {key} is '{names[i]}' in {where}, '{layout.feature_names[i]}' in layout '{layout.name}'"
+    if sorted(names) == sorted(layout.feature_names):
+        yield Finding(check, "error", text, "the order differs: use a layout with the checkpoint's order")
+    else:
+        yield Finding(check, "warning", text, "make sure that both mean the same")
+
+
+def _those(parts: Mapping[str, bool], on: bool) -> str:
+    return " and ".join(name for name, value in parts.items() if value is on)
+
+
+def _check_action(config: PreTrainedConfig, spec: ActionSpec) -> Iterator[Finding]:
+    yield from _check_width(config, ACTION, config.action_feature, spec, "max_action_dim")
+    if chunk_length(config) != spec.horizon:
+        text = f"chunks of this '{config.type}' have {chunk_length(config)} steps; '{spec.name}' says {spec.horizon}"
+        yield Finding("features", "error", text, "write the checkpoint's own horizon and rate into action_spec.json")
+    names = getattr(config, "action_feature_names", None)
+    if names:
+        yield from compare_names("features", ACTION, names, spec, "config.json")
+
+
+def _check_width(config: PreTrainedConfig, key: str, feature: Any, layout: ActionSpec, most: str) -> Iterator[Finding]:
+    if feature is None:
+        text = f"'{config.type}' has no feature '{key}'"
+        yield Finding("features", "error", text, "this policy does not control a robot by actions")
+        return
+    width = int(feature.shape[0])
+    if width != layout.dim:
+        text = f"{key} has {width} numbers; layout '{layout.name}' has {layout.dim}"
+        yield Finding("features", "error", text, "name the layout that the checkpoint was trained with")
+    bound = getattr(config, most, None)
+    if bound is not None and width > bound:
+        text = f"{key} has {width} numbers; {most}, which is part of the weights, is {bound}"
+        yield Finding("features", "error", text, "numbers past it are lost: train with a layout that fits, as wbc32")
+
+
+def _check_inputs(config: PreTrainedConfig, environment: bool) -> Iterator[Finding]:
+    known = {STATE, ENVIRONMENT, *config.image_features}
+    for key in config.input_features:
+        if key not in known:
+            text = f"input '{key}' is neither state nor image"
+            yield Finding("features", "error", text, "the robot has nothing to put there: train without it")
+    if ENVIRONMENT in config.input_features and not environment:
+        text = f"the policy wants '{ENVIRONMENT}', which no sensor of the robot gives"
+        yield Finding("features", "error", text, "pass environment=FUNCTION, which makes it from an observation")
+    for key in config.image_features:
+        if not key.startswith(IMAGES):
+            yield Finding("features", "error", f"image '{key}' is not called {IMAGES}NAME", "rename it in training")

@@ -1,0 +1,138 @@
+"""What the numbers of a checkpoint mean: the action and state layouts that travel beside its weights.
+
+LeRobot stores how many numbers an action has, never what they are. Two files in the checkpoint's folder say it, each
+the JSON of an `ActionSpec` with its hash:
+
+=====================  ===========================================================================================
+``action_spec.json``   layout of the actions after the post-processor
+``state_spec.json``    layout of ``observation.state``; without it, the layout of the action, absolute (`state_layout`)
+=====================  ===========================================================================================
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import encode_valid
+from policy.action_spec.spec import ActionSpec, require_same
+from policy.chunk import ActionChunk
+from policy.errors import SpecError
+from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST
+from policy.observation import Observation
+
+ACTION_SPEC_FILE = "action_spec.json"
+STATE_SPEC_FILE = "state_spec.json"
+
+
+def state_layout(spec: ActionSpec) -> ActionSpec:
+    """Layout of the state that goes with an action layout: the same slots, absolute.
+
+    With the state in the slots of the action, relative actions line up with it number by number, and a 32-dimensional
+    state fits a prompt of 200 tokens.
+    """
+    slots = tuple(dataclasses.replace(slot, mode="absolute", limits=None) for slot in spec.slots)
+    return spec if slots == spec.slots else dataclasses.replace(spec, name=f"{spec.name}_state", slots=slots)
+
+
+def state_numbers(layout: ActionSpec, observation: Observation, anchor: Anchor | None = None) -> np.ndarray:
+    """The robot's state in the numbers of a layout, shape (layout.dim,).
+
+    A ``base_velocity`` is 0: observations carry none.
+
+    Args:
+        layout: Absolute in every slot.
+        observation: Measured joints and pelvis.
+        anchor: ``Anchor.measured(observation)`` if there is one already.
+    """
+    anchor = Anchor.measured(observation) if anchor is None else anchor
+    now = ActionChunk(
+        spec_id=layout.id,
+        seq=0,
+        t_obs=observation.time,
+        fps=layout.fps,
+        T_world_lhand=(anchor.T_world_base @ anchor.poses["lhand"])[None],
+        T_world_rhand=(anchor.T_world_base @ anchor.poses["rhand"])[None],
+        q_lhand=anchor.q_lhand[None],
+        q_rhand=anchor.q_rhand[None],
+        q_larm=anchor.q_body[None, LEFT_ARM],
+        q_rarm=anchor.q_body[None, RIGHT_ARM],
+        q_waist=anchor.q_body[None, WAIST],
+        base_height=anchor.T_world_base[2:3, 3],
+    )
+    return encode_valid(layout, now, anchor)[0]
+
+
+def write_specs(folder: str | Path, spec: ActionSpec, state: ActionSpec | None = None) -> None:
+    """Write the layouts of a checkpoint beside its weights.
+
+    Args:
+        folder: Where ``config.json`` and ``model.safetensors`` are.
+        spec: Layout of the actions after the post-processor.
+        state: Layout of ``observation.state``; `state_layout` of the action if None.
+    """
+    folder, state = Path(folder), state_layout(spec) if state is None else state
+    _require_absolute(state)
+    (folder / ACTION_SPEC_FILE).write_text(spec.to_json() + "\n")
+    (folder / STATE_SPEC_FILE).write_text(state.to_json() + "\n")
+
+
+def read_action_spec(folder: Path, wanted: ActionSpec | None, assumed: ActionSpec | None) -> ActionSpec:
+    """Layout of a checkpoint's actions.
+
+    Args:
+        folder: The checkpoint.
+        wanted: What the caller decodes; None takes what the checkpoint says.
+        assumed: What the user vouches for; replaces what the checkpoint says.
+
+    Raises:
+        SpecError: If nothing says it, or the checkpoint says something else than `wanted`.
+    """
+    if assumed is not None:
+        return assumed
+    file = folder / ACTION_SPEC_FILE
+    if not file.exists():
+        name = "wbc32" if wanted is None else wanted.name
+        raise SpecError(
+            f"{file} is missing: nothing says what the actions of this checkpoint mean, and their number never does. "
+            f"Write it with policy.lerobot.spec.write_specs, or vouch for a layout with --assume-spec {name}"
+        )
+    found = _read(file)
+    if wanted is not None:
+        try:
+            require_same(wanted, found)
+        except SpecError as error:
+            raise SpecError(f"{file}: {error}; decode with the checkpoint's own layout, or --assume-spec") from error
+    return found
+
+
+def read_state_spec(folder: Path, spec: ActionSpec) -> ActionSpec:
+    """Layout of a checkpoint's state; that of the action if no file says otherwise.
+
+    Raises:
+        SpecError: If the file is malformed, or a slot is not absolute.
+    """
+    file = folder / STATE_SPEC_FILE
+    if not file.exists():
+        return state_layout(spec)
+    found = _read(file)
+    _require_absolute(found)
+    return found
+
+
+def _read(file: Path) -> ActionSpec:
+    try:
+        return ActionSpec.from_json(file.read_text())
+    except (OSError, UnicodeDecodeError, SpecError) as error:
+        raise SpecError(f"{file}: {error}") from error
+
+
+def _require_absolute(state: ActionSpec) -> None:
+    for slot in state.slots:
+        if slot.mode != "absolute":
+            raise SpecError(
+                f"state layout '{state.name}': slot '{slot.name}' is {slot.mode}; a state is absolute in every slot"
+            )

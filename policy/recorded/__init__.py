@@ -1,0 +1,1 @@
+"""Chunk files, recorded motions and dataset episodes as policies."""

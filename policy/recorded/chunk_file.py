@@ -1,0 +1,273 @@
+"""Chunk files: raw actions with their spec as ``.npz``, readable and writable without pickle.
+
+=============  ========  ==================================================================================
+``actions``    needed    (H, A) float, raw actions in the units of the spec
+``fps``        needed    steps per second [Hz]
+``spec``       needed    name of a built-in layout, or the JSON of a spec
+``t_obs``      optional  time of step 0 [s]
+``q0_base``    optional  pelvis that the actions are relative to: x y z [m], quaternion x y z w
+``q0_names``   optional  joint names of ``q0_joints``
+``q0_joints``  optional  joint angles at step 0 [rad]
+=============  ========  ==================================================================================
+
+Without ``q0_base`` the actions are anchored at the nominal stance; joints that are not given are the stance's.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from tokenize import TokenError
+
+import numpy as np
+
+from models.g1 import g1
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.action_spec.codec import decode
+from policy.action_spec.spec import ActionSpec
+from policy.chunk import ActionChunk
+from policy.errors import FileFormatError, RotationError, SpecError, did_you_mean
+from policy.geometry.rotations import quaternion_to_matrix
+from policy.geometry.se3 import make_transform
+from policy.joints import BODY_JOINTS
+
+KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints")
+SIZE_MAX = 256 * 2**20
+"""Largest array that is read [bytes]: two hours of 32 numbers at 1 kHz; more is a damaged or hostile header."""
+
+
+@dataclass(frozen=True)
+class ChunkFile:
+    """What a chunk file says.
+
+    Attributes:
+        spec: Meaning of the numbers.
+        actions: Raw actions, shape (H, A).
+        fps: Steps per second [Hz].
+        t_obs: Time of step 0 [s].
+        q0_base: Pelvis at step 0, ``[x y z qx qy qz qw]``, or None.
+        q0_joints: Joint angles at step 0 by name [rad]; may be empty.
+    """
+
+    spec: ActionSpec
+    actions: np.ndarray
+    fps: float
+    t_obs: float = 0.0
+    q0_base: np.ndarray | None = None
+    q0_joints: dict[str, float] | None = None
+
+    def anchor(self) -> Anchor:
+        """Pelvis and state that the actions refer to; what the file does not say is the nominal stance.
+
+        Raises:
+            SpecError: If a joint does not exist.
+            RotationError: If the quaternion is not a unit quaternion.
+        """
+        nominal, spec, n = Anchor.nominal(), g1(), len(BODY_JOINTS)
+        q = np.concatenate([nominal.q_body, nominal.q_lhand, nominal.q_rhand])
+        for name, angle in (self.q0_joints or {}).items():
+            if name not in spec.joint_names:
+                known = ", ".join(spec.joint_names)
+                raise SpecError(
+                    f"q0_names has the joint '{name}', which the G1 lacks; "
+                    f"{did_you_mean(name, spec.joint_names)}joints: {known}"
+                )
+            q[spec.joint_names.index(name)] = angle
+        T = nominal.T_world_base
+        if self.q0_base is not None:
+            T = make_transform(quaternion_to_matrix(self.q0_base[3:], "xyzw"), self.q0_base[:3])
+        return Anchor(T, q[:n], q[n : n + 7], q[n + 7 :])
+
+    def chunk(self) -> ActionChunk:
+        """The actions in world.
+
+        Raises:
+            ChunkError: If they are malformed.
+            SpecError: If a joint does not exist.
+            RotationError: If ``q0_base`` has no unit quaternion.
+        """
+        return decode(self.spec, self.actions, self.anchor(), t_obs=self.t_obs, fps=self.fps)
+
+
+def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None) -> ChunkFile:
+    """Read a chunk file.
+
+    Args:
+        path: The file.
+        assume: Spec that the user vouches for (``--assume-spec``); replaces what the file says.
+
+    Raises:
+        FileFormatError: If the file is malformed; says what would work.
+    """
+    path = Path(path)
+    arrays = _read_arrays(path)
+    unknown = [key for key in arrays if key not in KEYS]
+    if unknown:
+        raise FileFormatError(
+            f"has the unknown array '{unknown[0]}'; {did_you_mean(unknown[0], KEYS)}known: {', '.join(KEYS)}",
+            path=str(path),
+        )
+    needed = ("actions", "fps") if assume else ("actions", "fps", "spec")
+    missing = [key for key in needed if key not in arrays]
+    if missing:
+        raise FileFormatError(
+            f"lacks {missing}; a chunk file has actions (H, A), fps and spec (a built-in name or JSON)"
+            + ("; say --assume-spec NAME if you know the layout" if missing == ["spec"] else ""),
+            path=str(path),
+        )
+    spec = assume or _spec(arrays["spec"], path)
+    actions = _numbers(arrays, "actions", path)
+    if actions.ndim != 2 or actions.shape[1] != spec.dim or len(actions) < 1:
+        raise FileFormatError(
+            f"actions has shape {actions.shape}; '{spec.name}' needs (steps, {spec.dim})", path=str(path)
+        )
+    fps = _single(arrays, "fps", path)
+    if fps <= 0.0:
+        raise FileFormatError(f"fps is {fps:g}; a positive rate in Hz is expected", path=str(path))
+    file = ChunkFile(
+        spec=spec,
+        actions=actions,
+        fps=fps,
+        t_obs=_single(arrays, "t_obs", path) if "t_obs" in arrays else 0.0,
+        q0_base=_base(arrays, path),
+        q0_joints=_joints(arrays, path),
+    )
+    try:
+        file.anchor()
+    except (SpecError, RotationError) as error:
+        raise FileFormatError(str(error), path=str(path)) from error
+    return file
+
+
+def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
+    """Write a chunk file, its spec as JSON with the hash beside it; the name is kept as it is given."""
+    arrays = {
+        "actions": np.asarray(file.actions, dtype=float),
+        "fps": np.float64(file.fps),
+        "spec": np.str_(file.spec.to_json()),
+        "t_obs": np.float64(file.t_obs),
+    }
+    if file.q0_base is not None:
+        arrays["q0_base"] = np.asarray(file.q0_base, dtype=float)
+    if file.q0_joints:
+        arrays["q0_names"] = np.array(list(file.q0_joints))
+        arrays["q0_joints"] = np.array(list(file.q0_joints.values()), dtype=float)
+    # np.savez would append ".npz" to another name.
+    with Path(path).open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+UNREADABLE = (
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+    EOFError,
+    TokenError,  # a damaged header of an array
+    RuntimeError,  # a password is required, or the compression is none that zipfile knows
+)
+"""What zipfile and numpy raise on an archive that they cannot read."""
+
+
+def _read_arrays(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                _check_member(archive, member, path)
+        with np.load(path, allow_pickle=False) as stored:
+            return {key: stored[key] for key in stored.files}
+    except OSError as error:
+        raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
+    except UNREADABLE as error:
+        raise FileFormatError(
+            f"is no .npz file, or a damaged or encrypted one ({error}); write it again with numpy.savez", path=str(path)
+        ) from error
+    except ValueError as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(f"has an array that cannot be read: {error}", path=str(path)) from error
+
+
+def _check_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path) -> None:
+    """Refuse objects and sizes before numpy allocates what a header claims."""
+    if not member.filename.endswith(".npy"):
+        raise FileFormatError(f"contains '{member.filename}', which is no array", path=str(path))
+    name = member.filename.removesuffix(".npy")
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read_header = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }.get(version)
+        if read_header is None:
+            raise FileFormatError(f"{name} is in the npy format {version}; 1.0 and 2.0 are read", path=str(path))
+        shape, _, dtype = read_header(stream)
+    if dtype.hasobject:
+        raise FileFormatError(
+            f"{name} holds Python objects, which are never unpickled; save plain numbers or strings", path=str(path)
+        )
+    size = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
+    if size > min(SIZE_MAX, member.file_size):
+        raise FileFormatError(
+            f"{name} claims {size} bytes; the file holds {member.file_size}, at most {SIZE_MAX} are read",
+            path=str(path),
+        )
+
+
+def _spec(value: np.ndarray, path: Path) -> ActionSpec:
+    if value.shape != () or value.dtype.kind not in "US":
+        raise FileFormatError("spec must be one string: the name of a built-in layout, or JSON", path=str(path))
+    item = value.item()
+    text = item.decode("utf-8", "replace") if isinstance(item, bytes) else item
+    try:
+        return ActionSpec.from_json(text) if text.lstrip().startswith("{") else builtin(text.strip())
+    except SpecError as error:
+        raise FileFormatError(str(error), path=str(path)) from error
+
+
+def _numbers(arrays: dict[str, np.ndarray], key: str, path: Path) -> np.ndarray:
+    value = arrays[key]
+    if value.dtype.kind not in "fiu":
+        raise FileFormatError(f"{key} is of type {value.dtype}; numbers are expected", path=str(path))
+    bad = ~np.isfinite(value)
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise FileFormatError(f"{key}{list(index)} is {value[index]}; finite numbers are expected", path=str(path))
+    return value.astype(float)
+
+
+def _single(arrays: dict[str, np.ndarray], key: str, path: Path) -> float:
+    value = _numbers(arrays, key, path)
+    if value.size != 1:
+        raise FileFormatError(f"{key} has shape {value.shape}; a single number is expected", path=str(path))
+    return float(value.reshape(())) if value.ndim == 0 else float(value.ravel()[0])
+
+
+def _base(arrays: dict[str, np.ndarray], path: Path) -> np.ndarray | None:
+    if "q0_base" not in arrays:
+        return None
+    value = _numbers(arrays, "q0_base", path)
+    if value.shape != (7,):
+        raise FileFormatError(
+            f"q0_base has shape {value.shape}; seven numbers x y z qx qy qz qw are expected", path=str(path)
+        )
+    return value
+
+
+def _joints(arrays: dict[str, np.ndarray], path: Path) -> dict[str, float]:
+    if ("q0_names" in arrays) != ("q0_joints" in arrays):
+        raise FileFormatError("q0_names and q0_joints only go together", path=str(path))
+    if "q0_names" not in arrays:
+        return {}
+    names, angles = arrays["q0_names"], _numbers(arrays, "q0_joints", path)
+    if names.dtype.kind != "U" or names.ndim != 1 or names.shape != angles.shape:
+        raise FileFormatError(
+            f"q0_names {names.dtype} {names.shape} and q0_joints {angles.shape}; a list of joint names and as many "
+            "angles in radians are expected",
+            path=str(path),
+        )
+    if len(set(names.tolist())) != len(names):
+        raise FileFormatError("q0_names has a joint twice", path=str(path))
+    return dict(zip(names.tolist(), angles.tolist(), strict=True))

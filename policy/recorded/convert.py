@@ -1,0 +1,111 @@
+"""From one recording format or action layout to another; datasets by `policy.dataset.conversion`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.action_spec.codec import encode
+from policy.action_spec.spec import ActionSpec
+from policy.chunk import ActionChunk
+from policy.dataset.conversion import DatasetSettings, convert_dataset, episode_numbers
+from policy.errors import FileFormatError
+from policy.geometry.rotations import matrix_to_quaternion
+from policy.geometry.se3 import interpolate, inverse
+from policy.joints import BODY_JOINTS, LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS
+from policy.kinematics.inverse import upper_body_joints
+from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
+from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv, write_motion_csv
+
+__all__ = ["DatasetSettings", "chunk_motion", "convert", "convert_dataset", "episode_numbers"]
+
+
+def convert(
+    source: str | Path,
+    target: str | Path,
+    *,
+    to: str | ActionSpec = "wbc32",
+    csv_fps: float = DEFAULT_FPS,
+    assume: ActionSpec | None = None,
+) -> ActionChunk:
+    """Convert a recording; the formats follow from the file names.
+
+    * motion ``.csv`` to chunk ``.npz``: wrists relative to each frame's pelvis, anchored at the nominal stance.
+    * chunk ``.npz`` to chunk ``.npz``: another layout, with the same anchor.
+    * chunk ``.npz`` to motion ``.csv``: the robot stays in its stance, arms and waist by inverse kinematics.
+
+    Args:
+        source: File to read.
+        target: File to write.
+        to: Layout of a written chunk file, built-in name or spec.
+        csv_fps: Frame rate of the CSV file, read or written [Hz].
+        assume: Spec of a chunk file that does not say it (``--assume-spec``).
+
+    Returns:
+        What was converted, in world.
+
+    Raises:
+        FileFormatError: If a file is malformed or the pair of formats is not one of these.
+        ChunkError: If the arms cannot reach what a joint layout or a CSV needs.
+    """
+    source, target = Path(source), Path(target)
+    formats = (source.suffix.lower(), target.suffix.lower())
+    if formats == (".csv", ".npz"):
+        chunk = motion_chunk(read_motion_csv(source, csv_fps))
+        _write(target, chunk, to, Anchor.nominal(), {})
+    elif formats == (".npz", ".npz"):
+        file = read_chunk_file(source, assume=assume)
+        chunk = file.chunk()
+        _write(target, chunk, to, file.anchor(), _start_of(file))
+    elif formats == (".npz", ".csv"):
+        file = read_chunk_file(source, assume=assume)
+        chunk = file.chunk()
+        write_motion_csv(target, chunk_motion(chunk, file.anchor(), fps=csv_fps))
+    else:
+        raise FileFormatError(
+            f"cannot become '{target.name}'; possible are .csv to .npz, .npz to .npz and .npz to .csv", path=str(source)
+        )
+    return chunk
+
+
+def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS) -> Motion:
+    """Whole-body motion of a robot that stays in its posture but for the arms, and the waist where they need it.
+
+    Args:
+        chunk: Targets in world.
+        anchor: Posture and pelvis of the robot.
+        fps: Frame rate of the motion [Hz].
+
+    Raises:
+        ChunkError: If waist and arms cannot reach a pose without the legs.
+    """
+    times = chunk.times - chunk.t_obs
+    # A rounding error must not cost the last frame.
+    at = np.arange(int(np.floor(times[-1] * fps + 1e-9)) + 1) / fps
+    T_l, T_r = (
+        inverse(anchor.T_world_base) @ interpolate(T, times, at) for T in (chunk.T_world_lhand, chunk.T_world_rhand)
+    )
+    q_body = upper_body_joints(T_l, T_r, anchor.q_body)
+    return Motion(float(fps), np.tile(anchor.T_world_base, (len(at), 1, 1)), q_body)
+
+
+def _write(path: Path, chunk: ActionChunk, to: str | ActionSpec, anchor: Anchor, start: dict) -> None:
+    spec = builtin(to) if isinstance(to, str) else to
+    write_chunk_file(path, ChunkFile(spec, encode(spec, chunk, anchor), chunk.fps, chunk.t_obs, **start))
+
+
+def _start_of(file: ChunkFile) -> dict:
+    """The start of a file in full, so that relative layouts find their reference again."""
+    if file.q0_base is None and not file.q0_joints:
+        return {}
+    anchor = file.anchor()
+    quat = matrix_to_quaternion(anchor.T_world_base[:3, :3], "xyzw")
+    names = (*BODY_JOINTS, *LEFT_HAND_JOINTS, *RIGHT_HAND_JOINTS)
+    angles = np.concatenate([anchor.q_body, anchor.q_lhand, anchor.q_rhand])
+    return {
+        "q0_base": np.concatenate([anchor.T_world_base[:3, 3], quat]),
+        "q0_joints": dict(zip(names, angles.tolist(), strict=True)),
+    }

@@ -1,0 +1,70 @@
+"""An episode of a LeRobot dataset as a policy: its commanded actions, played back from the nominal stance."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import decode
+from policy.action_spec.spec import ActionSpec
+from policy.dataset.checks import column_layout
+from policy.dataset.format import ACTION, Dataset, open_dataset, vectors
+from policy.dataset.joint_layout import check_values
+from policy.errors import DatasetError, SpecError
+from policy.recorded.replay import ReplayPolicy
+
+
+def open_episode(
+    folder: str | Path, number: int, *, assume: ActionSpec | None = None, horizon: int = 50
+) -> ReplayPolicy:
+    """Policy that plays an episode's actions: wrists whose layout the dataset names, or joints.
+
+    Args:
+        folder: Dataset (v3.0, v2.1, v2.0).
+        number: Which episode.
+        assume: Layout of the actions that the user vouches for; replaces what the dataset says.
+        horizon: Steps per chunk.
+
+    Raises:
+        DatasetError: If the dataset cannot be read, has no such episode, or does not say what its actions are.
+        ChunkError: If an action is malformed.
+    """
+    dataset = open_dataset(folder)
+    if not 0 <= number < len(dataset.episodes):
+        raise DatasetError(f"{folder} has no episode {number}; it has 0 to {len(dataset.episodes) - 1}")
+    episode, width = dataset.episodes[number], int(dataset.feature(ACTION)["shape"][0])
+    actions = vectors(dataset.table(episode, [ACTION]).column(ACTION), width, ACTION, episode)
+    spec = _layout(dataset) if assume is None else assume
+    if spec is None:
+        joints = column_layout(dataset, ACTION)
+        check_values(joints, actions, feature=ACTION)
+        spec, actions = joints.spec, actions[:, joints.columns]
+    if spec.dim != actions.shape[1]:
+        raise DatasetError(f"'{ACTION}' of {folder} has {actions.shape[1]} numbers; '{spec.name}' has {spec.dim}")
+    # The layout says what a number is; how fast they follow one another is the dataset's to say.
+    spec = dataclasses.replace(spec, fps=dataset.fps)
+    chunk = decode(spec, np.asarray(actions, dtype=float), Anchor.nominal())
+    return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec, horizon=horizon)
+
+
+def episode_count(folder: str | Path) -> int:
+    """Number of episodes of a dataset.
+
+    Raises:
+        DatasetError: If it cannot be read.
+    """
+    return len(open_dataset(folder).episodes)
+
+
+def _layout(dataset: Dataset) -> ActionSpec | None:
+    """What ``meta/action_spec.json`` says, None without it."""
+    file = dataset.folder / "meta" / "action_spec.json"
+    if not file.exists():
+        return None
+    try:
+        return ActionSpec.from_json(file.read_text())
+    except (OSError, UnicodeDecodeError, SpecError) as error:
+        raise DatasetError(f"{file}: {error}") from error

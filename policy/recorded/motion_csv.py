@@ -1,0 +1,152 @@
+"""Recorded whole-body motion of the G1 as CSV: 36 columns a frame, no header.
+
+Root position x y z [m], root quaternion x y z w, then the 29 body joints in motor order [rad]: the format of the
+public retargeted LAFAN1 and AMASS files for the G1. There are no hands in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.chunk import ActionChunk
+from policy.errors import FileFormatError, RotationError
+from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
+from policy.geometry.se3 import interpolate, make_transform
+from policy.joints import BODY_JOINTS
+from policy.kinematics.forward import kinematics
+
+COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw", *BODY_JOINTS)
+"""The 36 columns."""
+DEFAULT_FPS = 60.0
+CHUNK_FPS = 30.0
+CSV_QUATERNION_TOLERANCE = 1e-2
+"""Retargeted files carry three to six digits."""
+_MAGNITUDE_MAX = 1e3
+"""Neither metres nor radians of a motion come near it: such a file has another unit or is damaged."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A recorded whole-body motion.
+
+    Attributes:
+        fps: Frames per second [Hz].
+        T_world_base: Pelvis, shape (n, 4, 4).
+        q_body: Body joints in motor order, shape (n, 29), [rad].
+    """
+
+    fps: float
+    T_world_base: np.ndarray
+    q_body: np.ndarray
+
+    def __len__(self) -> int:
+        """Number of frames."""
+        return len(self.q_body)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last frame [s]."""
+        return (len(self) - 1) / self.fps
+
+
+def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS) -> Motion:
+    """Read a motion.
+
+    Args:
+        path: The file.
+        fps: Its frame rate [Hz]; the file does not say it.
+
+    Raises:
+        FileFormatError: Naming row and column of what is wrong.
+    """
+    path = Path(path)
+    if not (np.isfinite(fps) and fps > 0.0):
+        raise FileFormatError(
+            f"fps is {fps}; a positive rate in Hz is expected, such as {DEFAULT_FPS:g}", path=str(path)
+        )
+    table = _read_table(path)
+    bad = ~np.isfinite(table) | (np.abs(table) > _MAGNITUDE_MAX)
+    if bad.any():
+        row, column = (int(i) for i in np.argwhere(bad)[0])
+        raise FileFormatError(
+            f"row {row + 1}, column {column + 1} ({COLUMNS[column]}) is {table[row, column]:g}; "
+            f"a finite number of metres or radians below {_MAGNITUDE_MAX:g} is expected",
+            path=str(path),
+        )
+    try:
+        R = quaternion_to_matrix(table[:, 3:7], "xyzw", tolerance=CSV_QUATERNION_TOLERANCE)
+    except RotationError as error:
+        norms = np.linalg.norm(table[:, 3:7], axis=1)
+        row = int(np.argmax(np.abs(norms - 1.0) > CSV_QUATERNION_TOLERANCE))
+        raise FileFormatError(
+            f"row {row + 1}: columns 4 to 7 have norm {norms[row]:.4g}, not 1; they must be the root quaternion "
+            "in the order x y z w",
+            path=str(path),
+        ) from error
+    return Motion(float(fps), make_transform(R, table[:, :3]), table[:, 7:])
+
+
+def write_motion_csv(path: str | Path, motion: Motion) -> None:
+    """Write a motion with six digits, as the public files do. The frame rate is not part of the file."""
+    quat = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
+    table = np.hstack([motion.T_world_base[:, :3, 3], quat, motion.q_body])
+    np.savetxt(path, table, fmt="%.6f", delimiter=",")
+
+
+def motion_chunk(motion: Motion, *, anchor: Anchor | None = None, fps: float = CHUNK_FPS) -> ActionChunk:
+    """The whole motion as one long chunk of a standing robot.
+
+    The wrists are taken relative to each frame's own pelvis (root translation, yaw and tilt are dropped), resampled on
+    SE(3) and anchored once. Fingers are neutral.
+
+    Args:
+        motion: What was recorded.
+        anchor: Where the pelvis is taken to be; the nominal stance if None.
+        fps: Rate of the chunk [Hz].
+    """
+    anchor = Anchor.nominal() if anchor is None else anchor
+    poses = kinematics().poses(motion.q_body)
+    times = np.arange(len(motion)) / motion.fps
+    # A rounding error must not cost the last step.
+    at = np.arange(int(np.floor(motion.duration * fps + 1e-9)) + 1) / fps
+    T_l, T_r = (anchor.T_world_base @ interpolate(poses[hand], times, at) for hand in ("lhand", "rhand"))
+    fingers = [np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand)]
+    chunk = ActionChunk(builtin("wbc32").id, 0, 0.0, float(fps), T_l, T_r, *fingers)
+    chunk.validate()
+    return chunk
+
+
+def _read_table(path: Path) -> np.ndarray:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise FileFormatError(f"cannot be read: {error.strerror}", path=str(path)) from error
+    except UnicodeDecodeError as error:
+        raise FileFormatError("is no text; a CSV file of numbers is expected", path=str(path)) from error
+    rows = [(number, line.split(",")) for number, line in enumerate(lines, start=1) if line.strip()]
+    if not rows:
+        raise FileFormatError(f"is empty; rows of {len(COLUMNS)} numbers are expected", path=str(path))
+    for number, fields in rows:
+        if len(fields) != len(COLUMNS):
+            raise FileFormatError(
+                f"row {number} has {len(fields)} columns; {len(COLUMNS)} are expected: root x y z, "
+                "root quaternion x y z w, 29 joints in G1 motor order",
+                path=str(path),
+            )
+    return np.array([[_number(field, i, j, path) for j, field in enumerate(fields)] for i, fields in rows])
+
+
+def _number(field: str, row: int, column: int, path: Path) -> float:
+    try:
+        return float(field)
+    except ValueError as error:
+        raise FileFormatError(
+            f"row {row}, column {column + 1} ({COLUMNS[column]}) is {field.strip()!r}, no number; "
+            "a file without a header is expected",
+            path=str(path),
+        ) from error

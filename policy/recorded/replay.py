@@ -1,0 +1,97 @@
+"""Policies that play back what was recorded."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from policy.action_spec.builtin import builtin
+from policy.action_spec.spec import ActionSpec
+from policy.chunk import ActionChunk
+from policy.clock import EpisodeClock
+from policy.errors import FileFormatError
+from policy.observation import Observation
+from policy.recorded.chunk_file import read_chunk_file
+from policy.recorded.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
+
+
+class ReplayPolicy:
+    """Serves one long chunk in windows.
+
+    Windows start on the recording's own steps, the last one at or before the observation, so nothing is resampled and
+    successive chunks agree exactly. After the end the last pose is held. Episode time is 0 at the first observation
+    after `reset`.
+
+    Args:
+        episode: The whole recording, anchored in world; its t_obs is ignored.
+        name: What the CLI and reports call it.
+        spec: Layout that it was decoded from; wbc32 if None.
+        horizon: Steps per chunk.
+    """
+
+    sees_robot = False
+
+    def __init__(
+        self, episode: ActionChunk, *, name: str = "replay", spec: ActionSpec | None = None, horizon: int = 50
+    ) -> None:
+        episode.validate()
+        self.name, self.episode, self.horizon = name, episode, horizon
+        self.spec = builtin("wbc32") if spec is None else spec
+        self.duration = (len(episode) - 1) / episode.fps
+        self._clock = EpisodeClock()
+
+    @classmethod
+    def from_csv(cls, path: str | Path, *, fps: float = DEFAULT_FPS, horizon: int = 50) -> ReplayPolicy:
+        """Play a motion CSV, anchored at the nominal stance.
+
+        Raises:
+            FileFormatError: If the file is malformed.
+        """
+        return cls(motion_chunk(read_motion_csv(path, fps)), name=Path(path).stem, horizon=horizon)
+
+    @classmethod
+    def from_npz(cls, path: str | Path, *, assume: ActionSpec | None = None, horizon: int = 50) -> ReplayPolicy:
+        """Play a chunk file, anchored once where the file says, or at the nominal stance.
+
+        Raises:
+            FileFormatError: If the file is malformed.
+            ChunkError: If its actions are.
+        """
+        file = read_chunk_file(path, assume=assume)
+        return cls(file.chunk(), name=Path(path).stem, spec=file.spec, horizon=horizon)
+
+    def reset(self, task: str = "") -> None:
+        """Begin the recording anew at the next observation."""
+        self._clock.reset()
+
+    def infer(self, observation: Observation) -> ActionChunk:
+        """Window that starts at the observation's time or up to one step before it.
+
+        Raises:
+            ObservationError: If time goes back without a reset.
+        """
+        seq, elapsed = self._clock.tick(observation.time)
+        # A time that is a step but for rounding must find that step.
+        first = int(np.floor(elapsed * self.episode.fps + 1e-6))
+        steps = np.minimum(first + np.arange(self.horizon), len(self.episode) - 1)
+        t_obs = observation.time - elapsed + first / self.episode.fps
+        window = {name: value[steps] for name, value in self.episode.arrays().items()}
+        return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, **window)
+
+
+def open_recording(
+    path: str | Path, *, csv_fps: float = DEFAULT_FPS, assume: ActionSpec | None = None, horizon: int = 50
+) -> ReplayPolicy:
+    """Policy that plays a file, by its suffix: chunk ``.npz`` or motion ``.csv``.
+
+    Raises:
+        FileFormatError: If the suffix is another, or the file is malformed.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".csv":
+        return ReplayPolicy.from_csv(path, fps=csv_fps, horizon=horizon)
+    if suffix == ".npz":
+        return ReplayPolicy.from_npz(path, assume=assume, horizon=horizon)
+    raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))

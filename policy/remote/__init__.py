@@ -1,0 +1,1 @@
+"""Policies on another computer, over openpi's websocket protocol."""

@@ -1,0 +1,129 @@
+"""What openpi's server is asked and answers: a flat or nested map of numbers, images and a prompt; raw actions back.
+
+Every openpi policy names its inputs its own way, in the ``repack`` and ``data`` transforms of its training
+configuration, and its server says nothing of them: a `KeyMap` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import decode
+from policy.action_spec.spec import ActionSpec
+from policy.chunk import ActionChunk
+from policy.errors import ObservationError, SpecError, did_you_mean
+from policy.lerobot.spec import state_numbers
+from policy.observation import Observation
+from policy.prefix import Prefix
+from policy.remote.channel import RemoteAnswerError
+
+Key = str | tuple[str, ...]
+"""Name of an entry, or the path to it through nested maps: ``("images", "cam_high")``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyMap:
+    """Where a policy of an openpi server finds its inputs.
+
+    Attributes:
+        state: Key of the state, sent as float32 of shape (n,).
+        images: Camera of the observation -> key of the image, sent as uint8. Other cameras are not sent.
+        prompt: Key of the task in words; None where the server has its own (``--default-prompt``).
+        actions: Key of the actions in the answer.
+        image_axes: ``hwc`` (most policies) or ``chw`` (openpi's ALOHA).
+    """
+
+    state: Key = "observation/state"
+    images: Mapping[str, Key] = field(default_factory=lambda: MappingProxyType({}))
+    prompt: Key | None = "prompt"
+    actions: str = "actions"
+    image_axes: Literal["hwc", "chw"] = "hwc"
+
+    def __post_init__(self) -> None:
+        if self.image_axes not in ("hwc", "chw"):
+            raise SpecError(f"image_axes is {self.image_axes!r}; 'hwc' or 'chw' is expected")
+        paths = [_path(key) for key in (self.state, self.prompt, *self.images.values()) if key is not None]
+        for i, path in enumerate(paths):
+            for other in paths[:i]:
+                if path[: len(other)] == other or other[: len(path)] == path:
+                    raise SpecError(f"the keys {other} and {path} of a key map take each other's place")
+
+    def request(self, state: np.ndarray, images: Mapping[str, np.ndarray], prompt: str) -> dict[str, Any]:
+        """What is sent.
+
+        Raises:
+            ObservationError: If a camera is missing.
+        """
+        request: dict[str, Any] = {}
+        _put(request, self.state, np.asarray(state, dtype=np.float32))
+        for camera, key in self.images.items():
+            if camera not in images:
+                has = f"it has {', '.join(images)}" if images else "it has no images"
+                raise ObservationError(f"the observation has no image '{camera}'; {did_you_mean(camera, images)}{has}")
+            _put(request, key, images[camera] if self.image_axes == "hwc" else images[camera].transpose(2, 0, 1))
+        if self.prompt is not None:
+            _put(request, self.prompt, prompt)
+        return request
+
+
+class OpenpiDialect:
+    """Talks to openpi's own server.
+
+    Args:
+        spec: Layout of the actions after the server's output transforms: un-normalised.
+        state: Layout of the state.
+        keys: Names of inputs and outputs.
+    """
+
+    def __init__(self, spec: ActionSpec, state: ActionSpec, keys: KeyMap) -> None:
+        self.spec, self.state, self.keys = spec, state, keys
+
+    def request(self, observation: Observation, task: str, prefix: Prefix | None) -> dict[str, Any]:
+        """What is sent for an observation; openpi's server takes no prefix."""
+        return self.keys.request(state_numbers(self.state, observation), observation.images, task)
+
+    def chunk(self, answer: Mapping[str, Any], observation: Observation, seq: int) -> ActionChunk:
+        """Chunk of an answer, anchored at the observation.
+
+        Raises:
+            RemoteAnswerError: If there are no actions in it.
+            ChunkError: If the actions are not of the layout.
+        """
+        actions = answer.get(self.keys.actions)
+        if not isinstance(actions, np.ndarray):
+            found = f"there are: {', '.join(str(key) for key in answer)}"
+            if actions is not None:
+                found = f"it is {type(actions).__name__}"
+            raise RemoteAnswerError(f"the answer has no array '{self.keys.actions}'; {found}")
+        return decode(self.spec, actions, Anchor.measured(observation), seq=seq, t_obs=observation.time)
+
+
+def _path(key: Key) -> tuple[str, ...]:
+    return (key,) if isinstance(key, str) else tuple(key)
+
+
+def _put(into: dict[str, Any], key: Key, value: Any) -> None:
+    *outer, last = _path(key)
+    for name in outer:
+        into = into.setdefault(name, {})
+    into[last] = value
+
+
+LIBERO = KeyMap(images={"head": "observation/image", "left_wrist": "observation/wrist_image"})
+"""Keys of openpi's LIBERO example."""
+ALOHA = KeyMap(
+    state="state",
+    images={
+        "head": ("images", "cam_high"),
+        "left_wrist": ("images", "cam_left_wrist"),
+        "right_wrist": ("images", "cam_right_wrist"),
+    },
+    image_axes="chw",
+)
+"""Keys of openpi's ALOHA example."""

@@ -1,0 +1,276 @@
+"""A policy behind a websocket, for a robot whose own computer has no GPU and no torch."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from http import HTTPStatus
+from queue import SimpleQueue
+from time import monotonic, perf_counter
+from traceback import format_exc
+from typing import TYPE_CHECKING, Any
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import encode
+from policy.base import Policy
+from policy.errors import PolicyError
+from policy.prefix import PrefixPolicy
+from policy.remote.channel import CLOSE_TIMEOUT, FRAME_MAX, PORT
+from policy.remote.msgpack_numpy import pack, unpack
+from policy.remote.wire import PROTOCOL, chunk_to_map, observation_from_map, prefix_from_map
+
+if TYPE_CHECKING:
+    from websockets.http11 import Request, Response
+    from websockets.sync.server import ServerConnection
+
+LOOPBACK = "127.0.0.1"
+PING_INTERVAL = 5.0
+"""How often an idle client is asked whether it is still there [s]."""
+PING_TIMEOUT = 10.0
+"""After which it no longer is [s]."""
+PONG_TIMEOUT = 2.0
+"""The same when another one wants to come in [s]: a robot that lost its network must get in again soon."""
+LOOK_INTERVAL = 0.05
+"""How often to look whether the client has hung up while the policy computes [s]."""
+CLOSE_REASON = "Internal server error. Traceback included in previous frame."
+"""As openpi's server says after a traceback."""
+
+
+class PolicyServer:
+    """Serves one policy to one robot at a time, in openpi's protocol (`policy.remote.wire` has the contents).
+
+    Metadata come first; then each request is answered with a chunk, or with a traceback as a text frame, after which
+    the connection is closed with code 1011. ``GET /healthz`` answers ``OK``. A second client is turned away: a policy
+    has one episode. Requests with an ``Origin`` are refused, so that no web page that the user visits can drive the
+    robot; that aside, whoever can connect can use the policy, which is why the address is the loopback unless said.
+
+    All calls of the policy are made in one thread, which CUDA graphs need. A call that hangs cannot be broken off:
+    clients are told that the policy is busy, and the thread is a daemon, so that at least the program can end.
+
+    Use it as a context manager to serve in the background, or call `serve_forever`.
+
+    Args:
+        policy: What is served.
+        host: Address to bind; ``0.0.0.0`` for every network.
+        port: 0 takes a free one.
+        name: What the metadata call it.
+
+    Raises:
+        OSError: If the address cannot be bound.
+    """
+
+    def __init__(self, policy: Policy, *, host: str = LOOPBACK, port: int = PORT, name: str = "") -> None:
+        from websockets.sync.server import serve
+
+        self.policy = policy
+        self.metadata = metadata_of(policy, name)
+        self._session: str | None = None
+        self._guard = threading.Lock()
+        self._client: ServerConnection | None = None
+        self._thread: threading.Thread | None = None
+        self._server = serve(
+            self._handle,
+            host,
+            port,
+            compression=None,
+            origins=[None],
+            process_request=_health_check,
+            ping_interval=PING_INTERVAL,
+            ping_timeout=PING_TIMEOUT,
+            close_timeout=CLOSE_TIMEOUT,
+            max_size=FRAME_MAX,
+        )
+        self._worker = _Worker()
+
+    @property
+    def uri(self) -> str:
+        """Address that a client on this machine, or one that can reach the bound address, connects to."""
+        host, port = self._server.socket.getsockname()[:2]
+        return f"ws://{LOOPBACK if host == '0.0.0.0' else host}:{port}"
+
+    def serve_forever(self) -> None:
+        """Serve until `close` is called from another thread, or an exception such as KeyboardInterrupt arrives."""
+        self._server.serve_forever()
+
+    def wait(self) -> None:
+        """Wait while a server that was entered as a context manager serves; ends like `serve_forever`."""
+        self._thread.join()
+
+    def close(self) -> None:
+        """Hang up and stop listening."""
+        self._server.shutdown()
+        if self._thread is not None:
+            self._thread.join()
+        self._worker.close()
+
+    def __enter__(self) -> PolicyServer:
+        self._thread = threading.Thread(target=self.serve_forever, name="policy server", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _handle(self, client: ServerConnection) -> None:
+        """Life of a connection."""
+        from websockets.exceptions import ConnectionClosed
+        from websockets.frames import CloseCode
+
+        if not self._let_in(client):
+            with suppress(ConnectionClosed):
+                client.send("the policy server is busy: it serves one robot at a time, and one is connected")
+                client.close(CloseCode.TRY_AGAIN_LATER, "busy")
+            return
+        with suppress(ConnectionClosed):
+            client.send(pack(self.metadata))
+            for frame in client:
+                try:
+                    answer = self._answer(frame, client)
+                # Whatever it is, the client is told, as openpi's server does, and the server lives on.
+                except Exception as error:  # noqa: BLE001
+                    client.send(error.text if isinstance(error, _PolicyFailure) else format_exc())
+                    client.close(CloseCode.INTERNAL_ERROR, CLOSE_REASON)
+                    return
+                client.send(answer)
+
+    def _let_in(self, client: ServerConnection) -> bool:
+        with self._guard:
+            if self._client is not None and _is_there(self._client):
+                return False
+            self._client = client
+            return True
+
+    def _answer(self, frame: bytes | str, client: ServerConnection) -> bytes:
+        """Answer to a request."""
+        if isinstance(frame, str):
+            raise PolicyError("a request is a binary frame of MessagePack; this one is text")
+        request = unpack(frame)
+        if not isinstance(request, dict):
+            raise PolicyError(f"the request holds {type(request).__name__}; a map is expected")
+        answer = self._worker.run(lambda: self._infer(request, str(client.id)), lambda: _is_open(client))
+        return pack(answer)
+
+    def _infer(self, request: dict[str, Any], connection: str) -> dict[str, Any]:
+        """Call the policy; in the worker's thread."""
+        own = "session" in request
+        session, continues, prefix = (request.pop(key, None) for key in ("session", "continues", "prefix"))
+        observation = observation_from_map(request)
+        prefix = None if prefix is None else prefix_from_map(prefix)
+        self._begin(session if own else connection, continues is True, observation.task)
+        begin = perf_counter()
+        if prefix is None:
+            chunk = self.policy.infer(observation)
+        elif isinstance(self.policy, PrefixPolicy):
+            chunk = self.policy.infer_after(observation, prefix)
+        else:
+            raise PolicyError(f"{type(self.policy).__name__} takes no prefix; the metadata say so")
+        timing = {"infer_ms": 1e3 * (perf_counter() - begin)}
+        if own:
+            return {"chunk": chunk_to_map(chunk), "server_timing": timing}
+        actions = encode(self.policy.spec, chunk, Anchor.measured(observation))
+        return {"actions": actions, "server_timing": timing}
+
+    def _begin(self, session: str, continues: bool, task: str) -> None:
+        """Reset the policy for a session that it has not seen."""
+        if session == self._session:
+            return
+        if continues and not self.policy.sees_robot:
+            raise PolicyError(
+                "this episode is not known here: the server was started anew, or has served another client since, and "
+                "the policy would begin again from its start. Reset the client"
+            )
+        self.policy.reset(task)
+        self._session = session
+
+
+def metadata_of(policy: Policy, name: str = "") -> dict[str, Any]:
+    """What a server says of its policy."""
+    duration = getattr(policy, "duration", None)
+    return {
+        "protocol": PROTOCOL,
+        "action_spec": {**policy.action_spec.spec.to_dict(), "hash": policy.action_spec.spec.hash},
+        "sees_robot": bool(policy.sees_robot),
+        "takes_prefix": isinstance(policy, PrefixPolicy),
+        "name": name or str(getattr(policy, "name", type(policy).__name__)),
+        "duration": None if duration is None else float(duration),
+        "cameras": {camera: list(size) for camera, size in getattr(policy, "cameras", {}).items()},
+    }
+
+
+class _PolicyFailure(Exception):
+    """What a policy raised, as the text that its client gets."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.text = text
+
+
+class _Worker:
+    """The thread that calls the policy."""
+
+    def __init__(self) -> None:
+        self._jobs: SimpleQueue[tuple[Callable[[], Any], Future] | None] = SimpleQueue()
+        self._running: tuple[Future, float] | None = None
+        threading.Thread(target=self._run, name="served policy", daemon=True).start()
+
+    def run(self, call: Callable[[], Mapping[str, Any]], wanted: Callable[[], bool]) -> Mapping[str, Any]:
+        """Result of a call.
+
+        Args:
+            call: What to call.
+            wanted: Looked at while it runs; once it is false, nobody waits any longer.
+
+        Raises:
+            PolicyError: If a call from before still runs, or the result is no longer wanted.
+            _PolicyFailure: If the call raised.
+        """
+        if self._running is not None and not self._running[0].done():
+            since = monotonic() - self._running[1]
+            raise PolicyError(
+                f"the policy is busy: it computes since {since:.1f} s for a request that nobody waits for"
+            )
+        future: Future = Future()
+        self._running = (future, monotonic())
+        self._jobs.put((call, future))
+        while True:
+            try:
+                return future.result(LOOK_INTERVAL)
+            except TimeoutError as error:
+                if not wanted():
+                    raise PolicyError("the client has hung up") from error
+
+    def close(self) -> None:
+        """End the thread after the running call; does not wait for it."""
+        self._jobs.put(None)
+
+    def _run(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            call, future = job
+            try:
+                future.set_result(call())
+            except BaseException:  # noqa: BLE001 - SystemExit of a policy too goes to the client
+                future.set_exception(_PolicyFailure(format_exc()))
+
+
+def _is_open(client: ServerConnection) -> bool:
+    from websockets.protocol import State
+
+    return client.protocol.state is State.OPEN
+
+
+def _is_there(client: ServerConnection) -> bool:
+    """Whether a client still answers; one whose network broke looks open for a while."""
+    from websockets.exceptions import ConnectionClosed
+
+    if not _is_open(client):
+        return False
+    try:
+        return client.ping().wait(PONG_TIMEOUT)
+    except ConnectionClosed:
+        return False
+
+
+def _health_check(connection: ServerConnection, request: Request) -> Response | None:
+    return connection.respond(HTTPStatus.OK, "OK\n") if request.path == "/healthz" else None

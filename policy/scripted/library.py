@@ -1,0 +1,225 @@
+"""The scripted policies, each a palm motion in world that begins at the stance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from policy.action_spec.hands import Side, grasp_posture
+from policy.errors import PolicyError, did_you_mean
+from policy.geometry.rotations import rpy_to_matrix
+from policy.scripted.policy import HandMotion, ScriptedPolicy, minimum_jerk, stance_pose
+from policy.scripted.waypoints import Waypoint, waypoint_policy
+
+MIRROR_Y = np.array([1.0, -1.0, 1.0])
+
+LISSAJOUS_CENTRE = np.array([0.24, 0.21, 0.86])
+LISSAJOUS_AMPLITUDE = 0.15
+LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
+"""Of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
+LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
+"""Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
+LISSAJOUS_TURN = np.deg2rad([9.0, -27.0, -35.0])
+"""Constant orientation of the left hand as roll, pitch and yaw [rad]; right: mirrored. Where the palms come to
+y = ±60 mm in front of the trunk, hands that point inwards leave room for the forearms; found by a search over
+orientations for what the posture plan can follow."""
+LISSAJOUS_THUMB = np.array([-0.63, -0.58, 0.0])
+"""Left thumb clear of the closed fingers and of the trunk; the fist ends 52 mm inwards of its palm point [rad]."""
+
+OBJECT_IN_PALM = np.array([-0.025, -0.055, 0.0])
+"""Centre of a 60 mm cylinder in the pocket between thumb, palm and fingers of the left hand, from the palm point in
+hand axes [m]; right: mirrored in y. Found by closing the hand on it in MuJoCo."""
+
+
+def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
+    """Both palms on a Lissajous curve, orientation and fingers constant.
+
+    The left palm is at ``[0.24, 0.21, 0.86] + 0.15 [sin 2t, sin 4t, sin 6t]``, t being episode time, from 2 s on; the
+    right one is mirrored in y. Before, it is blended in from the stance; after ``scored`` seconds it comes to rest.
+
+    Args:
+        scored: Time on the curve [s].
+    """
+    stance = stance_pose()
+    end = LISSAJOUS_START + scored
+    fingers = [grasp_posture(side, 1.0) for side in ("left", "right")]
+    # The thumb's first joint turns the same way on both sides, the others are mirrored.
+    fingers[0][:3], fingers[1][:3] = LISSAJOUS_THUMB, LISSAJOUS_THUMB * [1.0, -1.0, -1.0]
+
+    def script(t: np.ndarray) -> HandMotion:
+        fade = 1.0 - minimum_jerk((t - end) / LISSAJOUS_END)
+        swing = LISSAJOUS_AMPLITUDE * fade[:, None] * np.sin(LISSAJOUS_RATES * t[:, None])
+        curve = LISSAJOUS_CENTRE + swing
+        share = minimum_jerk(t / LISSAJOUS_START)[:, None]
+        turns = [rpy_to_matrix(share * LISSAJOUS_TURN * mirror) for mirror in ([1.0, 1.0, 1.0], [-1.0, 1.0, -1.0])]
+        return HandMotion(
+            stance.p_world_lpalm + share * (curve - stance.p_world_lpalm),
+            stance.p_world_rpalm + share * (curve * MIRROR_Y - stance.p_world_rpalm),
+            stance.R_world_lhand @ turns[0],
+            stance.R_world_rhand @ turns[1],
+            stance.q_lhand + share * (fingers[0] - stance.q_lhand),
+            stance.q_rhand + share * (fingers[1] - stance.q_rhand),
+        )
+
+    return ScriptedPolicy("lissajous", script, end + LISSAJOUS_END)
+
+
+def reach(x: float = 0.45, z: float = 0.60, *, y: float = 0.16) -> ScriptedPolicy:
+    """Both palms to (x, ±y, z): 3 s minimum-jerk from the stance, 4 s hold, orientation of the stance.
+
+    Args:
+        x: Ahead of the sole midpoint [m].
+        z: Above the floor [m].
+        y: To either side [m].
+    """
+    left = np.array([x, y, z])
+    return waypoint_policy("reach", [Waypoint(3.0, left, left * MIRROR_Y), Waypoint(7.0)])
+
+
+def two_hand_lift(*, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift: float = 0.25) -> ScriptedPolicy:
+    """Both palms close on a box from the sides, lift it, put it back and let go.
+
+    Args:
+        x: Middle of the box ahead of the sole midpoint [m].
+        z: Height of the palms on the box [m].
+        width: Distance of the palm points when they touch the box [m].
+        lift: How far up [m].
+    """
+
+    def both(half_width: float, height: float) -> tuple[np.ndarray, np.ndarray]:
+        left = np.array([x, half_width, height])
+        return left, left * MIRROR_Y
+
+    apart, touching = 0.5 * width + 0.06, 0.5 * width
+    return waypoint_policy(
+        "two_hand_lift",
+        [
+            Waypoint(2.5, *both(apart, z)),
+            Waypoint(3.5, *both(touching, z)),
+            Waypoint(5.5, *both(touching, z + lift)),
+            Waypoint(7.5),
+            Waypoint(9.5, *both(touching, z)),
+            Waypoint(10.5, *both(apart, z)),
+            Waypoint(13.0, *_home()),
+        ],
+    )
+
+
+def pick(level: Literal["low", "high"] = "low", *, side: Side = "right") -> ScriptedPolicy:
+    """One hand fetches something from knee height or from above the head; the other stays.
+
+    Args:
+        level: ``low`` is palm height 0.40 m, ``high`` is 1.40 m: well inside the measured reach of 0.10 to 1.50 m.
+        side: Which hand.
+    """
+    if level not in ("low", "high"):
+        raise PolicyError(f"pick level {level!r} is unknown; it is 'low' or 'high'")
+    sign = 1.0 if side == "left" else -1.0
+    there = np.array([0.40, 0.16 * sign, 0.40]) if level == "low" else np.array([0.35, 0.20 * sign, 1.40])
+    before = there + (np.array([0.0, 0.0, 0.10]) if level == "low" else np.array([-0.10, 0.0, 0.0]))
+    return waypoint_policy(
+        f"pick_{level}",
+        [
+            _one(side, 2.5, before, 0.0),
+            _one(side, 3.5, there, 0.0),
+            _one(side, 4.5, None, 1.0),
+            _one(side, 5.5, before, 1.0),
+            _one(side, 8.0, _home()[side == "right"], 1.0),
+            _one(side, 9.0, None, 1.0),
+        ],
+    )
+
+
+def wave(*, side: Side = "right", swings: int = 4) -> ScriptedPolicy:
+    """One hand goes up, fingers upwards, and swings from side to side at 1 Hz.
+
+    Args:
+        side: Which hand.
+        swings: Number of full swings.
+    """
+    sign = 1.0 if side == "left" else -1.0
+    middle, swing = np.array([0.25, 0.28 * sign, 1.20]), np.array([0.0, 0.08, 0.0])
+    # 60 degrees of pitch: with 90 the elbow would have to leave its range.
+    turn = np.array([0.0, -np.pi / 3.0, 0.0])
+    points = [_one(side, 2.5, middle, None, turn)]
+    points += [_one(side, 3.0 + 0.5 * i, middle + swing * (-1.0) ** i, None) for i in range(2 * swings)]
+    end = points[-1].time
+    return waypoint_policy("wave", [*points, _one(side, end + 2.5, _home()[side == "right"], None, np.zeros(3))])
+
+
+def grasp(
+    p_world_object: tuple[float, float, float] = (0.42, 0.15, 0.83),
+    *,
+    side: Side = "left",
+    lift: float = 0.10,
+    p_palm_object: np.ndarray = OBJECT_IN_PALM,
+) -> ScriptedPolicy:
+    """One hand closes on an upright cylinder from its side, lifts it and holds it for 5 s.
+
+    Args:
+        p_world_object: Axis of the cylinder at the height to grasp it [m]; the default is the middle of
+            the object of the scene ``table_cylinder``.
+        side: Which hand.
+        lift: How far up [m].
+        p_palm_object: Object centre from the left palm point in hand axes, (3,), [m]; mirrored for the right hand.
+    """
+    stance = stance_pose()
+    R = stance.R_world_lhand if side == "left" else stance.R_world_rhand
+    offset = np.asarray(p_palm_object) * (1.0 if side == "left" else MIRROR_Y)
+    at_object = np.asarray(p_world_object, dtype=float) - R @ offset
+    # Against the object's direction seen from the palm: the open hand moves in sideways.
+    aside = at_object - R @ np.array([0.0, 0.12 * np.sign(offset[1]), 0.0])
+    up = np.array([0.0, 0.0, lift])
+    return waypoint_policy(
+        "grasp",
+        [
+            _one(side, 2.5, aside, 0.0),
+            _one(side, 4.5, at_object, 0.0),
+            _one(side, 6.0, None, 1.0),
+            _one(side, 8.0, at_object + up, 1.0),
+            _one(side, 13.0, None, 1.0),
+        ],
+    )
+
+
+def _one(
+    side: Side, time: float, palm: np.ndarray | None, closing: float | None, turn: np.ndarray | None = None
+) -> Waypoint:
+    if side == "left":
+        return Waypoint(time, lpalm=palm, turn_lhand=turn, lgrasp=closing)
+    if side == "right":
+        return Waypoint(time, rpalm=palm, turn_rhand=turn, rgrasp=closing)
+    raise PolicyError(f"side {side!r} is unknown; it is 'left' or 'right'")
+
+
+def _home() -> tuple[np.ndarray, np.ndarray]:
+    stance = stance_pose()
+    return stance.p_world_lpalm, stance.p_world_rpalm
+
+
+SCRIPTS: dict[str, Callable[..., ScriptedPolicy]] = {
+    "lissajous": lissajous,
+    "reach": reach,
+    "two_hand_lift": two_hand_lift,
+    "pick_low": lambda **settings: pick("low", **settings),
+    "pick_high": lambda **settings: pick("high", **settings),
+    "wave": wave,
+    "grasp": grasp,
+}
+"""Scripted policies by the name that the CLI takes."""
+
+
+def scripted(name: str, **settings: object) -> ScriptedPolicy:
+    """A scripted policy by name.
+
+    Raises:
+        PolicyError: If there is none of that name, or a setting is unknown.
+    """
+    if name not in SCRIPTS:
+        raise PolicyError(f"no script is called '{name}'; {did_you_mean(name, SCRIPTS)}there are: {', '.join(SCRIPTS)}")
+    try:
+        return SCRIPTS[name](**settings)
+    except TypeError as error:
+        raise PolicyError(f"script '{name}' does not take these settings: {error}") from error

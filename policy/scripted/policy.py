@@ -1,0 +1,133 @@
+"""Policies that are formulas: hand motions written as functions of time, in world coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from models.g1 import g1
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.chunk import ActionChunk
+from policy.clock import EpisodeClock
+from policy.geometry.se3 import make_transform
+from policy.observation import Observation
+
+
+@dataclass(frozen=True)
+class HandMotion:
+    """Both hands over time.
+
+    Attributes:
+        p_world_lpalm, p_world_rpalm: Palm points, shape (H, 3), [m].
+        R_world_lhand, R_world_rhand: Hand rotations, shape (H, 3, 3) or (3, 3) if constant.
+        q_lhand, q_rhand: Fingers in motor order, shape (H, 7) or (7,) if constant, [rad].
+    """
+
+    p_world_lpalm: np.ndarray
+    p_world_rpalm: np.ndarray
+    R_world_lhand: np.ndarray
+    R_world_rhand: np.ndarray
+    q_lhand: np.ndarray
+    q_rhand: np.ndarray
+
+
+Script = Callable[[np.ndarray], HandMotion]
+"""A motion as a function of episode time, shape (H,), [s]; it must hold its end pose after its duration."""
+
+
+class ScriptedPolicy:
+    """Serves a script in chunks.
+
+    Chunks are sampled from the formula in episode time, so successive chunks agree wherever they overlap. Episode time
+    is 0 at the first observation after `reset`.
+
+    Args:
+        name: What the CLI and reports call it.
+        script: The motion.
+        duration: When the script has arrived [s].
+        fps: Steps per second of the chunks [Hz].
+        horizon: Steps per chunk.
+    """
+
+    sees_robot = False
+
+    def __init__(self, name: str, script: Script, duration: float, *, fps: float = 30.0, horizon: int = 50) -> None:
+        self.name, self.script, self.duration = name, script, duration
+        self.spec = builtin("wbc32")
+        self.fps, self.horizon = fps, horizon
+        self._clock = EpisodeClock()
+
+    def reset(self, task: str = "") -> None:
+        """Begin the script anew at the next observation."""
+        self._clock.reset()
+
+    def infer(self, observation: Observation) -> ActionChunk:
+        """Chunk that starts at the observation's time.
+
+        Raises:
+            ObservationError: If time goes back without a reset.
+        """
+        seq, elapsed = self._clock.tick(observation.time)
+        motion = self.script(elapsed + np.arange(self.horizon) / self.fps)
+        chunk = to_chunk(motion, self.spec.id, seq, observation.time, self.fps, self.horizon)
+        chunk.validate()
+        return chunk
+
+
+def to_chunk(motion: HandMotion, spec_id: str, seq: int, t_obs: float, fps: float, steps: int) -> ActionChunk:
+    """Wrist poses from palm points."""
+    T_palm = {"lhand": palm_offset("left"), "rhand": palm_offset("right")}
+    wrists = {
+        hand: make_transform(R, p - R @ T_palm[hand])
+        for hand, R, p in (
+            ("lhand", motion.R_world_lhand, motion.p_world_lpalm),
+            ("rhand", motion.R_world_rhand, motion.p_world_rpalm),
+        )
+    }
+    fingers = [np.broadcast_to(q, (steps, 7)).copy() for q in (motion.q_lhand, motion.q_rhand)]
+    return ActionChunk(spec_id, seq, t_obs, fps, wrists["lhand"], wrists["rhand"], *fingers)
+
+
+def palm_offset(side: str) -> np.ndarray:
+    """Palm point in the wrist frame, shape (3,), [m]."""
+    return np.array(g1().tool(side).palm_offset)
+
+
+@dataclass(frozen=True)
+class StancePose:
+    """Hands in the default stance: palm points (3,) [m], rotations (3, 3), fingers (7,) [rad]."""
+
+    p_world_lpalm: np.ndarray
+    p_world_rpalm: np.ndarray
+    R_world_lhand: np.ndarray
+    R_world_rhand: np.ndarray
+    q_lhand: np.ndarray
+    q_rhand: np.ndarray
+
+
+@lru_cache(maxsize=1)
+def stance_pose() -> StancePose:
+    """Where the hands are in the default stance, by forward kinematics."""
+    anchor = Anchor.nominal()
+    T = {hand: anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")}
+    palms = {
+        hand: T[hand][:3, 3] + T[hand][:3, :3] @ palm_offset(side)
+        for hand, side in (("lhand", "left"), ("rhand", "right"))
+    }
+    return StancePose(
+        palms["lhand"], palms["rhand"], T["lhand"][:3, :3], T["rhand"][:3, :3], anchor.q_lhand, anchor.q_rhand
+    )
+
+
+def minimum_jerk(share: np.ndarray) -> np.ndarray:
+    """Rest-to-rest blend from 0 to 1 with zero velocity and acceleration at both ends, clipped outside [0, 1].
+
+    Source:
+        Flash and Hogan 1985, "The coordination of arm movements", J. Neuroscience.
+    """
+    s = np.clip(share, 0.0, 1.0)
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)

@@ -1,0 +1,80 @@
+"""Hand motions through poses at times, at rest at each, with minimum-jerk blends between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from policy.action_spec.hands import grasp_posture
+from policy.errors import PolicyError
+from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
+from policy.geometry.se3 import bracket
+from policy.scripted.policy import HandMotion, ScriptedPolicy, StancePose, minimum_jerk, stance_pose
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A pose of both hands at a time; what is None stays as at the waypoint before, at first as in the stance.
+
+    Attributes:
+        time: When to be there, at rest [s].
+        lpalm, rpalm: Palm points in world, shape (3,), [m].
+        turn_lhand, turn_rhand: Rotation from the stance in world axes, as a rotation vector (3,), [rad].
+        lgrasp, rgrasp: Closing of the fingers, 0 open to 1 closed.
+    """
+
+    time: float
+    lpalm: np.ndarray | None = None
+    rpalm: np.ndarray | None = None
+    turn_lhand: np.ndarray | None = None
+    turn_rhand: np.ndarray | None = None
+    lgrasp: float | None = None
+    rgrasp: float | None = None
+
+
+def waypoint_policy(name: str, waypoints: Sequence[Waypoint]) -> ScriptedPolicy:
+    """A scripted policy from the stance through waypoints; it stays at the last one.
+
+    Raises:
+        PolicyError: If the times do not increase from above 0.
+    """
+    times = np.array([0.0, *(waypoint.time for waypoint in waypoints)])
+    if not (np.diff(times) > 0.0).all():
+        raise PolicyError(f"{name}: waypoint times {times[1:].tolist()} s must increase from above 0")
+    knots = _knots(waypoints, stance_pose())
+
+    def script(t: np.ndarray) -> HandMotion:
+        low, share = bracket(times, t)
+        blend = minimum_jerk(share)[:, None]
+        straight = {
+            field: knots[field][low] + blend * (knots[field][low + 1] - knots[field][low])
+            for field in ("p_world_lpalm", "p_world_rpalm", "q_lhand", "q_rhand")
+        }
+        turned = {}
+        for field in ("R_world_lhand", "R_world_rhand"):
+            R = knots[field]
+            turns = matrix_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:])
+            turned[field] = R[low] @ rotvec_to_matrix(blend * turns[low])
+        return HandMotion(**straight, **turned)
+
+    return ScriptedPolicy(name, script, float(times[-1]))
+
+
+def _knots(waypoints: Sequence[Waypoint], stance: StancePose) -> dict[str, np.ndarray]:
+    """Every field of `HandMotion` at the stance and at each waypoint."""
+    fields = ("p_world_lpalm", "p_world_rpalm", "R_world_lhand", "R_world_rhand", "q_lhand", "q_rhand")
+    rows = [{field: np.asarray(getattr(stance, field)) for field in fields}]
+    for waypoint in waypoints:
+        row = dict(rows[-1])
+        for hand, side in (("l", "left"), ("r", "right")):
+            palm, turn, closing = (getattr(waypoint, f) for f in (f"{hand}palm", f"turn_{hand}hand", f"{hand}grasp"))
+            if palm is not None:
+                row[f"p_world_{hand}palm"] = np.asarray(palm, dtype=float)
+            if turn is not None:
+                row[f"R_world_{hand}hand"] = rotvec_to_matrix(turn) @ getattr(stance, f"R_world_{hand}hand")
+            if closing is not None:
+                row[f"q_{hand}hand"] = grasp_posture(side, closing)
+        rows.append(row)
+    return {field: np.stack([row[field] for row in rows]) for field in fields}

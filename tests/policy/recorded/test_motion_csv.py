@@ -1,0 +1,122 @@
+"""Motion files. Strategy: a motion with a wandering pelvis is written here, and must come back without its pelvis."""
+
+import numpy as np
+import pytest
+
+from policy import Anchor, FileFormatError, Motion, motion_chunk, read_motion_csv, write_motion_csv
+from policy.geometry.rotations import angle_between, rpy_to_matrix
+from policy.geometry.se3 import make_transform
+from policy.kinematics.forward import kinematics
+from policy.recorded.motion_csv import COLUMNS
+
+
+def made_up_motion(frames=121, fps=60.0):
+    """Arms and waist swing while the pelvis walks, turns and tilts."""
+    t = np.arange(frames) / fps
+    rng = np.random.default_rng(2)
+    q = Anchor.nominal().q_body + 0.3 * np.sin(np.outer(t, rng.uniform(0.5, 3.0, 29)))
+    tilt = rpy_to_matrix(np.stack([0.1 * np.sin(t), 0.2 * np.sin(2 * t), 1.0 + t], axis=1))
+    return Motion(fps, make_transform(tilt, np.stack([t, -0.5 * t, 0.8 + 0.02 * np.sin(t)], axis=1)), q)
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "swing.csv"
+    write_motion_csv(path, made_up_motion())
+    return path
+
+
+def test_a_motion_comes_back_to_its_six_digits(file):
+    motion, expected = read_motion_csv(file), made_up_motion()
+    assert len(motion) == 121
+    assert motion.duration == pytest.approx(2.0)
+    assert np.abs(motion.q_body - expected.q_body).max() < 1e-6
+    assert np.abs(motion.T_world_base - expected.T_world_base).max() < 5e-6
+
+
+def test_wrists_are_relative_to_each_frames_own_pelvis(file):
+    motion = read_motion_csv(file)
+    chunk = motion_chunk(motion)
+    assert len(chunk) == 61
+    poses = kinematics().poses(motion.q_body[::2])
+    anchor = Anchor.nominal().T_world_base
+    # 60 Hz to 30 Hz: every other frame, untouched.
+    assert np.abs(chunk.T_world_lhand - anchor @ poses["lhand"]).max() < 1e-12
+    assert np.abs(chunk.T_world_rhand - anchor @ poses["rhand"]).max() < 1e-12
+
+
+def test_fingers_are_neutral(file):
+    chunk = motion_chunk(read_motion_csv(file))
+    assert (chunk.q_lhand == Anchor.nominal().q_lhand).all()
+
+
+def test_another_rate_is_interpolated_on_se3(tmp_path):
+    fine, coarse = made_up_motion(500, 250.0), made_up_motion(101, 50.0)
+    expected = motion_chunk(fine, fps=30.0)
+    found = motion_chunk(coarse, fps=30.0)
+    steps = min(len(found), len(expected))
+    error = found.T_world_rhand[:steps] - expected.T_world_rhand[:steps]
+    # A chord of a 20 ms interval at 10 m/s^2 is half a millimetre off at most.
+    assert np.linalg.norm(error[:, :3, 3], axis=1).max() < 5e-4
+    turn = angle_between(found.T_world_rhand[:steps, :3, :3], expected.T_world_rhand[:steps, :3, :3])
+    assert np.rad2deg(turn).max() < 0.1
+
+
+def test_the_frame_rate_scales_time(file):
+    assert motion_chunk(read_motion_csv(file, fps=120.0)).times[-1] == pytest.approx(1.0)
+    assert motion_chunk(read_motion_csv(file, fps=30.0)).times[-1] == pytest.approx(4.0)
+
+
+def test_a_single_frame_is_one_step(tmp_path):
+    path = tmp_path / "still.csv"
+    write_motion_csv(path, made_up_motion(1))
+    assert len(motion_chunk(read_motion_csv(path))) == 1
+
+
+def test_blank_lines_and_windows_line_ends_are_fine(file):
+    text = file.read_text()
+    file.write_bytes(("\n" + text.replace("\n", "\r\n") + "\r\n").encode())
+    assert len(read_motion_csv(file)) == 121
+
+
+def edited(file, edit):
+    rows = [line.split(",") for line in file.read_text().splitlines()]
+    edit(rows)
+    file.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("edit", "complaint"),
+    [
+        (lambda rows: rows[4].pop(), "row 5 has 35 columns; 36 are expected"),
+        (lambda rows: rows[0].append("0"), "row 1 has 37 columns"),
+        (lambda rows: rows[7].__setitem__(10, "nan"), r"row 8, column 11 \(left_knee_joint\) is nan"),
+        (lambda rows: rows[7].__setitem__(0, "-inf"), r"row 8, column 1 \(x\) is -inf"),
+        (lambda rows: rows[9].__setitem__(35, "2e9"), r"row 10, column 36 \(right_wrist_yaw_joint\) is 2e\+09"),
+        (lambda rows: rows[9].__setitem__(3, "abc"), r"row 10, column 4 \(qx\) is 'abc', no number"),
+        (lambda rows: rows[9].__setitem__(3, ""), "row 10, column 4"),
+        (lambda rows: rows[3].__setitem__(slice(3, 7), ["0", "0", "0", "2"]), "row 4: columns 4 to 7 have norm 2"),
+        (lambda rows: rows[3].__setitem__(slice(3, 7), ["0"] * 4), "must be the root quaternion in the order x y z w"),
+        (lambda rows: rows.insert(0, list(COLUMNS)), "a file without a header is expected"),
+        (lambda rows: rows.clear(), "is empty"),
+    ],
+)
+def test_a_malformed_file_is_refused_with_row_and_column(file, edit, complaint):
+    with pytest.raises(FileFormatError, match=complaint) as refusal:
+        read_motion_csv(edited(file, edit))
+    assert str(file) in str(refusal.value)
+
+
+@pytest.mark.parametrize("fps", [0.0, -60.0, np.nan, np.inf])
+def test_an_impossible_frame_rate_is_refused(file, fps):
+    with pytest.raises(FileFormatError, match="positive rate"):
+        read_motion_csv(file, fps)
+
+
+def test_a_missing_file_and_a_binary_file_are_refused(tmp_path):
+    with pytest.raises(FileFormatError, match="cannot be read"):
+        read_motion_csv(tmp_path / "absent.csv")
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(FileFormatError, match="is no text"):
+        read_motion_csv(tmp_path / "binary.csv")
