@@ -2,10 +2,10 @@
 
     python benchmarks/lerobot_overhead.py [--chunks 200]
 
-Tiny real networks (tests/support/tiny_policies.py): the network's own time is subtracted, so its size does not matter. Times
-are CPU time of the calling thread, with one thread in torch: all of `infer` but the network, what LeRobot's own pre-
-and post-processor need of it, what is left for the adapter (images, state, checks, decoding), and a plain LeRobot call
-(prepare_observation_for_inference and both processors) on the same frame.
+Tiny real networks (tests/support/tiny_policies.py): the network's own time is subtracted, so its size does not matter.
+Times are CPU time of the calling thread, with one thread in torch: all of `infer` but the network, what LeRobot's own
+pre- and post-processor need of it, what is left for the adapter (images, state, checks, decoding), and a plain LeRobot
+call (prepare_observation_for_inference and both processors) on the same frame.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 import torch
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.state import state_numbers
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_numbers
 from policy.observation import Observation
 from tests.support import tiny_policies as tiny
 

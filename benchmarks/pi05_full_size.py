@@ -26,12 +26,13 @@ from typing import Any
 import numpy as np
 import torch
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.state import state_numbers
 from policy.findings import CheckpointError
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_numbers, write_specs
+from policy.lerobot.spec import write_specs
 from tests.support import tiny_policies as tiny
 
 FULL = {"image_resolution": (224, 224), "paligemma_variant": "gemma_2b", "action_expert_variant": "gemma_300m"}

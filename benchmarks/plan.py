@@ -18,7 +18,7 @@ from time import thread_time
 import numpy as np
 import pinocchio as pin
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from models.g1 import g1
 from policy.scripted.library import lissajous, reach, wave

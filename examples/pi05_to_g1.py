@@ -20,9 +20,9 @@ import torch
 from models.g1 import g1
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode
+from policy.action_spec.state import state_numbers
 from policy.lerobot.features import camera_keys
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_numbers
 from policy.observation import Observation
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
@@ -110,7 +110,7 @@ def main(path: str | Path, seconds: float = 0.5) -> Trace:
     trace = network_by_hand(policy, observation)
 
     # 8. Numbers become poses: wbc32's are in the pelvis as measured in this observation.
-    chunk = decode(policy.action_spec.spec, trace.actions, Anchor.measured(observation), t_obs=observation.time)
+    chunk = decode(policy.spec, trace.actions, Anchor.measured(observation), t_obs=observation.time)
     for name, value in chunk.arrays().items():
         show(f"chunk.{name}", value)
 
@@ -147,7 +147,7 @@ def show(name: str, value: torch.Tensor | np.ndarray, meaning: str = "") -> None
 
 def main_with_tiny_weights() -> Trace:
     """The same with a π0.5 of a million parameters, random on purpose: the one that the tests use."""
-    sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+    sys.path.insert(0, str(Path(__file__).parent.parent))
     from tests.support.tiny_policies import tiny_backbones, write_checkpoint
 
     with TemporaryDirectory() as folder, tiny_backbones():

@@ -11,16 +11,16 @@ from tests.support.stored import Measured, StoredValues
 
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
 NEED_LEROBOT = [
-    "test_lerobot*.py",
-    "test_dataset*.py",
-    "test_pi05_*.py",
-    "test_policy_contract.py",
-    "test_server_lerobot.py",
+    "policy/lerobot/*",
+    "policy/dataset/*",
+    "policy/recorded/test_dataset_replay.py",
+    "wholebody/cli/test_dataset.py",
+    "wholebody/cli/test_lerobot_doctor.py",
 ]
 collect_ignore_glob = [] if find_spec("lerobot") else list(NEED_LEROBOT)
 # Recordings of people are not a part of this repository.
 MOTIONS = os.environ.get("G1_MOTIONS", "")
-collect_ignore_glob += [] if MOTIONS else ["test_recorded_motions.py"]
+collect_ignore_glob += [] if MOTIONS else ["studies/test_recorded_motions.py"]
 
 # Same examples in every run; --hypothesis-profile=explore looks for new ones. Deadlines mean nothing on a busy machine.
 settings.register_profile("steady", deadline=None, derandomize=True)
@@ -53,8 +53,8 @@ def pytest_pyfunc_call(pyfuncitem):
 
 @pytest.fixture
 def stored(request):
-    """Values of this test from `tests/regression/<test file>.json`; rewritten by `make regression-update`."""
-    path = Path(__file__).parent / "regression" / f"{request.path.stem}.json"
+    """Values of this test from `tests/studies/stored/<test file>.json`; rewritten by `make regression-update`."""
+    path = Path(__file__).parent / "studies" / "stored" / f"{request.path.stem}.json"
     values = StoredValues(path, request.node.name, update=request.config.getoption("--regression-update"))
     yield values
     request.config.stash.setdefault(MEASURED, {})[request.node.name] = values.measured

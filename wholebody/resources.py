@@ -13,4 +13,4 @@ def configs_folder() -> Path:
 
 def verdict_schema() -> Path:
     """The JSON Schema of what `--json` writes."""
-    return _PACKAGE / "verdict.schema.json"
+    return _PACKAGE / "verdict" / "verdict.schema.json"

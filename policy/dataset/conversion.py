@@ -20,15 +20,16 @@ import numpy as np
 
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
+from policy.action_spec.state import state_layout
 from policy.dataset.checks import check_cameras, check_images, check_joints, check_times, column_layout
-from policy.dataset.format import ACTION, STATE, Dataset, Episode, open_dataset, vectors
+from policy.dataset.format import ACTION, STATE, Dataset, Episode, vectors
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
+from policy.dataset.open import open_dataset
 from policy.dataset.report import ConvertedDataset
 from policy.dataset.stats import narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
-from policy.lerobot.spec import state_layout
 
 if TYPE_CHECKING:
     import pyarrow

@@ -150,31 +150,6 @@ class Dataset:
             yield vectors(self.table(episode, [key]).column(key), width, key, episode)
 
 
-def open_dataset(folder: str | Path) -> Dataset:
-    """Read what a dataset says about itself; rows and videos are left where they are.
-
-    Raises:
-        DatasetError: If there is no dataset, it is of a format that is not read, or contradicts itself.
-    """
-    from policy.dataset.v21 import read_v21
-    from policy.dataset.v30 import read_v30
-
-    folder = Path(folder)
-    info = read_json(folder / "meta" / "info.json")
-    version = info.get("codebase_version")
-    readers = {"v3.0": read_v30, "v2.1": read_v21, "v2.0": read_v21}
-    if version not in readers:
-        raise DatasetError(
-            f"{folder} is in the format {version}; {', '.join(readers)} are read: bring it up with LeRobot's own "
-            "converters (lerobot.scripts.convert_dataset_*) first"
-        )
-    _check_info(folder, info)
-    dataset = readers[version](folder, info)
-    if not dataset.episodes:
-        raise DatasetError(f"{folder} has no episodes; record some, or download all of it")
-    return dataset
-
-
 def read_json(file: Path) -> dict[str, Any]:
     """An object in a JSON file.
 
@@ -274,25 +249,3 @@ def _file(file: Path, modified_ns: int, columns: tuple[str, ...] | None) -> pyar
         known = ", ".join(read_parquet(file).column_names)
         raise DatasetError(f"{file} has no column '{missing[0]}'; it has {known}", feature=missing[0])
     return table
-
-
-def _check_info(folder: Path, info: Mapping[str, Any]) -> None:
-    fps, features = info.get("fps"), info.get("features")
-    if not isinstance(fps, (int, float)) or not 0.0 < fps < float("inf"):
-        raise DatasetError(f"{folder}/meta/info.json has fps {fps}; a positive rate in Hz is expected")
-    if not isinstance(features, dict) or not all(
-        isinstance(feature, dict) and "dtype" in feature and "shape" in feature for feature in features.values()
-    ):
-        raise DatasetError(f"{folder}/meta/info.json has no 'features', an object with dtype and shape of each")
-    if not all(_is_shape(feature["shape"]) for feature in features.values()):
-        raise DatasetError(f"{folder}/meta/info.json has a feature whose shape is no list of whole numbers")
-    chunks_size = info.get("chunks_size", 1)
-    if type(chunks_size) is not int or chunks_size < 1:
-        raise DatasetError(f"{folder}/meta/info.json has chunks_size {chunks_size!r}; a positive number is expected")
-    for key in features:
-        if "/" in key or "\\" in key or ".." in key:
-            raise DatasetError(f"{folder}/meta/info.json has the feature '{key}', which is no name but a path")
-
-
-def _is_shape(shape: object) -> bool:
-    return isinstance(shape, list) and all(type(size) is int and size > 0 for size in shape)

@@ -28,8 +28,8 @@ from policy.kinematics.forward import IK_TOLERANCE
 from policy.kinematics.inverse import ARMS, UPPER_BODY, reach
 
 SYNERGIES = ("dex3_open_close",)
-"""Named maps between one closing number and the seven Dex3 joints: `policy.action_spec.hands.grasp_posture`, a straight line from
-the robot description's open hand to its closed hand."""
+"""Named maps between one closing number and the seven Dex3 joints: `policy.action_spec.hands.grasp_posture`, a
+straight line from the robot description's open hand to its closed hand."""
 
 Moving = Literal["arms", "upper_body"]
 """What inverse kinematics may move: the arms, or the waist too where the arms alone do not reach."""

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
+from policy.action_spec.state import state_layout
 from policy.errors import SpecError
 from policy.findings import CheckpointError, Finding, fail
 from policy.lerobot.features import camera_keys, check_features, check_relative, chunk_length
 from policy.lerobot.prompt import check_prompt
-from policy.lerobot.spec import read_action_spec, read_state_spec, state_layout
+from policy.lerobot.spec import read_action_spec, read_state_spec
 from policy.lerobot.stats import ACTION, STATE, check_stats
 from policy.lerobot.weights import WEIGHTS_FILE, load_network, quiet, random_network
 from policy.observation import Observation

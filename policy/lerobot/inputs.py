@@ -9,10 +9,10 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.slot import UNITS
+from policy.action_spec.state import state_numbers
 from policy.errors import ObservationError
 from policy.lerobot.features import ENVIRONMENT, camera_keys, resizes_images
 from policy.lerobot.prompt import require_whole_prompt, tokenizer_step
-from policy.lerobot.spec import state_numbers
 from policy.lerobot.stats import ACTION, STATE, bounds, normaliser
 from policy.observation import Observation
 from policy.placeholder_cameras import with_grey

@@ -11,8 +11,9 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import column_layout
-from policy.dataset.format import ACTION, Dataset, open_dataset, vectors
+from policy.dataset.format import ACTION, Dataset, vectors
 from policy.dataset.joint_layout import check_values
+from policy.dataset.open import open_dataset
 from policy.errors import DatasetError, SpecError
 from policy.recorded.replay import ReplayPolicy
 

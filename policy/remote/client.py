@@ -10,11 +10,11 @@ from uuid import uuid4
 
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec, require_same
+from policy.action_spec.state import state_layout
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
 from policy.errors import SpecError
 from policy.findings import Finding
-from policy.lerobot.spec import state_layout
 from policy.observation import Observation
 from policy.placeholder_cameras import blind, with_grey
 from policy.prefix import Prefix

@@ -16,9 +16,9 @@ import numpy as np
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
+from policy.action_spec.state import state_numbers
 from policy.chunk import ActionChunk
 from policy.errors import ObservationError, SpecError, did_you_mean
-from policy.lerobot.spec import state_numbers
 from policy.observation import Observation
 from policy.prefix import Prefix
 from policy.remote.channel import RemoteAnswerError

@@ -190,7 +190,7 @@ def metadata_of(policy: Policy, name: str = "") -> dict[str, Any]:
     duration = getattr(policy, "duration", None)
     return {
         "protocol": PROTOCOL,
-        "action_spec": {**policy.action_spec.spec.to_dict(), "hash": policy.action_spec.spec.hash},
+        "action_spec": {**policy.spec.to_dict(), "hash": policy.spec.hash},
         "sees_robot": bool(policy.sees_robot),
         "takes_prefix": isinstance(policy, PrefixPolicy),
         "name": name or str(getattr(policy, "name", type(policy).__name__)),

@@ -1,73 +1,59 @@
-"""The import map: data flows models -> policy -> wholebody, and inside wholebody from the first layer to the last.
+"""The map of the folders: data flows models -> policy -> wholebody, and inside wholebody from floor to floor.
 
-Strategy: every import statement of the three packages is read with `ast`, at any depth and in any function, and held
-against the map below; the checker itself is shown to find each kind of violation in sources made for it. What importing
-a package loads is measured in a fresh process.
+Strategy: every import statement of the packages is read with `ast`, at any depth and in any function, and held against
+the map below; what was measured (rooms, floors, circles, arrows back) is printed by ``pytest -s``. The checker itself
+is shown to find each kind of violation in sources made for it. What importing a package loads is measured in a fresh
+process. Sizes of modules, functions and folders have bounds of their own: a room that outgrows them is two rooms.
 """
 
 import ast
 import subprocess
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PACKAGES = ("models", "policy", "wholebody")
 
-# Which of our packages each one may import, besides itself.
-MAY_IMPORT = {"models": set(), "policy": {"models"}, "wholebody": {"models", "policy"}}
-
-# Inside wholebody a module imports from earlier layers, and in a tuple only from names to its left.
-# The names of a set are siblings: none imports another.
-LAYERS = (
-    ("resources", "lean_jit", "native", "errors", "types", "config", "config_file"),
-    ("support", "bodies", "robot", "gjk_core", "shapes", "proximity", "underside"),
-    {"reference", "tasks", "limits", "contacts", "sim"},
-    {"qp", "posture"},
-    (
-        "body_reference",
-        "body_tasks",
-        "controller",
-        "kinematic",
-        "placo_tasks",
-        "placo_program",
-        "placo_backend",
-        "backends",
-        "posture_plan",
-        "posture_track",
-        "plan_balance",
-        "temper",
-        "planner",
-        "denoise",
-        "floor",
-        "follow_core",
-        "follower",
-        "supervisor",
-    ),
-    (
-        "score",
-        "stitching",
-        "runtime",
-        "solver_study",
-        "timing",
-        "verdict",
-        "checker",
-        "warm_up",
-        "reach_script",
-        "slow_ticks",
-        "tick_bench",
-        "loop_bench",
-    ),
-    ("report", "doctor", "bench", "sources", "console", "cli"),
+# Rooms from the ground up. A room imports from earlier floors only; on one floor none imports another.
+FLOORS = (
+    {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
+    {"policy", "wholebody.config", "wholebody.types", "wholebody.collision"},
+    {"wholebody.config_file", "wholebody.robot"},
+    {"wholebody.reference", "wholebody.sim", "wholebody.tasks", "wholebody.limits", "wholebody.contacts"},
+    {"wholebody.planning", "wholebody.qp"},
+    {"wholebody.control"},
+    {"wholebody.backends"},
+    {"wholebody.execution"},
+    {"wholebody.episode"},
+    {"wholebody.verdict", "wholebody.bench"},
+    {"wholebody.cli", "benchmarks"},
 )
-COMPOSITION = LAYERS[5:]
+# The same inside policy, where most rooms are folders and the rest single files.
+POLICY_FLOORS = (
+    {"errors"},
+    {"joints", "findings", "geometry", "clock"},
+    {"observation"},
+    {"chunk", "kinematics", "placeholder_cameras"},
+    {"action_spec"},
+    {"base"},
+    {"prefix", "scripted", "dataset"},
+    {"recorded"},
+    {"executor"},
+    {"remote", "lerobot"},
+)
+# Only these know policy, controller and plant at once.
+COMPOSITION = {"episode", "verdict", "bench", "cli"}
 
-# Loaded only inside their adapter, policy/lerobot*.py.
+# Loaded only inside their adapter, policy/lerobot.
 ADAPTER_ONLY = {"torch", "torchvision", "lerobot", "transformers", "safetensors", "datasets"}
 
 # Too slow or too big to come with `import wholebody`.
 HEAVY = ("pinocchio", "mujoco", "placo", "torch", "lerobot", "numba", "scipy", "qpsolvers", "matplotlib", "imageio")
+
+MODULE_LINES, FUNCTION_LINES, FOLDER_FILES, ROOMS = 320, 60, 16, 27
 
 
 def module_name(path, root):
@@ -92,72 +78,133 @@ def imports_of(path, root):
     return found
 
 
-def rank(module):
-    """(layer, place in it) of a wholebody module; the place of siblings is their name."""
-    unit = module.split(".")[1]
-    for layer, names in enumerate(LAYERS):
-        if unit in names:
-            return layer, unit if isinstance(names, set) else names.index(unit)
-    raise LookupError(f"{module} is not in the import map: add it to LAYERS in tests/project/test_layers.py")
+def room(module):
+    """The room of a module: its package, or inside wholebody what lies directly in it."""
+    parts = module.split(".")
+    return ".".join(parts[:2]) if parts[0] == "wholebody" else parts[0]
 
 
-def may_import_inside_wholebody(module, target):
-    if module == "wholebody":
-        return True  # its __init__ only names what the package offers
-    if target == "wholebody":
-        return False
-    if module.split(".")[1] == target.split(".")[1]:
-        return True
-    (layer, place), (target_layer, target_place) = rank(module), rank(target)
-    if layer == target_layer:
-        return not isinstance(place, str) and target_place < place
-    return target_layer < layer
+def floor(name, floors):
+    for number, rooms in enumerate(floors):
+        if name in rooms:
+            return number
+    raise LookupError(f"{name} is not in the map: give it a floor in tests/project/test_layers.py")
+
+
+def sources(root, *packages):
+    for package in packages:
+        for path in sorted((root / package).rglob("*.py")):
+            yield module_name(path, root), path
+
+
+def arrows(root):
+    """Imports between rooms, as pairs (module, target)."""
+    for module, path in sources(root, *PACKAGES, "benchmarks"):
+        for target in sorted(imports_of(path, root)):
+            ours = target.split(".")[0] in PACKAGES
+            if ours and module != "wholebody" and room(module) != room(target):
+                yield module, target
 
 
 def violations(root):
     """One sentence for every import that the map does not allow."""
     found = []
-    for package in PACKAGES:
-        for path in sorted((root / package).rglob("*.py")):
-            module = module_name(path, root)
-            for target in sorted(imports_of(path, root)):
-                top = target.split(".")[0]
-                if top in ("tests", "examples", "benchmarks"):
-                    found.append(f"{module} imports {target}: the library does not know its users")
-                elif top in ADAPTER_ONLY and not (package == "policy" and path.name.startswith("lerobot")):
-                    found.append(f"{module} imports {target}: only policy/lerobot*.py may")
-                elif top in PACKAGES and top != package and top not in MAY_IMPORT[package]:
-                    found.append(f"{module} imports {target}: {package} may not")
-                elif top == package == "wholebody" and not may_import_inside_wholebody(module, target):
-                    found.append(f"{module} imports {target}: it is a sibling or a later layer")
+    for module, target in arrows(root):
+        if target == "wholebody":
+            if module.split(".")[0] == "wholebody":
+                found.append(f"{module} imports {target}: that only names what the package offers its users")
+        elif floor(room(target), FLOORS) >= floor(room(module), FLOORS):
+            found.append(f"{module} imports {target}: it is on the same floor or above")
+    for module, path in sources(root, *PACKAGES):
+        for target in sorted(imports_of(path, root)):
+            if target.split(".")[0] in ("tests", "examples", "benchmarks"):
+                found.append(f"{module} imports {target}: the library does not know its users")
+            elif target.split(".")[0] in ADAPTER_ONLY and not module.startswith("policy.lerobot"):
+                found.append(f"{module} imports {target}: only policy/lerobot may")
+            elif module.startswith("policy.") and target.startswith("policy."):
+                mine, other = module.split(".")[1], target.split(".")[1]
+                if mine != other and floor(other, POLICY_FLOORS) >= floor(mine, POLICY_FLOORS):
+                    found.append(f"{module} imports {target}: it is on the same floor or above")
     return found
+
+
+def circles(root, *packages):
+    """A circle of files that import each other, by name; none is the answer wanted."""
+    graph = {}
+    for module, path in sources(root, *packages):
+        targets = {target for target in imports_of(path, root) if target.split(".")[0] in packages}
+        graph[module] = targets - {module} if module not in PACKAGES else set()
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
 
 
 def knows_everything(root):
     """Modules below the composition layer that import policy, controller and plant."""
-    composition = {name for names in COMPOSITION for name in names}
     found = []
-    for path in sorted((root / "wholebody").rglob("*.py")):
-        module = module_name(path, root)
-        if module == "wholebody" or module.split(".")[1] in composition:
+    for module, path in sources(root, "wholebody"):
+        if module == "wholebody" or module.split(".")[1] in COMPOSITION:
             continue
         targets = [f"{target}." for target in imports_of(path, root)]
-        if all(
-            any(t.startswith(p) for t in targets)
-            for p in ("policy.", "wholebody.control.controller.", "wholebody.sim.")
-        ):
+        if all(any(t.startswith(p) for t in targets) for p in ("policy.", "wholebody.control.", "wholebody.sim.")):
             found.append(module)
     return found
+
+
+def measured(root):
+    """Rooms, floors in use, and arrows between rooms."""
+    pairs = {(room(module), room(target)) for module, target in arrows(root)}
+    rooms = {room(module) for module, _ in sources(root, *PACKAGES, "benchmarks")} - {"wholebody"}
+    below = {name: {target for source, target in pairs if source == name} for name in rooms}
+    level = {}
+    for name in TopologicalSorter(below).static_order():
+        level[name] = 1 + max((level.get(target, 0) for target in below.get(name, ())), default=0)
+    return len(rooms), max(level.values()), len(pairs)
 
 
 def test_every_import_follows_the_map():
     assert violations(ROOT) == []
 
 
-def test_every_module_of_wholebody_has_a_layer():
-    for path in sorted((ROOT / "wholebody").rglob("*.py")):
-        module = module_name(path, ROOT)
-        assert module == "wholebody" or rank(module)
+def test_every_room_has_a_floor_and_there_are_few_of_both():
+    for module, _ in sources(ROOT, *PACKAGES):
+        assert module in PACKAGES or floor(room(module), FLOORS) >= 0
+        assert not module.startswith("policy.") or floor(module.split(".")[1], POLICY_FLOORS) >= 0
+    rooms, floors, pairs = measured(ROOT)
+    print(f"{rooms} rooms on {floors} floors, {pairs} arrows, 0 circles, {len(violations(ROOT))} arrows back")
+    assert rooms <= ROOMS
+    assert floors <= len(FLOORS)
+
+
+def test_no_file_imports_itself_in_a_circle():
+    assert circles(ROOT, *PACKAGES) == []
+
+
+def test_no_test_imports_a_test():
+    found = []
+    for module, path in sources(ROOT, "tests"):
+        found += [f"{module} imports {t}" for t in imports_of(path, ROOT) if t.split(".")[-1].startswith("test_")]
+    assert found == []
+
+
+def test_no_module_no_function_and_no_folder_is_too_large():
+    found = []
+    for _, path in sources(ROOT, *PACKAGES):
+        name, lines = path.relative_to(ROOT), path.read_text().count("\n")
+        if lines > MODULE_LINES:
+            found.append(f"{name} has {lines} lines; at most {MODULE_LINES}")
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                length = node.end_lineno - node.lineno + 1
+                if length > FUNCTION_LINES:
+                    found.append(f"{name}: {node.name} has {length} lines; at most {FUNCTION_LINES}")
+    for folder in {path.parent for _, path in sources(ROOT, *PACKAGES)}:
+        files = len([path for path in folder.glob("*.py") if path.name != "__init__.py"])
+        if files > FOLDER_FILES:
+            found.append(f"{folder.relative_to(ROOT)} has {files} files beside each other; at most {FOLDER_FILES}")
+    assert found == []
 
 
 def test_only_the_composition_layer_knows_policy_controller_and_plant():
@@ -174,69 +221,74 @@ def test_importing_a_package_loads_nothing_heavy(package):
 @pytest.mark.parametrize(
     ("file", "source", "complaint"),
     [
-        ("models/g1.py", "import policy", "models may not"),
-        ("models/g1.py", "def f():\n    from wholebody.robot.state import Robot", "models may not"),
-        ("policy/base.py", "from wholebody import errors", "policy may not"),
+        ("models/g1.py", "import policy", "same floor or above"),
+        ("models/g1.py", "def f():\n    from wholebody.robot import state", "same floor or above"),
+        ("policy/base.py", "from wholebody.types import RobotState", "same floor or above"),
         ("policy/base.py", "import torch.nn as nn", "only policy/lerobot"),
+        ("policy/base.py", "from policy.lerobot import spec", "same floor or above"),
         ("wholebody/cli/main.py", "def f():\n    import lerobot", "only policy/lerobot"),
         ("wholebody/episode/run.py", "from tests.support.stored import StoredValues", "does not know its users"),
-        ("wholebody/tasks/com.py", "from wholebody.limits import base", "sibling"),
-        ("wholebody/tasks/com.py", "from ..limits.base import Rows", "sibling"),
-        ("wholebody/sim/plant.py", "if TYPE_CHECKING:\n    from wholebody.qp.problem import QP", "later layer"),
-        ("wholebody/errors.py", "from wholebody.types import RobotState", "later layer"),
-        ("wholebody/robot/state.py", "from wholebody import Controller", "later layer"),
-        ("wholebody/control/controller.py", "from wholebody.execution.supervisor import Supervisor", "later layer"),
+        ("wholebody/tasks/com.py", "from wholebody.limits import base", "same floor or above"),
+        ("wholebody/tasks/com.py", "from ..limits.base import Rows", "same floor or above"),
+        ("wholebody/sim/plant.py", "if TYPE_CHECKING:\n    from wholebody.qp.problem import QP", "same floor or above"),
+        ("wholebody/errors.py", "from wholebody.types import RobotState", "same floor or above"),
+        ("wholebody/robot/state.py", "from wholebody import Controller", "only names what the package offers"),
+        ("wholebody/control/controller.py", "from wholebody.execution.supervisor import Supervisor", "or above"),
     ],
 )
 def test_the_checker_finds(tmp_path, file, source, complaint):
-    for name in ("limits/base", "qp/problem", "errors", "types", "supervisor", "robot"):
+    for name in ("limits/base", "qp/problem", "errors", "types", "execution/supervisor", "robot/state"):
         path = tmp_path / "wholebody" / f"{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
+    (tmp_path / "policy/lerobot").mkdir(parents=True)
+    (tmp_path / "policy/lerobot/spec.py").touch()
     path = tmp_path / file
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(source)
-    (sentence,) = violations(tmp_path)
-    assert sentence.startswith(file.removesuffix(".py").replace("/", "."))
-    assert complaint in sentence
+    found = violations(tmp_path)
+    assert found
+    assert all(sentence.startswith(file.removesuffix(".py").replace("/", ".")) for sentence in found)
+    assert complaint in found[0]
 
 
 @pytest.mark.parametrize(
     ("file", "source"),
     [
-        ("policy/base.py", "import numpy as np\nfrom models import g1\nfrom policy.chunk import ActionChunk"),
+        ("policy/base.py", "import numpy as np\nfrom models import g1\nfrom policy.geometry import se3"),
         ("policy/lerobot/steps.py", "import torch\nfrom lerobot.processor import ProcessorStep"),
         (
             "wholebody/tasks/com.py",
             "from wholebody.robot.state import Robot\nfrom wholebody.tasks.base import Objective",
         ),
         ("wholebody/types.py", "from wholebody.errors import InputError"),
-        ("wholebody/execution/supervisor.py", "from wholebody.control.controller import Controller"),
-        (
-            "wholebody/cli/main.py",
-            "from wholebody import report, runtime\nfrom policy.scripted.policy import lissajous",
-        ),
-        ("wholebody/__init__.py", "from wholebody.episode.run import run"),
+        ("wholebody/execution/supervisor.py", "from wholebody.control.controller import WholeBodyController"),
+        ("wholebody/cli/main.py", "from wholebody.episode import run\nfrom policy.scripted.library import scripted"),
+        ("wholebody/__init__.py", "from wholebody.episode.run import run_episode"),
     ],
 )
 def test_the_checker_lets_pass(tmp_path, file, source):
     path = tmp_path / file
     path.parent.mkdir(parents=True)
     path.write_text(source)
-    for name in ("report", "runtime"):
-        (tmp_path / "wholebody").mkdir(exist_ok=True)
-        (tmp_path / "wholebody" / f"{name}.py").touch()
     assert violations(tmp_path) == []
+
+
+def test_the_checker_finds_a_circle(tmp_path):
+    (tmp_path / "policy").mkdir()
+    (tmp_path / "policy/a.py").write_text("def f():\n    from policy import b")
+    (tmp_path / "policy/b.py").write_text("import policy.a")
+    assert sorted(set(circles(tmp_path, "policy"))) == ["policy.a", "policy.b"]
 
 
 def test_the_checker_finds_a_controller_that_knows_everything(tmp_path):
     source = "import policy.base\nimport wholebody.control.controller\nfrom wholebody.sim.plant import Plant"
-    (tmp_path / "wholebody").mkdir()
-    (tmp_path / "wholebody" / "supervisor.py").write_text(source)
-    (tmp_path / "wholebody" / "runtime.py").write_text(source)
-    assert knows_everything(tmp_path) == ["wholebody.execution.supervisor"]
+    for name in ("execution", "episode"):
+        (tmp_path / "wholebody" / name).mkdir(parents=True)
+        (tmp_path / "wholebody" / name / "loop.py").write_text(source)
+    assert knows_everything(tmp_path) == ["wholebody.execution.loop"]
 
 
-def test_a_module_that_nobody_placed_is_named(tmp_path):
-    with pytest.raises(LookupError, match=r"wholebody\.helpers is not in the import map"):
-        rank("wholebody.helpers")
+def test_a_room_that_nobody_placed_is_named():
+    with pytest.raises(LookupError, match=r"wholebody\.helpers is not in the map"):
+        floor("wholebody.helpers", FLOORS)

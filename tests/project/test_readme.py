@@ -11,7 +11,7 @@ import typer
 from wholebody.cli.main import app
 from wholebody.resources import verdict_schema
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
 
 

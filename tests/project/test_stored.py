@@ -53,11 +53,11 @@ def test_a_bar_that_was_never_met_is_reported_only(tmp_path):
     assert str(values.measured[-1]) == "rms_mm = 1.6 (stored 1.5), bar <= 1: MISSED"
 
 
-def test_a_test_with_a_changed_value_fails_and_still_names_the_others(pytester, tmp_path):
+def test_a_test_with_a_changed_value_fails_and_still_names_the_others(pytester, monkeypatch):
     """The fixture as the studies use it, in a session of its own."""
-    here = Path(__file__).parent
-    for name in ("conftest.py", "stored.py"):
-        (pytester.path / name).write_text((here / name).read_text())
+    here = Path(__file__).parents[1]
+    monkeypatch.setenv("PYTHONPATH", str(here.parent))
+    (pytester.path / "conftest.py").write_text((here / "conftest.py").read_text())
     pytester.makepyfile(
         test_y="""
         def test_z(stored):
@@ -101,7 +101,7 @@ def test_comparing_writes_nothing(tmp_path):
 
 
 def test_the_document_shows_the_stored_values_and_marks_missed_bars(tmp_path):
-    values = StoredValues(tmp_path / "test_regression.json", "test_reach[low]", update=True)
+    values = StoredValues(tmp_path / "test_main_job.json", "test_reach[low]", update=True)
     values.check("end_mm", 2.5, tolerance=0.1, at_most=2.0)
     values.check("distance_mm", 12.0, tolerance=0.1, at_least=10.0)
     values.check("rms_mm", 1.25, tolerance=0.1)

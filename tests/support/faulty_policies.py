@@ -25,7 +25,7 @@ class FaultyPolicy:
 
     def __init__(self, policy, fault, at, *, latency=0.0):
         self.policy, self.fault, self.at, self.usual = policy, fault, at, latency
-        self.spec, self.sees_robot = policy.action_spec.spec, policy.sees_robot
+        self.spec, self.sees_robot = policy.spec, policy.sees_robot
 
     def reset(self, task=""):
         self.policy.reset(task)

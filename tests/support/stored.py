@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-FOLDER = ROOT / "tests" / "regression"
-DOCUMENTED = ("test_regression", "test_hands", "test_recorded_motions")
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "tests" / "studies" / "stored"
+DOCUMENTED = ("test_main_job", "test_hands", "test_recorded_motions")
 """Test files whose values that document shows; the others have documents of their own."""
 DOCUMENT = ROOT / "docs" / "measured.md"
 BEGIN, END = "<!-- stored values: make regression-update -->", "<!-- end of stored values -->"
@@ -107,7 +107,7 @@ class StoredValues:
         bars = {one.name: [_finite(one.at_least), _finite(one.at_most)] for one in self.measured}
         bars = {name: bar for name, bar in bars.items() if bar != [None, None]}
         content[self.test] = {"versions": current_versions(), "values": values, "bars": bars}
-        self.path.parent.mkdir(exist_ok=True)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
         self.path.write_text(json.dumps(content, indent=2, sort_keys=True) + "\n")
 
 

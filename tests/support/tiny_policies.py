@@ -18,8 +18,9 @@ import torch
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
+from policy.action_spec.state import state_layout, state_numbers
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_layout, state_numbers, write_specs
+from policy.lerobot.spec import write_specs
 from policy.observation import Observation
 
 VOCABULARY = 512

@@ -343,7 +343,7 @@ def serve_policy(
     with PolicyServer(policy, host=host, port=port) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)
-        print(f"serving '{server.metadata['name']}' ({policy.action_spec.spec.id}) at {server.uri}", flush=True)
+        print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
         if host not in (LOOPBACK, "localhost", "::1"):
             print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
         server.wait()

@@ -27,7 +27,7 @@ class ShapeTable:
     """Shapes of a geometry model in the axes of the bodies they are fixed to; body 0 is the base.
 
     Attributes:
-        shapes: Rows ``kind first count body`` of `gjk_core`, shape (n, 4).
+        shapes: Rows ``kind first count body`` of `gjk`, shape (n, 4).
         rounds: Rows ``centre axis radius half-length``, shape (n, 8), [m].
         vertices: Of all shapes, shape (n_vertices, 3), [m].
         start: Where the neighbours of each vertex begin in ``neighbours``, shape (n_vertices + 1,).

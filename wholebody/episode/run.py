@@ -68,7 +68,7 @@ class EpisodeResult:
         errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
         turns: Angles of the palms' orientations to those asked for, shape (n, 2), [rad].
         lags: Distances of the palms from where they were commanded to be, shape (n, 2), [m].
-        demandable: Whether the step could be asked for, shape (n, 2): see `wholebody.episode.tracking_error.demandable`.
+        demandable: Whether the step could be asked for, shape (n, 2): see `tracking_error.demandable`.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time at which two bodies of the robot touched, by pair [s].
         scene_contacts: First time at which the robot touched something else, feet on the floor left out [s].

@@ -15,8 +15,8 @@ from wholebody.jit.entry import digest, native, register
 from wholebody.planning.chunk_planner import ChunkPlan
 from wholebody.planning.trajectory import GRID, PostureState, PostureTrack
 from wholebody.reference import PathClock, ReferenceSmoother
-from wholebody.reference.kernels import path as path_core
-from wholebody.reference.kernels import smoother as smoother_core
+from wholebody.reference.kernels import path as path_kernel
+from wholebody.reference.kernels import smoother as smoother_kernel
 
 NO_PATH = np.zeros(0)
 
@@ -153,7 +153,7 @@ def _share(joint: str) -> float:
 
 
 def track_table(track: PostureTrack) -> np.ndarray:
-    """A posture track as `follow_core` reads it: all that belongs to a point of the grid side by side."""
+    """A posture track as `plan_follower` reads it: all that belongs to a point of the grid side by side."""
     n = len(track.q)
     parts = (
         track.q, track.v, track.ddq, track.com.transpose(1, 0, 2), track.momentum.transpose(1, 0, 2), track.height.T,
@@ -164,10 +164,10 @@ def track_table(track: PostureTrack) -> np.ndarray:
 
 @cache
 def compiled_follow() -> Callable[..., None]:
-    """The compiled `follow_core.follow`."""
+    """The compiled `plan_follower.follow`."""
     from numba import float64, int64, types
 
-    modules = (path_core, smoother_core, core)
+    modules = (path_kernel, smoother_kernel, core)
     # Nothing is allocated, so nobody has to count references.
     options = {"_nrt": False, "no_cfunc_wrapper": True}
     for module in modules:

@@ -32,7 +32,7 @@ def register(module: ModuleType, exclude: Collection[str] = (), **options: bool)
 
 def digest(modules: Iterable[ModuleType]) -> int:
     """A number that changes with the source of any of the modules, and with how they are compiled."""
-    files = [Path(__file__), Path(__file__).with_name("lean_jit.py"), *(Path(module.__file__) for module in modules)]
+    files = [Path(__file__), Path(__file__).with_name("compiler.py"), *(Path(module.__file__) for module in modules)]
     return int.from_bytes(sha256(b"".join(file.read_bytes() for file in files)).digest()[:7], "little")
 
 

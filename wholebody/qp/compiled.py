@@ -32,7 +32,7 @@ CORES = (
 
 
 STAGES = ("move", "nearest", "assemble", "search", "conclude", "command")
-"""What a tick calls one after the other, of `stages_core`. One function around them would be optimised once more as a
+"""What a tick calls one after the other, of `entry_points`. One function around them would be optimised once more as a
 whole: seconds of compiling for a few microseconds of calling."""
 
 OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
@@ -67,7 +67,7 @@ def memories() -> tuple:
 
 
 VIEWS = ("matrix", "vector", "cube")
-"""Functions of `blocks_core` that compiled code has by other means."""
+"""Functions of `blocks` that compiled code has by other means."""
 
 
 @cache
@@ -78,7 +78,7 @@ def _register_blocks() -> None:
     from numba.extending import lower_builtin, type_callable
     from numba.np.arrayobj import populate_array
 
-    from wholebody.qp.kernels import blocks as blocks_core
+    from wholebody.qp.kernels import blocks
 
     def shape_of(builder, kind, rows, columns):
         three = rows.type(3)
@@ -112,7 +112,7 @@ def _register_blocks() -> None:
         )
         return block._getvalue()
 
-    for function, ndim in ((blocks_core.vector, 1), (blocks_core.matrix, 2), (blocks_core.cube, 3)):
+    for function, ndim in ((blocks.vector, 1), (blocks.matrix, 2), (blocks.cube, 3)):
         type_callable(function)(_view(ndim))
         lower_builtin(function, types.BaseTuple, types.Integer)(lower)
 

@@ -20,7 +20,7 @@ class CompiledAnswer:
     """A copy of one answer; its parts are taken out of it when they are asked for.
 
     Args:
-        row: The blocks from DV to DUAL of `blocks_core`.
+        row: The blocks from DV to DUAL of `blocks`.
         sizes: Sizes of accelerations, forces and joints.
         ok: Whether its residuals were accepted.
     """
@@ -42,7 +42,7 @@ class CompiledAnswer:
         return self._row[nv + nf + 2 : nv + nf + 2 + nj]
 
     def qp(self) -> QPSolution:
-        """The answer in the variables of `formulation`, with multipliers in the order of `rows_core`."""
+        """The answer in the variables of `formulation`, with multipliers in the order of `constraints`."""
         nv, nf, nj = self._sizes
         end = nv + nf + 2
         at = end + 4 * nj + 9
@@ -70,12 +70,12 @@ class CompiledProgram:
         forces: Point forces in world axes, shape (n_points, 3), [N].
         tau: Joint torques in Pinocchio order, shape (n_joints,), [N m].
         slack: Of the balance and of the collision rows, shape (2,).
-        dual: Multiplier of each row in the order of `rows_core`, positive at the upper side.
+        dual: Multiplier of each row in the order of `constraints`, positive at the upper side.
         desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
         reference: Where the references of the tasks are read, laid out as in `wholebody.control.reference_packet`.
         share: Trust in the hands, shape (2,).
         palms: Where the palms are, from the origin of the base in world axes, shape (2, 3), [m].
-        code: What the last call came to, one of `blocks_core`.
+        code: What the last call came to, one of `blocks`.
 
     All are views of memory that the next call overwrites.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.spec import RobotSpec
-from wholebody.collision import gjk as gjk_core
+from wholebody.collision import gjk
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import shape_table
@@ -30,7 +30,7 @@ def near_tables(spec: RobotSpec, proximity: Proximity, underside: Underside) -> 
     carries = proximity.radii > 0.0
     shared = (carries[pairs[:, 0]] & carries[pairs[:, 1]]).sum(1)
     level = np.array(start)[pairs] + shared[:, None]
-    first = table.shapes[:, gjk_core.FIRST]
+    first = table.shapes[:, gjk.FIRST]
     state = np.column_stack([np.zeros(len(pairs), dtype=np.int64), first[pairs]])
     reals = {
         b.REACH: np.concatenate(reach),
@@ -51,7 +51,7 @@ def near_shapes(n_pairs: int, n_joints: int, n_reach: int, most: int) -> tuple[d
     """Shapes of the blocks that do change."""
     reals = {
         b.TRIGGER: (1,), b.TURNED: (n_joints,), b.SUFFIX: (n_reach,), b.ROOM: (n_pairs,), b.DISTANCE_: (n_pairs,),
-        b.BOUND_: (n_pairs,), b.MEASURED: (n_pairs, 9), b.SIMPLEX: (4 * n_pairs, 6), b.GJK: (gjk_core.SCRATCH,),
+        b.BOUND_: (n_pairs,), b.MEASURED: (n_pairs, 9), b.SIMPLEX: (4 * n_pairs, 6), b.GJK: (gjk.SCRATCH,),
         b.FLOOR_LIMIT: (4,),
     }  # fmt: skip
     return reals, {b.KNOWN: (n_pairs,), b.UNSURE_PAIRS: (n_pairs,), b.NEAREST: (most,)}

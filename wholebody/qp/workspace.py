@@ -83,7 +83,7 @@ class Parts:
 
 
 def make_memory(p: Parts) -> tuple[Arena, Arena]:
-    """Blocks of reals and of integers of `blocks_core`, with everything in them that does not change.
+    """Blocks of reals and of integers of `blocks`, with everything in them that does not change.
 
     Raises:
         InputError: If the contacts differ in their number of points, or pelvis and torso are one body.
@@ -158,7 +158,7 @@ def _sizes(p: Parts, rows: int) -> np.ndarray:
 
 
 def frame_names(p: Parts) -> list[str]:
-    """Frames in the order of `assemble_core`: contacts, palms, pelvis, torso."""
+    """Frames in the order of `assemble`: contacts, palms, pelvis, torso."""
     return [*(foot.frame for foot in p.feet), *(palm.frame for palm in p.palms), p.pelvis.frame, p.torso.frame]
 
 

@@ -84,7 +84,7 @@ class HandCaps:
         return replace(self, position=_wider(self.position), orientation=_wider(self.orientation))
 
     def array(self) -> np.ndarray:
-        """What `smoother_core` reads, shape ``(41,)``: 9 times (speed, acceleration, jerk), lower and upper limits."""
+        """What `smoother` reads, shape ``(41,)``: 9 times (speed, acceleration, jerk), lower and upper limits."""
         fingers = np.tile(astuple(self.finger), FINGERS)
         return np.concatenate(
             [astuple(self.position), astuple(self.orientation), fingers, self.finger_lower, self.finger_upper]

@@ -19,7 +19,7 @@ from wholebody.errors import InputError
 from wholebody.reference.compiled import compiled
 from wholebody.reference.hand_limits import HandCaps
 from wholebody.reference.join import Join, join_curve
-from wholebody.reference.kernels import path as path_core
+from wholebody.reference.kernels import path as path_kernel
 from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P, V, W
 from wholebody.reference.rotation import angular_rates, unit_quaternion
@@ -146,5 +146,5 @@ class HandPath:
 
 @cache
 def look_up() -> Callable[[np.ndarray, float, np.ndarray], None]:
-    """The compiled `path_core.path_row`."""
-    return compiled(path_core, "path_row")
+    """The compiled `path_kernel.path_row`."""
+    return compiled(path_kernel, "path_row")

@@ -28,8 +28,8 @@ class ReferenceSmoother:
         interpret: Run the interpreted arithmetic, the specification, instead of the compiled one (tests).
 
     Attributes:
-        caps: Caps of each hand, shape ``(hands, smoother_core.CAPS)``.
-        state: Everything the filter remembers, shape ``(hands, smoother_core.STATE)``; copy it to come back to it.
+        caps: Caps of each hand, shape ``(hands, smoother.CAPS)``.
+        state: Everything the filter remembers, shape ``(hands, smoother.STATE)``; copy it to come back to it.
 
     Raises:
         InputError: If shapes do not match or a row is not a finite motion.
@@ -101,7 +101,7 @@ class ReferenceSmoother:
 
 
 def initial_state(rows: np.ndarray) -> np.ndarray:
-    """State of a filter that has followed these motions without error, shape ``(hands, smoother_core.STATE)``.
+    """State of a filter that has followed these motions without error, shape ``(hands, smoother.STATE)``.
 
     Raises:
         InputError: If ``rows`` is not ``(hands, 40)`` of finite motions with unit quaternions.
@@ -123,5 +123,5 @@ def initial_state(rows: np.ndarray) -> np.ndarray:
 
 @cache
 def smoother_step() -> Callable[[np.ndarray, np.ndarray, np.ndarray, float], None]:
-    """The compiled `smoother_core.smoother_step`."""
+    """The compiled `smoother.smoother_step`."""
     return compiled(core, "smoother_step")

@@ -30,7 +30,7 @@ class CompiledDynamics:
         V, A: Twists and drifts of the bodies about the base, shape (nb, 6).
         M: Mass matrix, shape (nv, nv). nle: Coriolis, centrifugal and gravity forces, shape (nv,).
         F: Force on the whole robot about the base for unit accelerations, shape (nv, 6).
-        sums: Centre of mass and momentum, laid out as in `dynamics_core`.
+        sums: Centre of mass and momentum, laid out as in `rigid_body`.
 
     Raises:
         InputError: If the model has a joint of another kind, or no free-flyer first.
@@ -61,5 +61,5 @@ class CompiledDynamics:
 
 @cache
 def dynamics() -> Callable:
-    """The compiled `dynamics_core.dynamics`."""
+    """The compiled `rigid_body.dynamics`."""
     return compiled(core, "dynamics")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 
 from wholebody.jit.entry import digest, native
-from wholebody.sim.kernels import motors as drive_core
+from wholebody.sim.kernels import motors
 
 OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
 """Nothing is allocated, so nobody has to count references."""
@@ -15,14 +15,14 @@ OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
 
 @cache
 def compiled_plant() -> tuple[Callable[..., None], Callable[..., None]]:
-    """The compiled `drive_core.drive` and `drive_core.read`, by their native entries (`wholebody.jit.entry`)."""
+    """The compiled `motors.drive` and `motors.read`, by their native entries (`wholebody.jit.entry`)."""
     from numba import boolean, float64, int64, types
 
-    version, vector = digest([sys.modules[__name__], drive_core]), float64[::1]
+    version, vector = digest([sys.modules[__name__], motors]), float64[::1]
     two = types.UniTuple(vector, 2)
     drive = types.UniTuple(vector, 5), int64[:, ::1], vector, two, vector, vector, vector, boolean
     read = two, types.UniTuple(int64[::1], 2), vector, vector
     return (
-        native(drive_core.drive, drive, version, **OPTIONS),
-        native(drive_core.read, read, version, **OPTIONS),
+        native(motors.drive, drive, version, **OPTIONS),
+        native(motors.read, read, version, **OPTIONS),
     )

@@ -10,7 +10,8 @@ import pytest
 
 from policy.action_spec.builtin import builtin
 from policy.dataset.conversion import DatasetSettings, convert_dataset
-from policy.dataset.format import inside, open_dataset
+from policy.dataset.format import inside
+from policy.dataset.open import open_dataset
 from policy.dataset.writer import DatasetWriter
 from policy.errors import DatasetError, SpecError
 from tests.support.dataset_cases import IMAGE, VIDEO, write_v21, write_v30

@@ -11,10 +11,11 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from lerobot.policies.pi05.modeling_pi05 import PI05Policy
 
 from policy.action_spec.builtin import builtin
+from policy.action_spec.state import state_layout
 from policy.findings import CheckpointError
 from policy.lerobot.features import camera_keys, check_features, chunk_length, compare_names
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_layout, write_specs
+from policy.lerobot.spec import write_specs
 from policy.lerobot.stats import ACTION, STATE
 from tests.support import tiny_policies as tiny
 
@@ -153,7 +154,7 @@ def test_a_layout_that_the_user_vouches_for_gets_the_checkpoints_length(tmp_path
     spec = tiny.shorter(builtin("wbc32"), 20)
     folder = tiny.write_checkpoint("act", tmp_path / "act", spec=spec, with_spec=False)
     policy = LeRobotPolicy.from_pretrained(folder, assume_spec="wbc32")
-    assert policy.action_spec.spec == dataclasses.replace(spec, name="wbc32")
+    assert policy.spec == dataclasses.replace(spec, name="wbc32")
 
 
 @pytest.mark.parametrize(

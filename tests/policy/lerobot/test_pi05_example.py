@@ -14,7 +14,7 @@ from policy.action_spec.codec import decode
 from policy.lerobot.policy import LeRobotPolicy
 from tests.support.tiny_policies import observation, tiny_backbones, write_checkpoint
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[3]
 SPEC = importlib.util.spec_from_file_location("pi05_to_g1", ROOT / "examples" / "pi05_to_g1.py")
 EXAMPLE = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(EXAMPLE)
@@ -41,7 +41,7 @@ def test_the_adapter_gives_the_same_bits_in_one_call(policy):
     actions = policy.predict(observation(), noise=trace.noise[0].numpy())
     assert actions.tobytes() == trace.actions.tobytes()
     at = observation()
-    chunk = decode(policy.action_spec.spec, actions, Anchor.measured(at), t_obs=at.time)
+    chunk = decode(policy.spec, actions, Anchor.measured(at), t_obs=at.time)
     assert chunk.T_world_lhand.shape == (50, 4, 4)
 
 

@@ -8,7 +8,7 @@ import torch
 
 from tests.support import tiny_policies as tiny
 
-SCRIPT = Path(__file__).parent.parent / "benchmarks" / "pi05_full_size.py"
+SCRIPT = Path(__file__).parents[3] / "benchmarks" / "pi05_full_size.py"
 
 
 @pytest.fixture(scope="module")

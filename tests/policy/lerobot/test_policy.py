@@ -15,10 +15,11 @@ from lerobot.processor.relative_action_processor import to_relative_actions
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
+from policy.action_spec.state import state_layout, state_numbers
 from policy.base import Policy
 from policy.errors import ChunkError, ObservationError, PolicyError, SpecError
 from policy.findings import CheckpointError
-from policy.lerobot.spec import state_layout, state_numbers, write_specs
+from policy.lerobot.spec import write_specs
 from policy.placeholder_cameras import grey_images
 from tests.support import tiny_policies as tiny
 from wholebody.cli.sources import open_source
@@ -66,7 +67,7 @@ def test_chunks_are_valid_numbered_and_start_at_the_observation(kind, tmp_path_f
     for i in range(3):
         chunk = policy.infer(tiny.observation(2.0 + 0.5 * i))
         chunk.validate(after=before)
-        assert (chunk.seq, len(chunk), chunk.t_obs, chunk.spec_id) == (i, 50, 2.0 + 0.5 * i, policy.action_spec.spec.id)
+        assert (chunk.seq, len(chunk), chunk.t_obs, chunk.spec_id) == (i, 50, 2.0 + 0.5 * i, policy.spec.id)
         before = chunk
     policy.reset()
     assert policy.infer(tiny.observation(0.0)).seq == 0
@@ -394,7 +395,7 @@ def test_a_checkpoint_without_a_layout_needs_someone_who_vouches(tmp_path):
     with pytest.raises(CheckpointError, match=r"action_spec\.json is missing.*--assume-spec wbc32"):
         tiny.load(folder)
     policy = tiny.load(folder, assume_spec="wbc32")
-    assert policy.action_spec.spec.hash == builtin("wbc32").hash
+    assert policy.spec.hash == builtin("wbc32").hash
 
 
 def test_a_checkpoint_of_another_layout_of_the_same_size_is_refused(tmp_path_factory):

@@ -17,14 +17,14 @@ from models.g1 import g1
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
+from policy.action_spec.state import state_layout, state_numbers
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_layout, state_numbers
 from tests.support.tiny_policies import CAMERAS, WIDTH, config, observation, shorter, tiny_backbones, write_checkpoint
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
-PAGE = (Path(__file__).parent.parent / "docs" / "policy_contract.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs" / "policy_contract.md").read_text()
 SPEC = builtin("wbc27")
 HEIGHT, BREADTH, RESOLUTION = 48, 64, 56
 SIZES = {

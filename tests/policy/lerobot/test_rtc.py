@@ -63,9 +63,7 @@ def test_real_time_chunking_continues_what_is_executed(tmp_path_factory):
     policy.infer(seen)
     answer = policy.infer_after(tiny.observation(0.1), Prefix(executed, 50, 8, 20))
     free = plain.infer(tiny.observation(0.1))
-    before, with_prefix, without = (
-        encode(policy.action_spec.spec, chunk, anchor)[:8] for chunk in (executed, answer, free)
-    )
+    before, with_prefix, without = (encode(policy.spec, chunk, anchor)[:8] for chunk in (executed, answer, free))
     # Guidance pulls the first steps towards the prefix; a random network cannot be pulled all the way.
     assert np.abs(with_prefix - before).mean() < 0.5 * np.abs(without - before).mean()
 

@@ -204,5 +204,5 @@ def test_a_layout_of_joints_is_checked_in_its_own_units(tmp_path):
     spec = builtin("joint28")
     folder = tiny.write_checkpoint("act", tmp_path / "act", spec=spec)
     policy = LeRobotPolicy.from_pretrained(folder, spec="joint28")
-    assert policy.action_spec.spec == spec
+    assert policy.spec == spec
     assert policy.infer(tiny.observation()).q_larm is not None

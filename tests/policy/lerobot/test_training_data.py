@@ -14,9 +14,9 @@ import pyarrow.parquet
 import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
+from policy.action_spec.state import state_numbers
 from policy.findings import CheckpointError
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.spec import state_numbers
 from policy.lerobot.training_data import TrainingData, check_training_data, true_stats
 from tests.support import tiny_policies as tiny
 

@@ -14,17 +14,17 @@ from policy import (
     Policy,
     ReplayPolicy,
     builtin,
+    convert,
     encode,
     motion_chunk,
     open_recording,
     read_chunk_file,
     read_motion_csv,
     require_same,
+    scripted,
     write_chunk_file,
     write_motion_csv,
 )
-from policy.recorded import convert
-from policy.scripted import policy as scripted
 from tests.policy.recorded.test_motion_csv import made_up_motion
 from tests.support.policy_cases import observation, wandering_chunk
 
@@ -52,7 +52,7 @@ class TestEveryPolicy:
     def test_it_is_a_policy_that_does_not_see_the_robot(self, policy):
         assert isinstance(policy, Policy)
         assert policy.sees_robot is False
-        assert policy.action_spec.spec.dim == 32
+        assert policy.spec.dim == 32
 
     def test_chunks_are_valid_numbered_and_start_at_the_observation(self, policy):
         policy.reset("anything")
@@ -122,7 +122,7 @@ def test_replay_keeps_optional_parts(tmp_path):
     file = ChunkFile(spec, encode(spec, wandering_chunk(Anchor.nominal(), steps=70), Anchor.nominal()), 30.0)
     write_chunk_file(tmp_path / "a.npz", file)
     policy = ReplayPolicy.from_npz(tmp_path / "a.npz", horizon=30)
-    require_same(spec, policy.action_spec.spec)
+    require_same(spec, policy.spec)
     chunk = policy.infer(observation(0.0))
     assert chunk.q_waist.shape == (30, 3)
     assert chunk.base_height.shape == (30,)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from policy import builtin
-from policy.lerobot.spec import state_layout, state_numbers
+from policy.action_spec.state import state_layout, state_numbers
 from policy.remote.msgpack_numpy import WireError, pack, unpack
 from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, payload_of
 from tests.support.policy_cases import observation

@@ -93,7 +93,7 @@ def test_served_chunks_are_those_of_the_policy_itself_to_the_bit():
     local.reset()
     with PolicyServer(scripted("wave"), port=0) as server:
         policy = connect(server)
-        assert (policy.action_spec.spec, policy.sees_robot, policy.duration) == (local.spec, False, local.duration)
+        assert (policy.spec, policy.sees_robot, policy.duration) == (local.spec, False, local.duration)
         for k in range(3):
             at = observation(0.4 * k)
             assert same(policy.infer(at), local.infer(at))

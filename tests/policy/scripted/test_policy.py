@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from models import g1
-from policy import SCRIPTS, PolicyError
+from policy import SCRIPTS, PolicyError, scripted
 from policy.action_spec.hands import grasp_posture
-from policy.scripted import policy as scripted
 from policy.scripted.library import OBJECT_IN_PALM, grasp, lissajous, pick, reach, two_hand_lift, wave
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
 from policy.scripted.waypoints import Waypoint, waypoint_policy

@@ -172,7 +172,7 @@ class Shaking:
     sees_robot = False
 
     def __init__(self, policy, scatter):
-        self.policy, self.spec, self.scatter = policy, policy.action_spec.spec, scatter
+        self.policy, self.spec, self.scatter = policy, policy.spec, scatter
 
     def reset(self, task=""):
         self.policy.reset(task)

@@ -1,6 +1,6 @@
 """Strategy: whole episodes in MuJoCo, hands sent at the floor and through it, fast, fingers first; what touches counts.
 
-The targets go past `wholebody.planning.floor_projection`, which would lift them: here the plan and the program alone keep the hands off.
+The targets go past `planning.floor_projection`, which would lift them: plan and program alone keep the hands off.
 """
 
 from dataclasses import replace

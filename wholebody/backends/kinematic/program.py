@@ -9,7 +9,7 @@ from importlib import import_module
 
 import numpy as np
 
-from wholebody.backends.kinematic.kernels import placement as place_core
+from wholebody.backends.kinematic.kernels import placement
 from wholebody.backends.kinematic.kernels import program as core
 from wholebody.backends.kinematic.workspace import KinematicParts, make_memory
 from wholebody.jit.entry import digest, native
@@ -31,7 +31,7 @@ class KinematicProgram:
         share: Trust in the hands, shape (2,).
         palms: Palm points from the origin of the base, shape (2, 3), [m].
         com: Centre of mass, shape (3,). J_com: Its Jacobian, shape (3, nv).
-        code: What the last call came to, one of `blocks_core`.
+        code: What the last call came to, one of `blocks`.
 
     All are views of memory that the next call overwrites.
     """
@@ -81,8 +81,8 @@ class KinematicProgram:
 
 @cache
 def compiled_stages() -> tuple[Callable, ...]:
-    """`core.solve` and `place_core.support`, compiled or loaded from numba's cache; arguments are ``reals, ints``."""
-    register_cores(place_core, core)
-    modules = [sys.modules[__name__], place_core, core, *(import_module(name) for name in CORES)]
+    """`core.solve` and `placement.support`, compiled or loaded from numba's cache; arguments are ``reals, ints``."""
+    register_cores(placement, core)
+    modules = [sys.modules[__name__], placement, core, *(import_module(name) for name in CORES)]
     version = digest(modules)
-    return tuple(native(stage, memories(), version, **OPTIONS) for stage in (core.solve, place_core.support))
+    return tuple(native(stage, memories(), version, **OPTIONS) for stage in (core.solve, placement.support))

@@ -1,4 +1,4 @@
-"""The memory of the compiled kinematic tick: blocks of `blocks_core`, few of them used."""
+"""The memory of the compiled kinematic tick: blocks of `blocks`, few of them used."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """What the controller is to follow at one tick, from a plan; compiles with numba as it stands.
 
 One call does what a tick needs before its program: how far along the plan the robot may go, where the hands should be
-there, the smoother behind, and the posture plan, all written into the packed reference of `wholebody.control.reference_packet`.
+there, the smoother behind, and the posture plan, all written into the row of `control.reference_packet`.
 
 Arguments that recur:
 

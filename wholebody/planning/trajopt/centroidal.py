@@ -37,5 +37,5 @@ class Momenta:
         K, frames = len(q), len(self._tables[2])
         out = np.empty((K, 3)), np.empty((K, 3)), np.empty((K, 3)), np.empty((frames, K, 3, 3))
         states = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        run("momenta_core", "momenta", *self._tables, *states, *out, *self._scratch)
+        run("centroidal", "momenta", *self._tables, *states, *out, *self._scratch)
         return out

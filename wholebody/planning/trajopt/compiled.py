@@ -7,13 +7,13 @@ from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 
-from wholebody.jit import blas as blas_core
+from wholebody.jit import blas
 from wholebody.jit.entry import digest, native, register
 from wholebody.planning.trajopt import layout as tables
 
 CORES = (
-    "body_core", "place_core", "curve_core", "motion_core", "hold_core", "ahead_core", "linear_core", "near_core",
-    "sum_core", "sided_core", "step_core", "guess_core", "bend_core", "momenta_core",
+    "fixed_feet_kinematics", "configuration_terms", "spline", "inverse_dynamics", "static_torque", "capture_point",
+    "linearise", "proximity", "cost", "inequalities", "newton", "warm_start", "spline_offset", "centroidal",
 )  # fmt: skip
 """Modules whose functions compile as they stand."""
 
@@ -38,19 +38,19 @@ class Stages:
 
 @cache
 def _version() -> int:
-    modules = [import_module(f"wholebody.planning.trajopt.{name}") for name in CORES]
+    modules = [import_module(f"wholebody.planning.trajopt.kernels.{name}") for name in CORES]
     modules.append(import_module("wholebody.collision.gjk"))
     for module in modules:
         register(module, **OPTIONS)
-    register(blas_core, _nrt=True)  # numba wants to count what it gives to BLAS
-    return digest([sys.modules[__name__], tables, blas_core, *modules])
+    register(blas, _nrt=True)  # numba wants to count what it gives to BLAS
+    return digest([sys.modules[__name__], tables, blas, *modules])
 
 
 def _stage(module: str, name: str, arguments: tuple) -> Callable:
     from numba import typeof
 
     version = _version()
-    function = getattr(import_module(f"wholebody.planning.trajopt.{module}"), name)
+    function = getattr(import_module(f"wholebody.planning.trajopt.kernels.{module}"), name)
     return native(function, tuple(typeof(argument) for argument in arguments), version, **OPTIONS)
 
 

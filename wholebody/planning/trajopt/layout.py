@@ -49,7 +49,7 @@ class Tables(NamedTuple):
     Frames are both palms, torso, pelvis and both soles.
     """
 
-    bodies: np.ndarray  # (44, 25), as in body_core
+    bodies: np.ndarray  # (44, 25), as in fixed_feet_kinematics
     parent: np.ndarray  # (44,)
     frame_body: np.ndarray  # (6,)
     frame_R: np.ndarray  # (6, 3, 3)
@@ -228,7 +228,7 @@ def new_work() -> Work:
 
 
 class Shapes(NamedTuple):
-    """Convex shapes of the robot, as in `wholebody.collision.shapes`; which pairs of them count, and which near the floor."""
+    """Convex shapes of the robot, as in `collision.shapes`; which pairs of them count, and which near the floor."""
 
     shapes: np.ndarray
     rounds: np.ndarray
@@ -314,7 +314,7 @@ class Scales(NamedTuple):
 
 
 class System(NamedTuple):
-    """The linear program of K knots, as in `sum_core` and `step_core`."""
+    """The linear program of K knots, as in `cost` and `newton`."""
 
     H: np.ndarray
     g: np.ndarray

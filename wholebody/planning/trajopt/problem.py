@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from policy.geometry.rotations import rotvec_to_matrix
-from wholebody.collision import gjk as gjk_core
+from wholebody.collision import gjk
 from wholebody.config import PosturePlanConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt import layout as tables
@@ -36,7 +36,7 @@ class Program:
         self.body, self.K, self._trigger = body, K, config.self_trigger
         n_edges, bodies = len(body.tables.normals), len(body.tables.parent)
         self.now, self.trial = (tables.new_motion(K, bodies, n_edges) for _ in range(2))
-        first = body.shapes.shapes[body.shapes.pairs, gjk_core.FIRST]
+        first = body.shapes.shapes[body.shapes.pairs, gjk.FIRST]
         self.near = tables.new_near(K, len(body.shapes.shapes), first, body.shapes.low_first)
         self._first_state = self.near.state.copy()
         self._system, self._n_edges = tables.new_system(K, n_edges), n_edges
@@ -52,7 +52,7 @@ class Program:
 
     @property
     def z(self) -> np.ndarray:
-        """The step found last, shape (K + 2, N_FREE), laid out as in `sum_core`."""
+        """The step found last, shape (K + 2, N_FREE), laid out as in `cost`."""
         return self._system.z
 
     @property
@@ -72,7 +72,7 @@ class Program:
     def bend(self) -> None:
         """Judge the palms on the curve that has the knots as control points, as far as it bends away from them now."""
         run(
-            "bend_core", "bend", self.body.tables, self._task, self.now, self.trial, BEND_MAX, self._work,
+            "spline_offset", "bend", self.body.tables, self._task, self.now, self.trial, BEND_MAX, self._work,
         )  # fmt: skip
 
     def palms_on_curve(self) -> np.ndarray:
@@ -95,20 +95,20 @@ class Program:
         tables, task, m, work = self.body.tables, self._task, self.now, self._work
         for k in range(first, self.K):
             m.q[k], m.near[k], m.over[k, NEAR:EDGE] = m.q[k - 1], 0, -1.0
-            run("linear_core", "place", tables, task, m, work, k, k + 1)
-            run("guess_core", "follow", k, tables, m, self._scales, self._weights, self._system, work, self._sums)
+            run("linearise", "place", tables, task, m, work, k, k + 1)
+            run("warm_start", "follow", k, tables, m, self._scales, self._weights, self._system, work, self._sums)
         if first < self.K:
             _even_out(m.q[max(0, first - 1 - BEFORE) :])
 
     def linearise(self, m: Motion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
         body, task, work = self.body, self._task, self._work
-        run("linear_core", "place", body.tables, task, m, work, 0, self.K)
-        unsure = run("near_core", "measure", body.tables, body.shapes, task, m, self.near, self._trigger)
+        run("linearise", "place", body.tables, task, m, work, 0, self.K)
+        unsure = run("proximity", "measure", body.tables, body.shapes, task, m, self.near, self._trigger)
         if unsure:
             self._measure(m, self.near.unsure[:unsure])
-        run("near_core", "describe", body.tables, body.shapes, task, m, self.near)
-        run("linear_core", "rates", body.tables, task, m, work)
+        run("proximity", "describe", body.tables, body.shapes, task, m, self.near)
+        run("linearise", "rates", body.tables, task, m, work)
 
     def _measure(self, m: Motion, unsure: np.ndarray) -> None:
         """Measure pairs that touch: rows of knot, pair and place in the list of the knot."""
@@ -127,11 +127,11 @@ class Program:
 
     def cost(self, m: Motion) -> float:
         """What a motion costs."""
-        return run("sum_core", "cost", m, self._scales, self._weights, EDGE + self._n_edges)
+        return run("cost", "cost", m, self._scales, self._weights, EDGE + self._n_edges)
 
     def assemble(self) -> None:
         """Assemble the linear program of the present motion, as far as it does not depend on what is exceeded."""
-        run("sum_core", "assemble", self.now, self._task, self._scales, self._system.H, self._system.g, self._sums)
+        run("cost", "assemble", self.now, self._task, self._scales, self._system.H, self._system.g, self._sums)
 
     def step(self, damping: float, limit: int = 12, largest: float = np.inf) -> tuple[float, float, bool]:
         """Find the step of the linear program.
@@ -148,7 +148,7 @@ class Program:
             InputError: If the program is singular.
         """
         promise, size, exact = run(
-            "step_core", "step", self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
+            "newton", "step", self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
             float(damping), limit, float(largest),
         )  # fmt: skip
         if size < 0.0:
@@ -160,7 +160,7 @@ class Program:
 
     def move(self) -> None:
         """Set the configurations of the trial to where the step leads."""
-        run("guess_core", "moved", self.now, self._system.z, self._work.lower_step, self.trial)
+        run("warm_start", "moved", self.now, self._system.z, self._work.lower_step, self.trial)
 
     def accept(self) -> None:
         """The trial becomes the present motion."""

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from models.spec import RobotSpec
-from wholebody.collision import gjk as gjk_core
+from wholebody.collision import gjk
 from wholebody.collision.floor_clearance import Underside
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import ShapeTable, shape_table
@@ -206,21 +206,21 @@ def _low(
         fingers = anchor > N_JOINTS
         reach[fingers] += np.linalg.norm(tables.bodies[anchor[fingers], PLACEMENT_P : PLACEMENT_P + 3], axis=1)
         anchor[fingers] = tables.parent[anchor[fingers]]
-    first = table.shapes[underside.shapes, gjk_core.FIRST]
+    first = table.shapes[underside.shapes, gjk.FIRST]
     return bodies, anchor, reach, first, np.array([c.floor_distance, c.floor_trigger])
 
 
 def _shapes(table: ShapeTable, number: np.ndarray, proximity: Proximity, low: tuple[np.ndarray, ...]) -> Shapes:
     """Shapes on the plan's bodies, with spheres and boxes around them."""
     shapes = table.shapes.copy()
-    shapes[:, gjk_core.BODY] = number[shapes[:, gjk_core.BODY]]
+    shapes[:, gjk.BODY] = number[shapes[:, gjk.BODY]]
     centre, half, radius = np.zeros((len(shapes), 3)), np.zeros((len(shapes), 3)), np.zeros(len(shapes))
     for i, ((kind, first, count, _), around) in enumerate(zip(shapes, table.rounds, strict=True)):
         points = table.vertices[first : first + count]
-        if kind != gjk_core.HULL:
-            axis = around[gjk_core.AXIS : gjk_core.AXIS + 3] * around[gjk_core.HALF]
+        if kind != gjk.HULL:
+            axis = around[gjk.AXIS : gjk.AXIS + 3] * around[gjk.HALF]
             points = around[:3] + np.array([axis, -axis])
-        grown = 0.0 if kind == gjk_core.HULL else around[gjk_core.RADIUS]
+        grown = 0.0 if kind == gjk.HULL else around[gjk.RADIUS]
         centre[i] = 0.5 * (points.max(0) + points.min(0))
         half[i] = 0.5 * (points.max(0) - points.min(0)) + grown
         radius[i] = np.linalg.norm(points - centre[i], axis=1).max() + grown

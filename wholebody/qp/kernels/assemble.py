@@ -438,7 +438,7 @@ def factor(H, U, g, y):
 
 
 def assemble(reals, ints):
-    """Everything before the solution; a code of `blocks_core`."""
+    """Everything before the solution; a code of `blocks`."""
     limit(reals, ints)
     if not contacts(reals, ints):
         return mem.NO_CONTACT

@@ -183,7 +183,7 @@ def add_spread(h, P, factor, f):
 
 
 def transform(a_v, a_f, a_s, loaded, bound, free, Z, FR, W, P, U, force, slack, m, w, h):
-    """A row in the variables ``u`` of `active_core`, m (ny + 3 k + 2,).
+    """A row in the variables ``u`` of `active_set`, m (ny + 3 k + 2,).
 
     Args:
         a_v: Row on ``dv``.

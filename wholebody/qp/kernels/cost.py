@@ -5,7 +5,7 @@ The equalities of `wholebody.qp.formulation` are eliminated:
 * ``dv = dv_p + Z y``: ``Z`` spans the accelerations that the contacts allow. Columns of ``v`` that move a contact are
   *bound*; the others are *free* and are entries of ``y`` themselves, after the coordinates of ``Z``.
 * ``f = G' W (F' dv + f_0) + e``: the shortest point forces with the wrench on the robot that ``dv`` needs (``F`` and
-  ``f_0`` of `dynamics_core`, ``G`` maps point forces to that wrench, ``W = (G G')^-1``), plus forces ``e`` that cancel.
+  ``f_0`` of `rigid_body`, ``G`` maps point forces to that wrench, ``W = (G G')^-1``), plus forces ``e`` that cancel.
 
 Cost and constraints of ``y`` and ``e`` are then apart: ``1/2 y' H y + g' y`` and ``1/2 price |e|^2``.
 """
@@ -73,7 +73,7 @@ def whole_body_target(sums, ref, com_gain, momentum_gain, target, weight, scratc
     """Targets and weights of centre of mass and angular momentum, (6,) each, as `ComTask` and `AngularMomentumTask`.
 
     Args:
-        sums: Of `dynamics_core`: centre of mass, velocity, drift, momentum, its drift.
+        sums: Of `rigid_body`: centre of mass, velocity, drift, momentum, its drift.
         ref: Position, velocity and acceleration of the centre of mass, momentum and its rate, (15,).
         com_gain: ``kp kd pull`` and three weights (6,).
         momentum_gain: ``kd weight`` (2,).

@@ -4,41 +4,39 @@ Each of these only hands on: a stage has other options than what it calls, so wh
 compiled twice.
 """
 
-from wholebody.qp.kernels import assemble as assemble_core
-from wholebody.qp.kernels import command as command_core
-from wholebody.qp.kernels import proximity as nearest_core
-from wholebody.qp.kernels import residuals as judge_core
-from wholebody.qp.kernels import solve as solve_core
-
-_move, _nearest, _assemble = assemble_core.move, nearest_core.nearest, assemble_core.assemble
-_search, _conclude, _command = solve_core.search, judge_core.conclude, command_core.command
+from wholebody.qp.kernels.assemble import assemble as _assemble
+from wholebody.qp.kernels.assemble import move as _move
+from wholebody.qp.kernels.command import command as _command
+from wholebody.qp.kernels.proximity import nearest as _nearest
+from wholebody.qp.kernels.residuals import conclude as _conclude
+from wholebody.qp.kernels.solve import search as _search
 
 
 def move(reals, ints):
-    """`assemble_core.move`."""
+    """`assemble.move`."""
     _move(reals, ints)
 
 
 def nearest(reals, ints):
-    """`nearest_core.nearest`."""
+    """`proximity.nearest`."""
     return _nearest(reals, ints)
 
 
 def assemble(reals, ints):
-    """`assemble_core.assemble`."""
+    """`assemble.assemble`."""
     return _assemble(reals, ints)
 
 
 def search(reals, ints):
-    """`solve_core.search`."""
+    """`solve.search`."""
     return _search(reals, ints)
 
 
 def conclude(reals, ints):
-    """`judge_core.conclude`."""
+    """`residuals.conclude`."""
     return _conclude(reals, ints)
 
 
 def command(reals, ints):
-    """`command_core.command`."""
+    """`command.command`."""
     _command(reals, ints)

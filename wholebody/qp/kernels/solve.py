@@ -192,7 +192,7 @@ def slot_of(pair, now, n, first):
 
 
 def search(reals, ints):
-    """Iterate to the solution; a code of `blocks_core`. Leaves the point, its values and the multipliers."""
+    """Iterate to the solution; a code of `blocks`. Leaves the point, its values and the multipliers."""
     counts, rows, sides = (
         mem.vector(ints, mem.COUNTS),
         mem.vector(ints, mem.ROWS),

@@ -1,4 +1,4 @@
-r"""Frames, rotations and nearest points from what `dynamics_core` computed; compiles with numba as it stands.
+r"""Frames, rotations and nearest points from what `rigid_body` computed; compiles with numba as it stands.
 
 Offsets are from the origin of the base, in world axes. A frame is fixed to a body; the velocities that move it are
 those of the base and of the joints on the way from its body to the base.

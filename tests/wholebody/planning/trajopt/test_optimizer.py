@@ -288,7 +288,7 @@ def test_the_bounds_change_with_a_step_as_their_derivatives_say(raised):
     program.move()
     program.linearise(program.trial)
     for i in smooth:
-        run("sided_core", "derivative", i, 2, body.tables, m, config.dt, row)
+        run("inequalities", "derivative", i, 2, body.tables, m, config.dt, row)
         change = row @ z[2 * tables.N_FREE : 5 * tables.N_FREE]
         # How speeds turn with the joints is left out for the capture point and the way down to the floor.
         rough = 0.3 if tables.ZMP + 2 * E <= i < tables.ZMP + 3 * E else 0.0

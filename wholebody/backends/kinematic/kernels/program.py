@@ -1,7 +1,7 @@
 r"""The arithmetic of the kinematic tick; compiles with numba as it stands.
 
-Memory and methods are those of `wholebody.qp`: blocks of `blocks_core`, contacts eliminated as in `cost_core`, the dual
-active-set method of `active_core`. Rows: speeds of the n joints, then the edges of the support.
+Memory and methods are those of `wholebody.qp`: blocks of `blocks`, contacts eliminated as in `cost`, the dual
+active-set method of `active_set`. Rows: speeds of the n joints, then the edges of the support.
 """
 
 from wholebody.backends.kinematic.kernels.placement import (
@@ -174,7 +174,7 @@ def start(reals, ints):
 
 
 def search(reals, ints):
-    """Iterate to the solution; a code of `blocks_core`. Leaves the velocity, the values of the rows and multipliers."""
+    """Iterate to the solution; a code of `blocks`. Leaves the velocity, the values of the rows and multipliers."""
     counts, rows, sides = mem.vector(ints, mem.COUNTS), mem.vector(ints, mem.ROWS), mem.vector(reals, mem.SIDES)
     lam, y, wanted = mem.vector(reals, mem.LAM), mem.vector(reals, mem.Y_), mem.vector(reals, mem.WANTED)
     Q, R, rhs = mem.matrix(reals, mem.QR_Q), mem.matrix(reals, mem.QR_R), mem.vector(reals, mem.RHS)
@@ -262,7 +262,7 @@ def foot_error(reals, ints):
 
 
 def solve(reals, ints):
-    """The program at Q_, solved and judged; a code of `blocks_core`, SOLVED only if the answer is accepted."""
+    """The program at Q_, solved and judged; a code of `blocks`, SOLVED only if the answer is accepted."""
     q = mem.vector(reals, mem.Q_)
     place(q, reals, ints)
     centre(q, reals)

@@ -1,4 +1,4 @@
-"""The plan's bounds, linear in its free directions; compiles with numba as it stands. Layouts as in `sum_core`."""
+"""The plan's bounds, linear in its free directions; compiles with numba as it stands. Layouts as in `cost`."""
 
 from __future__ import annotations
 

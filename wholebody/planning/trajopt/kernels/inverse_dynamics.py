@@ -1,8 +1,8 @@
 r"""Velocities between knots, and inverse dynamics at a knot with its derivatives; compiles with numba as it stands.
 
 Only what the plan asks for is computed: the wrench on the whole robot, torques of waist and arms, and how the soles
-would accelerate. All vectors are in world axes about the base, as in `body_core`, and derivatives are taken with that
-point held still: about one fixed point nothing has to be transformed.
+would accelerate. All vectors are in world axes about the base, as in `fixed_feet_kinematics`, and derivatives are
+taken with that point held still: about one fixed point nothing has to be transformed.
 
 For joint j with axis S, twist V and acceleration A of the body before it (gravity included):
 ``turning = V x S``, ``swinging = A x S + V x turning``. A subtree with inertia I, momentum (l, k), force f and

@@ -1,4 +1,4 @@
-"""The step that the plan's linear program asks for; compiles with numba as it stands. Layouts as in `sum_core`.
+"""The step that the plan's linear program asks for; compiles with numba as it stands. Layouts as in `cost`.
 
 The program is convex and piecewise quadratic: Newton's method on the set of bounds that are exceeded, with an exact
 line search. Panels of the Cholesky factor before the first knot at which that set changes stay as they are.

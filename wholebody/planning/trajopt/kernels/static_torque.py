@@ -12,7 +12,7 @@ from wholebody.planning.trajopt.layout import HOLD, LOWER, N_BODY, WAIST
 
 
 def hold(k, robot, m, work):
-    """The bounds HOLD of knot ``k`` and the derivatives of the torques; as `motion_core.torques` without velocities."""
+    """Bounds HOLD of knot ``k`` and their derivatives; as `inverse_dynamics.torques` without velocities."""
     S, F, row, six = m.S[k], m.F[k], work.rows[0], work.six
     rise, swing, force, rate = six[0], six[1], six[2], six[3]
     for a in range(3):
