@@ -27,8 +27,8 @@ from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajopt import problem as program
-from wholebody.planning.trajopt.optimizer import PosturePlanner
-from wholebody.planning.trajopt.problem import Program
+from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
+from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.sim.plant import MujocoPlant
 
 HEADINGS = (
@@ -75,7 +75,7 @@ class Times:
             begin = thread_time()
             answer = call(owner, *arguments, **options)
             self.of.setdefault(label, []).append(1e3 * (thread_time() - begin))
-            if label == "PosturePlanner.plan":
+            if label == "TrajectoryOptimizer.plan":
                 self.knots.append(len(arguments[2]))
             return answer
 
@@ -85,7 +85,12 @@ class Times:
         """Cells of the table, and begin anew."""
         chunks, plans, linear, steps = (
             np.array(self.of.get(label, [np.nan]))
-            for label in ("ChunkPlanner.plan", "PosturePlanner.plan", "Program.linearise", "Program.step")
+            for label in (
+                "ChunkPlanner.plan",
+                "TrajectoryOptimizer.plan",
+                "TrajectoryProblem.linearise",
+                "TrajectoryProblem.step",
+            )
         )
         cells = [
             name, f"{len(chunks)}", f"{np.median(chunks):.0f}", f"{chunks.max():.0f}",
@@ -109,7 +114,8 @@ def main() -> None:
     supervisor, plant = Supervisor(spec), MujocoPlant(spec)
     Episode(supervisor, plant, 10).feasible()  # compiles
     times = Times(
-        (ChunkPlanner, "plan"), (PosturePlanner, "plan"), (Program, "linearise"), (Program, "step")
+        (ChunkPlanner, "plan"), (TrajectoryOptimizer, "plan"),
+        (TrajectoryProblem, "linearise"), (TrajectoryProblem, "step"),
     )  # fmt: skip
     parts = Parts()
     print(f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}")

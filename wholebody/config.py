@@ -116,7 +116,7 @@ class SafetyConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PosturePlanConfig:
+class TrajectoryConfig:
     """Scales, limits and margins of the posture plan: an error as large as its scale costs 1."""
 
     dt: float = 1.0 / 15.0
@@ -193,7 +193,7 @@ class PosturePlanConfig:
     """Time for which bodies may approach each other or the floor before they are too near, between two knots [s]."""
 
 
-GENTLE = PosturePlanConfig(
+GENTLE = TrajectoryConfig(
     position=0.02,
     orientation=0.15,
     orientation_give=0.1,
@@ -219,12 +219,12 @@ BRAKE = replace(GENTLE, position=10.0, orientation=10.0)
 class PlannerConfig:
     """From a chunk to a feasible plan."""
 
-    posture: PosturePlanConfig = field(default_factory=PosturePlanConfig)
-    gentle: PosturePlanConfig = GENTLE
+    posture: TrajectoryConfig = field(default_factory=TrajectoryConfig)
+    gentle: TrajectoryConfig = GENTLE
     """The posture plan of a chunk that cannot be followed within the bounds."""
-    calm: PosturePlanConfig = CALM
+    calm: TrajectoryConfig = CALM
     """The posture plan of a chunk that is out of reach."""
-    brake: PosturePlanConfig = BRAKE
+    brake: TrajectoryConfig = BRAKE
     """The posture plan where no plan leads from the present motion to the chunk: the hands do not count."""
     turning: float = 0.02
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import point_rates
 from wholebody.planning.trajopt.layout import FIRST, LOWER, N_BODY, UPPER, WAIST
 
@@ -98,7 +98,7 @@ class Reference:
 
     def floor(self, q, fingers, keep, trigger):
         """What heights over the floor are exceeded by, and their Jacobian (k, 35), of the bodies near it."""
-        full, underside = self.body.full, Underside(self.body.full, self.body.proximity.geometry)
+        full, underside = self.body.full, FloorClearance(self.body.full, self.body.proximity.geometry)
         configuration, data = self.body.q_full.copy(), full.createData()
         configuration[self.body.body] = q
         configuration[self.body.fingers[self.body.finger_order]] = fingers

@@ -17,9 +17,9 @@ from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import compiled_follow
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.trajectory import PostureState
-from wholebody.planning.trajopt.problem import Program
-from wholebody.planning.trajopt.robot_tables import Body
+from wholebody.planning.trajectory import BodyState
+from wholebody.planning.trajopt.problem import TrajectoryProblem
+from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
@@ -54,7 +54,7 @@ def compile_tick() -> None:
     That is what a plan needs last: both processes have the same amount to do, and none of it twice.
     """
     config = PlannerConfig().posture
-    program = Program(Body(g1(), config), config, 3)
+    program = TrajectoryProblem(RobotTables(g1(), config), config, 3)
     program.weigh(config, 1.0)
     program.step(1.0)
     compiled_stages()
@@ -74,4 +74,4 @@ def compile_plan() -> None:
     T_world_base = robot.pose(spec.base_body).homogeneous
     chunk = scripted("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
     planner = ChunkPlanner(spec, robot, PlannerConfig(), ControllerConfig().friction)
-    planner.plan(chunk, 0.0, PostureState.still(q, robot.nv), HandMotion(rows))
+    planner.plan(chunk, 0.0, BodyState.still(q, robot.nv), HandMotion(rows))

@@ -14,7 +14,7 @@ LOW = ("elbow", "wrist", "hand")
 robot that stands away from the floor."""
 
 
-class Underside:
+class FloorClearance:
     """Hulls of the bodies below the elbows, of which the lowest vertex is their distance to the floor ``z = 0``.
 
     Args:

@@ -9,13 +9,13 @@ import numpy as np
 
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
-from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import BodyReference, PackedReference, PalmReference, ReferenceMemory
 from wholebody.control.task_set import make_feet, make_tasks
 from wholebody.errors import InputError
-from wholebody.limits.balance import BalanceLimit
+from wholebody.limits.balance import CapturePointLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.joint import viable_acceleration_bounds
@@ -24,7 +24,7 @@ from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.solvers import solve
-from wholebody.qp.workspace import Parts
+from wholebody.qp.workspace import ProgramInputs
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState
@@ -116,8 +116,8 @@ class WholeBodyController:
         ):
             item.bind(part)
 
-    def _parts(self) -> Parts:
-        return Parts(
+    def _parts(self) -> ProgramInputs:
+        return ProgramInputs(
             robot=self.robot,
             feet=self.feet,
             palms=self.palms,
@@ -153,7 +153,7 @@ class WholeBodyController:
     def _make_limits(self) -> None:
         c, safety, spec = self.config, self.config.safety, self.spec
         self.feet = make_feet(spec, c)
-        self.balance = BalanceLimit(margin=safety.balance_margin, gain=safety.balance_gain)
+        self.balance = CapturePointLimit(margin=safety.balance_margin, gain=safety.balance_gain)
         bound = {"rate_max": safety.trunk_rate, "brake": safety.trunk_brake}
         self.pelvis_limit = OrientationLimit(spec.base_body, angle_max=safety.pelvis_angle, **bound)
         self.torso_limit = OrientationLimit(spec.torso_body, angle_max=safety.torso_angle, **bound)
@@ -172,7 +172,7 @@ class WholeBodyController:
             proximity, trigger=safety.self_trigger, brake=safety.self_brake, driven=fingers
         )
         self.floor = FloorLimit(
-            Underside(self.robot.model, proximity.geometry),
+            FloorClearance(self.robot.model, proximity.geometry),
             distance=safety.floor_distance,
             trigger=safety.floor_trigger,
             brake=safety.floor_brake,

@@ -13,7 +13,7 @@ from wholebody.execution.supervisor import Supervisor
 
 
 @dataclass(frozen=True)
-class Stitch:
+class ChunkSeam:
     """Jump of the commanded palms where a chunk was taken over, the larger of both hands.
 
     Attributes:
@@ -43,7 +43,7 @@ class SeamMeter:
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
-        self.stitches: list[Stitch] = []
+        self.stitches: list[ChunkSeam] = []
         self._past: deque[np.ndarray] = deque(maxlen=3)
         self._pending: list[tuple[float, list[np.ndarray]]] = []
 
@@ -63,13 +63,13 @@ class SeamMeter:
             first = [self._past[0]] * (3 - len(self._past))
             self._pending.append((time, [*first, *self._past]))
 
-    def _stitch(self, time: float, samples: list[np.ndarray]) -> Stitch:
+    def _stitch(self, time: float, samples: list[np.ndarray]) -> ChunkSeam:
         x = np.stack([_offset(pose, samples[2]) for pose in samples])
         before = (3.0 * x[2] - 4.0 * x[1] + x[0]) / (2.0 * self.dt)
         after = (-5.0 * x[3] + 8.0 * x[4] - 3.0 * x[5]) / (2.0 * self.dt)
         jump, kick = 3.0 * x[3] - 3.0 * x[4] + x[5], after - before
         sizes = (np.linalg.norm(part, axis=1).max() for part in (jump[:, :3], jump[:, 3:], kick[:, :3], kick[:, 3:]))
-        return Stitch(time, *(float(size) for size in sizes))
+        return ChunkSeam(time, *(float(size) for size in sizes))
 
 
 def commanded_chunk(supervisor: Supervisor, t_obs: float, steps: int, fps: float) -> ActionChunk | None:

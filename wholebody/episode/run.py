@@ -17,11 +17,11 @@ from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.report import ExecutionReport
 from policy.executor.simulated import simulated_executor
 from policy.observation import Observation
-from wholebody.episode.chunk_seams import SeamMeter, Stitch, commanded_chunk
-from wholebody.episode.tracking_error import Score, start_jump
+from wholebody.episode.chunk_seams import ChunkSeam, SeamMeter, commanded_chunk
+from wholebody.episode.tracking_error import TrackingError, start_jump
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import Fall, detect_fall, pelvis_tilt
-from wholebody.sim.limit_monitor import Excess, Watch
+from wholebody.sim.limit_monitor import LimitExcess, LimitMonitor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
@@ -99,9 +99,9 @@ class EpisodeResult:
     time_factor: float = 1.0
     contacts: dict[tuple[str, str], float] = field(default_factory=dict)
     scene_contacts: dict[tuple[str, str], float] = field(default_factory=dict)
-    torques: dict[str, Excess] = field(default_factory=dict)
-    positions: dict[str, Excess] = field(default_factory=dict)
-    edge: Excess | None = None
+    torques: dict[str, LimitExcess] = field(default_factory=dict)
+    positions: dict[str, LimitExcess] = field(default_factory=dict)
+    edge: LimitExcess | None = None
     margin: float = float("inf")
     creep: float = 0.0
     tilt: float = 0.0
@@ -114,7 +114,7 @@ class EpisodeResult:
     start: float = 0.0
     start_jump: tuple[float, float] = (0.0, 0.0)
     fps: float = 0.0
-    stitches: list[Stitch] = field(default_factory=list)
+    stitches: list[ChunkSeam] = field(default_factory=list)
     execution: ExecutionReport | None = None
 
     @property
@@ -189,7 +189,7 @@ def run_episode(
     measured = measure(state)
     supervisor.reset(measured)
     executor = _executor(policy, config)
-    result, score, watch = EpisodeResult(), Score(supervisor), Watch(plant)
+    result, score, watch = EpisodeResult(), TrackingError(supervisor), LimitMonitor(plant)
     seams = SeamMeter(plant.control_dt)
     result.start, result.execution = config.settle, executor.report
 
@@ -223,7 +223,7 @@ def run_episode(
     return result
 
 
-def _fill(result: EpisodeResult, score: Score, watch: Watch) -> None:
+def _fill(result: EpisodeResult, score: TrackingError, watch: LimitMonitor) -> None:
     """What was collected along the way."""
     result.times, result.errors, result.demandable = score.table()
     result.turns, result.lags = score.turns(), score.lags()
@@ -245,7 +245,9 @@ def _executor(policy: Policy | Executor, config: EpisodeConfig) -> Executor:
     return executor
 
 
-def _offer(chunk: ActionChunk, supervisor: Supervisor, score: Score, result: EpisodeResult, executor: Executor) -> bool:
+def _offer(
+    chunk: ActionChunk, supervisor: Supervisor, score: TrackingError, result: EpisodeResult, executor: Executor
+) -> bool:
     """Hand a chunk to the supervisor; whether it was accepted."""
     poses = supervisor.palm_reference()
     status = supervisor.accept(chunk)

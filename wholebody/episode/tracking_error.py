@@ -17,7 +17,7 @@ DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.00
 """What a recorded motion may ask of a wrist [m/s, m/s^2], and of the posture plan [m]."""
 
 
-class Score:
+class TrackingError:
     """Errors of the palms at the steps of the chunks, each step against the last chunk that had come when it was due.
 
     Steps fall between control ticks; where the palms were at a step is interpolated between the two states around it.

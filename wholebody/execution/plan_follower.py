@@ -13,7 +13,7 @@ from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReferen
 from wholebody.execution.kernels import plan_follower as core
 from wholebody.jit.entry import digest, native, register
 from wholebody.planning.chunk_planner import ChunkPlan
-from wholebody.planning.trajectory import GRID, PostureState, PostureTrack
+from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import PathClock, ReferenceSmoother
 from wholebody.reference.kernels import path as path_kernel
 from wholebody.reference.kernels import smoother as smoother_kernel
@@ -24,7 +24,7 @@ WRIST_SHARE = 1.0 / 3.0
 """How much the distance of a wrist joint from the plan counts: little weight hangs on it."""
 
 
-class Follower:
+class PlanFollower:
     """Says what the controller follows at each tick; slows down where tracking or balance suffer.
 
     Args:
@@ -43,7 +43,7 @@ class Follower:
         self,
         controller: Controller,
         config: ControllerConfig,
-        track: PostureTrack,
+        track: SampledTrajectory,
         smoother: ReferenceSmoother,
         rest: np.ndarray,
         *,
@@ -92,10 +92,10 @@ class Follower:
         return float(self._state[core.SHARE])
 
     @property
-    def posture(self) -> PostureState:
+    def posture(self) -> BodyState:
         """What the posture plan asks for now."""
         q, v = self._posture
-        return PostureState(q.copy(), v.copy())
+        return BodyState(q.copy(), v.copy())
 
     def distance(self, q: np.ndarray) -> float:
         """How far a configuration (nq,) is from the posture plan: its furthest joint, light ones count less [rad]."""
@@ -152,7 +152,7 @@ def _share(joint: str) -> float:
     return 0.0 if "_hand_" in joint else WRIST_SHARE if "_wrist_" in joint else 1.0
 
 
-def track_table(track: PostureTrack) -> np.ndarray:
+def track_table(track: SampledTrajectory) -> np.ndarray:
     """A posture track as `plan_follower` reads it: all that belongs to a point of the grid side by side."""
     n = len(track.q)
     parts = (

@@ -15,12 +15,12 @@ from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
 from wholebody.errors import InputError
-from wholebody.execution.plan_follower import Follower
+from wholebody.execution.plan_follower import PlanFollower
 from wholebody.planning.chunk_planner import ChunkPlan, ChunkPlanner, PlanReport
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.smoothing import denoised
-from wholebody.planning.trajectory import PostureState, PostureTrack
+from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
 from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
 
@@ -66,10 +66,10 @@ class Supervisor:
         """
         check_state(state, self.robot.n_joints)
         self.controller.reset(state)
-        track = PostureTrack.still(self.robot, state.q)
+        track = SampledTrajectory.still(self.robot, state.q)
         rows = np.stack([self._rest_row(side, state.q) for side in (0, 1)])
         self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.caps])
-        self._follower = Follower(self.controller, self.config, track, self._smoother, rows)
+        self._follower = PlanFollower(self.controller, self.config, track, self._smoother, rows)
         self._plan, self._chunk, self._chunk_end = None, None, 0.0
         self._fallen = False
         self.status = NO_CHUNK
@@ -175,7 +175,7 @@ class Supervisor:
         near = self._follower.distance(self._last_state.q) < far
         return plan is not None and plan.report.safe and self._clock.s < plan.end and near
 
-    def _start(self) -> tuple[PostureState, np.ndarray | None]:
+    def _start(self) -> tuple[BodyState, np.ndarray | None]:
         """Where the next plan begins, and what the present one would have done from now on.
 
         A plan continues the one before, so that nothing jumps; a robot that has left its plan is planned from where it
@@ -184,7 +184,7 @@ class Supervisor:
         state = self._last_state
         if self._lost():
             self._smoother.reset(self._measured_hands())
-            return PostureState(state.q.copy(), state.v.copy()), None
+            return BodyState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
             return self._follower.posture, None
         track, clock = self._plan.posture, self._clock
@@ -198,7 +198,7 @@ class Supervisor:
         Pulled along by a motion that cannot be had, the robot would lose what balance is left.
         """
         robot, middle = self.robot, self.planner.posture.body.tables.com_stance
-        still = PostureTrack.still(robot, self._last_state.q)
+        still = SampledTrajectory.still(robot, self._last_state.q)
         com = still.com.copy()
         com[0, :, :2] = middle
         knots, rest = plan.start + np.array([0.0, 1.0 / 3.0]), []

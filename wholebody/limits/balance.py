@@ -12,7 +12,7 @@ GRAVITY = 9.81
 """[m/s^2]"""
 
 
-class BalanceLimit:
+class CapturePointLimit:
     r"""The divergent component of motion (capture point) stays inside the shrunk support polygon.
 
     With ``xi = c + dc / omega`` and outward edge normal n: ``n . dxi <= gain (offset - margin - n . xi)``, a row in

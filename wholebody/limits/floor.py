@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import point_rates
 from wholebody.limits.base import Rows, barrier
 from wholebody.robot.state import Robot
@@ -27,7 +27,7 @@ class FloorLimit:
 
     def __init__(
         self,
-        underside: Underside,
+        underside: FloorClearance,
         *,
         distance: float,
         trigger: float,

@@ -14,12 +14,12 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec, quaternion_to_matrix, rotvec_to_matrix
 from wholebody.config import PlannerConfig
-from wholebody.planning.contact_feasibility import PlanBalance
+from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.limit_projection import JUMP, continued
-from wholebody.planning.trajectory import GRID, PostureState, PostureTrack, curve_through, track_along
-from wholebody.planning.trajopt.centroidal import Momenta
-from wholebody.planning.trajopt.optimizer import PostureMotion, PosturePlanner
-from wholebody.reference import HandCaps, HandMotion, HandPath, time_scaled
+from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory, curve_through, track_along
+from wholebody.planning.trajopt.centroidal import Centroidal
+from wholebody.planning.trajopt.optimizer import KnotTrajectory, TrajectoryOptimizer
+from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
 from wholebody.robot.state import Robot
 
 GUESS_DISTANCE = 0.03
@@ -87,7 +87,7 @@ class ChunkPlan:
     """A chunk made feasible; parameters ``s`` are seconds since the chunk's observation, from ``start`` to ``end``."""
 
     paths: tuple[HandPath, HandPath]
-    posture: PostureTrack
+    posture: SampledTrajectory
     start: float
     end: float
     report: PlanReport
@@ -112,9 +112,9 @@ class _Attempt:
     steps: np.ndarray
     wanted: np.ndarray
     palms: np.ndarray
-    motion: PostureMotion
+    motion: KnotTrajectory
     distance: np.ndarray
-    track: PostureTrack
+    track: SampledTrajectory
     drift: float
     slip: float
     guessed: bool
@@ -149,23 +149,24 @@ class ChunkPlanner:
     def __init__(self, spec: RobotSpec, robot: Robot, config: PlannerConfig, friction: float) -> None:
         self.spec, self.config = spec, config
         self.model, self.data = robot.model, robot.model.createData()
-        self.posture = PosturePlanner(spec, config.posture, friction)
-        self.balance = PlanBalance(self.posture.body, friction)
+        self.posture = TrajectoryOptimizer(spec, config.posture, friction)
+        self.balance = ContactFeasibility(self.posture.body, friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
-        self._momenta = Momenta(self.model, [robot.frame_id(name) for name in trunk])
+        self._momenta = Centroidal(self.model, [robot.frame_id(name) for name in trunk])
         self.offsets = np.array([tool.palm_offset for tool in spec.tools])
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
         self.caps = tuple(
-            HandCaps(finger_lower=tuple(low[i]), finger_upper=tuple(high[i])) if len(i) else HandCaps() for i in fingers
+            HandLimits(finger_lower=tuple(low[i]), finger_upper=tuple(high[i])) if len(i) else HandLimits()
+            for i in fingers
         )
 
     def plan(
         self,
         chunk: ActionChunk,
         now: float,
-        start: PostureState,
+        start: BodyState,
         commanded: HandMotion,
         before: np.ndarray | None = None,
         *,
@@ -357,7 +358,7 @@ def _begins_elsewhere(chunk: ActionChunk, now: float, commanded: HandMotion) -> 
 
 
 def _joined(
-    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps, share: float, motion: HandMotion, s: float
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandLimits, share: float, motion: HandMotion, s: float
 ) -> tuple[HandPath, float]:
     """The path through a chunk's steps that goes on from a motion at ``s``.
 

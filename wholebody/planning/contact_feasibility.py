@@ -7,8 +7,8 @@ from itertools import product
 import daqp
 import numpy as np
 
-from wholebody.planning.trajectory import COARSE, GRID, PostureTrack
-from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, LEVER, Body
+from wholebody.planning.trajectory import COARSE, GRID, SampledTrajectory
+from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, LEVER, RobotTables
 
 BALANCE_MIN = 0.005
 """Distance of the zero-moment point from the edge that is kept [m]."""
@@ -25,7 +25,7 @@ _UNITS = np.array([1.0, 1.0, LEVER, LEVER, LEVER])
 _EYE, _ZERO = np.eye(5), np.zeros(5)
 
 
-class PlanBalance:
+class ContactFeasibility:
     """Judges the whole curve of a posture plan; the plan itself looks at its knots only.
 
     Args:
@@ -33,7 +33,7 @@ class PlanBalance:
         friction: Friction coefficient that the controller counts on.
     """
 
-    def __init__(self, body: Body, friction: float) -> None:
+    def __init__(self, body: RobotTables, friction: float) -> None:
         self._normals, self._offsets = body.support.normals, body.pressure_offsets
         self._mass, self._gravity = body.mass, -float(body.tables.gravity[2])
         middle = body.support.vertices.mean(axis=0)
@@ -53,7 +53,7 @@ class PlanBalance:
             size = 0.8 * size
         return size
 
-    def _motion(self, track: PostureTrack, slowdown: float, every: int) -> tuple[np.ndarray, ...]:
+    def _motion(self, track: SampledTrajectory, slowdown: float, every: int) -> tuple[np.ndarray, ...]:
         """Centre of mass, its acceleration and the rate of the angular momentum per mass, of some rows of a track."""
         rate, rows = slowdown**-2, slice(None, None, every)
         return track.com[0, rows], rate * track.com[2, rows], rate * track.momentum[1, rows] / self._mass
@@ -64,7 +64,7 @@ class PlanBalance:
         shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
         return com[:, :2] - shift / lift[:, None], lift
 
-    def drift(self, track: PostureTrack, slowdown: float) -> float:
+    def drift(self, track: SampledTrajectory, slowdown: float) -> float:
         """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
 
         The plan keeps its zero-moment point inside at its knots. Between them it may be outside for some hundredths of
@@ -87,7 +87,7 @@ class PlanBalance:
             largest = max(largest, float(drift.max()))
         return largest
 
-    def slip(self, track: PostureTrack, slowdown: float) -> float:
+    def slip(self, track: SampledTrajectory, slowdown: float) -> float:
         """Largest impulse that is missing for lack of friction at any time, per mass [m/s].
 
         Arms that swing against each other ask for a moment about the vertical. With the pressure under one edge of the

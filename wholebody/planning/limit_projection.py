@@ -16,7 +16,7 @@ import numpy as np
 
 from policy.geometry.rotations import quaternion_to_matrix, rotvec_to_matrix
 from policy.geometry.se3 import make_transform
-from wholebody.reference import HandCaps, HandMotion, MotionCaps
+from wholebody.reference import HandLimits, HandMotion, MotionLimits
 from wholebody.reference.rotation import continuous_quaternions
 
 DEMAND = (1.0, 1.0, 1.5)
@@ -50,7 +50,7 @@ class Tempered:
 
 
 def continued(
-    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps, motion: HandMotion, s: float
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandLimits, motion: HandMotion, s: float
 ) -> Tempered:
     """The nearest steps that go on from a motion, with some before them that say where it comes from.
 
@@ -87,13 +87,13 @@ def continued(
     return Tempered(np.concatenate([past, times[first:]]), T, q, changed, moved)
 
 
-def _both(T: np.ndarray, quat: np.ndarray, fps: float, caps: HandCaps) -> tuple[np.ndarray, np.ndarray]:
+def _both(T: np.ndarray, quat: np.ndarray, fps: float, caps: HandLimits) -> tuple[np.ndarray, np.ndarray]:
     """`nearest` positions and quaternions, whose rates are half of the angular ones."""
-    half = MotionCaps(*(0.5 * x for x in astuple(caps.orientation)))
+    half = MotionLimits(*(0.5 * x for x in astuple(caps.orientation)))
     return nearest(T[:, :3, 3], fps, caps.position), nearest(quat, fps, half)
 
 
-def nearest(values: np.ndarray, fps: float, caps: MotionCaps) -> np.ndarray:
+def nearest(values: np.ndarray, fps: float, caps: MotionLimits) -> np.ndarray:
     """The values nearest to these, in least squares, whose differences keep `DEMAND`; the first `PAST` are kept.
 
     Args:

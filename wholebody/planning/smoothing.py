@@ -17,7 +17,7 @@ import numpy as np
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec
 from policy.geometry.se3 import make_transform
-from wholebody.reference import HandCaps, MotionCaps
+from wholebody.reference import HandLimits, MotionLimits
 
 SCATTER_SHARE = 0.5
 """Share of a chunk's steps at which the jerk must turn round; of white noise it is 0.8, of a glitch or a jump 0.1."""
@@ -36,7 +36,7 @@ Source: Kim and Gu 2004, "Smoothing spline Gaussian regression: more scalable co
 """
 
 
-def denoised(chunk: ActionChunk, caps: Sequence[HandCaps]) -> tuple[ActionChunk, tuple[str, ...]]:
+def denoised(chunk: ActionChunk, caps: Sequence[HandLimits]) -> tuple[ActionChunk, tuple[str, ...]]:
     """The chunk without the noise of the parts that scatter, and the names of those parts.
 
     Args:
@@ -58,7 +58,7 @@ def denoised(chunk: ActionChunk, caps: Sequence[HandCaps]) -> tuple[ActionChunk,
     return (dataclasses.replace(chunk, **changes) if changes else chunk), tuple(changes)
 
 
-def _poses(T: np.ndarray, fps: float, caps: HandCaps) -> np.ndarray:
+def _poses(T: np.ndarray, fps: float, caps: HandLimits) -> np.ndarray:
     """Poses (H, 4, 4), smooth where they scatter; the same array where they do not."""
     p, R = T[:, :3, 3], T[:, :3, :3]
     moved = _scatters(np.diff(p, axis=0), fps, caps.position)
@@ -100,7 +100,7 @@ def _turns(R: np.ndarray) -> np.ndarray:
     return matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2))
 
 
-def _scatters(steps: np.ndarray, fps: float, caps: MotionCaps) -> bool:
+def _scatters(steps: np.ndarray, fps: float, caps: MotionLimits) -> bool:
     """Whether the jerk of a motion with these differences between steps, shape (H - 1, n), turns round all the time."""
     jerk = np.diff(steps, ORDER - 1, axis=0) * fps**ORDER
     if len(jerk) < ORDER:

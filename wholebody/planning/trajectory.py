@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from policy.geometry.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
-from wholebody.planning.trajopt.centroidal import Momenta
+from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot
 
@@ -19,7 +19,7 @@ COARSE = 5
 
 
 @dataclass(frozen=True)
-class PostureTrack:
+class SampledTrajectory:
     """The posture plan on a regular grid of the path parameter ``s``.
 
     Attributes:
@@ -43,7 +43,7 @@ class PostureTrack:
     torso: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     @classmethod
-    def still(cls, robot: Robot, q: np.ndarray) -> PostureTrack:
+    def still(cls, robot: Robot, q: np.ndarray) -> SampledTrajectory:
         """One row: stay at ``q``, the robot's present configuration."""
         one, turn = np.zeros((1, 3)), robot.pose
         pelvis, torso = (turn(frame).rotation[None].copy() for frame in (robot.spec.base_body, robot.spec.torso_body))
@@ -65,7 +65,7 @@ class PostureTrack:
 
 
 @dataclass(frozen=True)
-class PostureState:
+class BodyState:
     """Where a posture plan is, for the next one to continue.
 
     Attributes:
@@ -77,7 +77,7 @@ class PostureState:
     v: np.ndarray
 
     @classmethod
-    def still(cls, q: np.ndarray, nv: int) -> PostureState:
+    def still(cls, q: np.ndarray, nv: int) -> BodyState:
         """At rest at ``q``."""
         return cls(q.copy(), np.zeros(nv))
 
@@ -95,7 +95,7 @@ def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> Cubi
     return CubicBSpline(steps[0], dt, points)
 
 
-def track_along(curve: CubicBSpline, start: float, end: float, momenta: Momenta) -> PostureTrack:
+def track_along(curve: CubicBSpline, start: float, end: float, momenta: Centroidal) -> SampledTrajectory:
     """The posture on the grid from ``start`` to ``end``: everything from one smooth curve.
 
     Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
@@ -117,7 +117,7 @@ def track_along(curve: CubicBSpline, start: float, end: float, momenta: Momenta)
     quat = np.stack(parts[9:])
     R = quaternion_to_matrix(quat / np.linalg.norm(quat, axis=2, keepdims=True), "xyzw")
     bodies = list(zip(R, parts[5:7], parts[7:9], strict=True))
-    track = PostureTrack(
+    track = SampledTrajectory(
         start=float(start),
         q=q,
         v=v,

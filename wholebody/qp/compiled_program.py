@@ -11,7 +11,7 @@ from wholebody.qp.compiled import compiled_stages
 from wholebody.qp.formulation import WholeBodySolution
 from wholebody.qp.kernels import blocks as b
 from wholebody.qp.problem import QPSolution, Residuals
-from wholebody.qp.workspace import Parts, make_memory
+from wholebody.qp.workspace import ProgramInputs, make_memory
 
 _NONE = np.zeros(0)
 
@@ -80,7 +80,7 @@ class CompiledProgram:
     All are views of memory that the next call overwrites.
     """
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: ProgramInputs) -> None:
         self.parts = parts
         self._reals, self._ints = make_memory(parts)
         reals = self._reals

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.collision import gjk
-from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import shape_table
 from wholebody.qp.kernels import blocks as b
@@ -14,7 +14,7 @@ from wholebody.qp.kernels import blocks as b
 Blocks = dict[int, np.ndarray]
 
 
-def near_tables(spec: RobotSpec, proximity: Proximity, underside: Underside) -> tuple[Blocks, Blocks]:
+def near_tables(spec: RobotSpec, proximity: Proximity, underside: FloorClearance) -> tuple[Blocks, Blocks]:
     """Blocks of reals and of integers by number: those that do not change, and where searches begin.
 
     The sweep of a pair is that of its two shapes less the joints that carry both. Those are the first ones of both

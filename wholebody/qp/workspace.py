@@ -11,7 +11,7 @@ import pinocchio as pin
 from wholebody.contacts.foot import FootContact
 from wholebody.errors import InputError
 from wholebody.jit.packed import Arena
-from wholebody.limits.balance import BalanceLimit
+from wholebody.limits.balance import CapturePointLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.self_collision import SelfCollisionLimit
@@ -38,7 +38,7 @@ PRIMAL_ACCEPTED, DUAL_ACCEPTED = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parts:
+class ProgramInputs:
     """What the program is made of: the readable tasks and limits, whose numbers are copied.
 
     Attributes:
@@ -66,7 +66,7 @@ class Parts:
     com: ComTask
     momentum: AngularMomentumTask
     posture: PostureTask
-    balance: BalanceLimit
+    balance: CapturePointLimit
     pelvis_limit: OrientationLimit
     torso_limit: OrientationLimit
     height_limit: HeightLimit
@@ -82,7 +82,7 @@ class Parts:
     torque_share: float
 
 
-def make_memory(p: Parts) -> tuple[Arena, Arena]:
+def make_memory(p: ProgramInputs) -> tuple[Arena, Arena]:
     """Blocks of reals and of integers of `blocks`, with everything in them that does not change.
 
     Raises:
@@ -99,7 +99,7 @@ def make_memory(p: Parts) -> tuple[Arena, Arena]:
     return reals, ints
 
 
-def _fill_robot(p: Parts, reals: Arena, ints: Arena) -> None:
+def _fill_robot(p: ProgramInputs, reals: Arena, ints: Arena) -> None:
     model, counts, moves = p.robot.model, ints[b.COUNTS], contact_moves(p)
     reals[b.TABLE][:], ints[b.PARENT][:] = body_table(model)
     reals[b.ARMATURE][:], reals[b.GRAVITY][:] = model.armature, model.gravity.linear
@@ -117,7 +117,7 @@ def _fill_robot(p: Parts, reals: Arena, ints: Arena) -> None:
     counts[b.N_CONTACTS], counts[b.TRUNK], counts[b.ITERATION_LIMIT] = len(p.feet), p.safety, ITERATION_LIMIT
 
 
-def _fill_tasks(p: Parts, reals: Arena) -> None:
+def _fill_tasks(p: ProgramInputs, reals: Arena) -> None:
     hand, prices = p.palms[0], p.prices
     reals[b.POSTURE_GAIN][:] = p.posture.kp, p.posture.kd, p.posture.weight
     reals[b.HAND_GAIN][:] = hand.kp, hand.kd, *hand.pull, hand.weight[0], hand.weight[3]
@@ -131,7 +131,7 @@ def _fill_tasks(p: Parts, reals: Arena) -> None:
     reals[b.SIZE][:] = _sizes(p, len(reals[b.SIZE]))
 
 
-def _fill_limits(p: Parts, reals: Arena, ints: Arena) -> None:
+def _fill_limits(p: ProgramInputs, reals: Arena, ints: Arena) -> None:
     foot, limit, band = p.feet[0], p.self_collision, p.height_limit
     face = -foot.cone_rows[0, 2]
     reals[b.CONTACT][:] = foot.kp, foot.kd, face, foot.force_min, foot.force_max
@@ -147,7 +147,7 @@ def _fill_limits(p: Parts, reals: Arena, ints: Arena) -> None:
         reals[b.FLOOR_LIMIT][:] = p.floor.distance, p.floor.trigger, p.floor.brake, p.floor.dt
 
 
-def _sizes(p: Parts, rows: int) -> np.ndarray:
+def _sizes(p: ProgramInputs, rows: int) -> np.ndarray:
     """About one over the length of each row in the metric of the cost: violations are compared in these units."""
     n, points = p.robot.n_joints, sum(len(foot.points) for foot in p.feet)
     sizes = np.ones(rows)
@@ -157,18 +157,18 @@ def _sizes(p: Parts, rows: int) -> np.ndarray:
     return sizes
 
 
-def frame_names(p: Parts) -> list[str]:
+def frame_names(p: ProgramInputs) -> list[str]:
     """Frames in the order of `assemble`: contacts, palms, pelvis, torso."""
     return [*(foot.frame for foot in p.feet), *(palm.frame for palm in p.palms), p.pelvis.frame, p.torso.frame]
 
 
-def frame_bodies(p: Parts) -> list[int]:
+def frame_bodies(p: ProgramInputs) -> list[int]:
     """Body of each of those frames."""
     model, robot = p.robot.model, p.robot
     return [model.frames[robot.frame_id(frame)].parentJoint - 1 for frame in frame_names(p)]
 
 
-def contact_moves(p: Parts) -> np.ndarray:
+def contact_moves(p: ProgramInputs) -> np.ndarray:
     """Which velocity moves which contact, shape (n_contacts, nv), of bool."""
     model: pin.Model = p.robot.model
     moves = np.zeros((len(p.feet), model.nv), dtype=bool)
@@ -181,7 +181,7 @@ def contact_moves(p: Parts) -> np.ndarray:
     return moves
 
 
-def _arenas(p: Parts, near_reals: Blocks, near_ints: Blocks) -> tuple[Arena, Arena]:
+def _arenas(p: ProgramInputs, near_reals: Blocks, near_ints: Blocks) -> tuple[Arena, Arena]:
     """Memory for everything; the sizes follow from robot and contacts."""
     each = {len(foot.points) for foot in p.feet}
     if len(each) != 1 or p.torso.frame == p.pelvis.frame:

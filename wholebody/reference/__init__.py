@@ -4,7 +4,7 @@
 `ReferenceSmoother` guarantees the caps whatever it is given, `seam` measures where pieces meet.
 """
 
-from wholebody.reference.hand_limits import HandCaps, MotionCaps
+from wholebody.reference.hand_limits import HandLimits, MotionLimits
 from wholebody.reference.hand_path import HandPath
 from wholebody.reference.join import Join
 from wholebody.reference.layout import HandMotion, rest_row
@@ -14,11 +14,11 @@ from wholebody.reference.smoother import ReferenceSmoother
 from wholebody.reference.warm_up import warm_up
 
 __all__ = [
-    "HandCaps",
+    "HandLimits",
     "HandMotion",
     "HandPath",
     "Join",
-    "MotionCaps",
+    "MotionLimits",
     "PathClock",
     "ReferenceSmoother",
     "Seam",

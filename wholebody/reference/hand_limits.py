@@ -15,7 +15,7 @@ OUTER = (1.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True)
-class MotionCaps:
+class MotionLimits:
     """Caps on the norm of one motion; units are m or rad."""
 
     speed: float
@@ -31,13 +31,13 @@ class MotionCaps:
             if not (isfinite(value) and value > 0.0):
                 raise InputError(f"{item.name} cap is {value}; a positive finite number is expected", field=item.name)
 
-    def scaled(self, factor: float) -> MotionCaps:
+    def scaled(self, factor: float) -> MotionLimits:
         """Every cap times a factor."""
-        return MotionCaps(self.speed * factor, self.acceleration * factor, self.jerk * factor)
+        return MotionLimits(self.speed * factor, self.acceleration * factor, self.jerk * factor)
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandCaps:
+class HandLimits:
     """Caps of one hand and of its fingers.
 
     The defaults of the position are what a fast but demandable motion needs several times over: the 1.1 m/s lissajous
@@ -46,9 +46,9 @@ class HandCaps:
     range of a joint pass (5.4 rad/s, 34 rad/s^2, 213 rad/s^3), and its start from rest within a step of a chunk.
     """
 
-    position: MotionCaps = field(default_factory=lambda: MotionCaps(2.5, 20.0, 400.0))
-    orientation: MotionCaps = field(default_factory=lambda: MotionCaps(12.0, 80.0, 2000.0))
-    finger: MotionCaps = field(default_factory=lambda: MotionCaps(10.0, 180.0, 3000.0))
+    position: MotionLimits = field(default_factory=lambda: MotionLimits(2.5, 20.0, 400.0))
+    orientation: MotionLimits = field(default_factory=lambda: MotionLimits(12.0, 80.0, 2000.0))
+    finger: MotionLimits = field(default_factory=lambda: MotionLimits(10.0, 180.0, 3000.0))
     finger_lower: tuple[float, ...] = (-inf,) * FINGERS
     """Lower limits of the joints in motor order [rad]."""
     finger_upper: tuple[float, ...] = (inf,) * FINGERS
@@ -69,17 +69,17 @@ class HandCaps:
             )
 
     @property
-    def motions(self) -> tuple[MotionCaps, MotionCaps, MotionCaps]:
+    def motions(self) -> tuple[MotionLimits, MotionLimits, MotionLimits]:
         """Caps of position, orientation and fingers."""
         return self.position, self.orientation, self.finger
 
-    def scaled(self, factor: float) -> HandCaps:
+    def scaled(self, factor: float) -> HandLimits:
         """Every speed, acceleration and jerk times a factor; the range of the fingers is kept."""
         motions = {name: getattr(self, name).scaled(factor) for name in ("position", "orientation", "finger")}
         return replace(self, **motions)
 
     @property
-    def outer(self) -> HandCaps:
+    def outer(self) -> HandLimits:
         """What the last stage lets pass: knots are met whatever they demand, and recordings of people demand more."""
         return replace(self, position=_wider(self.position), orientation=_wider(self.orientation))
 
@@ -91,6 +91,6 @@ class HandCaps:
         )
 
 
-def _wider(caps: MotionCaps) -> MotionCaps:
+def _wider(caps: MotionLimits) -> MotionLimits:
     """Caps times `OUTER`."""
-    return MotionCaps(*(factor * cap for factor, cap in zip(OUTER, astuple(caps), strict=True)))
+    return MotionLimits(*(factor * cap for factor, cap in zip(OUTER, astuple(caps), strict=True)))

@@ -17,7 +17,7 @@ import numpy as np
 from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.errors import InputError
 from wholebody.reference.compiled import compiled
-from wholebody.reference.hand_limits import HandCaps
+from wholebody.reference.hand_limits import HandLimits
 from wholebody.reference.join import Join, join_curve
 from wholebody.reference.kernels import path as path_kernel
 from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
@@ -44,13 +44,13 @@ class HandPath:
     curve: PiecewiseQuintic
     start: float
     end: float
-    caps: HandCaps
+    caps: HandLimits
     wild: tuple[int, ...] = ()
     join: Join | None = None
 
     @classmethod
     def from_knots(
-        cls, times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray, *, caps: HandCaps | None = None
+        cls, times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray, *, caps: HandLimits | None = None
     ) -> HandPath:
         """Path through knots.
 
@@ -58,17 +58,17 @@ class HandPath:
             times: Parameters of the knots, increasing, shape ``(H,)``, [s].
             T_world_hand: Poses, shape ``(H, 4, 4)``.
             q_hand: Finger joints in motor order, shape ``(H, 7)``, [rad].
-            caps: Caps of the hand; `HandCaps()` if not given.
+            caps: Caps of the hand; `HandLimits()` if not given.
 
         Raises:
             InputError: If a shape is wrong, a value is not finite, times do not increase, or a rotation is none.
         """
-        caps = HandCaps() if caps is None else caps
+        caps = HandLimits() if caps is None else caps
         times, T, q = check_knots(times, T_world_hand, q_hand)
         curve, wild = curve_through(times, T, q, caps)
         return cls(curve, float(times[0]), float(times[-1]), caps, tuple(np.flatnonzero(wild).tolist()))
 
-    def joined(self, motion: HandMotion, s: float, *, caps: HandCaps | None = None) -> HandPath:
+    def joined(self, motion: HandMotion, s: float, *, caps: HandLimits | None = None) -> HandPath:
         """The path from ``s`` on, beginning with ``motion`` (position, velocity, acceleration) instead of its own.
 
         Args:

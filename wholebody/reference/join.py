@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wholebody.reference.hand_limits import HandCaps, MotionCaps
+from wholebody.reference.hand_limits import HandLimits, MotionLimits
 from wholebody.reference.knots import FINGER, PARTS, POSITION, ROTATION, brake_time, part_size
 from wholebody.reference.layout import HandMotion
 from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_quaternion
@@ -58,7 +58,7 @@ class Join:
 
 
 def join_curve(
-    curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandCaps, most: HandCaps
+    curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandLimits, most: HandLimits
 ) -> tuple[PiecewiseQuintic, Join]:
     """The curve from ``s`` on, corrected to begin with ``motion``, with a start from rest before it.
 
@@ -104,7 +104,7 @@ def commanded_jet(motion: HandMotion, near: np.ndarray) -> np.ndarray:
     return jet
 
 
-def join_duration(error: np.ndarray, caps: HandCaps) -> float:
+def join_duration(error: np.ndarray, caps: HandLimits) -> float:
     """Shortest of `DURATIONS` in which the correction stays inside the caps, or the one that comes nearest, [s].
 
     The path does not count: recordings are rough enough that no join would ever be smooth beside them. Where the
@@ -121,7 +121,7 @@ def join_duration(error: np.ndarray, caps: HandCaps) -> float:
     return float(best)
 
 
-def _least_duration(error: np.ndarray, caps: HandCaps) -> float:
+def _least_duration(error: np.ndarray, caps: HandLimits) -> float:
     """Half of what a minimum-jerk move over the distance takes from rest to rest: anything shorter is not worth trying.
 
     Its peaks are 1.875 d / T, 5.77 d / T^2 and 60 d / T^3.
@@ -134,7 +134,7 @@ def _least_duration(error: np.ndarray, caps: HandCaps) -> float:
     return 0.5 * least
 
 
-def _join_excess(error: np.ndarray, duration: float, caps: HandCaps) -> float:
+def _join_excess(error: np.ndarray, duration: float, caps: HandLimits) -> float:
     """Largest ratio of speed, acceleration and jerk of the correction to what they may be."""
     scaled = error * np.array([[1.0], [duration], [duration**2]])
     worst = 0.0
@@ -152,7 +152,7 @@ def _excursion(error: np.ndarray, duration: float) -> float:
     return max(float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True))
 
 
-def _bounds(cap: MotionCaps) -> tuple[float, ...]:
+def _bounds(cap: MotionLimits) -> tuple[float, ...]:
     """Speed, acceleration and jerk that a correction may have."""
     sizes = (cap.speed, cap.acceleration, cap.jerk)
     return tuple(share * size for share, size in zip(JOIN_SHARES, sizes, strict=True))

@@ -9,7 +9,7 @@ import numpy as np
 
 from policy.geometry.rotations import rotation_residual
 from wholebody.errors import InputError
-from wholebody.reference.hand_limits import HandCaps, MotionCaps
+from wholebody.reference.hand_limits import HandLimits, MotionLimits
 from wholebody.reference.layout import FINGERS
 from wholebody.reference.rotation import continuous_quaternions
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
@@ -78,7 +78,7 @@ def check_knots(
 
 
 def curve_through(
-    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandCaps
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandLimits
 ) -> tuple[PiecewiseQuintic, np.ndarray]:
     """The C2 curve through checked knots, with its start from rest and its stop; and which knots are wild, ``(H,)``."""
     y = np.concatenate([T[:, :3, 3], continuous_quaternions(T[:, :3, :3]), q], axis=1)
@@ -94,7 +94,7 @@ def curve_through(
     return PiecewiseQuintic(times, quintic(np.diff(times), jets[:, :-1], jets[:, 1:])), wild
 
 
-def wild_knots(times: np.ndarray, y: np.ndarray, part: slice, cap: MotionCaps) -> np.ndarray:
+def wild_knots(times: np.ndarray, y: np.ndarray, part: slice, cap: MotionLimits) -> np.ndarray:
     """Knots next to a motion far beyond the caps, shape ``(H,)``: there a spline would ring into its neighbours."""
     wild = np.zeros(len(times), dtype=bool)
     h = np.diff(times)
@@ -109,7 +109,7 @@ def wild_knots(times: np.ndarray, y: np.ndarray, part: slice, cap: MotionCaps) -
     return wild
 
 
-def _slow_ends(jets: np.ndarray, part: slice, cap: MotionCaps) -> None:
+def _slow_ends(jets: np.ndarray, part: slice, cap: MotionLimits) -> None:
     """Bring velocity and acceleration of the end knots inside the caps, in place, so that start and stop are short.
 
     Segments are quintics, so any jet at a knot leaves the curve C2.
@@ -121,7 +121,7 @@ def _slow_ends(jets: np.ndarray, part: slice, cap: MotionCaps) -> None:
                 jets[order, knot, part] *= bound / size
 
 
-def _start_and_stop(times: np.ndarray, jets: np.ndarray, caps: HandCaps) -> tuple[np.ndarray, np.ndarray]:
+def _start_and_stop(times: np.ndarray, jets: np.ndarray, caps: HandLimits) -> tuple[np.ndarray, np.ndarray]:
     """Knots and jets with a knot at rest before the first and one after the last."""
     before, after = brake_time(jets[:, 0], caps), brake_time(jets[:, -1], caps)
     rest = np.zeros((3, 2, jets.shape[2]))
@@ -131,7 +131,7 @@ def _start_and_stop(times: np.ndarray, jets: np.ndarray, caps: HandCaps) -> tupl
     return times, np.concatenate([rest[:, :1], jets, rest[:, 1:]], axis=1)
 
 
-def brake_time(jet: np.ndarray, caps: HandCaps) -> float:
+def brake_time(jet: np.ndarray, caps: HandLimits) -> float:
     """Time in which the jet ``(3, 14)`` comes to rest with a cubic velocity inside half of the caps, [s].
 
     The velocity ``v (1 - 3 s^2 + 2 s^3) + a T (s - 2 s^2 + s^3)`` has the peak acceleration ``1.5 v / T`` and the

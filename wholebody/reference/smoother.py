@@ -14,7 +14,7 @@ import numpy as np
 
 from wholebody.errors import InputError
 from wholebody.reference.compiled import compiled
-from wholebody.reference.hand_limits import HandCaps
+from wholebody.reference.hand_limits import HandLimits
 from wholebody.reference.kernels import smoother as core
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P
 
@@ -36,11 +36,11 @@ class ReferenceSmoother:
     """
 
     def __init__(
-        self, rows: np.ndarray, caps: HandCaps | Sequence[HandCaps] | None = None, *, interpret: bool = False
+        self, rows: np.ndarray, caps: HandLimits | Sequence[HandLimits] | None = None, *, interpret: bool = False
     ) -> None:
         self.state = initial_state(rows)
         hands = len(self.state)
-        each = [caps or HandCaps()] * hands if caps is None or isinstance(caps, HandCaps) else list(caps)
+        each = [caps or HandLimits()] * hands if caps is None or isinstance(caps, HandLimits) else list(caps)
         if len(each) != hands:
             raise InputError(f"caps for {len(each)} hands; {hands} are expected, one for each row", field="caps")
         self.caps = np.array([c.array() for c in each])

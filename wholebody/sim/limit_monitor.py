@@ -17,7 +17,7 @@ EDGE = 1e-3
 
 
 @dataclass(frozen=True)
-class Excess:
+class LimitExcess:
     """A bound that was passed, in the unit of the bound.
 
     Attributes:
@@ -33,7 +33,7 @@ class Excess:
     bound: float
 
 
-class Watch:
+class LimitMonitor:
     """Looks at the plant after every control period.
 
     Attributes:
@@ -51,9 +51,9 @@ class Watch:
         self._effort, self._low, self._high = spec.effort_max, spec.position_min, spec.position_max
         self._effort_body = np.where(body, self._effort, np.inf)
         self._least, self._most = self._low - POSITION_TOLERANCE, self._high + POSITION_TOLERANCE
-        self.torques: dict[str, Excess] = {}
-        self.positions: dict[str, Excess] = {}
-        self._edge: dict[str, Excess] = {}
+        self.torques: dict[str, LimitExcess] = {}
+        self.positions: dict[str, LimitExcess] = {}
+        self._edge: dict[str, LimitExcess] = {}
         self.margin, self.creep = np.inf, 0.0
         self._soles = plant.soles()[:, :2].copy()
         self._support = convex_polygon(plant.contact_points()[:, :2])
@@ -80,15 +80,15 @@ class Watch:
             _note(self._edge, "pressure", time, dt, margin, EDGE)
 
     @property
-    def edge(self) -> Excess | None:
+    def edge(self) -> LimitExcess | None:
         """The centre of pressure at the edge of the soles [m], or None."""
         return self._edge.get("pressure")
 
 
-def _note(found: dict[str, Excess], name: str, time: float, dt: float, value: float, bound: float) -> None:
+def _note(found: dict[str, LimitExcess], name: str, time: float, dt: float, value: float, bound: float) -> None:
     old = found.get(name)
     if old is None:
-        found[name] = Excess(time, dt, float(value), float(bound))
+        found[name] = LimitExcess(time, dt, float(value), float(bound))
         return
     worse = abs(value - bound) > abs(old.worst - old.bound)
-    found[name] = Excess(old.first, old.seconds + dt, float(value) if worse else old.worst, old.bound)
+    found[name] = LimitExcess(old.first, old.seconds + dt, float(value) if worse else old.worst, old.bound)

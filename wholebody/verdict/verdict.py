@@ -15,7 +15,7 @@ import numpy as np
 from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.chunk_planner import START_MAX
-from wholebody.sim.limit_monitor import Excess
+from wholebody.sim.limit_monitor import LimitExcess
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 
@@ -218,11 +218,11 @@ def _palm_violations(code: str, errors: np.ndarray, times: np.ndarray, bound: fl
         yield _metres(code, ("left palm", "right palm")[int(side)], float(times[step]), _largest(errors), bound)
 
 
-def _lasting(torques: dict[str, Excess]) -> dict[str, Excess]:
+def _lasting(torques: dict[str, LimitExcess]) -> dict[str, LimitExcess]:
     return {joint: excess for joint, excess in torques.items() if excess.seconds > TORQUE_TIME}
 
 
-def _excesses(code: str, found: dict[str, Excess], unit: str) -> Iterator[Violation]:
+def _excesses(code: str, found: dict[str, LimitExcess], unit: str) -> Iterator[Violation]:
     worst = sorted(found.items(), key=lambda item: -abs(item[1].worst - item[1].bound))
     for joint, e in worst[:LISTED]:
         yield Violation(code=code, subject=joint, time=e.first, value=e.worst, bound=e.bound, unit=unit)

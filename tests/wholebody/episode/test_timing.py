@@ -8,7 +8,7 @@ import pytest
 
 from policy.executor.report import Delivery, ExecutionReport
 from tests.wholebody.cli.test_main import wholebody
-from wholebody.episode.chunk_seams import Stitch
+from wholebody.episode.chunk_seams import ChunkSeam
 from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.resources import verdict_schema
@@ -18,7 +18,7 @@ def result():
     report = ExecutionReport(waited=0.1, starved=0.25, starvations=2)
     for i, latency in enumerate((0.1, 0.2, 0.35)):
         report.deliveries.append(Delivery(i, float(i), i + latency, i + latency, 3))
-    stitches = [Stitch(0.1, 1e-4, 2e-3, 0.01, 0.02), Stitch(1.1, 3e-4, 1e-3, 0.005, 0.04)]
+    stitches = [ChunkSeam(0.1, 1e-4, 2e-3, 0.01, 0.02), ChunkSeam(1.1, 3e-4, 1e-3, 0.005, 0.04)]
     return EpisodeResult(execution=report, stitches=stitches)
 
 

@@ -12,7 +12,7 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.scripted.policy import stance_pose
-from wholebody.episode.tracking_error import DEMANDABLE_DISTANCE, Score, demandable, start_jump
+from wholebody.episode.tracking_error import DEMANDABLE_DISTANCE, TrackingError, demandable, start_jump
 from wholebody.types import RobotState
 
 SPEC = g1()
@@ -41,7 +41,7 @@ def report(missed=0.0):
 def score():
     palms = [MODEL.getFrameId(tool.palm_frame) for tool in SPEC.tools]
     robot, planner = SimpleNamespace(model=MODEL), SimpleNamespace(palm_ids=palms)
-    return Score(SimpleNamespace(robot=robot, planner=planner, spec=SPEC))
+    return TrackingError(SimpleNamespace(robot=robot, planner=planner, spec=SPEC))
 
 
 def commanded(*, ahead=0.0):

@@ -11,10 +11,10 @@ from models.pinocchio_model import stance_q
 from policy.scripted.library import scripted
 from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import observe
-from wholebody.execution.plan_follower import Follower
+from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.supervisor import Supervisor
 from wholebody.limits.balance import natural_frequency
-from wholebody.planning.trajectory import PostureTrack
+from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
 from wholebody.types import RobotState
 
@@ -41,11 +41,11 @@ def beginning(planned):
     poses = [supervisor.robot.pose(tool.wrist_frame).homogeneous for tool in SPEC.tools]
     joints = [state.q[7 + supervisor.robot.joint_indices(tool.finger_joints)] for tool in SPEC.tools]
     rows = np.stack([rest_row(T, q) for T, q in zip(poses, joints, strict=True)])
-    return PostureTrack.still(supervisor.robot, state.q), ReferenceSmoother(rows, supervisor.planner.caps), rows
+    return SampledTrajectory.still(supervisor.robot, state.q), ReferenceSmoother(rows, supervisor.planner.caps), rows
 
 
 def follower(planned, *, interpret=False):
-    return Follower(planned[0].controller, planned[0].config, *beginning(planned), interpret=interpret)
+    return PlanFollower(planned[0].controller, planned[0].config, *beginning(planned), interpret=interpret)
 
 
 class Specification:

@@ -10,7 +10,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import load_collision, stance_q
 from tests.wholebody.limits.test_self_collision import acceleration, postures, standing
-from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
@@ -34,7 +34,7 @@ def geometry(robot):
 
 @pytest.fixture(scope="module")
 def underside(robot, geometry):
-    return Underside(robot.model, geometry)
+    return FloorClearance(robot.model, geometry)
 
 
 def heights(underside, robot, q):
@@ -105,7 +105,7 @@ def test_a_shape_without_corners_is_refused_by_name(robot):
     geometry = pin.GeometryModel()
     geometry.addGeometryObject(pin.GeometryObject("left_hand_0", 1, pin.SE3.Identity(), coal.Sphere(0.1)))
     with pytest.raises(InputError, match="left_hand_0"):
-        Underside(robot.model, geometry)
+        FloorClearance(robot.model, geometry)
 
 
 @pytest.fixture(scope="module")

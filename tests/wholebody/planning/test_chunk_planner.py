@@ -12,7 +12,7 @@ from policy import Observation
 from policy.scripted.library import scripted
 from wholebody.config import ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.trajectory import GRID, PostureState
+from wholebody.planning.trajectory import GRID, BodyState
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
 
@@ -29,7 +29,7 @@ def setup():
     poses = [robot.pose(tool.wrist_frame).homogeneous for tool in SPEC.tools]
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
     chunk = scripted("reach").infer(Observation(0.0, joints[:29], *fingers, robot.pose(SPEC.base_body).homogeneous))
-    return ChunkPlanner(SPEC, robot, config.planner, config.friction), PostureState.still(q, robot.nv), rows, chunk
+    return ChunkPlanner(SPEC, robot, config.planner, config.friction), BodyState.still(q, robot.nv), rows, chunk
 
 
 def stretched(chunk, scale, swing=0.0):

@@ -6,10 +6,10 @@ from scipy.optimize import nnls
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from wholebody.config import ControllerConfig, PosturePlanConfig
-from wholebody.planning.contact_feasibility import BALANCE_MIN, MEMORY, PlanBalance
-from wholebody.planning.trajectory import PostureTrack
-from wholebody.planning.trajopt.robot_tables import Body
+from wholebody.config import ControllerConfig, TrajectoryConfig
+from wholebody.planning.contact_feasibility import BALANCE_MIN, MEMORY, ContactFeasibility
+from wholebody.planning.trajectory import SampledTrajectory
+from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.state import Robot
 
 ROWS = 500
@@ -18,12 +18,12 @@ ROWS = 500
 
 @pytest.fixture(scope="module")
 def body():
-    return Body(g1(), PosturePlanConfig())
+    return RobotTables(g1(), TrajectoryConfig())
 
 
 @pytest.fixture(scope="module")
 def balance(body):
-    return PlanBalance(body, ControllerConfig().friction)
+    return ContactFeasibility(body, ControllerConfig().friction)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def still():
     robot = Robot(spec)
     q = stance_q(spec, robot.model)
     robot.update(q, np.zeros(robot.nv))
-    return PostureTrack.still(robot, q)
+    return SampledTrajectory.still(robot, q)
 
 
 def swinging(still, *, yaw=0.0, ahead=0.0, seconds=1.0):
@@ -40,7 +40,7 @@ def swinging(still, *, yaw=0.0, ahead=0.0, seconds=1.0):
     com, momentum = (np.repeat(x, ROWS, axis=1) for x in (still.com, still.momentum))
     rows = slice(0, round(seconds * ROWS))
     momentum[1, rows, 2], com[2, rows, 1] = yaw, ahead
-    return PostureTrack(0.0, still.q, still.v, still.ddq, com, momentum, still.height, still.pelvis, still.torso)
+    return SampledTrajectory(0.0, still.q, still.v, still.ddq, com, momentum, still.height, still.pelvis, still.torso)
 
 
 def test_distances_to_the_cone_are_those_of_the_nearest_point(balance):

@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.support.reference_motions import lissajous_rows
 from wholebody.planning.limit_projection import CALM, DEMAND, JUMP, PAST, continued, nearest
-from wholebody.reference import HandCaps, HandMotion, rest_row
+from wholebody.reference import HandLimits, HandMotion, rest_row
 
-CAPS = HandCaps()
+CAPS = HandLimits()
 FPS = 30.0
 TIMES = np.arange(50) / FPS
 

@@ -12,11 +12,11 @@ from tests.support.policy_cases import observation
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.smoothing import denoised, smooth
-from wholebody.reference import HandCaps
+from wholebody.reference import HandLimits
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status
 
-CAPS = (HandCaps(), HandCaps())
+CAPS = (HandLimits(), HandLimits())
 NOISE = 0.02
 """[m] and [rad] a step: what an untrained policy scatters by around a stance."""
 

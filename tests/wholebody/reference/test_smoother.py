@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 from tests.support.reference_motions import angle_between, chunk, lissajous_rows, wild_knots
 from wholebody.errors import InputError
 from wholebody.reference import (
-    HandCaps,
+    HandLimits,
     HandMotion,
     HandPath,
-    MotionCaps,
+    MotionLimits,
     PathClock,
     ReferenceSmoother,
     rest_row,
@@ -27,7 +27,7 @@ from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, Q
 from wholebody.reference.smoother import smoother_step
 
 DT = 0.002
-RANGE = HandCaps(finger_lower=(-1.5,) * 7, finger_upper=(1.5,) * 7)
+RANGE = HandLimits(finger_lower=(-1.5,) * 7, finger_upper=(1.5,) * 7)
 REST = rest_row(np.eye(4))
 
 
@@ -112,10 +112,10 @@ def test_caps_hold_at_other_rates(dt):
 
 
 def test_caps_hold_for_unusual_caps():
-    caps = HandCaps(
-        position=MotionCaps(0.2, 0.5, 2.0),
-        orientation=MotionCaps(30.0, 20.0, 5000.0),
-        finger=MotionCaps(1.0, 100.0, 50.0),
+    caps = HandLimits(
+        position=MotionLimits(0.2, 0.5, 2.0),
+        orientation=MotionLimits(30.0, 20.0, 5000.0),
+        finger=MotionLimits(1.0, 100.0, 50.0),
     )
     smoother = ReferenceSmoother(np.tile(REST, (2, 1)), caps)
     rows = run(smoother, wild_targets(np.random.default_rng(8), 5000, 2, 100))
@@ -148,7 +148,7 @@ def test_a_step_overshoots_by_less_than_two_percent(step):
     assert along.max() <= 1.02 * step
     assert np.abs(rows[:, P] - np.outer(along, direction)).max() < 1e-9
     assert along[-1] == pytest.approx(step, rel=1e-9)
-    assert excess(rows, HandCaps()) <= 1.0
+    assert excess(rows, HandLimits()) <= 1.0
 
 
 def test_a_step_of_one_metre_settles_within_seven_tenths_of_a_second():
@@ -198,7 +198,7 @@ def test_a_turn_overshoots_by_less_than_two_percent(angle):
     turned = np.unwrap(2.0 * np.arctan2(rows[:, QUAT][:, :3] @ axis, rows[:, QUAT][:, 3]))
     assert np.abs(turned).max() <= 1.02 * angle
     assert angle_between(rows[-1:, QUAT], goal[None, QUAT])[0] < 1e-7
-    assert excess(rows, HandCaps()) <= 1.0
+    assert excess(rows, HandLimits()) <= 1.0
 
 
 def test_a_sign_flip_of_the_quaternion_changes_nothing():
@@ -285,7 +285,7 @@ def test_a_target_beyond_the_caps_is_caught_when_it_slows_down():
     targets = np.tile(REST, (len(t), 1))
     targets[:, 0], targets[:, 3] = x, np.where(t < 1.0, 4.0, 0.0)
     rows = run(ReferenceSmoother(REST[None]), targets)[:, 0]
-    assert excess(rows, HandCaps()) <= 1.0 + 1e-9
+    assert excess(rows, HandLimits()) <= 1.0 + 1e-9
     assert rows[500, 0] > 1.9
     assert rows[:, 0].max() < 4.02
     assert rows[-1, 0] == pytest.approx(4.0, abs=1e-3)
@@ -317,7 +317,7 @@ def test_a_target_that_is_not_finite_is_ignored_and_reported(entry, value):
     held = targets[299, 1]
     np.testing.assert_allclose(rows[-1, 1, P], held[P], atol=2e-3)
     assert np.linalg.norm(rows[-1, 0, P] - targets[-1, 0, P]) < 1e-6
-    assert excess(rows, HandCaps()) <= 1.0 + 1e-9
+    assert excess(rows, HandLimits()) <= 1.0 + 1e-9
 
 
 def test_a_zero_quaternion_is_rejected():
@@ -381,17 +381,17 @@ def test_misuse_is_refused():
     with pytest.raises(InputError, match="unit length"):
         ReferenceSmoother(np.zeros((1, ROW)))
     with pytest.raises(InputError, match="caps for 3 hands; 2"):
-        ReferenceSmoother(np.tile(REST, (2, 1)), [HandCaps()] * 3)
+        ReferenceSmoother(np.tile(REST, (2, 1)), [HandLimits()] * 3)
     with pytest.raises(InputError, match="target has shape"):
         ReferenceSmoother(REST[None]).step(REST, DT)
     with pytest.raises(InputError, match="dt is 0"):
         ReferenceSmoother(REST[None]).step(REST[None], 0.0)
     with pytest.raises(InputError, match="jerk cap is 0"):
-        MotionCaps(1.0, 1.0, 0.0)
+        MotionLimits(1.0, 1.0, 0.0)
     with pytest.raises(InputError, match="finger joint 2: lower limit"):
-        HandCaps(finger_lower=(0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 0.0), finger_upper=(1.0,) * 7)
+        HandLimits(finger_lower=(0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 0.0), finger_upper=(1.0,) * 7)
     with pytest.raises(InputError, match=r"\(3,\) and \(7,\)"):
-        HandCaps(finger_lower=(0.0, 0.0, 0.0))
+        HandLimits(finger_lower=(0.0, 0.0, 0.0))
 
 
 def test_caps_scale_without_the_range():

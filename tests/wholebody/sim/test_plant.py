@@ -10,7 +10,7 @@ from models.g1 import g1
 from models.pinocchio_model import load_pinocchio
 from wholebody.errors import InputError
 from wholebody.sim.fall import detect_fall
-from wholebody.sim.limit_monitor import Watch
+from wholebody.sim.limit_monitor import LimitMonitor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import JointCommand, Status
 
@@ -51,7 +51,7 @@ def test_it_stands_on_stiff_joints_and_the_floor_carries_its_weight(plant):
 
 def test_motors_give_no_more_than_their_effort_limit_and_say_what_was_asked(plant):
     plant.reset()
-    watch = Watch(plant)
+    watch = LimitMonitor(plant)
     state = plant.step(stiff(plant, tau=1000.0))
     watch.look(state.time)
     assert np.array_equal(plant.torque, SPEC.effort_max)
@@ -99,7 +99,7 @@ def test_low_friction_lets_the_feet_slide():
     for friction in (0.05, 0.8):
         plant = MujocoPlant(SPEC, friction=friction)
         plant.reset()
-        watch = Watch(plant)
+        watch = LimitMonitor(plant)
         command = stiff(plant)
         plant.push("pelvis", np.array([80.0, 0.0, 0.0]), start=0.0, duration=0.15)
         for _ in range(100):
@@ -111,7 +111,7 @@ def test_low_friction_lets_the_feet_slide():
 
 def test_the_watch_sees_the_robot_tip_over_its_toes_and_joints_past_their_limits(plant):
     plant.reset()
-    watch = Watch(plant)
+    watch = LimitMonitor(plant)
     command = stiff(plant)
     plant.push("torso_link", np.array([200.0, 0.0, 0.0]), start=0.0, duration=0.2)
     for _ in range(150):

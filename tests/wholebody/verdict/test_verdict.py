@@ -10,7 +10,7 @@ import pytest
 from wholebody.episode.run import EpisodeResult, Refusal
 from wholebody.resources import verdict_schema
 from wholebody.sim.fall import Fall
-from wholebody.sim.limit_monitor import Excess
+from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json
 from wholebody.verdict.verdict import judge
 
@@ -48,7 +48,7 @@ def test_what_is_followed_as_given_is_feasible():
         ({"errors": 0.03}, "tracking_error"),
         ({"errors": 0.2, "slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
         ({"contacts": {("left_elbow_link", "torso_link"): 1.2}}, "self_contact"),
-        ({"torques": {"waist_pitch_joint": Excess(1.1, 0.2, 41.0, 35.0)}}, "torque_limit"),
+        ({"torques": {"waist_pitch_joint": LimitExcess(1.1, 0.2, 41.0, 35.0)}}, "torque_limit"),
     ],
 )
 def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
@@ -76,9 +76,9 @@ def test_what_falls_is_refused_lost_or_becomes_another_motion_is_infeasible(chan
 def test_marks_that_change_nothing_leave_it_feasible():
     marks = {
         "scene_contacts": {("left_hand_palm_link", "object"): 1.2},
-        "torques": {"left_knee_joint": Excess(1.1, 0.004, 150.0, 139.0)},
-        "edge": Excess(1.2, 0.01, 0.0005, 0.001),
-        "positions": {"left_knee_joint": Excess(1.2, 0.01, 2.9, 2.88)},
+        "torques": {"left_knee_joint": LimitExcess(1.1, 0.004, 150.0, 139.0)},
+        "edge": LimitExcess(1.2, 0.01, 0.0005, 0.001),
+        "positions": {"left_knee_joint": LimitExcess(1.2, 0.01, 2.9, 2.88)},
         "start_jump": (0.4, 0.5),
     }
     verdict = judge("grasp", result(**marks))
@@ -94,8 +94,8 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
         "clamped_hand": "right",
         "clamped_time": 1.2,
         "torques": {
-            "left_knee_joint": Excess(1.1, 0.2, 140.0, 139.0),
-            "waist_pitch_joint": Excess(1.1, 0.2, 48.0, 35.0),
+            "left_knee_joint": LimitExcess(1.1, 0.2, 140.0, 139.0),
+            "waist_pitch_joint": LimitExcess(1.1, 0.2, 48.0, 35.0),
         },
     }
     verdict = judge("motion", result(**everything))
@@ -126,7 +126,7 @@ def test_a_first_step_far_from_the_hands_is_marked_in_metres_and_in_degrees():
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"margin": float("inf")}, {"fall": Fall(2.5, "x")}, {"torques": {"a": Excess(0.5, 0.2, 41.0, 35.0)}}],
+    [{}, {"margin": float("inf")}, {"fall": Fall(2.5, "x")}, {"torques": {"a": LimitExcess(0.5, 0.2, 41.0, 35.0)}}],
 )
 def test_json_follows_the_shipped_schema(changes):
     schema = json.loads(verdict_schema().read_text())

@@ -8,12 +8,12 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from wholebody.backends.kinematic.formulation import build, gravity_torques
 from wholebody.backends.kinematic.program import KinematicProgram
-from wholebody.backends.kinematic.workspace import KinematicParts
+from wholebody.backends.kinematic.workspace import KinematicInputs
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
 from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory
 from wholebody.control.task_set import BodyTasks, make_feet, make_tasks
-from wholebody.limits.balance import BalanceLimit
+from wholebody.limits.balance import CapturePointLimit
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve
 from wholebody.robot.state import Robot
@@ -42,10 +42,10 @@ class KinematicController:
         self.tasks = (tasks.com, tasks.torso, tasks.pelvis, tasks.height, tasks.posture, *tasks.palms)
         self.finger_indices = tasks.fingers
         self.feet, safety = make_feet(spec, self.config), self.config.safety
-        self.balance = BalanceLimit(margin=safety.balance_margin, gain=safety.balance_gain)
+        self.balance = CapturePointLimit(margin=safety.balance_margin, gain=safety.balance_gain)
         order = robot.motor_to_pin
         self.joints = np.array([spec.position_min[order], spec.position_max[order], spec.velocity_max[order]])
-        parts = KinematicParts(
+        parts = KinematicInputs(
             robot=robot,
             feet=self.feet,
             palms=tasks.palms,

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.contacts.foot import FootContact
-from wholebody.limits.balance import BalanceLimit
+from wholebody.limits.balance import CapturePointLimit
 from wholebody.qp.formulation import UNBOUNDED
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.robot.state import Robot
@@ -38,7 +38,7 @@ def build(
     robot: Robot,
     feet: Sequence[FootContact],
     tasks: Sequence[Task],
-    balance: BalanceLimit,
+    balance: CapturePointLimit,
     joints: np.ndarray,
     dt: float,
 ) -> QuadraticProgram:
@@ -107,7 +107,7 @@ def _distance(robot: Robot, foot: FootContact) -> np.ndarray:
     return np.concatenate([ref.translation - T.translation, pin.log3(ref.rotation @ T.rotation.T)])
 
 
-def _balance_rows(robot: Robot, balance: BalanceLimit) -> tuple[np.ndarray, np.ndarray]:
+def _balance_rows(robot: Robot, balance: CapturePointLimit) -> tuple[np.ndarray, np.ndarray]:
     """One row an edge of the support."""
     normals, offsets = balance.support.normals, balance.support.offsets
     left = offsets - balance.margin - normals @ robot.com[:2]

@@ -11,7 +11,7 @@ import numpy as np
 
 from wholebody.backends.kinematic.kernels import placement
 from wholebody.backends.kinematic.kernels import program as core
-from wholebody.backends.kinematic.workspace import KinematicParts, make_memory
+from wholebody.backends.kinematic.workspace import KinematicInputs, make_memory
 from wholebody.jit.entry import digest, native
 from wholebody.qp.compiled import CORES, OPTIONS, memories, register_cores
 from wholebody.qp.kernels import blocks as b
@@ -36,7 +36,7 @@ class KinematicProgram:
     All are views of memory that the next call overwrites.
     """
 
-    def __init__(self, parts: KinematicParts) -> None:
+    def __init__(self, parts: KinematicInputs) -> None:
         self.parts, n = parts, len(parts.feet)
         self._reals, self._ints = make_memory(parts)
         reals = self._reals

@@ -11,7 +11,7 @@ from wholebody.backends.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_P
 from wholebody.backends.kinematic.kernels.placement import STEP
 from wholebody.contacts.foot import FootContact
 from wholebody.jit.packed import Arena
-from wholebody.limits.balance import GRAVITY, BalanceLimit
+from wholebody.limits.balance import GRAVITY, CapturePointLimit
 from wholebody.qp.kernels import blocks as b
 from wholebody.qp.workspace import (
     DUAL_ACCEPTED,
@@ -32,8 +32,8 @@ from wholebody.tasks.posture import PostureTask
 
 
 @dataclass(frozen=True, kw_only=True)
-class KinematicParts:
-    """What the program is made of; names and meanings as in `wholebody.qp.workspace.Parts`.
+class KinematicInputs:
+    """What the program is made of; names and meanings as in `wholebody.qp.workspace.ProgramInputs`.
 
     Attributes:
         joints: Rows ``q_min q_max dq_max``, Pinocchio order, shape (3, n_joints).
@@ -48,12 +48,12 @@ class KinematicParts:
     height: HeightTask
     com: ComTask
     posture: PostureTask
-    balance: BalanceLimit
+    balance: CapturePointLimit
     joints: np.ndarray
     dt: float
 
 
-def make_memory(p: KinematicParts) -> tuple[Arena, Arena]:
+def make_memory(p: KinematicInputs) -> tuple[Arena, Arena]:
     """Blocks of reals and of integers, with everything in them that does not change."""
     moves = contact_moves(p)
     bound, free = np.flatnonzero(moves.any(0)), np.flatnonzero(~moves.any(0))
@@ -79,7 +79,7 @@ def make_memory(p: KinematicParts) -> tuple[Arena, Arena]:
     return reals, ints
 
 
-def _arenas(p: KinematicParts, n_bound: int) -> tuple[Arena, Arena]:
+def _arenas(p: KinematicInputs, n_bound: int) -> tuple[Arena, Arena]:
     """Memory for everything; the sizes follow from robot and contacts."""
     model, n_points = p.robot.model, sum(len(foot.points) for foot in p.feet)
     nv, nj, nb, m, frames = model.nv, model.nv - 6, model.njoints - 1, 6 * len(p.feet), len(p.feet) + 4

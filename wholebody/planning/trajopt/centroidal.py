@@ -11,7 +11,7 @@ from wholebody.planning.trajopt.compiled import run
 from wholebody.robot.body_table import body_table
 
 
-class Momenta:
+class Centroidal:
     """Computes them for many states at once.
 
     Args:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wholebody.config import PosturePlanConfig
-from wholebody.planning.trajopt.problem import Program
+from wholebody.config import TrajectoryConfig
+from wholebody.planning.trajopt.problem import TrajectoryProblem
 
 ROUNDS = ((30.0, 3), (5.0, 3), (1.0, 24))
 """Softness of the bounds, and most steps with it."""
@@ -30,7 +30,7 @@ HOPELESS = 2.0
 DAMPING, DAMPING_MIN, DAMPING_MAX = 1e-4, 1e-7, 1e6
 
 
-def optimise(program: Program, config: PosturePlanConfig) -> float:
+def optimise(program: TrajectoryProblem, config: TrajectoryConfig) -> float:
     """Improve the present motion of the program, and answer what it costs with firm bounds."""
     damping = DAMPING
     program.linearise(program.now)
@@ -72,7 +72,7 @@ def optimise(program: Program, config: PosturePlanConfig) -> float:
     return cost
 
 
-def _trusted_step(program: Program, damping: float, guesses: int) -> tuple[float, float, bool]:
+def _trusted_step(program: TrajectoryProblem, damping: float, guesses: int) -> tuple[float, float, bool]:
     while True:
         last = damping > DAMPING_MAX
         promise, size, exact = program.step(damping, guesses, np.inf if last else HOPELESS * STEP_MAX)

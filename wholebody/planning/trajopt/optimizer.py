@@ -23,17 +23,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.spec import RobotSpec
-from wholebody.config import ControllerConfig, PosturePlanConfig
+from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.planning.trajopt.gauss_newton import optimise
-from wholebody.planning.trajopt.problem import Program
-from wholebody.planning.trajopt.robot_tables import Body
+from wholebody.planning.trajopt.problem import TrajectoryProblem
+from wholebody.planning.trajopt.robot_tables import RobotTables
 
 SIZES_KEPT = 8
 """Numbers of knots for which memory is kept: 4 MB for forty knots."""
 
 
 @dataclass(frozen=True)
-class PostureMotion:
+class KnotTrajectory:
     """What the planner says, one row a knot.
 
     Attributes:
@@ -53,7 +53,7 @@ class PostureMotion:
     cost: float
 
 
-class PosturePlanner:
+class TrajectoryOptimizer:
     """Plans the whole body along palm poses; fingers go where they are told.
 
     Args:
@@ -63,15 +63,15 @@ class PosturePlanner:
     """
 
     def __init__(
-        self, spec: RobotSpec, config: PosturePlanConfig | None = None, friction: float = ControllerConfig.friction
+        self, spec: RobotSpec, config: TrajectoryConfig | None = None, friction: float = ControllerConfig.friction
     ) -> None:
-        self.spec, self.config = spec, config or PosturePlanConfig()
-        self.body = Body(spec, self.config, friction)
+        self.spec, self.config = spec, config or TrajectoryConfig()
+        self.body = RobotTables(spec, self.config, friction)
         self.model = self.body.full
         self.support = self.body.support
         self.mass = self.body.mass
         self.q_stance = self.body.q_full.copy()
-        self._programs: dict[int, Program] = {}
+        self._programs: dict[int, TrajectoryProblem] = {}
 
     def plan(
         self,
@@ -80,8 +80,8 @@ class PosturePlanner:
         T_palms: np.ndarray,
         q_fingers: np.ndarray,
         guess: np.ndarray | None = None,
-        config: PosturePlanConfig | None = None,
-    ) -> PostureMotion:
+        config: TrajectoryConfig | None = None,
+    ) -> KnotTrajectory:
         """Motion along the path, beginning with the state given and ending at rest.
 
         Args:
@@ -107,12 +107,12 @@ class PosturePlanner:
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
         qs[:, body.body], qs[:, body.fingers] = now.q, q_fingers
         vs[:, body.columns] = now.half[:-1]
-        return PostureMotion(qs, vs, program.palms_on_curve(), now.zmp.copy(), program.excess(), cost)
+        return KnotTrajectory(qs, vs, program.palms_on_curve(), now.zmp.copy(), program.excess(), cost)
 
-    def _program(self, K: int) -> Program:
+    def _program(self, K: int) -> TrajectoryProblem:
         """Memory for K knots; that of the plans before, where it fits."""
         if K not in self._programs:
             if len(self._programs) >= SIZES_KEPT:
                 del self._programs[next(iter(self._programs))]
-            self._programs[K] = Program(self.body, self.config, K)
+            self._programs[K] = TrajectoryProblem(self.body, self.config, K)
         return self._programs[K]

@@ -6,13 +6,13 @@ import numpy as np
 
 from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision import gjk
-from wholebody.config import PosturePlanConfig
+from wholebody.config import TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt import layout as tables
 from wholebody.planning.trajopt import weights
 from wholebody.planning.trajopt.compiled import run
 from wholebody.planning.trajopt.layout import EDGE, NEAR, Motion, Task
-from wholebody.planning.trajopt.robot_tables import Body
+from wholebody.planning.trajopt.robot_tables import RobotTables
 
 BEND_MAX = 0.02
 """Of the palms' curve away from its control points [m, rad]."""
@@ -21,7 +21,7 @@ EVENED, BEFORE = 8, 3
 the first one looked for."""
 
 
-class Program:
+class TrajectoryProblem:
     """Memory for plans of K knots, and what is done on it.
 
     Args:
@@ -32,7 +32,7 @@ class Program:
         now, trial: Two motions; a step of the first leads to the second.
     """
 
-    def __init__(self, body: Body, config: PosturePlanConfig, K: int) -> None:
+    def __init__(self, body: RobotTables, config: TrajectoryConfig, K: int) -> None:
         self.body, self.K, self._trigger = body, K, config.self_trigger
         n_edges, bodies = len(body.tables.normals), len(body.tables.parent)
         self.now, self.trial = (tables.new_motion(K, bodies, n_edges) for _ in range(2))
@@ -83,7 +83,7 @@ class Program:
         T[:, :, :3, :3] = rotvec_to_matrix(bend[:, :, 3:]) @ T[:, :, :3, :3]
         return T
 
-    def weigh(self, config: PosturePlanConfig, softness: float) -> None:
+    def weigh(self, config: TrajectoryConfig, softness: float) -> None:
         """Set the weights; the scales of the bounds are multiplied by ``softness``."""
         self._scales, self._weights = weights.scales(config), weights.sided(self._n_edges, softness)
 

@@ -10,10 +10,10 @@ import pinocchio as pin
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from models.spec import RobotSpec
 from wholebody.collision import gjk
-from wholebody.collision.floor_clearance import Underside
+from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import ShapeTable, shape_table
-from wholebody.config import ControllerConfig, PosturePlanConfig
+from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import PLACEMENT_P
 from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
@@ -28,7 +28,7 @@ LEVER = 0.1
 """What a moment per force is compared with a force at [m]: half of a sole."""
 
 
-class Body:
+class RobotTables:
     """The robot without its fingers, whose feet stay where the stance has them.
 
     Configurations and velocities here are the body's, (36,) and (35,): the fingers are locked in the dynamics, and
@@ -49,7 +49,7 @@ class Body:
         proximity: Distances by coal, for shapes that touch.
     """
 
-    def __init__(self, spec: RobotSpec, config: PosturePlanConfig, friction: float = ControllerConfig.friction) -> None:
+    def __init__(self, spec: RobotSpec, config: TrajectoryConfig, friction: float = ControllerConfig.friction) -> None:
         full = self.full = load_pinocchio(spec)
         self.q_full = stance_q(spec, full)
         names = list(full.names)
@@ -67,7 +67,7 @@ class Body:
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
         table = shape_table(spec, self.proximity.geometry)
-        low = _low(Underside(full, self.proximity.geometry), table, bodies, self.tables, config)
+        low = _low(FloorClearance(full, self.proximity.geometry), table, bodies, self.tables, config)
         self.shapes = _shapes(table, bodies, self.proximity, low)
 
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
@@ -84,7 +84,7 @@ class Body:
 
 
 def _tables(
-    spec: RobotSpec, c: PosturePlanConfig, friction: float, model: pin.Model, q: np.ndarray, mass: float
+    spec: RobotSpec, c: TrajectoryConfig, friction: float, model: pin.Model, q: np.ndarray, mass: float
 ) -> tuple[Tables, SupportPolygon, np.ndarray]:
     """Without fingers; the support, and how far the centre of pressure goes towards its edges."""
     bodies, parent = body_table(model)
@@ -176,7 +176,7 @@ def _carries(model: pin.Model, joints: list[int]) -> np.ndarray:
     return out
 
 
-def _limits(spec: RobotSpec, c: PosturePlanConfig, names: list[str]) -> dict[str, np.ndarray]:
+def _limits(spec: RobotSpec, c: TrajectoryConfig, names: list[str]) -> dict[str, np.ndarray]:
     """Bounds on the joints, in their order, that the plan uses."""
     order = np.array([spec.joint_names.index(name) for name in names])
     q_min, q_max = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
@@ -195,7 +195,7 @@ def _limits(spec: RobotSpec, c: PosturePlanConfig, names: list[str]) -> dict[str
 
 
 def _low(
-    underside: Underside, table: ShapeTable, number: np.ndarray, tables: Tables, c: PosturePlanConfig
+    underside: FloorClearance, table: ShapeTable, number: np.ndarray, tables: Tables, c: TrajectoryConfig
 ) -> tuple[np.ndarray, ...]:
     """What `Shapes` says of bodies that can reach the floor."""
     if len(underside.labels) > N_LOW:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wholebody.config import PosturePlanConfig
+from wholebody.config import TrajectoryConfig
 from wholebody.planning.trajopt.layout import (  # fmt: skip
     EDGE,
     HOLD,
@@ -53,7 +53,7 @@ SOFTNESS_MAX = 3.0
 """Of the bounds on configurations: past a joint limit a leg can be straight, and nothing is linear any more."""
 
 
-def scales(c: PosturePlanConfig) -> Scales:
+def scales(c: TrajectoryConfig) -> Scales:
     """Weights of what is wanted."""
     return Scales(
         position=c.position,

@@ -54,7 +54,7 @@ def barrier(margin, rate, brake, dt):
 
 
 def balance_rows(edges, n_edges, com, margin, gain, F, mass, JS, upper):
-    """Rows of `BalanceLimit` from slot 0 on.
+    """Rows of `CapturePointLimit` from slot 0 on.
 
     Args:
         edges: Normals and offsets of the support (k, 3).

@@ -11,19 +11,19 @@ from scipy.optimize import nnls
 from models.g1 import g1
 from policy.scripted.library import lissajous, reach, two_hand_lift, wave
 from tests.support.trajopt_reference import Reference, bounds, free_directions
-from wholebody.collision.floor_clearance import Underside
-from wholebody.config import ControllerConfig, PosturePlanConfig
+from wholebody.collision.floor_clearance import FloorClearance
+from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt import gauss_newton as optimiser
 from wholebody.planning.trajopt import layout as tables
 from wholebody.planning.trajopt import optimizer as posture_plan
 from wholebody.planning.trajopt import problem as program_module
-from wholebody.planning.trajopt.centroidal import Momenta
+from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.planning.trajopt.compiled import run
 from wholebody.planning.trajopt.layout import N_BODY
-from wholebody.planning.trajopt.optimizer import PosturePlanner
-from wholebody.planning.trajopt.problem import Program
-from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, Body
+from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
+from wholebody.planning.trajopt.problem import TrajectoryProblem
+from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, RobotTables
 from wholebody.planning.trajopt.weights import DISTANCE_SCALE
 
 SPEC = g1()
@@ -31,12 +31,12 @@ SPEC = g1()
 
 @pytest.fixture(scope="module")
 def planner():
-    return PosturePlanner(SPEC)
+    return TrajectoryOptimizer(SPEC)
 
 
 @pytest.fixture(scope="module")
 def body():
-    return Body(SPEC, PosturePlanConfig())
+    return RobotTables(SPEC, TrajectoryConfig())
 
 
 def poses(policy, dt, start, end):
@@ -128,7 +128,7 @@ def test_hands_sent_into_the_floor_fingers_first_stay_above_it(planner, height, 
     T[:, :, 2, 3] += (share * (height - 0.30))[:, None]
     T[:, :, :3, :3] = T[:, :, :3, :3] @ np.array([[pin.exp3(np.array([0.0, 0.8 * x, 0.0]))] for x in share])
     motion = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
-    underside, data = Underside(planner.model, planner.body.proximity.geometry), planner.model.createData()
+    underside, data = FloorClearance(planner.model, planner.body.proximity.geometry), planner.model.createData()
     least = np.inf
     for q in motion.q:
         pin.forwardKinematics(planner.model, data, q)
@@ -157,8 +157,8 @@ def placed(model, data, q, frame):
 
 def linearised(body, K, seed, speed=1.0, config=None):
     """A random motion with the feet in place, and its program."""
-    rng, config = np.random.default_rng(seed), config or PosturePlanConfig()
-    program = Program(body, config, K)
+    rng, config = np.random.default_rng(seed), config or TrajectoryConfig()
+    program = TrajectoryProblem(body, config, K)
     T, fingers = poses(reach(0.45, 0.60), config.dt, 0.0, (K - 0.5) * config.dt)
     T = T @ np.array([[pin.exp6(0.2 * rng.normal(size=6)).homogeneous for _ in range(2)] for _ in range(K)])
     program.begin(T, fingers, 0.3 * rng.normal(size=N_BODY))
@@ -179,7 +179,7 @@ def near(found, expected):
 @pytest.mark.parametrize("seed", range(12))
 def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
     program, T = linearised(body, 6, seed, speed=[0.1, 1.0, 4.0][seed % 3])
-    m, dt, judge = program.now, PosturePlanConfig().dt, Reference(body, SPEC)
+    m, dt, judge = program.now, TrajectoryConfig().dt, Reference(body, SPEC)
     half, back, forth = judge.half_steps(m.q, m.half[0], dt)
     assert near(m.half, half)
     N, E = free_directions(m), len(body.tables.normals)
@@ -201,7 +201,7 @@ def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
 
 
 def test_palms_on_the_curve_between_control_points_are_those_of_pinocchio(body):
-    (program, _), config = linearised(body, 9, 4, speed=0.2), PosturePlanConfig()
+    (program, _), config = linearised(body, 9, 4, speed=0.2), TrajectoryConfig()
     q, a, data = program.now.q.copy(), program.now.a.copy(), body.model.createData()
     T_palms = program.palms_on_curve()
     for k in range(1, 9):
@@ -237,7 +237,7 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
             data = body.full.createData()
             pin.computeDistances(body.full, data, proximity.geometry, proximity.data, q)
             every = proximity.margin - np.array([result.min_distance for result in proximity.data.distanceResults])
-            expected = np.sort(every[every > -PosturePlanConfig().self_trigger])[::-1][:16]
+            expected = np.sort(every[every > -TrajectoryConfig().self_trigger])[::-1][:16]
             assert program.near.chosen[k] == len(expected)
             approach = m.sweeps[k, : len(expected)] @ m.v[k]
             assert (approach >= 0.0).all()
@@ -250,8 +250,8 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
 @pytest.fixture(scope="module")
 def raised():
     """The robot over a floor as high as its hands."""
-    config = PosturePlanConfig(floor_distance=0.75)
-    return Body(SPEC, config), config
+    config = TrajectoryConfig(floor_distance=0.75)
+    return RobotTables(SPEC, config), config
 
 
 def test_heights_over_the_floor_and_their_derivatives_are_those_of_pinocchio(raised):
@@ -312,7 +312,7 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
 
 def forces_at(corners):
     """Wrenches per unit of load (6, n), as the rows of the motion, of the edges of the friction pyramids there."""
-    mu = PosturePlanConfig().friction_share * ControllerConfig().friction / np.sqrt(2.0)
+    mu = TrajectoryConfig().friction_share * ControllerConfig().friction / np.sqrt(2.0)
     edges = [(x, y, mu * a, mu * b) for x, y in corners for a, b in product((-1.0, 1.0), repeat=2)]
     return np.array([[x, y, 1.0, fx, fy, x * fy - y * fx] for x, y, fx, fy in edges]).T
 
@@ -342,7 +342,7 @@ def test_a_program_that_has_no_step_says_so(body):
 
 
 def test_a_motion_within_its_bounds_is_found_in_fewer_steps_and_as_good(planner, monkeypatch):
-    counts, costs, linearise = [0, 0], [], Program.linearise
+    counts, costs, linearise = [0, 0], [], TrajectoryProblem.linearise
     T, fingers = poses(wave(), planner.config.dt, 0.0, 2.0)
     for i, near in enumerate((optimiser.NEAR, -1.0)):
         monkeypatch.setattr(optimiser, "NEAR", near)
@@ -351,7 +351,7 @@ def test_a_motion_within_its_bounds_is_found_in_fewer_steps_and_as_good(planner,
             counts[i] += 1
             linearise(self, motion)
 
-        monkeypatch.setattr(Program, "linearise", counted)
+        monkeypatch.setattr(TrajectoryProblem, "linearise", counted)
         costs.append(planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers).cost)
     assert counts[0] < counts[1]
     assert costs[0] < 1.05 * costs[1]
@@ -405,7 +405,7 @@ def test_momenta_along_a_motion_are_those_of_pinocchio(body):
     frames = [model.getFrameId(name) for name in (SPEC.base_body, SPEC.torso_body)]
     q = np.array([pin.integrate(model, body.q_full, rng.normal(size=model.nv)) for _ in range(50)])
     v, data = rng.normal(size=(50, model.nv)), model.createData()
-    com, velocity, momentum, turns = Momenta(model, frames)(q, v)
+    com, velocity, momentum, turns = Centroidal(model, frames)(q, v)
     for k in range(50):
         pin.computeCentroidalMomentum(model, data, q[k], v[k])
         assert near(com[k], data.com[0])
@@ -417,7 +417,7 @@ def test_momenta_along_a_motion_are_those_of_pinocchio(body):
 
 def test_a_plan_does_not_depend_on_the_plans_before_it(planner):
     T, fingers = poses(lissajous(), planner.config.dt, 2.0, 4.0)
-    alone = PosturePlanner(SPEC).plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
+    alone = TrajectoryOptimizer(SPEC).plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
     plan(planner, reach(), 1.9)
     again = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
     assert np.array_equal(alone.q, again.q)
