@@ -11,7 +11,7 @@ from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
 from wholebody.execution.kernels import plan_follower as core
-from wholebody.jit.entry import digest, native, register
+from wholebody.jit.former import digest, native, register
 from wholebody.planning.chunk_planner import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import PathClock, ReferenceSmoother

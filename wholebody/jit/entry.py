@@ -1,64 +1,127 @@
-"""Compile arithmetic that lies in several files with numba, to functions that are called by their native entry."""
+"""Compile plain functions with numba, on first use: one way for every kernel of the project.
+
+A kernel is a plain function of scalars, arrays, named tuples of arrays and packed memory (`wholebody.jit.packed`). It
+calls other kernels as Python does, so editors and tests follow the calls, and it runs interpreted as it stands. What
+Python calls is an `Entry` of it::
+
+    _cost = Entry(cost)          # nothing is compiled, numba is not imported
+    total = _cost(motion, scales)  # compiled for these kinds of arguments, or loaded from numba's cache on disk
+
+No fastmath: the result is that of the interpreted function up to rounding.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+import re
+import sys
+from collections.abc import Callable, Iterator
 from hashlib import sha256
 from inspect import CO_NESTED
 from pathlib import Path
 from types import CellType, FunctionType, ModuleType
 
+OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+"""Kernels allocate nothing, so nothing has to be reference counted. A module that calls BLAS says ``ALLOCATES = True``:
+numba counts what it hands over."""
+
+PACKAGES = ("wholebody",)
+"""Where kernels may lie."""
+
+_IMPORT = re.compile(r"^(?:from|import) ([\w.]+)", re.MULTILINE)
 _registered: set[Callable] = set()
 
 
-def register(module: ModuleType, exclude: Collection[str] = (), **options: bool) -> None:
-    """Let compiled code call the plain functions of a module.
+class Entry:
+    """A function that Python calls in its compiled form.
+
+    It is compiled for the kinds of arguments of the first call and called by its native entry afterwards, which leaves
+    out numba's look at the types: that would take as long as a small kernel. So every later call must have arguments of
+    the same types and memory layouts; nothing checks them.
 
     Args:
-        module: Module whose functions compile as they stand.
-        exclude: Names of functions that compiled code has by other means, or nobody calls.
-        options: Of numba's.
+        function: A kernel; the kernels that it calls are found in its code.
     """
+
+    def __init__(self, function: Callable) -> None:
+        self.function = function
+        self._native: Callable | None = None
+
+    def __call__(self, *arguments: object) -> object:
+        """Call the compiled function."""
+        if self._native is None:
+            self._native = self.compile(*arguments)
+        return self._native(*arguments)
+
+    def compile(self, *arguments: object) -> Callable:
+        """The native entry for arguments of these kinds, which are looked at only: their values do not matter."""
+        import numba
+
+        types = tuple(numba.typeof(argument) for argument in arguments)
+        modules = _register(self.function)
+        compiler = numba.njit(cache=True, nogil=True, **_options(sys.modules[self.function.__module__]))
+        dispatcher = compiler(_closed(self.function, _digest(modules)))
+        dispatcher.compile(types)
+        return dispatcher.overloads[dispatcher.signatures[0]].entry_point
+
+
+def kernels_of(function: Callable) -> Iterator[Callable]:
+    """The function and all plain functions of this package that it calls, directly or not, each once."""
+    found, waiting = {function: None}, [function]
+    while waiting:
+        one = waiting.pop()
+        yield one
+        for callee in _called(one):
+            if callee not in found:
+                found[callee] = None
+                waiting.append(callee)
+
+
+def _called(function: Callable) -> Iterator[Callable]:
+    names, scope = function.__code__.co_names, function.__globals__
+    values = [scope[name] for name in names if name in scope]
+    for module in [value for value in values if isinstance(value, ModuleType)]:
+        values += [vars(module)[name] for name in names if name in vars(module)]
+    for value in values:
+        if isinstance(value, FunctionType) and _is_ours(value.__module__):
+            yield value
+
+
+def _is_ours(module: str) -> bool:
+    return module.split(".", maxsplit=1)[0] in PACKAGES
+
+
+def _register(function: Callable) -> set[ModuleType]:
+    """Let compiled code call the kernels below a function; the modules in which all of them lie."""
     from numba.extending import register_jitable
 
-    from wholebody.jit.compiler import InnerCompiler
-
-    for name, member in vars(module).items():
-        own = isinstance(member, FunctionType) and member.__module__ == module.__name__
-        if own and name not in exclude and member not in _registered:
-            _registered.add(member)
-            register_jitable(error_model="numpy", pipeline_class=InnerCompiler, **options)(member)
-
-
-def digest(modules: Iterable[ModuleType]) -> int:
-    """A number that changes with the source of any of the modules, and with how they are compiled."""
-    files = [Path(__file__), Path(__file__).with_name("compiler.py"), *(Path(module.__file__) for module in modules)]
-    return int.from_bytes(sha256(b"".join(file.read_bytes() for file in files)).digest()[:7], "little")
+    modules = set()
+    for kernel in kernels_of(function):
+        module = sys.modules[kernel.__module__]
+        modules.add(module)
+        if kernel is not function and kernel not in _registered:
+            _registered.add(kernel)
+            register_jitable(**_options(module))(kernel)
+    return modules
 
 
-def native(function: Callable, arguments: tuple, version: int, **options: bool) -> Callable:
-    """The native entry of a function for one kind of arguments, compiled or loaded from numba's cache on disk.
+def _options(module: ModuleType) -> dict[str, object]:
+    return {**OPTIONS, "_nrt": getattr(module, "ALLOCATES", False)}
 
-    Calling the entry leaves out numba's look at the types of the arguments, which takes as long as a small function.
-    So nobody checks them: arrays of another type or layout are read as if they were right.
 
-    numba's cache notices changes of the file of a function only; the number of all files is therefore part of it, as a
-    constant that it closes over. No fastmath: the result is that of the interpreted function up to rounding.
+def _digest(modules: set[ModuleType]) -> int:
+    """A number that changes with the source of any of the modules, of what they import, and of this one.
 
-    Args:
-        function: What to compile.
-        arguments: numba types.
-        version: Of all files that it is made of, by `digest`.
-        options: Of numba's.
+    numba's cache notices changes of the file of a function only.
     """
-    import numba
-
-    from wholebody.jit.compiler import EntryCompiler
-
-    compiler = numba.njit(cache=True, error_model="numpy", nogil=True, pipeline_class=EntryCompiler, **options)
-    stage = compiler(_closed(function, version))
-    stage.compile(arguments)
-    return stage.overloads[stage.signatures[0]].entry_point
+    sources: dict[str, bytes] = {__name__: Path(__file__).read_bytes()}
+    waiting = [module.__name__ for module in modules]
+    while waiting:
+        name = waiting.pop()
+        file = getattr(sys.modules.get(name), "__file__", None)
+        if name not in sources and file is not None:
+            sources[name] = Path(file).read_bytes()
+            waiting += filter(_is_ours, _IMPORT.findall(sources[name].decode()))
+    return int.from_bytes(sha256(b"".join(sources[name] for name in sorted(sources))).digest()[:7], "little")
 
 
 def _closed(function: Callable, version: int) -> Callable:

@@ -8,7 +8,7 @@ from functools import cache
 from importlib import import_module
 from types import ModuleType
 
-from wholebody.jit.entry import digest, native, register
+from wholebody.jit.former import digest, native, register
 
 CORES = (
     "wholebody.collision.gjk",

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import cache
 
-from wholebody.jit.entry import digest, native
+from wholebody.jit.former import digest, native
 from wholebody.sim.kernels import motors
 
 OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}

@@ -1,23 +1,28 @@
-"""Strategy: a small chain of functions in a module of its own, compiled as the tick is, against the interpreted one: in
-this process, from the cache in another one, and called by a function that numba compiles in its usual way.
+"""Strategy: a small chain of kernels in two modules of their own, compiled as the tick is, against the interpreted one:
+in this process, from the cache in another one, and after a change of the module that only a callee lies in.
 """
 
-import importlib.util
+import importlib
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
-from wholebody.jit.entry import digest, native, register
+from wholebody.jit.entry import Entry, kernels_of
 
-SOURCE = '''
+SUMS = '''
 def total(values):
     """Sum."""
     out = 0.0
     for i in range(values.shape[0]):
         out += values[i]
     return out
+'''
+
+CHAIN = '''
+import wholebody_sums as sums
+from wholebody_sums import total
 
 
 def spread(values, out):
@@ -33,89 +38,58 @@ def widest(values, scratch):
     best = 0.0
     for i in range(scratch.shape[0]):
         best = max(best, scratch[i])
-    return best
+    return best + 0.0 * sums.total(values)
 '''
 
 AGAIN = """
 import sys
 import numpy as np
 sys.path.insert(0, sys.argv[1])
-import {name} as module
-from wholebody.jit.entry import digest, native, register
-from numba import float64
-register(module, _nrt=False, no_cfunc_wrapper=True)
-entry = native(module.widest, (float64[::1], float64[::1]), digest([module]), _nrt=False, no_cfunc_wrapper=True)
-print(entry(np.array([1.0, 2.0, 6.0]), np.zeros(3)))
+from wholebody.jit import entry
+entry.PACKAGES = ("wholebody_sums", "wholebody_chain")
+import wholebody_chain as module
+print(entry.Entry(module.widest)(np.array([1.0, 2.0, 6.0]), np.zeros(3)))
 """
-
-OPTIONS = {"_nrt": False, "no_cfunc_wrapper": True}
 
 
 @pytest.fixture
-def module(tmp_path, monkeypatch):
+def chain(tmp_path, monkeypatch):
     """The chain, whose compiled form is kept beside it."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    path = tmp_path / "chain_of_functions.py"
-    path.write_text(SOURCE)
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    loaded = sys.modules[path.stem] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    register(loaded, **OPTIONS)
-    yield loaded
-    del sys.modules[path.stem]
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("wholebody.jit.entry.PACKAGES", ("wholebody_sums", "wholebody_chain"))
+    (tmp_path / "wholebody_sums.py").write_text(SUMS)
+    (tmp_path / "wholebody_chain.py").write_text(CHAIN)
+    yield importlib.import_module("wholebody_chain")
+    for name in ("wholebody_chain", "wholebody_sums"):
+        sys.modules.pop(name, None)
 
 
-def compiled(module):
-    from numba import float64
+def compiled_in_another_process(folder):
+    done = subprocess.run([sys.executable, "-c", AGAIN, str(folder)], capture_output=True, text=True, check=True)
+    return float(done.stdout)
 
-    return native(module.widest, (float64[::1], float64[::1]), digest([module]), **OPTIONS)
+
+def test_the_kernels_below_a_function_are_found_in_its_code(chain):
+    assert {kernel.__name__ for kernel in kernels_of(chain.widest)} == {"widest", "spread", "total"}
 
 
-def test_a_compiled_chain_gives_what_the_interpreted_one_gives(module):
+def test_a_compiled_chain_gives_what_the_interpreted_one_gives(chain):
     values = np.random.default_rng(0).normal(size=20)
     one, other = np.zeros(20), np.zeros(20)
-    assert compiled(module)(values, one) == module.widest(values, other)
+    assert Entry(chain.widest)(values, one) == chain.widest(values, other)
     assert np.array_equal(one, other)
 
 
-def test_another_process_loads_it_from_the_cache(module, tmp_path):
-    compiled(module)
+def test_another_process_loads_it_from_the_cache(chain, tmp_path):
+    Entry(chain.widest)(np.zeros(3), np.zeros(3))
     made = sorted(tmp_path.rglob("*.nbc"))
-    assert len(made) == 1
-    code = AGAIN.format(name=module.__name__)
-    answer = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True)
-    assert float(answer.stdout) == 3.0
+    assert made
+    assert compiled_in_another_process(tmp_path) == 3.0
     assert sorted(tmp_path.rglob("*.nbc")) == made
 
 
-def test_code_that_numba_compiles_in_its_usual_way_may_call_the_same_functions(module):
-    import numba
-
-    widest = module.widest
-
-    @numba.njit
-    def twice(values, scratch):
-        return 2.0 * widest(values, scratch)
-
-    assert twice(np.array([1.0, 2.0, 6.0]), np.zeros(3)) == 6.0
-
-
-def test_what_is_kept_on_disk_is_machine_code_and_names_only(module, monkeypatch):
-    """numba would keep LLVM's code as well, for functions that take this one in, and parse it at every start."""
-    from llvmlite.binding import parse_bitcode
-    from numba.core.codegen import JITCodeLibrary
-
-    kept, load = [], JITCodeLibrary._unserialize.__func__
-    compiled(module)
-
-    def noticed(cls, codegen, state):
-        kept.append(state)
-        return load(cls, codegen, state)
-
-    monkeypatch.setattr(JITCodeLibrary, "_unserialize", classmethod(noticed))
-    assert compiled(module)(np.array([1.0, 2.0, 6.0]), np.zeros(3)) == 3.0
-    ((_, kind, (_, bitcode)),) = kept
-    assert kind == "object"
-    defined = [one for one in parse_bitcode(bitcode).functions if not one.is_declaration]
-    assert defined
-    assert all(sum(len(list(block.instructions)) for block in one.blocks) == 1 for one in defined)
+def test_a_change_of_a_callee_in_another_file_is_noticed(chain, tmp_path):
+    Entry(chain.widest)(np.zeros(3), np.zeros(3))
+    (tmp_path / "wholebody_sums.py").write_text(SUMS.replace("out = 0.0", "out = 6.0"))
+    assert compiled_in_another_process(tmp_path) == 4.0

@@ -12,7 +12,7 @@ import numpy as np
 from wholebody.backends.kinematic.kernels import placement
 from wholebody.backends.kinematic.kernels import program as core
 from wholebody.backends.kinematic.workspace import KinematicInputs, make_memory
-from wholebody.jit.entry import digest, native
+from wholebody.jit.former import digest, native
 from wholebody.qp.compiled import CORES, OPTIONS, memories, register_cores
 from wholebody.qp.kernels import blocks as b
 from wholebody.qp.problem import QPSolution, Residuals

@@ -8,7 +8,7 @@ from functools import cache
 from importlib import import_module
 
 from wholebody.jit import blas
-from wholebody.jit.entry import digest, native, register
+from wholebody.jit.former import digest, native, register
 from wholebody.planning.trajopt import layout as tables
 
 CORES = (
