@@ -26,7 +26,8 @@ from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.trajopt import problem as program
+from wholebody.planning.trajopt import entry_points
+from wholebody.planning.trajopt.layout import Motion
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.sim.plant import MujocoPlant
@@ -43,16 +44,19 @@ class Parts:
 
     def __init__(self) -> None:
         self.of: dict[str, list[float]] = {}
-        self._run = program.run
-        program.run = self._timed
+        for name in PARTS:
+            setattr(entry_points, name, self._timed(name, getattr(entry_points, name)))
 
-    def _timed(self, module: str, name: str, *arguments: object) -> object:
-        begin = thread_time()
-        answer = self._run(module, name, *arguments)
-        knots = next(one.q.shape[0] for one in arguments if isinstance(one, program.Motion))
-        if not (name == "place" and arguments[-1] - arguments[-2] == 1):  # one knot of the first motion
-            self.of.setdefault(name, []).append(1e6 * (thread_time() - begin) / knots)
-        return answer
+    def _timed(self, name: str, entry: Callable) -> Callable:
+        def timed(*arguments: object) -> object:
+            begin = thread_time()
+            answer = entry(*arguments)
+            knots = next(one.q.shape[0] for one in arguments if isinstance(one, Motion))
+            if not (name == "place" and arguments[-1] - arguments[-2] == 1):  # one knot of the first motion
+                self.of.setdefault(name, []).append(1e6 * (thread_time() - begin) / knots)
+            return answer
+
+        return timed
 
     def cells(self) -> list[str]:
         """Mean of each part, and begin anew."""

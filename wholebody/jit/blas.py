@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+ALLOCATES = True
+"""numba counts references to the arrays that it hands to BLAS; see `wholebody.jit.entry`."""
+
 
 def gram(A, out):
     """``out = A' A``."""

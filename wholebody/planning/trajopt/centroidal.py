@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from wholebody.planning.trajopt.compiled import run
+from wholebody.planning.trajopt import entry_points
 from wholebody.robot.body_table import body_table
 
 
@@ -37,5 +37,5 @@ class Centroidal:
         K, frames = len(q), len(self._tables[2])
         out = np.empty((K, 3)), np.empty((K, 3)), np.empty((K, 3)), np.empty((frames, K, 3, 3))
         states = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        run("centroidal", "momenta", *self._tables, *states, *out, *self._scratch)
+        entry_points.momenta(*self._tables, *states, *out, *self._scratch)
         return out

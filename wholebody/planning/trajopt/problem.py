@@ -8,9 +8,8 @@ from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision import gjk
 from wholebody.config import TrajectoryConfig
 from wholebody.errors import InputError
+from wholebody.planning.trajopt import entry_points, weights
 from wholebody.planning.trajopt import layout as tables
-from wholebody.planning.trajopt import weights
-from wholebody.planning.trajopt.compiled import run
 from wholebody.planning.trajopt.layout import EDGE, NEAR, Motion, Task
 from wholebody.planning.trajopt.robot_tables import RobotTables
 
@@ -71,9 +70,7 @@ class TrajectoryProblem:
 
     def bend(self) -> None:
         """Judge the palms on the curve that has the knots as control points, as far as it bends away from them now."""
-        run(
-            "spline_offset", "bend", self.body.tables, self._task, self.now, self.trial, BEND_MAX, self._work,
-        )  # fmt: skip
+        entry_points.bend(self.body.tables, self._task, self.now, self.trial, BEND_MAX, self._work)
 
     def palms_on_curve(self) -> np.ndarray:
         """Palm poses of the present motion, (K, 2, 4, 4)."""
@@ -95,20 +92,20 @@ class TrajectoryProblem:
         tables, task, m, work = self.body.tables, self._task, self.now, self._work
         for k in range(first, self.K):
             m.q[k], m.near[k], m.over[k, NEAR:EDGE] = m.q[k - 1], 0, -1.0
-            run("linearise", "place", tables, task, m, work, k, k + 1)
-            run("warm_start", "follow", k, tables, m, self._scales, self._weights, self._system, work, self._sums)
+            entry_points.place(tables, task, m, work, k, k + 1)
+            entry_points.follow(k, tables, m, self._scales, self._weights, self._system, work, self._sums)
         if first < self.K:
             _even_out(m.q[max(0, first - 1 - BEFORE) :])
 
     def linearise(self, m: Motion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
         body, task, work = self.body, self._task, self._work
-        run("linearise", "place", body.tables, task, m, work, 0, self.K)
-        unsure = run("proximity", "measure", body.tables, body.shapes, task, m, self.near, self._trigger)
+        entry_points.place(body.tables, task, m, work, 0, self.K)
+        unsure = entry_points.measure(body.tables, body.shapes, task, m, self.near, self._trigger)
         if unsure:
             self._measure(m, self.near.unsure[:unsure])
-        run("proximity", "describe", body.tables, body.shapes, task, m, self.near)
-        run("linearise", "rates", body.tables, task, m, work)
+        entry_points.describe(body.tables, body.shapes, task, m, self.near)
+        entry_points.rates(body.tables, task, m, work)
 
     def _measure(self, m: Motion, unsure: np.ndarray) -> None:
         """Measure pairs that touch: rows of knot, pair and place in the list of the knot."""
@@ -127,11 +124,11 @@ class TrajectoryProblem:
 
     def cost(self, m: Motion) -> float:
         """What a motion costs."""
-        return run("cost", "cost", m, self._scales, self._weights, EDGE + self._n_edges)
+        return entry_points.cost(m, self._scales, self._weights, EDGE + self._n_edges)
 
     def assemble(self) -> None:
         """Assemble the linear program of the present motion, as far as it does not depend on what is exceeded."""
-        run("cost", "assemble", self.now, self._task, self._scales, self._system.H, self._system.g, self._sums)
+        entry_points.assemble(self.now, self._task, self._scales, self._system.H, self._system.g, self._sums)
 
     def step(self, damping: float, limit: int = 12, largest: float = np.inf) -> tuple[float, float, bool]:
         """Find the step of the linear program.
@@ -147,8 +144,8 @@ class TrajectoryProblem:
         Raises:
             InputError: If the program is singular.
         """
-        promise, size, exact = run(
-            "newton", "step", self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
+        promise, size, exact = entry_points.step(
+            self.body.tables, self._task, self.now, self._weights, self._system, self._sums,
             float(damping), limit, float(largest),
         )  # fmt: skip
         if size < 0.0:
@@ -160,7 +157,7 @@ class TrajectoryProblem:
 
     def move(self) -> None:
         """Set the configurations of the trial to where the step leads."""
-        run("warm_start", "moved", self.now, self._system.z, self._work.lower_step, self.trial)
+        entry_points.moved(self.now, self._system.z, self._work.lower_step, self.trial)
 
     def accept(self) -> None:
         """The trial becomes the present motion."""

@@ -19,7 +19,7 @@ from wholebody.planning.trajopt import layout as tables
 from wholebody.planning.trajopt import optimizer as posture_plan
 from wholebody.planning.trajopt import problem as program_module
 from wholebody.planning.trajopt.centroidal import Centroidal
-from wholebody.planning.trajopt.compiled import run
+from wholebody.planning.trajopt.kernels.inequalities import derivative
 from wholebody.planning.trajopt.layout import N_BODY
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.planning.trajopt.problem import TrajectoryProblem
@@ -288,7 +288,7 @@ def test_the_bounds_change_with_a_step_as_their_derivatives_say(raised):
     program.move()
     program.linearise(program.trial)
     for i in smooth:
-        run("inequalities", "derivative", i, 2, body.tables, m, config.dt, row)
+        derivative(i, 2, body.tables, m, config.dt, row)
         change = row @ z[2 * tables.N_FREE : 5 * tables.N_FREE]
         # How speeds turn with the joints is left out for the capture point and the way down to the floor.
         rough = 0.3 if tables.ZMP + 2 * E <= i < tables.ZMP + 3 * E else 0.0
