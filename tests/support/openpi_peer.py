@@ -9,6 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from policy import builtin
+from policy.action_spec.state import state_layout, state_numbers
+from tests.support.policy_cases import observation
+
 RECORDING = json.loads((Path(__file__).parent / "openpi_session.json").read_text())
 SERVER = {name: base64.b64decode(text) for name, text in RECORDING["server"].items()}
 """Websocket frames of openpi's server, by what they hold."""
@@ -16,6 +20,8 @@ REQUEST = base64.b64decode(RECORDING["request"])
 """Payload of what openpi's client sends."""
 IMAGE = (np.arange(2 * 3 * 3) * 14).astype(np.uint8).reshape(2, 3, 3)
 """The image in that request."""
+STATE = state_numbers(state_layout(builtin("wbc32")), observation()).astype(np.float32)
+"""The state in it: that of the stance."""
 
 
 class Peer:

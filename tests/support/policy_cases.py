@@ -1,10 +1,10 @@
-"""Observations, rotations and chunks that the policy tests share."""
+"""Observations, motions, rotations and chunks that the policy tests share."""
 
 import numpy as np
 from hypothesis import strategies as st
 
-from policy import ActionChunk, Anchor, Observation, builtin
-from policy.geometry.rotations import rotvec_to_matrix
+from policy import ActionChunk, Anchor, Motion, Observation, builtin
+from policy.geometry.rotations import rotvec_to_matrix, rpy_to_matrix
 from policy.geometry.se3 import make_transform
 
 
@@ -35,6 +35,15 @@ def wandering_chunk(anchor, *, steps=6, seed=1, reach=0.04, turn=0.15):
     }
     fingers = [q + rng.uniform(-0.05, 0.05, (steps, 7)) for q in (anchor.q_lhand, anchor.q_rhand)]
     return ActionChunk(builtin("wbc32").id, 3, 1.5, 30.0, poses["lhand"], poses["rhand"], *fingers)
+
+
+def made_up_motion(frames=121, fps=60.0):
+    """Arms and waist swing while the pelvis walks, turns and tilts."""
+    t = np.arange(frames) / fps
+    rng = np.random.default_rng(2)
+    q = Anchor.nominal().q_body + 0.3 * np.sin(np.outer(t, rng.uniform(0.5, 3.0, 29)))
+    tilt = rpy_to_matrix(np.stack([0.1 * np.sin(t), 0.2 * np.sin(2 * t), 1.0 + t], axis=1))
+    return Motion(fps, make_transform(tilt, np.stack([t, -0.5 * t, 0.8 + 0.02 * np.sin(t)], axis=1)), q)
 
 
 def rotation_vectors():

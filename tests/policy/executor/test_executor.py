@@ -1,7 +1,7 @@
 """Strategy: executors on a simulated clock, polled every 2 ms like a control loop, with scripts of known latency.
 
 What a policy does wrong must come out as an event and never as a chunk; the one test with a real thread is
-`test_executor_worker.py`.
+`test_worker.py`.
 """
 
 import dataclasses
@@ -15,27 +15,9 @@ from policy.errors import PolicyError
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import SimulatedWorker, simulated_executor, uniform_latency
 from policy.scripted.library import scripted
+from tests.support.executor_cases import TICK, Continuing, run, started
 from tests.support.faulty_policies import FAULTS, FaultyPolicy, executor
 from tests.support.policy_cases import observation
-
-TICK = 0.002
-
-
-def run(executor, seconds, *, start=0.0):
-    """Poll as a control loop does; (time, chunk) of everything that was handed out."""
-    got = []
-    for time in start + TICK * np.arange(round(seconds / TICK)):
-        executor.clock.set(max(time, executor.clock.now()))
-        chunk = executor.poll(lambda: observation(executor.clock.now()))
-        if chunk is not None:
-            got.append((float(executor.clock.now()), chunk))
-    return got
-
-
-def started(policy, **settings):
-    made = simulated_executor(policy, **settings)
-    made.reset()
-    return made
 
 
 def codes(executor):
@@ -225,26 +207,6 @@ def test_settings_that_make_no_sense_are_refused(settings):
 def test_real_time_chunking_is_refused_for_a_policy_that_cannot_continue_a_prefix():
     with pytest.raises(PolicyError, match=r"infer_after.*ScriptedPolicy has none.*ensemble"):
         simulated_executor(scripted("wave"), config=ExecutorConfig(real_time=True))
-
-
-class Continuing:
-    """A scripted policy that notes the prefixes that it is given."""
-
-    sees_robot = False
-
-    def __init__(self):
-        self.policy = scripted("wave")
-        self.spec, self.prefixes = self.policy.spec, []
-
-    def reset(self, task=""):
-        self.policy.reset(task)
-
-    def infer(self, observation):
-        return self.policy.infer(observation)
-
-    def infer_after(self, observation, prefix):
-        self.prefixes.append((observation, prefix))
-        return self.policy.infer(observation)
 
 
 def test_real_time_chunking_passes_what_is_executed_from_the_observation_on_and_the_expected_delay():

@@ -11,8 +11,8 @@ from policy.action_spec.codec import encode
 from policy.executor.executor import ExecutorConfig
 from policy.lerobot.policy import RealTimeLeRobotPolicy
 from policy.prefix import Prefix, PrefixPolicy
-from tests.policy.executor.test_executor import Continuing, run, started
 from tests.support import tiny_policies as tiny
+from tests.support.executor_cases import Continuing, run, started
 from wholebody.cli.sources import open_source
 
 LATENCY, FPS = 0.2, 30.0

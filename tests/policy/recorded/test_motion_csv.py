@@ -3,20 +3,11 @@
 import numpy as np
 import pytest
 
-from policy import Anchor, FileFormatError, Motion, motion_chunk, read_motion_csv, write_motion_csv
-from policy.geometry.rotations import angle_between, rpy_to_matrix
-from policy.geometry.se3 import make_transform
+from policy import Anchor, FileFormatError, motion_chunk, read_motion_csv, write_motion_csv
+from policy.geometry.rotations import angle_between
 from policy.kinematics.forward import kinematics
 from policy.recorded.motion_csv import COLUMNS
-
-
-def made_up_motion(frames=121, fps=60.0):
-    """Arms and waist swing while the pelvis walks, turns and tilts."""
-    t = np.arange(frames) / fps
-    rng = np.random.default_rng(2)
-    q = Anchor.nominal().q_body + 0.3 * np.sin(np.outer(t, rng.uniform(0.5, 3.0, 29)))
-    tilt = rpy_to_matrix(np.stack([0.1 * np.sin(t), 0.2 * np.sin(2 * t), 1.0 + t], axis=1))
-    return Motion(fps, make_transform(tilt, np.stack([t, -0.5 * t, 0.8 + 0.02 * np.sin(t)], axis=1)), q)
+from tests.support.policy_cases import made_up_motion
 
 
 @pytest.fixture

@@ -25,8 +25,7 @@ from policy import (
     write_chunk_file,
     write_motion_csv,
 )
-from tests.policy.recorded.test_motion_csv import made_up_motion
-from tests.support.policy_cases import observation, wandering_chunk
+from tests.support.policy_cases import made_up_motion, observation, wandering_chunk
 
 
 @pytest.fixture(scope="module")

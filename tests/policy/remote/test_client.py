@@ -28,8 +28,7 @@ from policy.remote.channel import (
 from policy.remote.client import RemoteOptions, RemotePolicy, _cameras
 from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.openpi import ALOHA, LIBERO, KeyMap
-from tests.policy.remote.test_msgpack_numpy import STATE
-from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, Peer, frame
+from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, STATE, Peer, frame
 from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone

@@ -9,13 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from policy import builtin
-from policy.action_spec.state import state_layout, state_numbers
 from policy.remote.msgpack_numpy import WireError, pack, unpack
-from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, payload_of
-from tests.support.policy_cases import observation
-
-STATE = state_numbers(state_layout(builtin("wbc32")), observation()).astype(np.float32)
+from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, STATE, payload_of
 
 
 def same(a, b):

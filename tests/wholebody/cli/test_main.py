@@ -1,7 +1,6 @@
 """Strategy: exit codes, first lines and files, through the entry point; what simulates in a process of its own."""
 
 import json
-import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -11,19 +10,13 @@ import pytest
 
 from models.scenes import SCENES
 from policy.scripted.library import SCRIPTS
+from tests.support.commands import wholebody
 from wholebody.cli import main as cli
 from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema
 from wholebody.verdict.verdict import Verdict
 
 SHORT = ("--duration", "0.2", "--hold", "0.2")
-
-
-def wholebody(*arguments, cwd=None):
-    code = "from wholebody.cli.main import main; main()"
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=250, check=False, cwd=cwd
-    )
 
 
 @pytest.fixture

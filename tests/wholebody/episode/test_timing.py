@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from policy.executor.report import Delivery, ExecutionReport
-from tests.wholebody.cli.test_main import wholebody
+from tests.support.commands import wholebody
 from wholebody.episode.chunk_seams import ChunkSeam
 from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing

@@ -9,7 +9,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import load_collision, stance_q
-from tests.wholebody.limits.test_self_collision import acceleration, postures, standing
+from tests.support.body_cases import point_acceleration, postures, upright
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.control.controller import WholeBodyController
@@ -87,7 +87,7 @@ def test_the_drift_is_the_acceleration_of_the_lowest_point(robot, underside):
         found = rows.upper - (np.sqrt(2.0 * limit.brake * room) - rows.J @ v) / limit.dt
         for joint, point, value in zip(underside.joints.tolist(), points, found, strict=True):
             local = robot.data.oMi[joint].actInv(point)
-            assert value == pytest.approx(acceleration(robot, joint, local, q, v, step)[2], abs=1e-3)
+            assert value == pytest.approx(point_acceleration(robot, joint, local, q, v, step)[2], abs=1e-3)
 
 
 def test_only_bodies_near_the_floor_have_rows_and_each_its_name(robot, underside):
@@ -124,7 +124,7 @@ def test_hands_driven_into_the_floor_stop_above_it(plant, drop, seconds):
     while state.time < 2.0:
         way = np.array([0.0, 0.0, -drop * min(state.time / seconds, 1.0)])
         poses = [pin.SE3(T.rotation, T.translation + way) for T in start]
-        command, report = controller.step(state, standing(controller, poses))
+        command, report = controller.step(state, upright(controller, poses))
         state = plant.step(command)
         fallbacks += report.level > 0
         least = min(least, float(heights(controller.floor.underside, controller.robot, state.q).min()))

@@ -9,8 +9,9 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from tests.support.body_cases import point_acceleration, postures, upright
 from wholebody.collision.proximity import Proximity
-from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
@@ -40,18 +41,6 @@ def scratch(robot):
         return np.array([result.min_distance for result in proximity.data.distanceResults])
 
     return distances
-
-
-def postures(robot, count, seed=7):
-    """Half near the stance, half anywhere within the joint limits."""
-    rng = np.random.default_rng(seed)
-    stance = stance_q(robot.spec, robot.model)
-    low, high = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
-    for i in range(count):
-        q = pin.integrate(robot.model, stance, rng.normal(0.0, 0.15, robot.nv))
-        if i % 2:
-            q[7:] = rng.uniform(low, high)
-        yield q
 
 
 def test_the_nearest_pairs_are_those_of_the_full_set_on_a_thousand_postures(robot, proximity, scratch):
@@ -117,18 +106,8 @@ def test_the_drift_is_the_change_of_the_rate_along_the_fixed_direction(robot, pr
             shapes = (proximity.geometry.geometryObjects[int(i)] for i in proximity.pairs[k])
             for sign, shape, point in zip((-1.0, 1.0), shapes, points, strict=True):
                 local = robot.data.oMi[shape.parentJoint].actInv(point)
-                expected[row] += sign * result.normal @ acceleration(robot, shape.parentJoint, local, q, v, step)
+                expected[row] += sign * result.normal @ point_acceleration(robot, shape.parentJoint, local, q, v, step)
         np.testing.assert_allclose(drift, expected, atol=1e-3)
-
-
-def acceleration(robot, joint, local, q, v, step):
-    """Of a point fixed to a body, for dv = 0: central difference of its velocity."""
-    data, velocities = robot.model.createData(), []
-    for sign in (1.0, -1.0):
-        pin.forwardKinematics(robot.model, data, pin.integrate(robot.model, q, sign * step * v), v)
-        M, motion = data.oMi[joint], pin.getVelocity(robot.model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-        velocities.append(motion.linear + np.cross(motion.angular, M.rotation @ local))
-    return (velocities[0] - velocities[1]) / (2.0 * step)
 
 
 def test_there_is_one_named_row_for_each_near_pair_nearest_first(robot, proximity, scratch):
@@ -160,32 +139,13 @@ def driven(plant, targets, seconds=2.5):
             pin.SE3(T.rotation, T.translation + share * (goal - T.translation))
             for T, goal in zip(start, targets, strict=True)
         ]
-        command, report = controller.step(state, standing(controller, poses))
+        command, report = controller.step(state, upright(controller, poses))
         state = plant.step(command)
         fallbacks += report.level > 0
         contacts |= {tuple(pair) for pair in plant.contacts()}
         least = min(least, float(proximity.bound.min()))
     reached = [controller.robot.pose(tool.palm_frame).translation.copy() for tool in plant.spec.tools]
     return least, contacts, fallbacks, reached, state
-
-
-def standing(controller, poses):
-    """The stance as a reference, palms elsewhere."""
-    zero, q = np.zeros(3), stance_q(controller.spec, controller.robot.model)
-    upright = (np.eye(3), zero, zero)
-    joints = np.zeros(controller.robot.n_joints)
-    palms = tuple(PalmReference(T_world=T, twist=np.zeros(6), acceleration=np.zeros(6)) for T in poses)
-    return BodyReference(
-        palms=palms,
-        q=q,
-        dq=joints,
-        ddq=joints,
-        pelvis=upright,
-        torso=upright,
-        height=(q[2], 0.0, 0.0),
-        com=(np.array([0.0, 0.0, 0.65]), zero, zero),
-        momentum=(zero, zero),
-    )
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from tests.wholebody.qp.test_formulation import standing
+from tests.support.body_cases import standing
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.control.controller import PalmReference, WholeBodyController
 from wholebody.qp.kernels import blocks as mem

@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from tests.support.body_cases import standing
 from wholebody.config import ControllerConfig
-from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import solve
@@ -24,27 +24,6 @@ def controller():
     controller.reset(state)
     controller.set_reference(standing(controller, q))
     return controller
-
-
-def standing(controller, q, lift=0.0):
-    robot = controller.robot
-    zero = np.zeros(robot.n_joints)
-    palms = []
-    for tool in controller.spec.tools:
-        T = robot.pose(tool.palm_frame)
-        pose = pin.SE3(T.rotation, T.translation + np.array([0.0, 0.0, lift]))
-        palms.append(PalmReference(T_world=pose, twist=np.zeros(6), acceleration=np.zeros(6)))
-    return BodyReference(
-        palms=tuple(palms),
-        q=q,
-        dq=zero,
-        ddq=zero,
-        pelvis=(robot.pose("pelvis").rotation.copy(), np.zeros(3), np.zeros(3)),
-        torso=(robot.pose("torso_link").rotation.copy(), np.zeros(3), np.zeros(3)),
-        height=(q[2], 0.0, 0.0),
-        com=(robot.com.copy(), np.zeros(3), np.zeros(3)),
-        momentum=(np.zeros(3), np.zeros(3)),
-    )
 
 
 def test_standing_needs_no_acceleration_and_carries_the_weight(controller):

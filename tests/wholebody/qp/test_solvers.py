@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
-from tests.wholebody.qp.test_formulation import standing
+from tests.support.body_cases import standing
 from wholebody.bench.commands import bench
 from wholebody.bench.solvers import HEADINGS, SolverRow, cells, study
 from wholebody.control.controller import WholeBodyController
