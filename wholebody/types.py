@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
 from math import hypot, isfinite
 
 import numpy as np
@@ -68,18 +68,82 @@ class Status(Enum):
     """Standing is lost: joints only damped."""
 
 
+class Reason(StrEnum):
+    """Why: every stable reason code of statuses, refusals and verdicts. A member is its code, also in JSON.
+
+    Attributes:
+        status: What the controller does for this reason; None for what is found around it or after the run.
+        sentence: What it says; ``docs/verdict.md`` has the same one.
+    """
+
+    status: Status | None
+    sentence: str
+
+    def __new__(cls, code: str, status: Status | None, sentence: str) -> Reason:
+        """A member with its status and sentence."""
+        reason = str.__new__(cls, code)
+        reason._value_, reason.status, reason.sentence = code, status, sentence
+        return reason
+
+    # Violations of a verdict, from what ends a motion to what only marks it.
+    FALL = "fall", None, "a body other than the feet is on the floor, the pelvis tilted or low, or the joints damped"
+    REFUSED = "refused", None, "a chunk was not executed: its reason code, how often, and the first one's sentence"
+    OUT_OF_REACH = "out_of_reach", Status.SLOWED, "how far the target of a hand was moved to where the plan gets"
+    NOT_FOLLOWED = "not_followed", None, "a palm left where it was commanded to be"
+    TOO_FAST_FOR_BALANCE = "too_fast_for_balance", Status.SLOWED, "how many times slower a chunk was planned"
+    FAR_START = "far_start", Status.SLOWED, "the first step is far from the hands, which go there within their limits"
+    TRACKING_ERROR = "tracking_error", None, "a palm was not where it was asked to be at the time of the step"
+    BALANCE_EDGE = "balance_edge", None, "the centre of pressure came to the edge of the soles"
+    TORQUE_LIMIT = "torque_limit", None, "a motor was asked for more than its effort limit for over 0.05 s in all"
+    JOINT_LIMIT = "joint_limit", None, "a joint passed its position limit by more than 2 mrad"
+    SELF_CONTACT = "self_contact", None, "two bodies of the robot touched"
+    SCENE_CONTACT = "scene_contact", None, "the robot touched something else, its feet on the floor left out"
+    CHUNK_NOTE = "chunk_note", None, "what decoding changed in a chunk or found odd, how often, and the first one"
+
+    # A chunk is followed, but not as it was given.
+    STEPS_JUMP = "steps_jump", Status.SLOWED, "steps jump: the nearest that a hand can do is followed"
+    POSTURE_INFEASIBLE = "posture_infeasible", Status.SLOWED, "no plan is balanced: the robot stays near where it is"
+    INTO_FLOOR = "into_floor", Status.SLOWED, "targets below the floor were lifted"
+    NOISY_CHUNK = "noisy_chunk", Status.SLOWED, "steps scatter: the curve through them is followed"
+    TRACKING = "tracking", Status.SLOWED, "the robot lags behind its plan, which waits for it"
+
+    # There is nothing to follow, or it cannot be used.
+    NO_CHUNK = "no_chunk", Status.HOLD, "no chunk has come yet: the stance is held"
+    STARVED = "starved", Status.HOLD, "the chunk is over and there is no new one: its end is held"
+    STATE_INVALID = "state_invalid", Status.HOLD, "the measured state is not finite: the last command is held"
+    CHUNK_INVALID = "chunk_invalid", Status.HOLD, "a chunk is malformed, not finite, or comes out of order"
+    CHUNK_STALE = "chunk_stale", Status.HOLD, "a chunk was over, or its observation too old, when it came"
+    CHUNK_FROM_FUTURE = "chunk_from_future", Status.HOLD, "a chunk's observation is later than the present"
+    PLANNING_FAILED = "planning_failed", Status.HOLD, "no plan could be computed for a chunk"
+    NOT_JOINED = "not_joined", Status.HOLD, "no balanced motion leads to the chunk yet: the one before is followed on"
+
+    # Balance needs everything, or is lost.
+    HANDS_DROPPED = "hands_dropped", Status.STOP, "the whole-body program has a solution only without the hands"
+    QP_FAILED = "qp_failed", Status.STOP, "the whole-body program has no solution: the last torques are held"
+    STANDING_LOST = "standing_lost", Status.DAMPING, "the pelvis is tilted or low: the joints are damped"
+
+    # The policy beside the loop; the chunk before is followed on.
+    POLICY_RAISED = "policy_raised", None, "the policy raised an error"
+    POLICY_HUNG = "policy_hung", None, "the policy has not answered in time"
+    POLICY_DEAD = "policy_dead", None, "the process of the policy ended"
+    CHUNK_FROM_BEFORE_RESET = "chunk_from_before_reset", None, "a chunk answers an observation of the episode before"
+    CHUNK_WRONG_SPEC = "chunk_wrong_spec", None, "a chunk has another layout than the policy declared"
+    CHUNK_WRONG_TIME = "chunk_wrong_time", None, "a chunk does not begin at the time of its observation"
+    CHUNK_OUT_OF_ORDER = "chunk_out_of_order", None, "a chunk's time or number does not increase"
+
+
 @dataclass(frozen=True, slots=True)
 class StatusReport:
     """A status with its reason.
 
     Attributes:
         status: What the controller is doing.
-        reason: Stable reason code such as ``"out_of_reach"``; empty when all is well.
+        reason: Why; None when all is well.
         detail: One sentence for a person: what, value and unit, bound.
     """
 
     status: Status
-    reason: str = ""
+    reason: Reason | None = None
     detail: str = ""
 
 

@@ -10,6 +10,7 @@ import typer
 
 from wholebody.cli.main import app
 from wholebody.resources import verdict_schema
+from wholebody.types import Reason
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENTS = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
@@ -59,8 +60,25 @@ def test_every_link_leads_to_a_file(document):
         assert (document.parent / target).exists(), f"{document.name} links to {target}"
 
 
-def test_every_reason_code_and_answer_is_explained():
-    schema = json.loads(verdict_schema().read_text())["$defs"]
-    codes = schema["violation"]["properties"]["code"]["enum"] + schema["verdict"]["properties"]["verdict"]["enum"]
+def test_every_answer_is_explained():
+    answers = json.loads(verdict_schema().read_text())["$defs"]["verdict"]["properties"]["verdict"]["enum"]
     text = (ROOT / "docs" / "verdict.md").read_text()
-    assert [code for code in codes if f"| `{code}` |" not in text] == []
+    assert [answer for answer in answers if f"| `{answer}` |" not in text] == []
+
+
+def test_the_tables_of_reason_codes_say_what_the_enum_says():
+    text = (ROOT / "docs" / "verdict.md").read_text().partition("## Reason codes")[2]
+    rows = re.findall(r"^\| `(\w+)` \| (?:`(\w+)`|–) \| (.+?) \|", text, re.MULTILINE)
+    assert rows == [(reason, reason.status.value if reason.status else "", reason.sentence) for reason in Reason]
+
+
+def test_the_schema_knows_the_violations_of_the_first_table():
+    codes = json.loads(verdict_schema().read_text())["$defs"]["violation"]["properties"]["code"]["enum"]
+    table = (ROOT / "docs" / "verdict.md").read_text().partition("| Says | Bound |")[2].partition("\n\n")[0]
+    assert re.findall(r"^\| `(\w+)`", table, re.MULTILINE) == codes
+
+
+def test_every_code_of_the_executor_is_a_reason():
+    codes = set(re.findall(r'"((?:policy|chunk)_\w+|starved)"', (ROOT / "policy/executor/executor.py").read_text()))
+    assert codes >= {"policy_hung", "starved"}
+    assert codes <= set(Reason)

@@ -25,7 +25,7 @@ from wholebody.sim.limit_monitor import LimitExcess, LimitMonitor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.sensors import Sensors
-from wholebody.types import RobotState, Status
+from wholebody.types import Reason, RobotState, Status
 
 Cameras = Callable[[], Mapping[str, np.ndarray]]
 """Images of the present moment: camera name to uint8 (height, width, 3), RGB."""
@@ -49,11 +49,19 @@ class EpisodeConfig:
 
 @dataclass(frozen=True)
 class Refusal:
-    """A chunk that was refused, or that never came: simulated time [s], reason code, and a sentence."""
+    """A chunk that was refused, or that never came: simulated time [s], reason, and a sentence."""
 
     time: float
-    reason: str
+    reason: Reason
     detail: str
+
+
+@dataclass(frozen=True)
+class Note:
+    """What decoding changed in a chunk or found odd: simulated time [s] and a sentence."""
+
+    time: float
+    text: str
 
 
 @dataclass
@@ -79,6 +87,7 @@ class EpisodeResult:
         creep: Largest distance that a sole slid [m].
         tilt: Largest pelvis tilt [rad].
         refusals: Chunks that were refused or never came.
+        notes: What decoding changed in the chunks or found odd.
         clamped: Largest distance that a target was moved [m], of which hand, and when that target was due [s].
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
         start: When the first chunk was asked for [s].
@@ -106,6 +115,7 @@ class EpisodeResult:
     creep: float = 0.0
     tilt: float = 0.0
     refusals: list[Refusal] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
     clamped: float = 0.0
     clamped_hand: str = ""
     clamped_time: float = 0.0
@@ -229,8 +239,8 @@ def _fill(result: EpisodeResult, score: TrackingError, watch: LimitMonitor) -> N
     result.turns, result.lags = score.turns(), score.lags()
     result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
     result.margin, result.creep = watch.margin, watch.creep
-    faults = (event for event in result.execution.events if event.code != "starved")
-    result.refusals = [Refusal(event.time, event.code, event.detail) for event in faults]
+    faults = (event for event in result.execution.events if event.code != Reason.STARVED)
+    result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
 
 
 def _executor(policy: Policy | Executor, config: EpisodeConfig) -> Executor:
@@ -252,6 +262,7 @@ def _offer(
     poses = supervisor.palm_reference()
     status = supervisor.accept(chunk)
     result.fps = chunk.fps
+    result.notes += [Note(executor.clock.now(), text) for text in chunk.notes]
     if status.status is Status.HOLD and status.reason:
         executor.refused(status.reason, status.detail)
         return False

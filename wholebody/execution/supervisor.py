@@ -22,7 +22,7 @@ from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.smoothing import denoised
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
-from wholebody.types import JointCommand, RobotState, Status, StatusReport, check_state
+from wholebody.types import JointCommand, Reason, RobotState, Status, StatusReport, check_state
 
 DAMPING_KD = 8.0
 """Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
@@ -33,10 +33,10 @@ FALL_HEIGHT = 0.20
 RETRY = 0.2
 """Time from one attempt to join a chunk to the next [s]."""
 
-TRACKING = StatusReport(Status.TRACKING, "", "")
+TRACKING = StatusReport(Status.TRACKING)
 """Nothing to say."""
-NO_CHUNK = StatusReport(Status.HOLD, "no_chunk", "no chunk yet: holding the stance")
-STARVED = StatusReport(Status.HOLD, "starved", "the chunk is over: holding its end")
+NO_CHUNK = StatusReport(Status.HOLD, Reason.NO_CHUNK, "no chunk yet: holding the stance")
+STARVED = StatusReport(Status.HOLD, Reason.STARVED, "the chunk is over: holding its end")
 
 
 class Supervisor:
@@ -125,12 +125,12 @@ class Supervisor:
         try:
             chunk.validate(after=self._chunk)
         except (ChunkError, ValueError) as error:
-            return self._refuse("chunk_invalid", str(error))
+            return self._refuse(Reason.CHUNK_INVALID, str(error))
         if chunk.times[-1] <= now:
             age = now - chunk.t_obs
-            return self._refuse("chunk_stale", f"the chunk's last step is over: it is {age:.2f} s old")
+            return self._refuse(Reason.CHUNK_STALE, f"the chunk's last step is over: it is {age:.2f} s old")
         if chunk.t_obs > now + 1.0 / chunk.fps:
-            return self._refuse("chunk_from_future", f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
+            return self._refuse(Reason.CHUNK_FROM_FUTURE, f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
         return self._join(chunk)
 
     def _join(self, chunk: ActionChunk) -> StatusReport:
@@ -148,7 +148,7 @@ class Supervisor:
             plan = self.planner.plan(meant, now, start, commanded, before, doubtful=doubtful)
         except (InputError, RuntimeError, ValueError) as error:
             self._smoother.state[:] = reference
-            return self._refuse("planning_failed", str(error))
+            return self._refuse(Reason.PLANNING_FAILED, str(error))
         if not plan.report.safe or plan.report.hindered:
             self._waiting = chunk
         if again and not plan.report.quicker(self.plan_report):
@@ -157,7 +157,7 @@ class Supervisor:
         if not plan.report.safe and self._is_safe_ahead():
             self._smoother.state[:] = reference
             return self._refuse(
-                "not_joined",
+                Reason.NOT_JOINED,
                 "no balanced motion leads from here to the chunk yet, so the one before is followed to its end: "
                 "a chunk that begins nearer to the hands, or slower, would be joined at once",
             )
@@ -228,13 +228,13 @@ class Supervisor:
         try:
             check_state(state, self.robot.n_joints)
         except InputError as error:
-            self.status = StatusReport(Status.HOLD, "state_invalid", str(error))
+            self.status = StatusReport(Status.HOLD, Reason.STATE_INVALID, str(error))
             return self._blind_command(self._last_state)
         self._last_state = state
         if self._fallen or self._has_fallen(state):
             self._fallen = True
             self.status = StatusReport(
-                Status.DAMPING, "standing_lost", "the robot is no longer standing: joints damped"
+                Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped"
             )
             return self._damping_command(state)
         if self._follower.share < 1.0 and self._waiting is None:
@@ -255,9 +255,9 @@ class Supervisor:
     def _judge(self) -> None:
         """Status after a tick, worst first."""
         if self.last_tick.level == 2:
-            self.status = StatusReport(Status.STOP, "qp_failed", "no program had a solution: last torques held")
+            self.status = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
         elif self.last_tick.level == 1:
-            self.status = StatusReport(Status.STOP, "hands_dropped", "balance needs everything: hands give way")
+            self.status = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
         elif self._plan is None:
             self.status = self._refused or NO_CHUNK
         elif self._follower.s > self._plan.end or self._last_state.time > self._chunk_end + 0.5:
@@ -270,22 +270,23 @@ class Supervisor:
             self.status = self._refused
         elif self._lift > 0.0:
             detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"
-            self.status = StatusReport(Status.SLOWED, "into_floor", detail)
+            self.status = StatusReport(Status.SLOWED, Reason.INTO_FLOOR, detail)
         elif self._doubtful or (self._noisy and not self._plan.report.reasons):
             detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
-            self.status = StatusReport(Status.SLOWED, "noisy_chunk", detail)
+            self.status = StatusReport(Status.SLOWED, Reason.NOISY_CHUNK, detail)
         elif self._plan.report.reasons:
             report = self._plan.report
             moved = max(float(report.clamped.max()), report.tempered)
             detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
         elif self._follower.rate < 0.98:
-            self.status = StatusReport(Status.SLOWED, "tracking", f"slowed to {self._follower.rate:.2f} of chunk speed")
+            detail = f"slowed to {self._follower.rate:.2f} of chunk speed"
+            self.status = StatusReport(Status.SLOWED, Reason.TRACKING, detail)
         else:
             self.status = TRACKING
         return self.status
 
-    def _refuse(self, reason: str, detail: str) -> StatusReport:
+    def _refuse(self, reason: Reason, detail: str) -> StatusReport:
         self._refused = self.status = StatusReport(Status.HOLD, reason, detail)
         return self.status
 

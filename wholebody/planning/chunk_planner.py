@@ -21,6 +21,7 @@ from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.planning.trajopt.optimizer import KnotTrajectory, TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
 from wholebody.robot.state import Robot
+from wholebody.types import Reason
 
 GUESS_DISTANCE = 0.03
 """Up to which the plan before is worth beginning with [m]."""
@@ -56,7 +57,7 @@ class PlanReport:
         clamped: How far each hand was moved at each step, shape (K, 2), [m].
         slowdown: Factor by which the chunk takes longer, at least 1.
         zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
-        reasons: Stable reason codes.
+        reasons: Why it is not followed as given, most important first.
         excess: Largest excess of the posture plan over one of its bounds, in terms of the room behind the bound.
         safe: Whether the posture plan keeps its bounds and its balance, between its steps too.
         tempered: How far the steps of a chunk that jumps were moved to be steps that a hand can do [m].
@@ -67,7 +68,7 @@ class PlanReport:
     clamped: np.ndarray
     slowdown: float
     zmp_margin: np.ndarray
-    reasons: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
     excess: float = 0.0
     safe: bool = True
     tempered: float = 0.0
@@ -75,7 +76,7 @@ class PlanReport:
     @property
     def hindered(self) -> bool:
         """Whether the way to a chunk that begins elsewhere is slow because of what the robot was doing."""
-        return "far_start" in self.reasons and self.slowdown > 1.0
+        return Reason.FAR_START in self.reasons and self.slowdown > 1.0
 
     def quicker(self, other: PlanReport) -> bool:
         """Whether this plan is balanced and quicker than another one."""
@@ -189,16 +190,16 @@ class ChunkPlanner:
         margin = np.min(self.posture.body.pressure_offsets - motion.zmp @ self.posture.support.normals.T, axis=1)
         reasons = []
         if clamped.max() > 0.0:
-            reasons.append("out_of_reach")
+            reasons.append(Reason.OUT_OF_REACH)
         if attempt.slowdown > 1.0:
-            reasons.append("too_fast_for_balance")
+            reasons.append(Reason.TOO_FAST_FOR_BALANCE)
         if attempt.tempered > TEMPERED:
-            reasons.append("steps_jump")
+            reasons.append(Reason.STEPS_JUMP)
         if _begins_elsewhere(chunk, now, commanded):
-            reasons.append("far_start")
+            reasons.append(Reason.FAR_START)
         safe = self._safe(attempt)
         if not safe:
-            reasons.append("posture_infeasible")
+            reasons.append(Reason.POSTURE_INFEASIBLE)
         report = PlanReport(
             steps=steps, missed=attempt.distance, clamped=clamped, slowdown=attempt.slowdown, zmp_margin=margin,
             reasons=tuple(reasons), excess=attempt.excess, safe=safe, tempered=attempt.tempered,

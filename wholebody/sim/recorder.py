@@ -70,7 +70,7 @@ class Recorder:
             "foot_force": force,
             "pressure": pressure,
             "status": status.status.value,
-            "reason": status.reason,
+            "reason": str(status.reason or ""),
             "contacts": " ".join("-".join(pair) for pair in plant.contacts()),
             "objects": plant.objects(),
         }

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wholebody.types import Reason
 from wholebody.verdict.verdict import BEND_MAX, Verdict, Violation
 
 FOR_PEOPLE = {
@@ -20,29 +21,29 @@ FOR_PEOPLE = {
 """Factor and unit in which people read a value, by its SI unit."""
 
 PHRASES = {
-    "out_of_reach": "target of the {subject} moved by {value} (bound {bound})",
-    "not_followed": "{subject} {value} from where it was commanded to be (bound {bound})",
-    "too_fast_for_balance": "{subject} {value} (bound {bound})",
-    "far_start": "{subject} {value} from where the hands were (bound {bound})",
-    "tracking_error": "{subject} {value} from where it was asked to be (bound {bound})",
-    "balance_edge": "{subject} {value} inside the soles (bound {bound})",
-    "torque_limit": "{subject} asked for {value} (bound {bound})",
-    "joint_limit": "{subject} at {value} (bound {bound})",
+    Reason.OUT_OF_REACH: "target of the {subject} moved by {value} (bound {bound})",
+    Reason.NOT_FOLLOWED: "{subject} {value} from where it was commanded to be (bound {bound})",
+    Reason.TOO_FAST_FOR_BALANCE: "{subject} {value} (bound {bound})",
+    Reason.FAR_START: "{subject} {value} from where the hands were (bound {bound})",
+    Reason.TRACKING_ERROR: "{subject} {value} from where it was asked to be (bound {bound})",
+    Reason.BALANCE_EDGE: "{subject} {value} inside the soles (bound {bound})",
+    Reason.TORQUE_LIMIT: "{subject} asked for {value} (bound {bound})",
+    Reason.JOINT_LIMIT: "{subject} at {value} (bound {bound})",
 }
 """What a violation with a number says; the others are their subject alone."""
 
 WHY_NOT = {
-    "fall": "the robot falls",
-    "refused": "the input is refused",
-    "out_of_reach": f"a hand would have to be moved by more than {1e3 * BEND_MAX:.0f} mm",
-    "not_followed": "the hands lose the motion",
+    Reason.FALL: "the robot falls",
+    Reason.REFUSED: "the input is refused",
+    Reason.OUT_OF_REACH: f"a hand would have to be moved by more than {1e3 * BEND_MAX:.0f} mm",
+    Reason.NOT_FOLLOWED: "the hands lose the motion",
 }
 CHANGES = {
-    "too_fast_for_balance": "slowed down",
-    "out_of_reach": "a hand moved",
-    "tracking_error": "not everywhere on time",
-    "self_contact": "the robot touches itself",
-    "torque_limit": "at a motor's limit",
+    Reason.TOO_FAST_FOR_BALANCE: "slowed down",
+    Reason.OUT_OF_REACH: "a hand moved",
+    Reason.TRACKING_ERROR: "not everywhere on time",
+    Reason.SELF_CONTACT: "the robot touches itself",
+    Reason.TORQUE_LIMIT: "at a motor's limit",
 }
 """In words, what a reason code did to the input."""
 

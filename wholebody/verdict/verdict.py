@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections import Counter
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from math import isfinite
@@ -16,6 +16,7 @@ from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.chunk_planner import START_MAX
 from wholebody.sim.limit_monitor import LimitExcess
+from wholebody.types import Reason
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 
@@ -37,9 +38,7 @@ class Violation:
     """One reason against an input.
 
     Attributes:
-        code: Stable reason code: ``fall``, ``refused``, ``out_of_reach``, ``not_followed``, ``too_fast_for_balance``,
-            ``far_start``, ``tracking_error``, ``balance_edge``, ``torque_limit``, ``joint_limit``, ``self_contact`` or
-            ``scene_contact``.
+        code: Stable reason code.
         subject: Joint, body, hand or message that it is about.
         time: When first, or when worst, in simulated time [s]; None if it has no instant.
         step: The same in steps of the input, from 0.
@@ -47,7 +46,7 @@ class Violation:
         unit: ``m``, ``rad``, ``N m``, ``s`` or empty.
     """
 
-    code: str
+    code: Reason
     subject: str
     time: float | None = None
     step: int | None = None
@@ -173,45 +172,58 @@ def _violations(result: EpisodeResult) -> list[Violation]:
     """From what ends a motion to what only marks it; within a kind the worst first."""
     found = []
     if result.fall is not None:
-        found.append(Violation(code="fall", subject=result.fall.cause, time=result.fall.time))
+        found.append(Violation(code=Reason.FALL, subject=result.fall.cause, time=result.fall.time))
     found += _refusals(result)
     found += _plan_violations(result)
-    found += _palm_violations("tracking_error", result.errors, result.times, ERROR_FEASIBLE)
+    found += _palm_violations(Reason.TRACKING_ERROR, result.errors, result.times, ERROR_FEASIBLE)
     if result.edge is not None:
         edge = result.edge
-        found.append(_metres("balance_edge", "centre of pressure", edge.first, edge.worst, edge.bound))
-    found += _excesses("torque_limit", _lasting(result.torques), "N m")
-    found += _excesses("joint_limit", result.positions, "rad")
-    for code, contacts in (("self_contact", result.contacts), ("scene_contact", result.scene_contacts)):
+        found.append(_metres(Reason.BALANCE_EDGE, "centre of pressure", edge.first, edge.worst, edge.bound))
+    found += _excesses(Reason.TORQUE_LIMIT, _lasting(result.torques), "N m")
+    found += _excesses(Reason.JOINT_LIMIT, result.positions, "rad")
+    for code, contacts in ((Reason.SELF_CONTACT, result.contacts), (Reason.SCENE_CONTACT, result.scene_contacts)):
         first = sorted(contacts.items(), key=lambda item: item[1])[:LISTED]
         found += [Violation(code=code, subject=" - ".join(pair), time=time) for pair, time in first]
+    found += _notes(result)
     return [_with_step(violation, result) for violation in found]
 
 
 def _refusals(result: EpisodeResult) -> Iterator[Violation]:
     """The first of every reason, with how many there were: a policy that fails is asked again four times a second."""
-    count = Counter(refusal.reason for refusal in result.refusals)
-    first = {refusal.reason: refusal for refusal in reversed(result.refusals)}
-    for reason in list(count)[:LISTED]:
-        times = f" {count[reason]} times" if count[reason] > 1 else ""
-        yield Violation(code="refused", subject=f"{reason}{times}: {first[reason].detail}", time=first[reason].time)
+    for first, times in _first_of_each((refusal.reason, refusal) for refusal in result.refusals):
+        yield Violation(code=Reason.REFUSED, subject=f"{first.reason}{times}: {first.detail}", time=first.time)
+
+
+def _notes(result: EpisodeResult) -> Iterator[Violation]:
+    """The first of all notes that differ in their numbers only, with how many there were."""
+    for note, times in _first_of_each((re.sub(r"[\d.]+", "", note.text), note) for note in result.notes):
+        yield Violation(code=Reason.CHUNK_NOTE, subject=f"{note.text}{times and f',{times}'}", time=note.time)
+
+
+def _first_of_each[T](pairs: Iterable[tuple[str, T]]) -> Iterator[tuple[T, str]]:
+    """The first item of each kind, at most `LISTED`, and ``" n times"`` if there were several."""
+    kinds: dict[str, list[T]] = {}
+    for kind, item in pairs:
+        kinds.setdefault(kind, []).append(item)
+    for items in list(kinds.values())[:LISTED]:
+        yield items[0], f" {len(items)} times" if len(items) > 1 else ""
 
 
 def _plan_violations(result: EpisodeResult) -> Iterator[Violation]:
     if result.clamped > 0.0:
         bound = BEND_MAX if result.clamped > BEND_MAX else 0.0
-        yield _metres("out_of_reach", f"{result.clamped_hand} hand", result.clamped_time, result.clamped, bound)
-    yield from _palm_violations("not_followed", result.lags, result.times, BEND_MAX)
+        yield _metres(Reason.OUT_OF_REACH, f"{result.clamped_hand} hand", result.clamped_time, result.clamped, bound)
+    yield from _palm_violations(Reason.NOT_FOLLOWED, result.lags, result.times, BEND_MAX)
     if result.slowdown > 1.0:
         subject, time = "slow-down factor", result.slowed_time
-        yield Violation(code="too_fast_for_balance", subject=subject, time=time, value=result.slowdown, bound=1.0)
+        yield Violation(code=Reason.TOO_FAST_FOR_BALANCE, subject=subject, time=time, value=result.slowdown, bound=1.0)
     for value, bound, unit in zip(result.start_jump, START_MAX, ("m", "rad"), strict=True):
         if value > bound:
-            subject, time = "first step", result.start
-            yield Violation(code="far_start", subject=subject, time=time, value=value, bound=float(bound), unit=unit)
+            settings = {"subject": "first step", "time": result.start, "value": value, "bound": float(bound)}
+            yield Violation(code=Reason.FAR_START, **settings, unit=unit)
 
 
-def _palm_violations(code: str, errors: np.ndarray, times: np.ndarray, bound: float) -> Iterator[Violation]:
+def _palm_violations(code: Reason, errors: np.ndarray, times: np.ndarray, bound: float) -> Iterator[Violation]:
     """The worst of both palms, if it is past the bound."""
     if _largest(errors) > bound:
         step, side = np.unravel_index(errors.argmax(), errors.shape)
@@ -222,13 +234,13 @@ def _lasting(torques: dict[str, LimitExcess]) -> dict[str, LimitExcess]:
     return {joint: excess for joint, excess in torques.items() if excess.seconds > TORQUE_TIME}
 
 
-def _excesses(code: str, found: dict[str, LimitExcess], unit: str) -> Iterator[Violation]:
+def _excesses(code: Reason, found: dict[str, LimitExcess], unit: str) -> Iterator[Violation]:
     worst = sorted(found.items(), key=lambda item: -abs(item[1].worst - item[1].bound))
     for joint, e in worst[:LISTED]:
         yield Violation(code=code, subject=joint, time=e.first, value=e.worst, bound=e.bound, unit=unit)
 
 
-def _metres(code: str, subject: str, time: float, value: float, bound: float) -> Violation:
+def _metres(code: Reason, subject: str, time: float, value: float, bound: float) -> Violation:
     return Violation(code=code, subject=subject, time=time, value=value, bound=bound, unit="m")
 
 

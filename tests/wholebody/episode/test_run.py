@@ -20,6 +20,8 @@ from tests.support.faulty_policies import FaultyPolicy, executor
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
+from wholebody.types import Reason
+from wholebody.verdict.verdict import judge
 
 SPEC = g1()
 SEAM, SEAM_VELOCITY = 1e-3, 0.05
@@ -210,6 +212,16 @@ def test_a_policy_is_told_the_task_and_shown_the_images(robot):
     assert observation.images["head"] is image
     observation.validate()
     assert result.refusals == []
+
+
+def test_what_decoding_notes_of_a_chunk_reaches_the_verdict(robot):
+    policy = scripted("wave")
+    answer = policy.infer
+    policy.infer = lambda observation: dataclasses.replace(answer(observation), notes=("left_hand: 2 numbers clipped",))
+    result = run_episode(policy, *robot, duration=0.02, config=EpisodeConfig(settle=0.1, hold=0.0))
+    (violation,) = judge("wave", result).violations
+    assert (violation.code, violation.subject) == (Reason.CHUNK_NOTE, "left_hand: 2 numbers clipped")
+    assert violation.time == pytest.approx(0.1)
 
 
 def test_real_time_is_not_what_mujoco_is_stepped_in(robot):

@@ -7,7 +7,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from wholebody.episode.run import EpisodeResult, Refusal
+from wholebody.episode.run import EpisodeResult, Note, Refusal
 from wholebody.resources import verdict_schema
 from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import LimitExcess
@@ -175,3 +175,15 @@ def test_a_policy_that_fails_again_and_again_is_one_line_with_the_first_time():
     verdict = judge("wave", result(refusals=refusals))
     said = [(v.subject, v.time) for v in verdict.violations if v.code == "refused"]
     assert said == [("policy_raised 40 times: KeyError: 0", 0.0), ("policy_hung: no answer since 0.600 s", 1.6)]
+
+
+def test_what_decoding_changed_is_one_line_whatever_its_numbers():
+    notes = [
+        Note(1.0 + k, f"left_hand: {k + 1} numbers clipped to their limits, by up to 0.{k}5 rad") for k in range(3)
+    ]
+    verdict = judge("wave", result(notes=[*notes, Note(2.0, "the image of 'head' is missing")]))
+    assert [(v.code, v.subject, v.time, v.step) for v in verdict.violations] == [
+        ("chunk_note", "left_hand: 1 numbers clipped to their limits, by up to 0.05 rad, 3 times", 1.0, 0),
+        ("chunk_note", "the image of 'head' is missing", 2.0, 30),
+    ]
+    jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
