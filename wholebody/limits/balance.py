@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.limits.base import Rows
+from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import SupportPolygon
-
-GRAVITY = 9.81
-"""[m/s^2]"""
 
 
 class CapturePointLimit:
@@ -37,14 +35,9 @@ class CapturePointLimit:
         if self.support is None:
             return Rows(np.zeros((0, robot.nv)), np.zeros(0), ())
         normals = self.support.normals
-        omega = natural_frequency(robot)
+        omega = natural_frequency(robot.com[2])
         xi = robot.com[:2] + robot.com_velocity[:2] / omega
         left = self.support.offsets - self.margin - normals @ xi
         upper = omega * (self.gain * left - normals @ robot.com_velocity[:2]) - normals @ robot.drift_com[:2]
         labels = tuple(f"balance.edge{i}" for i in range(len(left)))
         return Rows(normals @ robot.J_com[:2], upper, labels)
-
-
-def natural_frequency(robot: Robot) -> float:
-    """``sqrt(g / z)`` of the linear inverted pendulum at the present height [1/s]."""
-    return float(np.sqrt(GRAVITY / max(robot.com[2], 0.2)))

@@ -13,6 +13,10 @@ from wholebody.jit.former import digest, native, register
 CORES = (
     "wholebody.collision.gjk",
     "wholebody.qp.kernels.linear_algebra",
+    "wholebody.robot.kernels.rotation",
+    "wholebody.robot.kernels.spatial",
+    "wholebody.robot.kernels.bodies",
+    "wholebody.robot.kernels.pendulum",
     "wholebody.robot.kernels.frames",
     "wholebody.robot.kernels.rigid_body",
     "wholebody.qp.kernels.limits",

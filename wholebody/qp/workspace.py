@@ -103,9 +103,9 @@ def _fill_robot(p: ProgramInputs, reals: Arena, ints: Arena) -> None:
     model, counts, moves = p.robot.model, ints[b.COUNTS], contact_moves(p)
     reals[b.TABLE][:], ints[b.PARENT][:] = body_table(model)
     reals[b.ARMATURE][:], reals[b.GRAVITY][:] = model.armature, model.gravity.linear
-    for row, frame in zip(reals[b.FRAME_TABLE], frame_names(p), strict=True):
+    for i, frame in enumerate(frame_names(p)):
         placement = model.frames[p.robot.frame_id(frame)].placement
-        row[:9], row[9:] = placement.rotation.ravel(), placement.translation
+        reals[b.FRAME_R][i], reals[b.FRAME_P][i] = placement.rotation.ravel(), placement.translation
     ints[b.FRAME_BODY][:] = frame_bodies(p)
     reals[b.LOCAL_POINTS][:] = np.vstack([foot.points for foot in p.feet])
     reals[b.JOINTS][:], reals[b.TAU_FULL][:] = p.joints, p.tau_max
@@ -196,7 +196,7 @@ def _arenas(p: ProgramInputs, near_reals: Blocks, near_ints: Blocks) -> tuple[Ar
     soft = edges + 15 + low + most if p.safety else 0
     rows, nu = 2 * nj + 5 * n_points + soft + 2, ny + nf + 2
     reals = {
-        b.TABLE: (nb, 25), b.ARMATURE: (nv,), b.GRAVITY: (3,), b.FRAME_TABLE: (frames, 12),
+        b.TABLE: (nb, 25), b.ARMATURE: (nv,), b.GRAVITY: (3,), b.FRAME_R: (frames, 9), b.FRAME_P: (frames, 3),
         b.LOCAL_POINTS: (n_points, 3), b.JOINTS: (5, nj), b.TAU_MAX: (nj,), b.TAU_FULL: (nj,),
         b.POSTURE_GAIN: (3, nj), b.HAND_GAIN: (6,), b.COM_GAIN: (6,), b.MOMENTUM_GAIN: (2,), b.PELVIS_GAIN: (4,),
         b.TORSO_GAIN: (4,), b.HEIGHT_GAIN: (4,), b.CONTACT: (5,), b.BALANCE: (2,), b.PELVIS_LIMIT: (4,),

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.errors import InputError
+from wholebody.robot.kernels.bodies import AXIS, BODY, INERTIA, LEVER, MASS, PLACEMENT_P
 
 REVOLUTE = {
     "JointModelRX": (1.0, 0.0, 0.0),
@@ -27,19 +28,23 @@ def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
     """
     n = model.njoints - 1
     if model.joints[1].shortname() != "JointModelFreeFlyer" or model.nv != 5 + n:
-        raise InputError("compiled dynamics need a free-flyer base and revolute joints; use `compiled: false`")
-    table, parent = np.zeros((n, 25)), np.zeros(n, dtype=np.int64)
+        raise InputError(
+            f"compiled dynamics need a free-flyer base and revolute joints, {5 + n} velocities for {n - 1} joints; "
+            f"the model begins with a {model.joints[1].shortname()} and has {model.nv} velocities. "
+            "`models.pinocchio_model.load_pinocchio` adds the free-flyer to a URDF"
+        )
+    table, parent = np.zeros((n, BODY)), np.zeros(n, dtype=np.int64)
     for i in range(n):
         joint, row = model.joints[i + 1], table[i]
         placement, inertia = model.jointPlacements[i + 1], model.inertias[i + 1]
-        row[:12] = np.concatenate([placement.rotation.ravel(), placement.translation])
+        row[:PLACEMENT_P], row[PLACEMENT_P:AXIS] = placement.rotation.ravel(), placement.translation
         if i > 0:
-            row[12:15] = _axis(model, i + 1)
+            row[AXIS:MASS] = _axis(model, i + 1)
             parent[i] = model.parents[i + 1] - 1
             if joint.idx_v != 5 + i:
                 raise InputError(f"joint '{model.names[i + 1]}' is at column {joint.idx_v} of v; {5 + i} is expected")
-        row[15], row[16:19] = inertia.mass, inertia.lever
-        row[19:] = inertia.inertia[np.triu_indices(3)]
+        row[MASS], row[LEVER:INERTIA] = inertia.mass, inertia.lever
+        row[INERTIA:] = inertia.inertia[np.triu_indices(3)]
     return table, parent
 
 

@@ -15,10 +15,11 @@ from wholebody.collision.shapes import shape_table
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
+from wholebody.jit.entry import Entry
 from wholebody.qp.kernels import blocks as b
-from wholebody.reference.compiled import compiled
 from wholebody.types import RobotState
 
+DISTANCE = Entry(core.distance)
 POSTURES = 150
 """Each with all 1159 pairs."""
 COAL = 3e-6
@@ -48,7 +49,7 @@ class Measuring:
         first = table.shapes[:, core.FIRST]
         self.state = np.column_stack([np.zeros(len(self.pairs), dtype=np.int64), first[self.pairs]])
         self.scratch, self.rows = np.zeros(core.SCRATCH), np.zeros((len(self.pairs), 9))
-        self._distance = compiled(core, "distance")
+        self._distance = DISTANCE
 
     def ours(self, q):
         """Distances, NaN where unsure."""

@@ -13,9 +13,9 @@ from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.supervisor import Supervisor
-from wholebody.limits.balance import natural_frequency
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
+from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
 
 SPEC = g1()
@@ -62,7 +62,7 @@ class Specification:
         palms = [self.body(self.smoother.motion).palms[i].T_world.translation for i in (0, 1)]
         error = np.linalg.norm(palms - c.palm_positions(), axis=1).max()
         share = np.clip((safety.error_stop - error) / (safety.error_stop - safety.error_slow), 0.0, 1.0)
-        capture = c.robot.com[:2] + c.robot.com_velocity[:2] / natural_frequency(c.robot)
+        capture = c.robot.com[:2] + c.robot.com_velocity[:2] / natural_frequency(c.robot.com[2])
         return min(share, np.clip(c.balance.support.margin(capture) / safety.balance_slow, 0.0, 1.0))
 
     def reference(self, q):

@@ -11,7 +11,7 @@ from wholebody.backends.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_P
 from wholebody.backends.kinematic.kernels.placement import STEP
 from wholebody.contacts.foot import FootContact
 from wholebody.jit.packed import Arena
-from wholebody.limits.balance import GRAVITY, CapturePointLimit
+from wholebody.limits.balance import CapturePointLimit
 from wholebody.qp.kernels import blocks as b
 from wholebody.qp.workspace import (
     DUAL_ACCEPTED,
@@ -22,7 +22,8 @@ from wholebody.qp.workspace import (
     frame_bodies,
     frame_names,
 )
-from wholebody.robot.compiled_dynamics import body_table
+from wholebody.robot.body_table import body_table
+from wholebody.robot.kernels.pendulum import GRAVITY
 from wholebody.robot.state import Robot
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask
@@ -60,9 +61,9 @@ def make_memory(p: KinematicInputs) -> tuple[Arena, Arena]:
     reals, ints = _arenas(p, len(bound))
     model, counts = p.robot.model, ints[b.COUNTS]
     reals[b.TABLE][:], ints[b.PARENT][:] = body_table(model)
-    for row, frame in zip(reals[b.FRAME_TABLE], frame_names(p), strict=True):
+    for i, frame in enumerate(frame_names(p)):
         placement = model.frames[p.robot.frame_id(frame)].placement
-        row[:9], row[9:] = placement.rotation.ravel(), placement.translation
+        reals[b.FRAME_R][i], reals[b.FRAME_P][i] = placement.rotation.ravel(), placement.translation
     ints[b.FRAME_BODY][:], ints[b.BOUND][:], ints[b.FREE][:] = frame_bodies(p), bound, free
     reals[b.LOCAL_POINTS][:] = np.vstack([foot.points for foot in p.feet])
     reals[b.JOINTS][:], reals[b.BALANCE][:] = p.joints, (p.balance.margin, p.balance.gain)
@@ -87,7 +88,8 @@ def _arenas(p: KinematicInputs, n_bound: int) -> tuple[Arena, Arena]:
     ny = nr + nv - n_bound
     rows = nj + n_points
     reals = {
-        b.TABLE: (nb, 25), b.FRAME_TABLE: (frames, 12), b.LOCAL_POINTS: (n_points, 3), b.JOINTS: (3, nj),
+        b.TABLE: (nb, 25), b.FRAME_R: (frames, 9), b.FRAME_P: (frames, 3), b.LOCAL_POINTS: (n_points, 3),
+        b.JOINTS: (3, nj),
         b.POSTURE_GAIN: (3, nj), b.HAND_GAIN: (6,), b.COM_GAIN: (6,), b.MOMENTUM_GAIN: (2,), b.PELVIS_GAIN: (4,),
         b.TORSO_GAIN: (4,), b.HEIGHT_GAIN: (4,), b.BALANCE: (2,), b.OPTIONS: (5,), b.FOOT_REF: (len(p.feet), 12),
         b.EDGES: (n_points, 3), b.STEP: (STEP,), b.Q_: (model.nq,), b.V_: (nv,), b.DESIRED: (model.nq,),

@@ -72,7 +72,7 @@ def move(reals, ints):
         mem.matrix(reals, mem.FP_),
         mem.matrix(reals, mem.FJ_),
     )
-    place_frames(R, p, mem.matrix(reals, mem.FRAME_TABLE), body, mem.cube(reals, mem.FR_), FP)
+    place_frames(R, p, body, mem.cube(reals, mem.FRAME_R), mem.matrix(reals, mem.FRAME_P), mem.cube(reals, mem.FR_), FP)
     move_frames(V, A, body, FP, mem.matrix(reals, mem.FV_), mem.matrix(reals, mem.FA_))
     for f in range(body.shape[0]):
         frame_columns(S, parent, body[f], FP[f], J, 6 * f)

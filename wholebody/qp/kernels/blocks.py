@@ -5,7 +5,7 @@ rows columns`` of the table; `wholebody.jit.packed` makes the table, compiled co
 """
 
 # Reals that belong to the robot and the configuration.
-(TABLE, ARMATURE, GRAVITY, FRAME_TABLE, LOCAL_POINTS, JOINTS, TAU_MAX, TAU_FULL, POSTURE_GAIN, HAND_GAIN, COM_GAIN,
+(TABLE, ARMATURE, GRAVITY, FRAME_R, LOCAL_POINTS, JOINTS, TAU_MAX, TAU_FULL, POSTURE_GAIN, HAND_GAIN, COM_GAIN,
  MOMENTUM_GAIN, PELVIS_GAIN, TORSO_GAIN, HEIGHT_GAIN, CONTACT, BALANCE, PELVIS_LIMIT, TORSO_LIMIT, HEIGHT_LIMIT,
  COLLISION_LIMIT, PRICES, OPTIONS, FOOT_REF, EDGES, MOVES) = range(26)  # fmt: skip
 # Reals that are given every tick.
@@ -26,7 +26,8 @@ rows columns`` of the table; `wholebody.jit.packed` makes the table, compiled co
 )
 # Heights over the floor.
 FLOOR_LIMIT, FLOOR_REACH = 132, 133
-BLOCKS = 134
+FRAME_P = 134
+BLOCKS = 135
 
 # Integers.
 (PARENT, FRAME_BODY, BOUND, FREE, OWNER, DRIVEN, PAIR_BODY, PAIR_NOW, PAIR_BEFORE, ROWS, COUNTS, MOTORS, FINGERS,

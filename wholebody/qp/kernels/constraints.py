@@ -7,6 +7,7 @@ two-sided, in full variables ``dv (nv), f (3 k), slack (2)``.
 
 from wholebody.qp.kernels.cost import reduce_row
 from wholebody.qp.kernels.linear_algebra import dot, solve_transposed
+from wholebody.robot.kernels.spatial import add_force_at, velocity_at
 
 
 def all_bounds(low, high, tau_max, nle, contact, soft_upper, lower, upper):
@@ -47,13 +48,7 @@ def contact_wrenches(f, P, owner, wrench):
         for a in range(6):
             wrench[c, a] = 0.0
     for i in range(owner.shape[0]):
-        c, x, y, z = owner[i], f[3 * i], f[3 * i + 1], f[3 * i + 2]
-        wrench[c, 0] += x
-        wrench[c, 1] += y
-        wrench[c, 2] += z
-        wrench[c, 3] += P[i, 1] * z - P[i, 2] * y
-        wrench[c, 4] += P[i, 2] * x - P[i, 0] * z
-        wrench[c, 5] += P[i, 0] * y - P[i, 1] * x
+        add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], wrench[owner[i]])
 
 
 def torque_values(dv, M, S, wrench, moves, out):
@@ -154,9 +149,8 @@ def describe_torque(j, M, S, P, owner, moves, a_v, a_f):
     for i in range(owner.shape[0]):
         if moves[owner[i], c] > 0.0:
             found = True
-            a_f[3 * i] = -(S[c, 0] + S[c, 4] * P[i, 2] - S[c, 5] * P[i, 1])
-            a_f[3 * i + 1] = -(S[c, 1] + S[c, 5] * P[i, 0] - S[c, 3] * P[i, 2])
-            a_f[3 * i + 2] = -(S[c, 2] + S[c, 3] * P[i, 1] - S[c, 4] * P[i, 0])
+            x, y, z = velocity_at(S[c], P[i])
+            a_f[3 * i], a_f[3 * i + 1], a_f[3 * i + 2] = -x, -y, -z
     return found
 
 
@@ -165,21 +159,16 @@ def wrench_of(f, P, w):
     for a in range(6):
         w[a] = 0.0
     for i in range(P.shape[0]):
-        x, y, z = f[3 * i], f[3 * i + 1], f[3 * i + 2]
-        w[0] += x
-        w[1] += y
-        w[2] += z
-        w[3] += P[i, 1] * z - P[i, 2] * y
-        w[4] += P[i, 2] * x - P[i, 0] * z
-        w[5] += P[i, 0] * y - P[i, 1] * x
+        add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], w)
 
 
 def add_spread(h, P, factor, f):
     """``f += factor G' h`` (3 k,)."""
     for i in range(P.shape[0]):
-        f[3 * i] += factor * (h[0] + h[4] * P[i, 2] - h[5] * P[i, 1])
-        f[3 * i + 1] += factor * (h[1] + h[5] * P[i, 0] - h[3] * P[i, 2])
-        f[3 * i + 2] += factor * (h[2] + h[3] * P[i, 1] - h[4] * P[i, 0])
+        x, y, z = velocity_at(h, P[i])
+        f[3 * i] += factor * x
+        f[3 * i + 1] += factor * y
+        f[3 * i + 2] += factor * z
 
 
 def transform(a_v, a_f, a_s, loaded, bound, free, Z, FR, W, P, U, force, slack, m, w, h):

@@ -10,7 +10,8 @@ The equalities of `wholebody.qp.formulation` are eliminated:
 Cost and constraints of ``y`` and ``e`` are then apart: ``1/2 y' H y + g' y`` and ``1/2 price |e|^2``.
 """
 
-from wholebody.robot.kernels.frames import rotation_error, shorten
+from wholebody.robot.kernels.frames import shorten
+from wholebody.robot.kernels.rotation import rotation_between
 
 
 def frame_targets(q, ref, share, gain, R, x, velocity, drift, target, weight, scratch):
@@ -29,7 +30,7 @@ def frame_targets(q, ref, share, gain, R, x, velocity, drift, target, weight, sc
         weight: Out (6,).
         scratch: (6,).
     """
-    rotation_error(ref, R, scratch[3:])
+    rotation_between(ref[:9].reshape((3, 3)), R, scratch[3:])
     for k in range(3):
         scratch[k] = gain[0] * (ref[9 + k] - q[k] - x[k])
         scratch[3 + k] *= gain[0]
@@ -53,7 +54,7 @@ def turn_target(ref, gain, R, velocity, drift, target, weight, scratch):
         weight: Out (6,).
         scratch: (6,).
     """
-    rotation_error(ref, R, scratch)
+    rotation_between(ref[:9].reshape((3, 3)), R, scratch)
     for k in range(3):
         scratch[k] *= gain[0]
     shorten(scratch, 0, gain[2])

@@ -2,7 +2,9 @@
 
 import math
 
-from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed, rotation_error
+from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed
+from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.robot.kernels.rotation import rotation_between
 
 
 def braking_acceleration(q, dq, q_max, dq_max, brake, dt):
@@ -67,7 +69,7 @@ def balance_rows(edges, n_edges, com, margin, gain, F, mass, JS, upper):
         JS: Out, rows (k, nv).
         upper: Out (k,).
     """
-    omega = math.sqrt(9.81 / max(com[2], 0.2))
+    omega = natural_frequency(com[2])
     for e in range(n_edges):
         nx, ny = edges[e, 0], edges[e, 1]
         speed = nx * com[3] + ny * com[4]
@@ -93,7 +95,7 @@ def orientation_rows(plan, R, velocity, drift, J, row, limit, at, JS, upper, scr
         upper: Out.
         scratch: (3,).
     """
-    rotation_error(plan, R, scratch)
+    rotation_between(plan[:9].reshape((3, 3)), R, scratch)
     dt = limit[3]
     for k in range(3):
         for side in range(2):
@@ -183,7 +185,7 @@ def foot_target(ref, q, R, x, velocity, drift, kp, kd, out, scratch):
         out: Out (6,).
         scratch: (3,).
     """
-    rotation_error(ref, R, scratch)
+    rotation_between(ref[:9].reshape((3, 3)), R, scratch)
     for k in range(3):
         out[k] = -drift[k] - kd * velocity[k] + kp * (ref[9 + k] - q[k] - x[k])
         out[3 + k] = -drift[3 + k] - kd * velocity[3 + k] + kp * scratch[k]

@@ -7,17 +7,10 @@ from wholebody.qp.kernels import blocks as mem
 from wholebody.qp.kernels.cost import contact_gram
 from wholebody.qp.kernels.limits import point_offsets
 from wholebody.qp.kernels.linear_algebra import dot, inverse_6
+from wholebody.robot.kernels.bodies import LEVER, MASS, place_base, place_bodies
 from wholebody.robot.kernels.frames import frame_columns, place_frames
-from wholebody.robot.kernels.rigid_body import (
-    AXIS,
-    LEVER,
-    MASS,
-    PLACEMENT_P,
-    base_rotation,
-    dot6,
-    joint_rotation,
-    rotate,
-)
+from wholebody.robot.kernels.rotation import rotate
+from wholebody.robot.kernels.spatial import add_force_at, dot6, velocity_at
 
 # Entries of STEP.
 DT, FOOT_GAIN, SPEED_PRICE, RETREAT, HAND_KD, TRUNK_KD, COM_KD, GRAVITY = range(8)
@@ -30,24 +23,10 @@ def place(q, reals, ints):
     table, parent = mem.matrix(reals, mem.TABLE), mem.vector(ints, mem.PARENT)
     sub = mem.matrix(reals, mem.INERTIA_)
     n = parent.shape[0]
-    base_rotation(q, R[0])
-    for a in range(3):
-        p[0, a] = 0.0
-        for k in range(3):
-            S[k, a], S[k, 3 + a], S[3 + k, a], S[3 + k, 3 + a] = R[0, a, k], 0.0, 0.0, R[0, a, k]
+    place_base(q, R[0], p[0], S)
+    place_bodies(q, table, parent, 1, n, R, p, S)
     for i in range(n):
         row = table[i]
-        if i > 0:
-            k, s = parent[i], S[5 + i]
-            joint_rotation(R[k], row, q[6 + i], R[i])
-            for a in range(3):
-                p[i, a] = p[k, a] + rotate(R[k], a, row[PLACEMENT_P], row[PLACEMENT_P + 1], row[PLACEMENT_P + 2])
-                s[3 + a] = rotate(R[i], a, row[AXIS], row[AXIS + 1], row[AXIS + 2])
-            s[0], s[1], s[2] = (
-                p[i, 1] * s[5] - p[i, 2] * s[4],
-                p[i, 2] * s[3] - p[i, 0] * s[5],
-                (p[i, 0] * s[4] - p[i, 1] * s[3]),
-            )
         sub[i, 0] = row[MASS]
         for a in range(3):
             sub[i, 1 + a] = row[MASS] * (p[i, a] + rotate(R[i], a, row[LEVER], row[LEVER + 1], row[LEVER + 2]))
@@ -73,7 +52,7 @@ def frames(reals, ints):
     """Placements and Jacobians of the frames; contacts, palms, pelvis, torso."""
     R, p, S = mem.cube(reals, mem.R_), mem.matrix(reals, mem.P_), mem.matrix(reals, mem.S_)
     body, parent, FP = mem.vector(ints, mem.FRAME_BODY), mem.vector(ints, mem.PARENT), mem.matrix(reals, mem.FP_)
-    place_frames(R, p, mem.matrix(reals, mem.FRAME_TABLE), body, mem.cube(reals, mem.FR_), FP)
+    place_frames(R, p, body, mem.cube(reals, mem.FRAME_R), mem.matrix(reals, mem.FRAME_P), mem.cube(reals, mem.FR_), FP)
     for f in range(body.shape[0]):
         frame_columns(S, parent, body[f], FP[f], mem.matrix(reals, mem.FJ_), 6 * f)
 
@@ -84,7 +63,8 @@ def support(reals, ints):
     R, p, S, sub = (
         mem.cube(reals, mem.R_), mem.matrix(reals, mem.P_), mem.matrix(reals, mem.S_), mem.matrix(reals, mem.INERTIA_)
     )  # fmt: skip
-    table, FR, FP = mem.matrix(reals, mem.FRAME_TABLE), mem.cube(reals, mem.FR_), mem.matrix(reals, mem.FP_)
+    R_local, p_local = mem.cube(reals, mem.FRAME_R), mem.matrix(reals, mem.FRAME_P)
+    FR, FP = mem.cube(reals, mem.FR_), mem.matrix(reals, mem.FP_)
     local, arms, points = (
         mem.matrix(reals, mem.LOCAL_POINTS), mem.matrix(reals, mem.ARMS), mem.matrix(reals, mem.POINTS)
     )  # fmt: skip
@@ -105,7 +85,7 @@ def support(reals, ints):
             -weight[GRAVITY] * sub[i, 2],
             (weight[GRAVITY] * sub[i, 1]),
         )
-    place_frames(R, p, table[:feet], body[:feet], FR[:feet], FP[:feet])
+    place_frames(R, p, body[:feet], R_local, p_local, FR, FP)
     for c in range(feet):
         mine = slice(each * c, each * (c + 1))
         point_offsets(FR[c], FP[c], local[mine], arms[mine], points[mine])
@@ -124,14 +104,8 @@ def support(reals, ints):
 def carry(h, P, first, last, body, parent, load):
     """Add the forces of some points, `add_spread` of ``h``, to the load of a foot and of all that it hangs on."""
     for i in range(first, last):
-        x, y, z = P[i, 0], P[i, 1], P[i, 2]
-        fx, fy, fz = h[0] + h[4] * z - h[5] * y, h[1] + h[5] * x - h[3] * z, h[2] + h[3] * y - h[4] * x
+        fx, fy, fz = velocity_at(h, P[i])
         k = body
         while k > 0:
-            load[k, 0] += fx
-            load[k, 1] += fy
-            load[k, 2] += fz
-            load[k, 3] += y * fz - z * fy
-            load[k, 4] += z * fx - x * fz
-            load[k, 5] += x * fy - y * fx
+            add_force_at(P[i], fx, fy, fz, load[k])
             k = parent[k]

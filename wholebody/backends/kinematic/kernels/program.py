@@ -22,7 +22,7 @@ from wholebody.qp.kernels.assemble import factor, has_weight, targets
 from wholebody.qp.kernels.cost import add_frame, add_posture, expand, reduce_row
 from wholebody.qp.kernels.linear_algebra import dot, null_space, particular, solve_transposed, solve_upper
 from wholebody.qp.kernels.solve import holds
-from wholebody.robot.kernels.frames import rotation_error
+from wholebody.robot.kernels.rotation import rotation_between
 
 HANDS = 2
 """Frames of the hands come after those of the contacts; then pelvis and torso."""
@@ -36,7 +36,7 @@ def contacts(reals, ints):
     ref, gain = mem.matrix(reals, mem.FOOT_REF), mem.vector(reals, mem.STEP)[FOOT_GAIN]
     for c in range(n):
         part = goal[6 * c : 6 * c + 6]
-        rotation_error(ref[c], FR[c], part[3:])
+        rotation_between(ref[c, :9].reshape((3, 3)), FR[c], part[3:])
         for k in range(3):
             part[k], part[3 + k] = gain * (ref[c, 9 + k] - q[k] - FP[c, k]), gain * part[3 + k]
         for r in range(6 * c, 6 * c + 6):
