@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from policy.action_spec.spec import ActionSpec
     from policy.base import Policy
+    from wholebody.cli.options import Input
+
+NO_END = "this policy has no end: say how long with --duration SECONDS"
 
 
 def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str = "", **options: Any) -> Policy:
@@ -45,6 +49,33 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
         return open_recording(name, csv_fps=csv_fps, assume=assume)
     _require_no_path(name)
     return scripted(name)
+
+
+def opened(name: str, given: Input, **options: Any) -> Policy:
+    """A source, with what should be known before it runs on standard error.
+
+    Raises:
+        PolicyError: As in `open_source`.
+        ValueError: If it is a checkpoint, which has no end of its own, and there is no duration.
+    """
+    if not given.duration and is_checkpoint(name):
+        raise ValueError(NO_END)
+    policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), task=given.task, **options)
+    for finding in getattr(policy, "warnings", ()):
+        print(f"wholebody: {name}: {finding.sentence}", file=sys.stderr)
+    return policy
+
+
+def length(policy: Policy, duration: float) -> float:
+    """Seconds to run: as long as was said, else as long as the policy.
+
+    Raises:
+        ValueError: If neither has an end.
+    """
+    seconds = duration or getattr(policy, "duration", None)
+    if seconds is None:
+        raise ValueError(NO_END)
+    return seconds
 
 
 def expanded(name: str, episodes: str) -> list[str]:

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 from policy.lerobot.stats import WIDTH_MIN
 from policy.lerobot.weights import WEIGHTS_FILE
 from tests.support import tiny_policies as tiny
-from wholebody.cli import doctor
-from wholebody.cli.doctor import Diagnosis, examine
+from wholebody.cli import diagnosis
+from wholebody.cli.diagnosis import Diagnosis, examine
 from wholebody.cli.main import app
 
 
@@ -154,7 +154,7 @@ def test_a_network_that_fails_in_the_dry_run_is_an_error(tmp_path_factory, monke
 
 def test_a_policy_slower_than_its_chunks_is_a_warning(tmp_path_factory, monkeypatch):
     times = iter(np.arange(0.0, 100.0, 10.0))
-    monkeypatch.setattr(doctor, "perf_counter", lambda: next(times))
+    monkeypatch.setattr(diagnosis, "perf_counter", lambda: next(times))
     finding = examine(tiny.saved("act", tmp_path_factory)).findings[-1]
     assert finding.level == "warning"
     assert finding.text == "10000 ms a chunk on cpu; it lasts 1.67 s"
@@ -163,7 +163,7 @@ def test_a_policy_slower_than_its_chunks_is_a_warning(tmp_path_factory, monkeypa
 def test_the_exit_code_is_the_worst_level():
     from policy.findings import Finding
 
-    ok, warning, error = (Finding("x", level, "y") for level in doctor.LEVELS)
+    ok, warning, error = (Finding("x", level, "y") for level in diagnosis.LEVELS)
     assert [Diagnosis("", found).exit_code for found in ((ok,), (ok, warning), (error, warning))] == [0, 1, 2]
 
 

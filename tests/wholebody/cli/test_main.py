@@ -12,6 +12,9 @@ from models.scenes import SCENES
 from policy.scripted.library import SCRIPTS
 from tests.support.commands import wholebody
 from wholebody.cli import main as cli
+from wholebody.cli import run as run_command
+from wholebody.cli.simulated import SCENE_OF
+from wholebody.cli.sources import NO_END
 from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema
 from wholebody.verdict.verdict import Verdict
@@ -47,8 +50,8 @@ def test_the_help_names_every_script_and_leaves_no_unit_out(inside):
 
 
 def test_scripts_that_need_a_scene_get_it():
-    assert set(cli.SCENE_OF) <= set(SCRIPTS)
-    assert set(cli.SCENE_OF.values()) <= set(SCENES)
+    assert set(SCENE_OF) <= set(SCRIPTS)
+    assert set(SCENE_OF.values()) <= set(SCENES)
 
 
 @pytest.mark.parametrize("content", ["1,2,3\n", ""])
@@ -157,11 +160,11 @@ def test_a_folder_of_motions_becomes_a_table(tmp_path):
 def test_a_run_in_which_the_policy_did_nothing_is_no_success(inside, monkeypatch, chunks, code):
     """``lerobot-rollout`` of 0.6.1 sends no command and ends with code 0 when every call of the policy fails."""
     verdict = Verdict(name="wave", verdict="infeasible", fell=False, timing=Timing(chunks=chunks))
-    monkeypatch.setattr(cli, "_checker", lambda *_: SimpleNamespace(check=lambda *_, **__: (verdict, None)))
+    monkeypatch.setattr(run_command, "make_checker", lambda *_: SimpleNamespace(check=lambda *_, **__: (verdict, None)))
     assert inside("run", "wave").returncode == code
 
 
 def test_what_has_no_end_is_refused_before_it_is_loaded(inside, tmp_path):
     (tmp_path / "config.json").write_text("{}")
     answer = inside("run", str(tmp_path))
-    assert (answer.returncode, answer.stderr) == (2, f"wholebody: {cli.NO_END}\n")
+    assert (answer.returncode, answer.stderr) == (2, f"wholebody: {NO_END}\n")

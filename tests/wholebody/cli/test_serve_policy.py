@@ -14,6 +14,7 @@ from policy.remote.client import RemotePolicy
 from policy.scripted.library import scripted
 from tests.support.policy_cases import observation
 from wholebody.cli import main as cli
+from wholebody.cli.sources import length
 
 pytestmark = pytest.mark.alone
 
@@ -71,9 +72,9 @@ def test_serving_to_every_network_is_possible_and_warned_of():
 
 def test_a_policy_without_an_end_needs_a_duration():
     with pytest.raises(ValueError, match="say how long with --duration SECONDS"):
-        cli._length(SimpleNamespace(duration=None), 0.0)
-    assert cli._length(SimpleNamespace(duration=None), 2.0) == 2.0
-    assert cli._length(SimpleNamespace(duration=9.0), 0.0) == 9.0
+        length(SimpleNamespace(duration=None), 0.0)
+    assert length(SimpleNamespace(duration=None), 2.0) == 2.0
+    assert length(SimpleNamespace(duration=9.0), 0.0) == 9.0
 
 
 def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(monkeypatch, capsys):

@@ -1,0 +1,140 @@
+"""Options of commands in groups: a frozen dataclass a group, a field an option with its name, default and help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+from typer import Option
+
+SOURCES = (
+    "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
+    "folder of a LeRobot dataset or checkpoint, or address of a policy server (ws://HOST:PORT)."
+)
+
+JsonTo = Annotated[str, Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
+CsvFps = Annotated[float, Option(help="Frames per second of motion files.")]
+AssumeSpec = Annotated[str, Option(help="Layout of chunk files that name none: built-in name or JSON file.")]
+Task = Annotated[str, Option(help="What a checkpoint is told to do.")]
+RealTimeChunking = Annotated[
+    bool, Option("--real-time-chunking", help="Tell the policy what is being executed (π0, π0.5, SmolVLA).")
+]
+
+
+@dataclass(frozen=True)
+class Input:
+    """What is read, and how much of it."""
+
+    duration: Annotated[float, Option(help="Seconds to run; 0: the whole input.")] = 0.0
+    csv_fps: CsvFps = 60.0
+    episodes: Annotated[str, Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")] = ""
+    assume_spec: AssumeSpec = ""
+    task: Task = ""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Where and how the robot is simulated."""
+
+    scene: Annotated[
+        str,
+        Option(help="What stands around the robot: floor, table, shelf, table_cylinder, ... [default: by input]"),
+    ] = ""
+    hold: Annotated[float, Option(help="Seconds of standing after the last step: falls can come late.")] = 4.0
+    config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
+    realistic: Annotated[bool, Option(help="Tell the controller what real sensors would.")] = False
+    delay_ms: Annotated[float, Option(help="Age of the state when the controller gets it, in ms.")] = 0.0
+    payload_kg: Annotated[
+        tuple[float, float], Option(help="Mass in the left and right hand in kg, unknown to the controller.")
+    ] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Asking:
+    """When a policy is asked, and what becomes of its answers."""
+
+    latency_ms: Annotated[
+        tuple[float, float] | None,
+        Option(help="Least and largest time to answer in ms; if not given, a server's own time, and none else."),
+    ] = None
+    replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
+    ensemble: Annotated[
+        float | None, Option(help="Average chunks with ACT's weights exp(-VALUE i), oldest first (ACT: 0.01).")
+    ] = None
+    real_time_chunking: RealTimeChunking = False
+
+
+@dataclass(frozen=True)
+class Network:
+    """How a checkpoint's network is loaded and run."""
+
+    tokenizer: Annotated[
+        Path | None, Option(help="Checkpoint: folder of its tokenizer, for SmolVLA of its whole VLM.")
+    ] = None
+    device: Annotated[str, Option(help="Checkpoint: cpu, cuda, ...; a GPU if there is one.")] = ""
+    num_steps: Annotated[int, Option(help="Checkpoint: denoising steps; 0: as saved.")] = 0
+
+    def choices(self) -> dict[str, Any]:
+        """The same as fields of `policy.lerobot.checkpoint.LoadOptions`."""
+        return {"tokenizer": self.tokenizer, "device": self.device or None, "num_steps": self.num_steps or None}
+
+
+@dataclass(frozen=True)
+class Sampling(Network):
+    """A network that draws samples."""
+
+    seed: Annotated[int | None, Option(help="Checkpoint: makes sampling reproducible.")] = None
+
+    def choices(self) -> dict[str, Any]:
+        """As in `Network`."""
+        return super().choices() | {"seed": self.seed}
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """What a run is recorded and drawn to."""
+
+    video: Annotated[Path | None, Option(help="Write a video (.mp4) of the run.")] = None
+    sheet: Annotated[Path | None, Option(help="Write six frames of the run as one picture (.png).")] = None
+    record: Annotated[Path | None, Option(help="Write every control period to an .npz.")] = None
+
+    def wanted(self) -> bool:
+        """Whether there is any."""
+        return any((self.video, self.sheet, self.record))
+
+
+def flat(command: Callable[..., None]) -> Callable[..., None]:
+    """A command, some of whose parameters are groups, as the function with one parameter an option that typer reads.
+
+    Args:
+        command: Its parameters, called by name, are arguments, options, or groups: dataclasses of options.
+
+    Returns:
+        A function with the command's name and docstring. Its signature has each group's fields in the group's place.
+    """
+    hints, parameters = get_type_hints(command, include_extras=True), []
+    groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    for name, parameter in signature(command).parameters.items():
+        if name not in groups:
+            parameters.append(parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[name]))
+            continue
+        options = get_type_hints(groups[name], include_extras=True)
+        for field in fields(groups[name]):
+            option = Parameter(
+                field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=options[field.name]
+            )
+            parameters.append(option)
+
+    def flattened(**values: Any) -> None:
+        made = {
+            name: kind(**{field.name: values.pop(field.name) for field in fields(kind)})
+            for name, kind in groups.items()
+        }
+        command(**made, **values)
+
+    flattened.__name__, flattened.__doc__ = command.__name__, command.__doc__
+    flattened.__signature__ = Signature(parameters)
+    return flattened

@@ -1,0 +1,76 @@
+"""``wholebody run``: close the loop of policy, controller and MuJoCo."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wholebody.cli.console import (
+    check_places,
+    print_nothing,
+    print_verdict,
+    progress_bar,
+    table_printer,
+    write_json,
+    write_pictures,
+)
+from wholebody.cli.options import SOURCES, Asking, Input, JsonTo, Pictures, Sampling, Simulation
+from wholebody.cli.simulated import SCENE_OF, check_times, make_checker, make_executor
+from wholebody.cli.sources import expanded, length, opened
+
+
+def run(
+    *,
+    source: Annotated[str, typer.Argument(help=SOURCES)] = "reach",
+    motions: Annotated[Path | None, typer.Option(help="Run every motion .csv of a folder instead.")] = None,
+    given: Input,
+    simulation: Simulation,
+    asking: Asking,
+    sampling: Sampling,
+    json_to: JsonTo = "",
+    pictures: Pictures,
+) -> None:
+    """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall, or if no chunk was executed."""
+    quiet = json_to == "-"
+    check_times(given.duration, simulation.hold)
+    check_places(json_to, pictures.video, pictures.sheet, pictures.record)
+    names = _names(source, motions, given, one=pictures.wanted())
+    choices = sampling.choices() | {"rtc": asking.real_time_chunking}
+    policies = [opened(name, given, **choices) for name in names]
+    executors = [make_executor(policy, asking) for policy in policies]
+    checker, verdicts = make_checker(simulation, simulation.scene or SCENE_OF.get(source, "floor")), []
+    recorder = checker.recorder() if pictures.wanted() else None
+    show = print_nothing if quiet else table_printer(names) if motions else print_verdict
+    for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
+        title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
+        with progress_bar(title, quiet=quiet) as progress:
+            seconds = length(policy, given.duration)
+            verdict, _ = checker.check(executor, name, seconds, progress=progress, recorder=recorder)
+        verdicts.append(verdict)
+        show(verdict)
+    if motions and not quiet:
+        from wholebody.verdict.report import table_summary
+
+        print(table_summary(verdicts))
+    write_json(json_to, verdicts)
+    if recorder is not None:
+        write_pictures(recorder, pictures.video, pictures.sheet, pictures.record)
+    raise typer.Exit(1 if any(verdict.fell or not verdict.timing.chunks for verdict in verdicts) else 0)
+
+
+def _names(source: str, motions: Path | None, given: Input, *, one: bool) -> list[str]:
+    """All that is to be run, in order.
+
+    Raises:
+        ValueError: If there is nothing, or more than the one that pictures are made of.
+    """
+    if motions and one:
+        raise ValueError("--video, --sheet and --record show one run; name one source instead of --motions")
+    names = sorted(str(path) for path in motions.glob("*.csv")) if motions else expanded(source, given.episodes)
+    if not names:
+        raise ValueError(f"no .csv files in '{motions}'")
+    if len(names) > 1 and one:
+        raise ValueError(f"--video, --sheet and --record show one run; {source} has {len(names)}: say --episodes 0")
+    return names

@@ -1,0 +1,63 @@
+"""``wholebody serve-policy``: a policy over a websocket."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from signal import SIGTERM, default_int_handler, signal
+from typing import Annotated, Any
+
+from typer import Argument, Option
+
+from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, Sampling
+from wholebody.cli.sources import layout_named, open_source
+
+
+@dataclass(frozen=True)
+class Served(Sampling):
+    """How the network of a checkpoint is loaded, and what it is asked for."""
+
+    task: Annotated[str, Option(help="Checkpoint: task where the client gives none.")] = ""
+    dtype: Annotated[str, Option(help="Checkpoint: float32 or bfloat16; as saved if not given.")] = ""
+    real_time_chunking: RealTimeChunking = False
+    allow_random_weights: Annotated[bool, Option(help="Checkpoint: go on without weights, for timing.")] = False
+
+    def choices(self) -> dict[str, Any]:
+        """As in `Network`."""
+        return super().choices() | {
+            "task": self.task,
+            "dtype": self.dtype or None,
+            "rtc": self.real_time_chunking,
+            "allow_random_weights": self.allow_random_weights,
+        }
+
+
+def serve_policy(
+    *,
+    source: Annotated[str, Argument(help=f"Folder of a LeRobot checkpoint. {SOURCES}")],
+    host: Annotated[str, Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
+    port: Annotated[int, Option(help="Port; 0: any free one.")] = 8000,
+    served: Served,
+    csv_fps: CsvFps = 60.0,
+    assume_spec: AssumeSpec = "",
+) -> None:
+    """Serve a policy over a websocket, in openpi's protocol, to one robot at a time. Ends with Ctrl-C."""
+    from policy.remote.server import LOOPBACK, PolicyServer
+
+    if Path(source).is_dir():
+        from policy.lerobot.policy import LeRobotPolicy
+
+        policy = LeRobotPolicy.from_pretrained(source, assume_spec=layout_named(assume_spec), **served.choices())
+        for finding in policy.warnings:
+            print(f"wholebody: {finding.sentence}", file=sys.stderr)
+    else:
+        policy = open_source(source, csv_fps, layout_named(assume_spec))
+    with PolicyServer(policy, host=host, port=port) as server, suppress(KeyboardInterrupt):
+        # Containers and service managers end a program by this signal, as soon as it has said that it is there.
+        signal(SIGTERM, default_int_handler)
+        print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
+        if host not in (LOOPBACK, "localhost", "::1"):
+            print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
+        server.wait()
