@@ -140,7 +140,7 @@ def main() -> None:
     print("\n| Part, us a knot | scripts | hostile |\n|---|---|---|")
     for row in zip(PARTS, plain, parts.cells(), strict=True):
         print(f"| {' | '.join(row)} |")
-    print(f"\ncomputeRNEADerivatives: {yardstick(supervisor.planner.posture.body.model):.1f} us")
+    print(f"\ncomputeRNEADerivatives: {yardstick(supervisor.planner.optimizer.body.model):.1f} us")
 
 
 def yardstick(model: pin.Model) -> float:

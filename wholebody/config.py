@@ -189,11 +189,11 @@ class TrajectoryConfig:
     """Least height of hands and forearms over the floor [m]."""
     floor_trigger: float = 0.1
     """Height beyond the least one at which a body begins to count [m]."""
-    sweep: float = 0.033
+    approach_time: float = 0.033
     """Time for which bodies may approach each other or the floor before they are too near, between two knots [s]."""
 
 
-GENTLE = TrajectoryConfig(
+WEIGHTS_FALLBACK = TrajectoryConfig(
     position=0.02,
     orientation=0.15,
     orientation_give=0.1,
@@ -206,13 +206,25 @@ GENTLE = TrajectoryConfig(
     smoothness=20.0,
     stillness=2.0,
 )
-"""For chunks that cannot be followed: the hands only pull, so that nothing is torn to where it cannot be."""
+"""For chunks that cannot be followed: hands weigh little beside posture and balance, far less than any bound."""
 
-CALM = replace(GENTLE, position_give=0.1)
-"""For targets that are out of reach: as near to them as the bounds allow, without hurry."""
+WEIGHTS_UNREACHABLE = replace(WEIGHTS_FALLBACK, position_give=0.1)
+"""For targets out of reach: as near to them as the bounds allow, without hurry."""
 
-BRAKE = replace(GENTLE, position=10.0, orientation=10.0)
-"""For states from which nothing else leads on: come to rest."""
+WEIGHTS_STOP = replace(WEIGHTS_FALLBACK, position=10.0, orientation=10.0)
+"""For states from which no motion follows the hands safely: come to rest."""
+
+RENAMED = {
+    "gentle": "weights_fallback",
+    "calm": "weights_unreachable",
+    "brake": "weights_stop",
+    "turning": "orientation_relaxed",
+    "loss_max": "tracking_error_max",
+    "error_max": "mean_error_max",
+    "excess_max": "violation_max",
+    "sweep": "approach_time",
+}
+"""Settings of the planner by names that they had before, for messages."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,20 +232,37 @@ class PlannerConfig:
     """From a chunk to a feasible plan."""
 
     posture: TrajectoryConfig = field(default_factory=TrajectoryConfig)
-    gentle: TrajectoryConfig = GENTLE
-    """The posture plan of a chunk that cannot be followed within the bounds."""
-    calm: TrajectoryConfig = CALM
-    """The posture plan of a chunk that is out of reach."""
-    brake: TrajectoryConfig = BRAKE
-    """The posture plan where no plan leads from the present motion to the chunk: the hands do not count."""
-    turning: float = 0.02
+    weights_fallback: TrajectoryConfig = WEIGHTS_FALLBACK
+    """For a chunk that cannot be followed within the bounds; step, limits and margins are those of `posture`."""
+    weights_unreachable: TrajectoryConfig = WEIGHTS_UNREACHABLE
+    """For a chunk that is out of reach; likewise."""
+    weights_stop: TrajectoryConfig = WEIGHTS_STOP
+    """Where no plan leads from the present motion to the chunk: the hands do not count; likewise."""
+    orientation_relaxed: float = 0.02
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
-    loss_max: float = 0.03
+    relax_error: float = 0.008
+    """Distance of a planned palm from its target above which that is tried [m]."""
+    tracking_error_max: float = 0.03
     """Largest distance of a planned palm from its target up to which a plan counts as following [m]."""
-    error_max: float = 0.01
+    mean_error_max: float = 0.01
     """Mean distance of the palms from the targets, at their own times, up to which it does whatever the largest [m]."""
-    excess_max: float = 1.0
-    """Largest excess over a bound of a plan that counts as following, in terms of the room behind the bound."""
+    unreachable: float = 0.15
+    """Distance of a planned palm from its target past which the target is out of reach, not just hard to follow [m]."""
+    violation_max: float = 1.0
+    """Largest excess over a bound of a safe plan, in terms of the bound's tolerance."""
+    capture_point_drift_max: float = 0.006
+    """Drift of the capture point up to which a plan is balanced where, between knots, its zero-moment point would have
+    to leave the support: a quarter of the controller's own margin [m]."""
+    friction_deficit_max: float = 0.3
+    """Impulse per mass that the floor may fail to give for lack of friction up to which a plan is balanced [m/s]."""
+    friction_deficit_unreachable: float = 0.15
+    """The same where a target is out of reach, for which less is risked [m/s]."""
+    warm_start_distance: float = 0.03
+    """Distance of the plan before from the palms wanted up to which the search begins with it [m]."""
+    warm_start_error: float = 0.004
+    """Tracking error above which a search that began so is repeated without [m]."""
+    warm_start_violation: float = 0.5
+    """Excess over a bound above which it is, in terms of the bound's tolerance."""
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.008

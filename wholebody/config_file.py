@@ -16,7 +16,7 @@ import cattrs
 import yaml
 
 from wholebody import config as config_module
-from wholebody.config import ControllerConfig
+from wholebody.config import RENAMED, ControllerConfig
 from wholebody.errors import ConfigError
 
 Place = Callable[[tuple[str, ...]], str]
@@ -72,6 +72,8 @@ def _structure(owner: object, changes: object, place: Place, path: tuple[str, ..
         if name not in names:
             near = get_close_matches(str(name), names, n=1)
             hint = f"did you mean '{near[0]}'? " if near else ""
+            if RENAMED.get(str(name)) in names:
+                hint = f"it is called '{RENAMED[str(name)]}' now; "
             raise ConfigError(
                 f"{place(here)}: unknown setting '{'.'.join(here)}'; {hint}known here: {', '.join(names)}",
                 setting=".".join(here),

@@ -39,6 +39,8 @@ def test_an_empty_file_is_the_default(tmp_path):
     ("changes", "says"),
     [
         ({"solvr": "daqp"}, "did you mean 'solver'"),
+        ({"planner": {"calm": {}}}, "it is called 'weights_unreachable' now"),
+        ({"planner": {"posture": {"sweep": 0.1}}}, "it is called 'approach_time' now"),
         ({"hand": {"kq": 1.0}}, "unknown setting 'hand.kq'"),
         ({"hand": {"kp": "stiff"}}, "hand.kp must be a finite number in SI units, got 'stiff'"),
         ({"dt": "2 ms"}, "dt must be a finite number in SI units, got '2 ms'"),

@@ -10,7 +10,7 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.execution.supervisor import Supervisor
-from wholebody.planning.chunk_planner import PlanReport
+from wholebody.planning.plan import PlanReport
 from wholebody.types import RobotState
 
 DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005
@@ -144,4 +144,4 @@ def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:
         slow = np.linalg.norm(v, axis=1) <= DEMANDABLE_SPEED
         fair[:, i] = slow & (np.linalg.norm(a, axis=1) <= DEMANDABLE_ACCELERATION)
     nearest = np.searchsorted(report.steps, chunk.times - chunk.t_obs - 1e-9).clip(0, len(report.steps) - 1)
-    return fair & (report.missed[nearest] <= DEMANDABLE_DISTANCE)
+    return fair & (report.tracking_error[nearest] <= DEMANDABLE_DISTANCE)

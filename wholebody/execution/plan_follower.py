@@ -12,7 +12,7 @@ from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
 from wholebody.execution.kernels import plan_follower as core
 from wholebody.jit.former import digest, native, register
-from wholebody.planning.chunk_planner import ChunkPlan
+from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import PathClock, ReferenceSmoother
 from wholebody.reference.kernels import path as path_kernel
@@ -124,8 +124,8 @@ class PlanFollower:
             last: Parameter of the chunk's last step [s].
         """
         self._paths = plan.paths[0].flat, plan.paths[1].flat
-        self._track = track_table(plan.posture)
-        self._settings[core.MOVING : core.GRID_START + 1] = 1.0, plan.rate, plan.posture.start
+        self._track = track_table(plan.trajectory)
+        self._settings[core.MOVING : core.GRID_START + 1] = 1.0, plan.rate, plan.trajectory.start
         self._settings[core.LAST_STEP] = last
         self._state[: core.CHANGE + 1] = plan.start, plan.rate, 0.0
 

@@ -16,10 +16,8 @@ from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
 from wholebody.errors import InputError
 from wholebody.execution.plan_follower import PlanFollower
-from wholebody.planning.chunk_planner import ChunkPlan, ChunkPlanner, PlanReport
-from wholebody.planning.floor_projection import above_floor
-from wholebody.planning.limit_projection import JUMP
-from wholebody.planning.smoothing import denoised
+from wholebody.planning.chunk_planner import ChunkPlanner
+from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
 from wholebody.types import JointCommand, Reason, RobotState, Status, StatusReport, check_state
@@ -68,15 +66,12 @@ class Supervisor:
         self.controller.reset(state)
         track = SampledTrajectory.still(self.robot, state.q)
         rows = np.stack([self._rest_row(side, state.q) for side in (0, 1)])
-        self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.caps])
+        self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, track, self._smoother, rows)
         self._plan, self._chunk, self._chunk_end = None, None, 0.0
         self._fallen = False
         self.status = NO_CHUNK
         self._refused: StatusReport | None = None
-        self._noisy: tuple[str, ...] = ()
-        self._doubtful = False
-        self._lift = 0.0
         self._waiting: ActionChunk | None = None
         self._retry = 0.0
         self._last_state = state
@@ -142,10 +137,7 @@ class Supervisor:
         try:
             start, before = self._start()
             commanded = HandMotion(self._smoother.motion.rows.copy())
-            lifted, lift = above_floor(chunk)
-            meant, noisy = denoised(lifted, self.planner.caps)
-            doubtful = _distance(lifted, meant) > JUMP
-            plan = self.planner.plan(meant, now, start, commanded, before, doubtful=doubtful)
+            plan = self.planner.plan(chunk, now, start, commanded, before)
         except (InputError, RuntimeError, ValueError) as error:
             self._smoother.state[:] = reference
             return self._refuse(Reason.PLANNING_FAILED, str(error))
@@ -164,7 +156,7 @@ class Supervisor:
         if not plan.report.safe and self._lost():
             plan = self._stand(plan)
         self._plan, self._chunk, self._refused = plan, chunk, None
-        self.plan_report, self._noisy, self._doubtful, self._lift = plan.report, noisy, doubtful, lift
+        self.plan_report = plan.report
         self._chunk_end = float(chunk.times[-1])
         self._follower.begin(plan, self._chunk_end - chunk.t_obs)
         return self._report_plan()
@@ -187,7 +179,7 @@ class Supervisor:
             return BodyState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
             return self._follower.posture, None
-        track, clock = self._plan.posture, self._clock
+        track, clock = self._plan.trajectory, self._clock
         step = clock.rate * self.config.planner.posture.dt
         s = clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - clock.s) / max(step, 1e-3))
         return self._follower.posture, track.q[[track.row(x) for x in s]]
@@ -197,7 +189,7 @@ class Supervisor:
 
         Pulled along by a motion that cannot be had, the robot would lose what balance is left.
         """
-        robot, middle = self.robot, self.planner.posture.body.tables.com_stance
+        robot, middle = self.robot, self.planner.optimizer.body.tables.com_stance
         still = SampledTrajectory.still(robot, self._last_state.q)
         com = still.com.copy()
         com[0, :, :2] = middle
@@ -206,7 +198,7 @@ class Supervisor:
             hand = HandMotion(row)
             here = HandPath.from_knots(knots, np.stack([hand.T_world_hand] * 2), np.stack([hand.q_finger] * 2))
             rest.append(here.joined(hand, plan.start))
-        return replace(plan, paths=tuple(rest), posture=replace(still, com=com, start=plan.start))
+        return replace(plan, paths=tuple(rest), trajectory=replace(still, com=com, start=plan.start))
 
     def _measured_hands(self) -> np.ndarray:
         """Motions of the hands as they are, rows (2, 40); fingers as they are commanded."""
@@ -266,17 +258,17 @@ class Supervisor:
             self._report_plan()
 
     def _report_plan(self) -> StatusReport:
+        report = self._plan.report
         if self._refused is not None:
             self.status = self._refused
-        elif self._lift > 0.0:
-            detail = f"the hands were to go into the floor: targets lifted by up to {self._lift:.3f} m"
+        elif report.lift > 0.0:
+            detail = f"the hands were to go into the floor: targets lifted by up to {report.lift:.3f} m"
             self.status = StatusReport(Status.SLOWED, Reason.INTO_FLOOR, detail)
-        elif self._doubtful or (self._noisy and not self._plan.report.reasons):
-            detail = f"steps scatter: followed the curve through them in {', '.join(self._noisy)}"
+        elif report.implausible or (report.smoothed and not report.reasons):
+            detail = f"steps scatter: followed the curve through them in {', '.join(report.smoothed)}"
             self.status = StatusReport(Status.SLOWED, Reason.NOISY_CHUNK, detail)
-        elif self._plan.report.reasons:
-            report = self._plan.report
-            moved = max(float(report.clamped.max()), report.tempered)
+        elif report.reasons:
+            moved = max(float(report.clamped.max()), report.projected)
             detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
             self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
         elif self._follower.rate < 0.98:
@@ -311,9 +303,3 @@ class Supervisor:
     def _rest_row(self, side: int, q: np.ndarray) -> np.ndarray:
         T = self.robot.pose(self.spec.tools[side].wrist_frame).homogeneous
         return rest_row(T, q[7 + self._fingers[side]])
-
-
-def _distance(chunk: ActionChunk, other: ActionChunk) -> float:
-    """Largest distance between the hands of two chunks at the same step [m]."""
-    pairs = ((chunk.T_world_lhand, other.T_world_lhand), (chunk.T_world_rhand, other.T_world_rhand))
-    return max(float(np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()) for a, b in pairs)

@@ -1,4 +1,8 @@
-"""Whether what a posture plan asks of the floor can be had: pressure under the soles, and friction."""
+"""Whether the floor can give what a trajectory asks of it: pressure under the soles, and friction.
+
+What is not a number, and a wrench on which the solver has no answer, count as infinitely far away: a plan that is not
+judged is not balanced.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +14,28 @@ import numpy as np
 from wholebody.planning.trajectory import COARSE, GRID, SampledTrajectory
 from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, LEVER, RobotTables
 
-BALANCE_MIN = 0.005
-"""Distance of the zero-moment point from the edge that is kept [m]."""
+EDGE_MARGIN = 0.005
+"""Distance from the edge of the support at which the pressure can still be held [m]: soles are soft there."""
 DRIFT_GAIN = 2.0
-"""Share of a drift that the zero-moment point leads it by, to take it back."""
-MEMORY = 0.2
-"""Time in which the controller makes up for an impulse that was missing [s]."""
+"""How far past a drift the zero-moment point goes to take it back, in terms of the drift: the gain at which the
+capture point returns as fast as the pendulum took it away (2 - 1 = 1)."""
+RECOVERY_TIME = 0.2
+"""Time in which the controller makes up for an impulse that was missing [s]: at its default `safety.balance_gain` of
+5 / s."""
 BOX = np.array([0.1, 0.1, 0.06, 0.05, 0.025])
-"""Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]."""
-SEPARATED = 1
-"""What daqp says when it has found a plane between a wrench and the cone."""
+"""Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]. It saves
+time only; a wrench in the box is in the cone."""
+LIFT_MIN = 0.1
+"""Least vertical force per mass by which moments are divided [m/s^2]: in free fall there is no zero-moment point."""
+SEPARATED, INSIDE = 1, -1
+"""daqp's exit flags: a plane between wrench and cone is found; there is none."""
 
 _UNITS = np.array([1.0, 1.0, LEVER, LEVER, LEVER])
 _EYE, _ZERO = np.eye(5), np.zeros(5)
 
 
 class ContactFeasibility:
-    """Judges the whole curve of a posture plan; the plan itself looks at its knots only.
+    """Judges the whole curve of a trajectory; the optimiser looks at its knots only.
 
     Args:
         body: The robot that is planned, on its feet.
@@ -60,16 +69,16 @@ class ContactFeasibility:
 
     def _pressure(self, com: np.ndarray, a: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zero-moment points (n, 2) [m], and the vertical force per mass (n,)."""
-        lift = np.maximum(a[:, 2] + self._gravity, 0.1)
+        lift = np.maximum(a[:, 2] + self._gravity, LIFT_MIN)
         shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
         return com[:, :2] - shift / lift[:, None], lift
 
-    def drift(self, track: SampledTrajectory, slowdown: float) -> float:
+    def capture_point_drift(self, track: SampledTrajectory, slowdown: float) -> float:
         """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
 
         The plan keeps its zero-moment point inside at its knots. Between them it may be outside for some hundredths of
-        a second: the pressure stays at the edge, the capture point runs away from it like the pendulum that it is, and
-        comes back as soon as there is room again. Taken along each edge by itself.
+        a second: the pressure stays at the edge, the capture point diverges from the plan at the pendulum's rate, and
+        is brought back as soon as the zero-moment point is inside again. Taken along each edge by itself.
 
         Args:
             track: The plan.
@@ -77,7 +86,9 @@ class ContactFeasibility:
         """
         com, a, turning = self._motion(track, slowdown, 1)
         zmp, lift = self._pressure(com, a, turning)
-        outside = zmp @ self._normals.T - (self._offsets - BALANCE_MIN)
+        if not np.isfinite(zmp).all():
+            return np.inf
+        outside = zmp @ self._normals.T - (self._offsets - EDGE_MARGIN)
         if outside.max() <= 0.0:
             return 0.0
         omega, drift, largest = np.sqrt(lift / com[:, 2]), np.zeros(outside.shape[1]), 0.0
@@ -87,12 +98,11 @@ class ContactFeasibility:
             largest = max(largest, float(drift.max()))
         return largest
 
-    def slip(self, track: SampledTrajectory, slowdown: float) -> float:
+    def friction_impulse_deficit(self, track: SampledTrajectory, slowdown: float) -> float:
         """Largest impulse that is missing for lack of friction at any time, per mass [m/s].
 
         Arms that swing against each other ask for a moment about the vertical. With the pressure under one edge of the
-        soles there is little friction to give it, and all else that the feet carry suffers. What was missing is caught
-        up with as time goes on.
+        soles there is little friction to give it. The controller makes up for what was missing, within `RECOVERY_TIME`.
 
         Args:
             track: The plan.
@@ -103,21 +113,25 @@ class ContactFeasibility:
         force = a[:, :2] / lift[:, None]
         moment = com[:, 0] * force[:, 1] - com[:, 1] * force[:, 0] + turning[:, 2] / lift
         wrenches = np.column_stack([force, zmp, moment]) / _UNITS
+        if not np.isfinite(wrenches).all():
+            return np.inf
         lacking = np.zeros(len(lift))
         for k in np.flatnonzero(np.any(np.abs(wrenches - self._middle) > self._box, axis=1)):
             lacking[k] = lift[k] * self._distance(wrenches[k])
         step, impulse, largest = COARSE * GRID * slowdown, 0.0, 0.0
         for rate in lacking.tolist():
-            impulse += step * (rate - impulse / MEMORY)
+            impulse += step * (rate - impulse / RECOVERY_TIME)
             largest = max(largest, impulse)
         return largest
 
     def _distance(self, wrench: np.ndarray) -> float:
-        """Distance of a wrench (5,) from the nearest one that the contacts can give, 0 inside.
+        """Distance of a wrench (5,) from the nearest one that the contacts can give, 0 inside, inf if it is not found.
 
         It is the width of the widest slab between both: of all normals that separate the wrench from every force of
         one point by at least 1, the shortest.
         """
         away = self._generators - wrench
         normal, _, flag, _ = daqp.solve(_EYE, _ZERO, away, -np.ones(len(away)))
-        return 1.0 / float(np.linalg.norm(normal)) if flag == SEPARATED else 0.0
+        if flag == SEPARATED:
+            return 1.0 / float(np.linalg.norm(normal))
+        return 0.0 if flag == INSIDE else np.inf

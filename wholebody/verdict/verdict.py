@@ -14,7 +14,7 @@ import numpy as np
 
 from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing
-from wholebody.planning.chunk_planner import START_MAX
+from wholebody.planning.preparation import START_MAX
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 

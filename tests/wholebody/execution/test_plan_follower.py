@@ -41,7 +41,11 @@ def beginning(planned):
     poses = [supervisor.robot.pose(tool.wrist_frame).homogeneous for tool in SPEC.tools]
     joints = [state.q[7 + supervisor.robot.joint_indices(tool.finger_joints)] for tool in SPEC.tools]
     rows = np.stack([rest_row(T, q) for T, q in zip(poses, joints, strict=True)])
-    return SampledTrajectory.still(supervisor.robot, state.q), ReferenceSmoother(rows, supervisor.planner.caps), rows
+    return (
+        SampledTrajectory.still(supervisor.robot, state.q),
+        ReferenceSmoother(rows, supervisor.planner.hand_limits),
+        rows,
+    )
 
 
 def follower(planned, *, interpret=False):
@@ -79,7 +83,7 @@ class Specification:
         return row, np.clip(share, 1e-3, 1.0)
 
     def body(self, motion):
-        track, rate = self.plan.posture, self.clock.rate
+        track, rate = self.plan.trajectory, self.clock.rate
         k = track.row(self.clock.s)
         q, dq, ddq = track.q[k].copy(), rate * track.v[k, 6:], rate**2 * track.ddq[k]
         for i, tool in enumerate(SPEC.tools):
@@ -113,7 +117,7 @@ def states(planned, n):
     supervisor, state, plan, _ = planned
     rng, robot = np.random.default_rng(3), supervisor.robot
     for k in range(n):
-        q = plan.posture.q[min(k, len(plan.posture.q) - 1)].copy()
+        q = plan.trajectory.q[min(k, len(plan.trajectory.q) - 1)].copy()
         q[7:] += rng.normal(0.0, 0.1 * k / n, 43)
         robot.com, robot.com_velocity = state.q[:3] + rng.normal(0.0, 0.05, 3), rng.normal(0.0, 0.1 * k / n, 3)
         yield q

@@ -60,19 +60,19 @@ def test_a_reach_is_planned_as_it_is(setup):
     planner, start, rows, chunk = setup
     report = planner.plan(chunk, 0.0, start, HandMotion(rows)).report
     assert (report.slowdown, report.reasons, report.clamped.max()) == (1.0, (), 0.0)
-    assert report.missed.max() < planner.config.clamp_tolerance / 2.0
+    assert report.tracking_error.max() < planner.config.clamp_tolerance / 2.0
 
 
 def test_where_a_target_is_out_of_reach_the_hand_is_led_along_the_plan_between_its_knots_too(setup):
     planner, start, rows, chunk = setup
     plan = planner.plan(stretched(chunk, 3.0, swing=0.01), 0.0, start, HandMotion(rows))
     assert "out_of_reach" in plan.report.reasons
-    beyond, steps = plan.report.missed.min(axis=1) > planner.config.clamp_tolerance, plan.report.steps
-    s = plan.start + GRID * np.arange(len(plan.posture.q))
+    beyond, steps = plan.report.tracking_error.min(axis=1) > planner.config.clamp_tolerance, plan.report.steps
+    s = plan.start + GRID * np.arange(len(plan.trajectory.q))
     knot = np.minimum(np.searchsorted(steps, s, side="right") - 1, len(steps) - 2)
     at = np.flatnonzero((s < steps[-1]) & beyond[knot] & beyond[knot + 1])
     assert GRID * len(at) > 0.3
-    planned, led = palms_on(planner, plan.posture, at), palms_of(planner, plan, plan.start + GRID * at)
+    planned, led = palms_on(planner, plan.trajectory, at), palms_of(planner, plan, plan.start + GRID * at)
     assert np.linalg.norm(planned - led, axis=2).max() < 1e-3
 
 

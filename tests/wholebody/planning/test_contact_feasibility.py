@@ -7,7 +7,7 @@ from scipy.optimize import nnls
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig, TrajectoryConfig
-from wholebody.planning.contact_feasibility import BALANCE_MIN, MEMORY, ContactFeasibility
+from wholebody.planning.contact_feasibility import EDGE_MARGIN, RECOVERY_TIME, ContactFeasibility
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.state import Robot
@@ -61,35 +61,51 @@ def test_all_of_the_box_that_is_not_looked_at_can_be_had(balance):
 
 
 def test_standing_still_lacks_nothing(balance, still):
-    assert balance.slip(still, 1.0) == 0.0
-    assert balance.drift(still, 1.0) == 0.0
+    assert balance.friction_impulse_deficit(still, 1.0) == 0.0
+    assert balance.capture_point_drift(still, 1.0) == 0.0
+
+
+@pytest.mark.parametrize("flag", [-2, -3, -4, -5], ids=["cycling", "unbounded", "iteration limit", "nonconvex"])
+def test_a_wrench_that_the_solver_has_no_answer_on_is_not_in_the_cone(balance, still, monkeypatch, flag):
+    monkeypatch.setattr("wholebody.planning.contact_feasibility.daqp.solve", lambda *_: (np.zeros(5), 0.0, flag, {}))
+    assert balance._distance(balance._middle) == np.inf
+    assert balance.friction_impulse_deficit(swinging(still, yaw=0.25 * 9.81 * 34.0), 1.0) == np.inf
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_plan_that_is_not_finite_is_not_balanced(balance, still, value):
+    for track in (swinging(still, yaw=value), swinging(still, ahead=value, seconds=0.01)):
+        assert balance.friction_impulse_deficit(track, 1.0) == np.inf
+    assert balance.capture_point_drift(swinging(still, ahead=value), 1.0) == np.inf
 
 
 def test_a_moment_about_the_vertical_slips_past_what_friction_gives_and_not_before(balance, body, still):
     # Feet 0.238 m apart turn against each other, and each about itself: more than with the outer lever alone.
     face, weight = ControllerConfig().friction / np.sqrt(2.0), 9.81 * body.mass
-    assert balance.slip(swinging(still, yaw=0.08 * face * weight), 1.0) == 0.0
-    assert balance.slip(swinging(still, yaw=0.25 * face * weight), 1.0) > 0.05
+    assert balance.friction_impulse_deficit(swinging(still, yaw=0.08 * face * weight), 1.0) == 0.0
+    assert balance.friction_impulse_deficit(swinging(still, yaw=0.25 * face * weight), 1.0) > 0.05
 
 
 def test_with_the_pressure_under_one_foot_there_is_less_friction_to_turn(balance, body, still):
     height = still.com[0, 0, 2]
     moment, aside = 0.08 * ControllerConfig().friction * 9.81 * body.mass, -0.11 / height * 9.81
-    assert balance.slip(swinging(still, yaw=moment), 1.0) == 0.0
-    assert balance.slip(swinging(still, yaw=moment, ahead=aside), 1.0) > 0.05
+    assert balance.friction_impulse_deficit(swinging(still, yaw=moment), 1.0) == 0.0
+    assert balance.friction_impulse_deficit(swinging(still, yaw=moment, ahead=aside), 1.0) > 0.05
 
 
 def test_slower_needs_less_and_what_is_missing_long_ago_is_forgotten(balance, body, still):
     moment = 0.25 * 9.81 * body.mass
-    assert balance.slip(swinging(still, yaw=moment), 4.0) == 0.0
-    short, long, longer = (balance.slip(swinging(still, yaw=moment, seconds=x), 1.0) for x in (0.02, 0.04, 1.0))
+    assert balance.friction_impulse_deficit(swinging(still, yaw=moment), 4.0) == 0.0
+    short, long, longer = (
+        balance.friction_impulse_deficit(swinging(still, yaw=moment, seconds=x), 1.0) for x in (0.02, 0.04, 1.0)
+    )
     assert long == pytest.approx(2.0 * short, rel=0.15)
-    assert longer == pytest.approx(short / 0.02 * MEMORY, rel=0.1)
+    assert longer == pytest.approx(short / 0.02 * RECOVERY_TIME, rel=0.1)
 
 
 def test_while_the_pressure_is_at_the_edge_the_capture_point_runs_away_like_a_pendulum(balance, body, still):
     height, aside, seconds = still.com[0, 0, 2], 0.16, 0.1
     track = swinging(still, ahead=-aside / height * 9.81, seconds=seconds)
-    outside = aside + still.com[0, 0, 1] - (body.pressure_offsets[np.argmax(body.support.normals[:, 1])] - BALANCE_MIN)
+    outside = aside + still.com[0, 0, 1] - (body.pressure_offsets[np.argmax(body.support.normals[:, 1])] - EDGE_MARGIN)
     grown = np.exp(np.sqrt(9.81 / height) * seconds) - 1.0
-    assert balance.drift(track, 1.0) == pytest.approx(outside * grown, rel=0.02)
+    assert balance.capture_point_drift(track, 1.0) == pytest.approx(outside * grown, rel=0.02)

@@ -143,4 +143,4 @@ def test_a_supervisor_follows_the_curve_and_says_so():
     assert status.reason == "noisy_chunk"
     assert "T_world_lhand" in status.detail
     assert supervisor.plan_report.slowdown == 1.0
-    assert supervisor.plan_report.missed.max() < 5e-3
+    assert supervisor.plan_report.tracking_error.max() < 5e-3

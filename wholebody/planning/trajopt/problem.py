@@ -150,8 +150,8 @@ class TrajectoryProblem:
         )  # fmt: skip
         if size < 0.0:
             raise InputError(
-                "the posture plan's program is singular: is a scale in planner.posture or planner.gentle zero or huge? "
-                "`wholebody config` prints those that work"
+                "the optimiser's linear program is singular: is a scale in planner.posture or in planner.weights_* "
+                "zero or huge? `wholebody config` prints those that work"
             )
         return promise, size, exact
 

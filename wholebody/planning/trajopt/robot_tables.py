@@ -125,7 +125,7 @@ def _tables(
         capture_offsets=pressure - c.capture_margin,
         cone=_cone(support, c.friction_share * friction),
         capture_time=c.capture_time,
-        sweep=c.sweep,
+        sweep=c.approach_time,
     )
     return tables, support, pressure
 

@@ -266,8 +266,8 @@ def test_heights_over_the_floor_and_their_derivatives_are_those_of_pinocchio(rai
             assert m.near[k] == pairs[k] + len(expected)
             rows = slice(pairs[k], m.near[k])
             rate = J @ m.v[k]
-            assert near(m.over[k, tables.NEAR :][rows], expected + config.sweep * np.abs(rate))
-            assert near(m.sweeps[k, rows], config.sweep * np.sign(rate)[:, None] * J)
+            assert near(m.over[k, tables.NEAR :][rows], expected + config.approach_time * np.abs(rate))
+            assert near(m.sweeps[k, rows], config.approach_time * np.sign(rate)[:, None] * J)
             assert near(m.J_near[k, rows], J @ N[k])
             seen += len(expected)
     assert seen > 50

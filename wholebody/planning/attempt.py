@@ -1,0 +1,78 @@
+"""One attempt at a chunk: the whole-body trajectory at one speed with one set of weights, and how it is judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wholebody.config import PlannerConfig
+from wholebody.planning.trajectory import SampledTrajectory
+from wholebody.planning.trajopt.optimizer import KnotTrajectory
+from wholebody.reference import HandPath
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """The plan of a chunk by one strategy; K knots.
+
+    Attributes:
+        strategy: Its name.
+        slowdown: Factor by which the chunk takes longer.
+        paths: Of the hands, as the chunk has them within the limits of a hand.
+        projected: How far steps of the chunk were moved for that [m].
+        steps: Path parameters of the knots, shape (K,), [s].
+        T_palms: Palm poses wanted, shape (K, 2, 4, 4).
+        knots: What the optimiser found.
+        distance: Of each palm from where it should be, shape (K, 2), [m].
+        trajectory: The same as it is followed.
+        drift: `ContactFeasibility.capture_point_drift` of it [m].
+        deficit: `ContactFeasibility.friction_impulse_deficit` of it [m/s].
+        warm_started: Whether the search began with a part of the plan before.
+    """
+
+    strategy: str
+    slowdown: float
+    paths: tuple[HandPath, HandPath]
+    projected: float
+    steps: np.ndarray
+    T_palms: np.ndarray
+    knots: KnotTrajectory
+    distance: np.ndarray
+    trajectory: SampledTrajectory
+    drift: float
+    deficit: float
+    warm_started: bool
+
+    @property
+    def tracking_error(self) -> float:
+        """Largest distance of a palm from where it should be [m]."""
+        return float(self.distance.max())
+
+    @property
+    def mean_error(self) -> float:
+        """Mean distance of the palms from where the chunk wants them at its own times [m]."""
+        own_time = self.steps[0] + (self.steps - self.steps[0]) / self.slowdown
+        reached = self.knots.T_palms[:, :, :3, 3].reshape(len(self.steps), -1).T
+        late = np.stack([np.interp(own_time, self.steps, x) for x in reached], axis=1).reshape(-1, 2, 3)
+        return float(np.mean(np.linalg.norm(late - self.T_palms[:, :, :3, 3], axis=2)))
+
+    @property
+    def violation(self) -> float:
+        """Largest excess over a bound, in terms of its tolerance."""
+        return float(self.knots.excess.max())
+
+    def imbalance(self, config: PlannerConfig) -> float:
+        """What the plan wants of the floor beyond what that gives; 1 is all that the controller makes up for."""
+        unreachable = self.tracking_error > config.unreachable
+        limit = config.friction_deficit_unreachable if unreachable else config.friction_deficit_max
+        return max(self.drift / config.capture_point_drift_max, self.deficit / limit)
+
+    def is_safe(self, config: PlannerConfig) -> bool:
+        """Whether it keeps its bounds and its balance."""
+        return self.violation <= config.violation_max and self.imbalance(config) <= 1.0
+
+    def follows(self, config: PlannerConfig) -> bool:
+        """Whether it is safe and near enough to the chunk."""
+        near = self.tracking_error <= config.tracking_error_max or self.mean_error <= config.mean_error_max
+        return near and self.is_safe(config)
