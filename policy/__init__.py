@@ -13,7 +13,7 @@ from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_f
 from policy.recorded.convert import convert
 from policy.recorded.motion_csv import Motion, motion_chunk, read_motion_csv, write_motion_csv
 from policy.recorded.replay import ReplayPolicy, open_recording
-from policy.scripted.library import SCRIPTS, scripted
+from policy.scripted.library import SCRIPTS, scripted_policy
 from policy.scripted.policy import ScriptedPolicy
 
 __all__ = [
@@ -44,7 +44,7 @@ __all__ = [
     "read_chunk_file",
     "read_motion_csv",
     "require_same",
-    "scripted",
+    "scripted_policy",
     "write_chunk_file",
     "write_motion_csv",
 ]

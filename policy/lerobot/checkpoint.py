@@ -53,7 +53,7 @@ class LoadOptions:
         tokenizer: Folder of the tokenizer (for SmolVLA of the whole VLM: configuration and processor); the checkpoint's
             subfolder ``tokenizer`` if there is one, else what the checkpoint names on the hub.
         cameras: Camera of the policy -> camera of the observation, where the names differ.
-        grey_cameras: Show grey to cameras that an observation lacks; for simulations without pictures.
+        placeholder_cameras: Show grey to cameras that an observation lacks; for simulations without pictures.
         environment: Gives ``observation.environment_state`` from an observation, for policies that want it.
     """
 
@@ -70,7 +70,7 @@ class LoadOptions:
     task: str = ""
     tokenizer: str | Path | None = None
     cameras: Mapping[str, str] = field(default_factory=dict)
-    grey_cameras: bool = False
+    placeholder_cameras: bool = False
     environment: Callable[[Observation], np.ndarray] | None = None
 
 
@@ -128,7 +128,7 @@ def open_checkpoint(
         inner = _inner_layouts(layouts, processors)
         given = options.environment is not None
         findings += check_features(config, inner, cameras=options.cameras, environment=given)
-        if options.grey_cameras and camera_keys(config):
+        if options.placeholder_cameras and camera_keys(config):
             findings.append(blind(camera_keys(config)))
         if processors:
             findings += check_stats(config, processors, inner, allow_narrow=options.allow_narrow)

@@ -82,7 +82,7 @@ class Inputs:
 
         if self.reads_text and not task.strip():
             raise ObservationError("there is no task; this policy reads one: give it to reset, or with the observation")
-        if self.checkpoint.options.grey_cameras:
+        if self.checkpoint.options.placeholder_cameras:
             observation = with_grey(observation, self.camera_sizes)
         raw, notes = self._images(observation)
         if self.checkpoint.state is not None:

@@ -42,7 +42,7 @@ class RemoteOptions:
         timeout: For an answer [s].
         first_timeout: For the first answer of a connection [s]: openpi's server compiles its network then.
         api_key: For servers that want one.
-        grey_cameras: Show grey to cameras that an observation lacks, where the server says which there are; for
+        placeholder_cameras: Show grey to cameras that an observation lacks, where the server says which there are; for
             simulations without pictures.
     """
 
@@ -53,7 +53,7 @@ class RemoteOptions:
     timeout: float = 5.0
     first_timeout: float = 120.0
     api_key: str | None = None
-    grey_cameras: bool = False
+    placeholder_cameras: bool = False
 
     def __post_init__(self) -> None:
         for name in ("connect_timeout", "timeout", "first_timeout"):
@@ -166,14 +166,14 @@ class RemotePolicy:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """What should be known before running it."""
-        return (blind(self.cameras),) if self.options.grey_cameras and self.cameras else ()
+        return (blind(self.cameras),) if self.options.placeholder_cameras and self.cameras else ()
 
     def close(self) -> None:
         """Hang up."""
         self._channel.close()
 
     def _ask(self, observation: Observation, prefix: Prefix | None) -> ActionChunk:
-        if self.options.grey_cameras:
+        if self.options.placeholder_cameras:
             observation = with_grey(observation, self.cameras)
         observation.validate()
         seq, _ = self._clock.tick(observation.time)

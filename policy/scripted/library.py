@@ -211,7 +211,7 @@ SCRIPTS: dict[str, Callable[..., ScriptedPolicy]] = {
 """Scripted policies by the name that the CLI takes."""
 
 
-def scripted(name: str, **settings: object) -> ScriptedPolicy:
+def scripted_policy(name: str, **settings: object) -> ScriptedPolicy:
     """A scripted policy by name.
 
     Raises:

@@ -5,7 +5,7 @@ import numpy as np
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
 from policy.prefix import Prefix, PrefixPolicy
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import anchor_somewhere, wandering_chunk
 
 
@@ -20,4 +20,4 @@ def test_the_left_over_actions_are_what_is_executed_seen_from_the_new_observatio
 
 
 def test_a_script_is_no_prefix_policy():
-    assert not isinstance(scripted("wave"), PrefixPolicy)
+    assert not isinstance(scripted_policy("wave"), PrefixPolicy)

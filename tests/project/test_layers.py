@@ -263,7 +263,10 @@ def test_the_checker_finds(tmp_path, file, source, complaint):
         ),
         ("wholebody/types.py", "from wholebody.errors import InputError"),
         ("wholebody/execution/supervisor.py", "from wholebody.control.controller import WholeBodyController"),
-        ("wholebody/cli/main.py", "from wholebody.episode import run\nfrom policy.scripted.library import scripted"),
+        (
+            "wholebody/cli/main.py",
+            "from wholebody.episode import run\nfrom policy.scripted.library import scripted_policy",
+        ),
         ("wholebody/__init__.py", "from wholebody.episode.run import run_episode"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 from models.g1 import g1
 from policy.action_spec.hands import grasp_posture
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
@@ -97,7 +97,7 @@ def in_hand(supervisor, run):
 
 def grasped(supervisor, duration):
     """Slip [m], height gained [m], tilt of the cylinder [rad] and the episode's result."""
-    run, result = record(supervisor, scripted("grasp"), duration, scene="table_cylinder")
+    run, result = record(supervisor, scripted_policy("grasp"), duration, scene="table_cylinder")
     t = run["time"] - SETTLE
     places, height = in_hand(supervisor, run), run["objects"][:, 0, 2]
     slip = np.linalg.norm(places[t >= CLOSED] - places[t >= CLOSED][0], axis=1).max()

@@ -10,7 +10,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import load_collision
-from policy.scripted.library import reach, scripted
+from policy.scripted.library import reach, scripted_policy
 from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
@@ -100,7 +100,7 @@ def test_physics_at_1_ms_gives_the_same_reach(supervisor, stored):
 
 @pytest.mark.parametrize("name", ["wave", "pick_low", "pick_high", "two_hand_lift"])
 def test_script(supervisor, plant, stored, name):
-    policy = scripted(name)
+    policy = scripted_policy(name)
     result = run_episode(policy, supervisor, plant, duration=policy.duration)
     assert result.fall is None
     stored.check("end_mm", 1e3 * result.errors[-1].max(), tolerance=0.5)
@@ -116,7 +116,7 @@ LISSAJOUS = {"500 Hz": (500, 0.002), "250 Hz": (250, 0.002), "physics at 1 ms": 
 @pytest.mark.parametrize("name", LISSAJOUS)
 def test_lissajous(stored, name):
     rate, timestep = LISSAJOUS[name]
-    policy = scripted("lissajous")
+    policy = scripted_policy("lissajous")
     supervisor = Supervisor(SPEC, ControllerConfig(dt=1.0 / rate))
     plant = MujocoPlant(SPEC, control_dt=1.0 / rate, timestep=timestep)
     result = run_episode(policy, supervisor, plant, duration=policy.duration)
@@ -137,7 +137,7 @@ def check_lissajous(stored, result, *, slack):
 
 
 def test_lissajous_with_realistic_sensors(supervisor, plant, stored):
-    policy, sensors = scripted("lissajous"), Sensors(SPEC, REALISTIC, 0.002)
+    policy, sensors = scripted_policy("lissajous"), Sensors(SPEC, REALISTIC, 0.002)
     result = run_episode(policy, supervisor, plant, duration=policy.duration, sensors=sensors)
     assert result.fall is None
     scored = result.errors[(result.times >= 3.0) & (result.times < 23.0)]

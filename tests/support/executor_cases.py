@@ -3,7 +3,7 @@
 import numpy as np
 
 from policy.executor.simulated import simulated_executor
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 
 TICK = 0.002
@@ -33,7 +33,7 @@ class Continuing:
     sees_robot = False
 
     def __init__(self):
-        self.policy = scripted("wave")
+        self.policy = scripted_policy("wave")
         self.spec, self.prefixes = self.policy.spec, []
 
     def reset(self, task=""):

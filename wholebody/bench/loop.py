@@ -12,7 +12,7 @@ import numpy as np
 
 from models.g1 import g1
 from policy.base import Policy
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -52,7 +52,7 @@ def bench_loop(policy: str, seconds: float) -> dict:
     """
     spec = g1()
     supervisor, plant, parts = Supervisor(spec), MujocoPlant(spec), _Parts()
-    _episode(scripted(policy), supervisor, plant, seconds, parts)
+    _episode(scripted_policy(policy), supervisor, plant, seconds, parts)
     both = np.array(parts.controller) + np.array(parts.plant)
     return {
         "policy": policy,
@@ -79,7 +79,7 @@ def bench_memory(policy: str, ticks: int) -> dict:
         ``first_mb``, ``last_mb``: the largest resident size of the process up to the end of the first run and of the
         last one [MB]; ``ticks`` made until then.
     """
-    spec, script, sizes, made = g1(), scripted(policy), [], 0
+    spec, script, sizes, made = g1(), scripted_policy(policy), [], 0
     supervisor, plant = Supervisor(spec), MujocoPlant(spec)
     while made < ticks:
         parts = _Parts()

@@ -30,12 +30,12 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
         PolicyError: If there is nothing of that name, or it is malformed.
     """
     from policy.recorded.replay import open_recording
-    from policy.scripted.library import scripted
+    from policy.scripted.library import scripted_policy
 
     if name.startswith(("ws://", "wss://")):
         from policy.remote.client import RemotePolicy
 
-        return RemotePolicy.connect(name, assume_spec=assume, grey_cameras=True)
+        return RemotePolicy.connect(name, assume_spec=assume, placeholder_cameras=True)
     folder, _, number = name.rpartition("#")
     if number.isdecimal() and is_dataset(folder):
         from policy.recorded.dataset_replay import open_episode
@@ -44,11 +44,11 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
     if is_checkpoint(name):
         from policy.lerobot.policy import LeRobotPolicy
 
-        return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, grey_cameras=True, **options)
+        return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, placeholder_cameras=True, **options)
     if Path(name).suffix.lower() in (".npz", ".csv"):
         return open_recording(name, csv_fps=csv_fps, assume=assume)
     _require_no_path(name)
-    return scripted(name)
+    return scripted_policy(name)
 
 
 def opened(name: str, given: Input, **options: Any) -> Policy:

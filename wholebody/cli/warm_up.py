@@ -11,7 +11,7 @@ import numpy as np
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.observation import Observation
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import compiled_follow
@@ -42,7 +42,7 @@ def warm_up() -> float:
     supervisor = Supervisor(spec)
     state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
     supervisor.reset(state)
-    supervisor.accept(scripted("wave").infer(observe(spec, supervisor, state)))
+    supervisor.accept(scripted_policy("wave").infer(observe(spec, supervisor, state)))
     for _ in range(3):
         supervisor.step(state)
     return perf_counter() - begin
@@ -72,6 +72,6 @@ def compile_plan() -> None:
     poses = [robot.pose(tool.wrist_frame).homogeneous for tool in spec.tools]
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
     T_world_base = robot.pose(spec.base_body).homogeneous
-    chunk = scripted("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
+    chunk = scripted_policy("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
     planner = ChunkPlanner(spec, robot, PlannerConfig(), ControllerConfig().friction)
     planner.plan(chunk, 0.0, BodyState.still(q, robot.nv), HandMotion(rows))

@@ -10,12 +10,12 @@ from policy.executor.ensemble import TAPER, TemporalEnsemble, mean_rotation
 from policy.executor.executor import ExecutorConfig
 from policy.executor.simulated import simulated_executor
 from policy.geometry.rotations import rotation_residual, rotvec_to_matrix
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 
 
 def chunks(*times, name="wave"):
-    policy = scripted(name)
+    policy = scripted_policy(name)
     policy.reset()
     return [policy.infer(observation(time)) for time in times]
 
@@ -112,8 +112,8 @@ def test_an_executor_averages_if_told_so_and_halves_the_noise_of_four_chunks():
     noise, rng = 0.01, np.random.default_rng(0)
 
     def spread(ensemble):
-        policy = scripted("wave")
-        exact, script = policy.infer, scripted("wave").script
+        policy = scripted_policy("wave")
+        exact, script = policy.infer, scripted_policy("wave").script
         policy.infer = lambda seen: shifted(exact(seen), noise * rng.normal(size=50))
         runner = simulated_executor(policy, config=ExecutorConfig(replace_every=5, ensemble=ensemble))
         runner.reset()

@@ -14,7 +14,7 @@ from policy.clock import SimulatedClock
 from policy.errors import PolicyError
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import SimulatedWorker, simulated_executor, uniform_latency
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.executor_cases import TICK, Continuing, run, started
 from tests.support.faulty_policies import FAULTS, FaultyPolicy, executor
 from tests.support.policy_cases import observation
@@ -25,7 +25,7 @@ def codes(executor):
 
 
 def test_without_latency_chunks_come_at_once_and_every_25_steps():
-    runner = started(scripted("wave"))
+    runner = started(scripted_policy("wave"))
     got = run(runner, 3.0)
     assert [chunk.seq for _, chunk in got] == [0, 1, 2, 3]
     assert [time for time, _ in got] == pytest.approx(25 / 30 * np.arange(4), abs=2 * TICK * 3)
@@ -34,7 +34,7 @@ def test_without_latency_chunks_come_at_once_and_every_25_steps():
 
 
 def test_a_late_chunk_keeps_the_time_of_its_observation_and_its_latency_is_measured():
-    runner = started(scripted("wave"), latency=0.2)
+    runner = started(scripted_policy("wave"), latency=0.2)
     got = run(runner, 2.0)
     assert [time - chunk.t_obs for time, chunk in got] == pytest.approx([0.2] * len(got), abs=TICK)
     assert runner.report.latencies == pytest.approx([0.2] * len(got))
@@ -44,7 +44,7 @@ def test_a_late_chunk_keeps_the_time_of_its_observation_and_its_latency_is_measu
 
 
 def test_chunks_with_random_latency_below_half_their_length_never_starve():
-    runner = started(scripted("wave"), latency=uniform_latency(0.0, 0.4, seed=3))
+    runner = started(scripted_policy("wave"), latency=uniform_latency(0.0, 0.4, seed=3))
     run(runner, 10.0)
     assert runner.report.starvations == 0
     assert 0.0 < runner.report.latencies.min() < runner.report.latencies.max() < 0.4
@@ -62,12 +62,12 @@ def test_the_same_seed_gives_the_same_latencies_and_equal_bounds_a_constant():
 
 
 def test_a_policy_that_is_too_slow_starves_the_loop_and_the_starved_time_is_counted():
-    runner = started(scripted("wave"), latency=2.0, config=ExecutorConfig(hang_after=5.0))
+    runner = started(scripted_policy("wave"), latency=2.0, config=ExecutorConfig(hang_after=5.0))
     run(runner, 6.0)
     # Asked at 0, there at 2.0, over already; a chunk is 1.63 s long.
     assert runner.report.deliveries == []
     assert runner.report.counts["chunk_stale"] == 2
-    slow = started(scripted("wave"), latency=1.0, config=ExecutorConfig(hang_after=5.0))
+    slow = started(scripted_policy("wave"), latency=1.0, config=ExecutorConfig(hang_after=5.0))
     run(slow, 6.0)
     # Each is used from 1.0 to 1.633 s of its age, and the next is asked for as soon as it comes.
     assert slow.report.starvations >= 3
@@ -75,7 +75,7 @@ def test_a_policy_that_is_too_slow_starves_the_loop_and_the_starved_time_is_coun
 
 
 def test_an_observation_that_is_too_old_makes_its_chunk_stale():
-    runner = started(scripted("wave"), latency=0.3, config=ExecutorConfig(age_max=0.25))
+    runner = started(scripted_policy("wave"), latency=0.3, config=ExecutorConfig(age_max=0.25))
     assert run(runner, 2.0) == []
     assert runner.report.events[0].code == "chunk_stale"
     assert "0.300 s old" in runner.report.events[0].detail
@@ -84,7 +84,7 @@ def test_an_observation_that_is_too_old_makes_its_chunk_stale():
 
 @pytest.mark.parametrize(("fault", "code"), FAULTS.items())
 def test_every_fault_is_reported_and_no_chunk_comes_of_it(fault, code):
-    runner = executor(FaultyPolicy(scripted("wave"), fault, 0.5, latency=0.1))
+    runner = executor(FaultyPolicy(scripted_policy("wave"), fault, 0.5, latency=0.1))
     runner.reset()
     got = run(runner, 6.0)
     assert code in codes(runner)
@@ -98,7 +98,7 @@ def test_every_fault_is_reported_and_no_chunk_comes_of_it(fault, code):
 
 
 def test_a_hang_is_reported_while_it_lasts_and_what_it_answers_then_is_stale():
-    runner = executor(FaultyPolicy(scripted("wave"), "hangs 2 s", 0.5))
+    runner = executor(FaultyPolicy(scripted_policy("wave"), "hangs 2 s", 0.5))
     runner.reset()
     run(runner, 1.5)
     assert codes(runner) == set()
@@ -112,7 +112,7 @@ def test_a_hang_is_reported_while_it_lasts_and_what_it_answers_then_is_stale():
 
 
 def test_a_dead_policy_is_not_asked_again_until_a_reset():
-    policy = FaultyPolicy(scripted("wave"), "dies", 0.5)
+    policy = FaultyPolicy(scripted_policy("wave"), "dies", 0.5)
     runner = executor(policy)
     runner.reset()
     run(runner, 5.0)
@@ -124,7 +124,7 @@ def test_a_dead_policy_is_not_asked_again_until_a_reset():
 
 
 def test_a_policy_that_raises_is_asked_again_after_a_pause_and_logged_once(caplog):
-    runner = executor(FaultyPolicy(scripted("wave"), "raises", 0.0), config=ExecutorConfig(retry_after=0.5))
+    runner = executor(FaultyPolicy(scripted_policy("wave"), "raises", 0.0), config=ExecutorConfig(retry_after=0.5))
     runner.reset()
     with caplog.at_level(logging.WARNING, logger="policy.executor.executor"):
         run(runner, 2.0)
@@ -133,7 +133,7 @@ def test_a_policy_that_raises_is_asked_again_after_a_pause_and_logged_once(caplo
 
 
 def test_after_a_recovery_the_next_failure_is_logged_again(caplog):
-    policy = FaultyPolicy(scripted("wave"), "raises", 0.5)
+    policy = FaultyPolicy(scripted_policy("wave"), "raises", 0.5)
     runner = executor(policy)
     runner.reset()
     with caplog.at_level(logging.WARNING, logger="policy.executor.executor"):
@@ -146,7 +146,7 @@ def test_after_a_recovery_the_next_failure_is_logged_again(caplog):
 
 
 def test_a_chunk_that_was_asked_for_before_a_reset_is_refused_after_it():
-    runner = started(scripted("wave"), latency=0.3)
+    runner = started(scripted_policy("wave"), latency=0.3)
     run(runner, 0.1)
     runner.reset()
     got = run(runner, 1.0, start=0.1)
@@ -156,7 +156,7 @@ def test_a_chunk_that_was_asked_for_before_a_reset_is_refused_after_it():
 
 
 def test_a_chunk_that_the_controller_refuses_leaves_the_one_before_running():
-    runner = started(scripted("wave"))
+    runner = started(scripted_policy("wave"))
     first, second = (chunk for _, chunk in run(runner, 1.0))
     assert runner.running is second
     runner.refused("planning_failed", "no plan")
@@ -169,7 +169,7 @@ def test_a_chunk_that_the_controller_refuses_leaves_the_one_before_running():
 
 
 def test_the_task_reaches_the_policy_with_the_reset():
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     tasks = []
     policy.reset = tasks.append
     simulated_executor(policy).reset("wave hello")
@@ -178,7 +178,7 @@ def test_the_task_reaches_the_policy_with_the_reset():
 
 def test_a_simulated_worker_without_latency_takes_as_long_as_the_computation():
     clock = SimulatedClock()
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     policy.reset()
     worker = SimulatedWorker(policy, clock)
     runner = Executor(policy, clock, worker=worker)
@@ -193,7 +193,7 @@ def test_a_simulated_worker_without_latency_takes_as_long_as_the_computation():
 
 def test_a_negative_latency_is_refused():
     with pytest.raises(ValueError, match=r"latency from -0.1 s"):
-        simulated_executor(scripted("wave"), latency=-0.1)
+        simulated_executor(scripted_policy("wave"), latency=-0.1)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +206,7 @@ def test_settings_that_make_no_sense_are_refused(settings):
 
 def test_real_time_chunking_is_refused_for_a_policy_that_cannot_continue_a_prefix():
     with pytest.raises(PolicyError, match=r"infer_after.*ScriptedPolicy has none.*ensemble"):
-        simulated_executor(scripted("wave"), config=ExecutorConfig(real_time=True))
+        simulated_executor(scripted_policy("wave"), config=ExecutorConfig(real_time=True))
 
 
 def test_real_time_chunking_passes_what_is_executed_from_the_observation_on_and_the_expected_delay():
@@ -218,7 +218,7 @@ def test_real_time_chunking_passes_what_is_executed_from_the_observation_on_and_
     assert prefix.inference_delay == 6  # 0.2 s at 30 Hz
     assert prefix.execution_horizon == 11
     assert prefix.steps == 24  # from 0.834 s to the last step at 1.633 s
-    wanted = scripted("wave").script(prefix.executed.times)
+    wanted = scripted_policy("wave").script(prefix.executed.times)
     left = prefix.executed.T_world_lhand[: prefix.steps, :3, :3]
     np.testing.assert_allclose(left, wanted.R_world_lhand[: prefix.steps], atol=1e-3)
 

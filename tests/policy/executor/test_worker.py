@@ -7,7 +7,7 @@ import pytest
 
 from policy.clock import MonotonicClock
 from policy.executor.executor import Executor, ExecutorConfig
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.faulty_policies import FaultyPolicy
 from tests.support.policy_cases import observation
 
@@ -34,7 +34,7 @@ class Thinking(FaultyPolicy):
 
 
 def test_a_policy_thinks_in_a_thread_of_its_own_and_the_control_loop_never_waits():
-    clock, policy = MonotonicClock(), Thinking(scripted("wave"), "", float("inf"))
+    clock, policy = MonotonicClock(), Thinking(scripted_policy("wave"), "", float("inf"))
     executor = Executor(policy, clock, config=ExecutorConfig(replace_every=5, hang_after=0.6))
     observation()  # imports what the first one needs
     executor.reset()

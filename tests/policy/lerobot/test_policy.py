@@ -433,7 +433,7 @@ def test_the_adapter_costs_little_beside_lerobots_own_processors(tmp_path):
 
 
 def test_cameras_that_the_robot_lacks_see_grey_only_when_that_is_asked_for(tmp_path_factory):
-    policy = tiny.load(tiny.saved("pi05", tmp_path_factory), grey_cameras=True, seed=0, clamp=1.0)
+    policy = tiny.load(tiny.saved("pi05", tmp_path_factory), placeholder_cameras=True, seed=0, clamp=1.0)
     (warning,) = policy.warnings
     assert warning.text.endswith("head, left_wrist, right_wrist see grey: the policy acts blindly")
     blind, grey = tiny.observation(cameras=()), grey_images(policy.cameras)

@@ -76,11 +76,11 @@ def test_a_missing_camera_is_said_by_the_server_in_the_words_of_the_policy(check
 
 def test_a_simulation_without_pictures_shows_grey_to_the_cameras_that_the_server_names(checkpoint):
     with PolicyServer(load(checkpoint), port=0) as server:
-        policy = RemotePolicy.connect(server.uri, grey_cameras=True)
+        policy = RemotePolicy.connect(server.uri, placeholder_cameras=True)
         assert policy.cameras == dict.fromkeys(("head", "left_wrist", "right_wrist"), (64, 64))
         (warning,) = policy.warnings
         assert "head, left_wrist, right_wrist see grey" in warning.text
         found = policy.infer(observation(cameras=()))
         policy.close()
-    expected = load(checkpoint, grey_cameras=True).infer(observation(cameras=()))
+    expected = load(checkpoint, placeholder_cameras=True).infer(observation(cameras=()))
     assert all(found.arrays()[name].tobytes() == value.tobytes() for name, value in expected.arrays().items())

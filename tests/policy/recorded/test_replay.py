@@ -21,7 +21,7 @@ from policy import (
     read_chunk_file,
     read_motion_csv,
     require_same,
-    scripted,
+    scripted_policy,
     write_chunk_file,
     write_motion_csv,
 )
@@ -42,7 +42,7 @@ def policy(request, motion_file, tmp_path):
     if request.param == "npz":
         convert(motion_file, tmp_path / "swing.npz")
         return open_recording(tmp_path / "swing.npz")
-    return scripted(request.param)
+    return scripted_policy(request.param)
 
 
 class TestEveryPolicy:

@@ -452,7 +452,7 @@ def test_client_and_server_need_no_torch():
     code = (
         "import sys; from policy.remote.server import PolicyServer; from policy.remote.client import RemotePolicy\n"
         "from policy.scripted.library import scripted\n"
-        "with PolicyServer(scripted('wave'), port=0) as server: RemotePolicy.connect(server.uri).close()\n"
+        "with PolicyServer(scripted_policy('wave'), port=0) as server: RemotePolicy.connect(server.uri).close()\n"
         f"print(sorted(set(sys.modules) & set({names!r})))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -19,7 +19,7 @@ from policy.remote.client import RemotePolicy
 from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.server import CLOSE_REASON, PolicyServer, metadata_of
 from policy.remote.wire import chunk_to_map, observation_to_map
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
@@ -89,9 +89,9 @@ def same(a, b):
 
 
 def test_served_chunks_are_those_of_the_policy_itself_to_the_bit():
-    local = scripted("wave")
+    local = scripted_policy("wave")
     local.reset()
-    with PolicyServer(scripted("wave"), port=0) as server:
+    with PolicyServer(scripted_policy("wave"), port=0) as server:
         policy = connect(server)
         assert (policy.spec, policy.sees_robot, policy.duration) == (local.spec, False, local.duration)
         for k in range(3):
@@ -121,7 +121,7 @@ def test_the_policy_sees_the_observation_as_it_was_to_the_bit():
 
 
 def test_a_policy_that_continues_what_is_executed_can_do_so_from_afar():
-    served, executed = Continuing(), scripted("wave").infer(observation())
+    served, executed = Continuing(), scripted_policy("wave").infer(observation())
     with PolicyServer(served, port=0) as server:
         policy = connect(server)
         assert isinstance(policy, PrefixPolicy)
@@ -149,21 +149,21 @@ def test_a_stock_openpi_client_gets_raw_actions_in_the_layout_of_the_metadata():
 
 
 def test_the_server_listens_on_the_loopback_alone_unless_told_otherwise():
-    with PolicyServer(scripted("wave"), port=0) as server:
+    with PolicyServer(scripted_policy("wave"), port=0) as server:
         assert server._server.socket.getsockname()[0] == "127.0.0.1"
         assert server.uri.startswith("ws://127.0.0.1:")
-    with PolicyServer(scripted("wave"), host="0.0.0.0", port=0) as server:
+    with PolicyServer(scripted_policy("wave"), host="0.0.0.0", port=0) as server:
         assert server._server.socket.getsockname()[0] == "0.0.0.0"
         connect(server).close()
 
 
 def test_a_port_that_is_taken_is_said_at_once():
-    with PolicyServer(scripted("wave"), port=0) as server, pytest.raises(OSError, match="in use"):
-        PolicyServer(scripted("wave"), port=int(server.uri.rsplit(":", 1)[1]))
+    with PolicyServer(scripted_policy("wave"), port=0) as server, pytest.raises(OSError, match="in use"):
+        PolicyServer(scripted_policy("wave"), port=int(server.uri.rsplit(":", 1)[1]))
 
 
 def test_web_pages_cannot_reach_the_policy_and_health_checks_can():
-    with PolicyServer(scripted("wave"), port=0) as server:
+    with PolicyServer(scripted_policy("wave"), port=0) as server:
         with pytest.raises(InvalidStatus, match="403"):
             raw_connect(server.uri, origin="http://evil.example", proxy=None).__enter__()
         with urllib.request.urlopen(server.uri.replace("ws", "http") + "/healthz", timeout=3.0) as answer:
@@ -264,7 +264,7 @@ def test_a_hostile_request_is_answered_with_a_sentence_and_never_reaches_the_pol
 
 
 def test_a_prefix_for_a_policy_that_takes_none_is_refused():
-    chunk = chunk_to_map(scripted("wave").infer(observation()))
+    chunk = chunk_to_map(scripted_policy("wave").infer(observation()))
     prefix = {"executed": chunk, "steps": 1, "inference_delay": 0, "execution_horizon": 1}
     with PolicyServer(Reaching(), port=0) as server:
         connection = raw(server)
@@ -329,7 +329,7 @@ def test_a_new_episode_or_another_client_resets_the_policy_and_a_broken_connecti
 
 
 def test_an_episode_that_the_server_does_not_know_goes_on_only_where_the_policy_sees_the_robot():
-    for served, goes_on in ((Reaching(), True), (scripted("wave"), False)):
+    for served, goes_on in ((Reaching(), True), (scripted_policy("wave"), False)):
         with PolicyServer(served, port=0) as server:
             port = int(server.uri.rsplit(":", 1)[1])
             policy = connect(server)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models import g1
-from policy import SCRIPTS, PolicyError, scripted
+from policy import SCRIPTS, PolicyError, scripted_policy
 from policy.action_spec.hands import grasp_posture
 from policy.scripted.library import OBJECT_IN_PALM, grasp, lissajous, pick, reach, two_hand_lift, wave
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
@@ -60,7 +60,7 @@ def test_reach_takes_three_seconds_and_holds(x, z):
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_every_script_begins_at_the_stance_and_moves_smoothly(name):
-    policy = scripted(name)
+    policy = scripted_policy(name)
     motion = policy.script(TIMES[policy.duration + 1.0 > TIMES])
     stance = stance_pose()
     for hand in ("l", "r"):
@@ -73,7 +73,7 @@ def test_every_script_begins_at_the_stance_and_moves_smoothly(name):
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_fingers_stay_within_their_limits(name):
-    policy, spec = scripted(name), g1()
+    policy, spec = scripted_policy(name), g1()
     motion = policy.script(TIMES)
     for side, q in (("left", motion.q_lhand), ("right", motion.q_rhand)):
         at = spec.indices(spec.tool(side).finger_joints)
@@ -83,7 +83,7 @@ def test_fingers_stay_within_their_limits(name):
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_points_are_within_the_measured_reach(name):
-    motion = scripted(name).script(TIMES)
+    motion = scripted_policy(name).script(TIMES)
     for p in (motion.p_world_lpalm, motion.p_world_rpalm):
         assert p[:, 2].min() > 0.30
         assert p[:, 2].max() < 1.50
@@ -147,8 +147,8 @@ def test_waypoint_times_must_increase():
 @pytest.mark.parametrize(
     ("call", "complaint"),
     [
-        (lambda: scripted("lissajus"), "did you mean 'lissajous'"),
-        (lambda: scripted("reach", height=1.0), "does not take these settings"),
+        (lambda: scripted_policy("lissajus"), "did you mean 'lissajous'"),
+        (lambda: scripted_policy("reach", height=1.0), "does not take these settings"),
         (lambda: pick("middle"), "it is 'low' or 'high'"),
         (lambda: wave(side="both"), "it is 'left' or 'right'"),
     ],

@@ -11,7 +11,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.kinematic.formulation import gravity_torques, speed_bounds
 from wholebody.bench.reach_script import ReachScript
@@ -135,7 +135,7 @@ def test_without_an_answer_the_robot_is_told_to_stay(controller, monkeypatch):
 def test_a_slow_motion_is_survived_in_simulation():
     supervisor, plant = Supervisor(SPEC, ControllerConfig(backend="kinematic")), MujocoPlant(SPEC)
     episode = EpisodeConfig(settle=0.5, hold=0.5)
-    result = run_episode(scripted("wave"), supervisor, plant, duration=1.5, config=episode)
+    result = run_episode(scripted_policy("wave"), supervisor, plant, duration=1.5, config=episode)
     assert result.fall is None
     assert result.tilt < np.deg2rad(10.0)
     assert result.rms < 0.03

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from policy.remote.client import RemotePolicy
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 from wholebody.cli import main as cli
 from wholebody.cli.sources import length
@@ -47,9 +47,9 @@ def serving(*arguments, ending=signal.SIGINT):
 
 def test_a_served_policy_is_announced_used_from_another_process_and_ended_by_ctrl_c():
     with serving("wave") as (line, process):
-        assert line.startswith(f"serving 'wave' ({scripted('wave').spec.id}) at ws://127.0.0.1:")
+        assert line.startswith(f"serving 'wave' ({scripted_policy('wave').spec.id}) at ws://127.0.0.1:")
         uri = line.split()[-1]
-        policy, local = RemotePolicy.connect(uri), scripted("wave")
+        policy, local = RemotePolicy.connect(uri), scripted_policy("wave")
         local.reset()
         for k in range(2):
             chunk, expected = policy.infer(observation(0.5 * k)), local.infer(observation(0.5 * k))

@@ -6,7 +6,7 @@ import pytest
 from models.g1 import g1
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from wholebody.episode.chunk_seams import SeamMeter, commanded_chunk
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
@@ -90,7 +90,7 @@ def test_the_commanded_chunk_is_where_the_hands_are_told_to_be_now_and_later():
     supervisor.reset(state)
     assert commanded_chunk(supervisor, 0.0, 10, 30.0) is None
     assert supervisor.chunk is None
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     policy.reset()
     chunk = policy.infer(observe(plant.spec, supervisor, state))
     supervisor.accept(chunk)

@@ -15,7 +15,7 @@ from policy.clock import MonotonicClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import simulated_executor, uniform_latency
 from policy.remote.client import RemotePolicy
-from policy.scripted.library import scripted, wave
+from policy.scripted.library import scripted_policy, wave
 from tests.support.faulty_policies import FaultyPolicy, executor
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -55,7 +55,7 @@ def worst(result, field):
 
 def run_faulty(robot, fault, *, horizon, at, after, settings):
     """A fault from some time on, and how the robot stands that long after it [s]."""
-    policy = FaultyPolicy(at_50_hz(scripted("wave"), horizon=horizon), fault, at)
+    policy = FaultyPolicy(at_50_hz(scripted_policy("wave"), horizon=horizon), fault, at)
     runner = executor(policy, config=settings)
     result = run_episode(runner, *robot, duration=at + after, config=EpisodeConfig(settle=0.1, hold=0.0))
     return result, runner.report
@@ -77,10 +77,10 @@ def test_a_policy_that_fails_leaves_the_robot_standing_with_the_reason_logged(ro
 
 
 SERVE = """
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from policy.remote.server import PolicyServer
 
-server = PolicyServer(scripted("wave"), port=0)
+server = PolicyServer(scripted_policy("wave"), port=0)
 print(server.uri, flush=True)
 server.serve_forever()
 """
@@ -131,7 +131,7 @@ def test_a_policy_that_failed_10_s_ago_leaves_the_robot_standing(robot, stored, 
 
 
 def test_late_chunks_are_stitched_without_a_jump_and_lose_nothing(robot):
-    runner = simulated_executor(at_50_hz(scripted("wave")), latency=uniform_latency(0.1, 0.4, seed=1))
+    runner = simulated_executor(at_50_hz(scripted_policy("wave")), latency=uniform_latency(0.1, 0.4, seed=1))
     result = run_episode(runner, *robot, duration=1.7, config=EpisodeConfig(settle=0.1, hold=0.0))
     assert result.fall is None
     assert len(result.stitches) == 3
@@ -191,7 +191,7 @@ class Shaking:
 
 
 def test_a_policy_that_scatters_by_a_millimetre_a_step_is_followed_through_the_scatter(robot):
-    policy = Shaking(at_50_hz(scripted("wave")), 1e-3)
+    policy = Shaking(at_50_hz(scripted_policy("wave")), 1e-3)
     result = run_episode(policy, *robot, duration=1.2, config=EpisodeConfig(settle=0.1, hold=0.0))
     assert result.fall is None
     assert result.rms < 2.5e-3  # the scatter itself is 1.7 mm
@@ -201,7 +201,7 @@ def test_a_policy_that_scatters_by_a_millimetre_a_step_is_followed_through_the_s
 
 
 def test_a_policy_is_told_the_task_and_shown_the_images(robot):
-    policy, seen = scripted("wave"), []
+    policy, seen = scripted_policy("wave"), []
     answer, policy.reset = policy.infer, seen.append
     policy.infer = lambda observation: seen.append(observation) or answer(observation)
     image = np.zeros((4, 6, 3), dtype=np.uint8)
@@ -215,7 +215,7 @@ def test_a_policy_is_told_the_task_and_shown_the_images(robot):
 
 
 def test_what_decoding_notes_of_a_chunk_reaches_the_verdict(robot):
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     answer = policy.infer
     policy.infer = lambda observation: dataclasses.replace(answer(observation), notes=("left_hand: 2 numbers clipped",))
     result = run_episode(policy, *robot, duration=0.02, config=EpisodeConfig(settle=0.1, hold=0.0))
@@ -226,4 +226,4 @@ def test_what_decoding_notes_of_a_chunk_reaches_the_verdict(robot):
 
 def test_real_time_is_not_what_mujoco_is_stepped_in(robot):
     with pytest.raises(TypeError, match="MonotonicClock; MuJoCo is stepped on a SimulatedClock"):
-        run_episode(Executor(scripted("wave"), MonotonicClock()), *robot, duration=1.0)
+        run_episode(Executor(scripted_policy("wave"), MonotonicClock()), *robot, duration=1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import PlanFollower
@@ -28,7 +28,7 @@ def planned():
     supervisor = Supervisor(SPEC)
     state = RobotState(0.0, stance_q(SPEC, supervisor.robot.model), np.zeros(supervisor.robot.nv))
     supervisor.reset(state)
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     policy.reset()
     chunk = policy.infer(observe(SPEC, supervisor, state))
     supervisor.accept(chunk)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.g1 import g1
-from policy.scripted.library import reach, scripted
+from policy.scripted.library import reach, scripted_policy
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import RETRY, Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -27,7 +27,7 @@ def start(loop):
 
 
 def chunk_at(supervisor, state):
-    policy = scripted("reach")
+    policy = scripted_policy("reach")
     policy.reset()
     return policy.infer(observe(supervisor.spec, supervisor, state))
 
@@ -147,7 +147,7 @@ def test_a_repeated_chunk_is_refused(loop):
 
 def test_a_chunk_that_no_balanced_motion_leads_to_is_refused_and_the_one_before_goes_on(loop, monkeypatch):
     supervisor, plant, state = start(loop)
-    policy, planned = scripted("reach"), supervisor.planner.plan
+    policy, planned = scripted_policy("reach"), supervisor.planner.plan
     policy.reset()
     supervisor.accept(policy.infer(observe(supervisor.spec, supervisor, state)))
     for _ in range(100):

@@ -9,7 +9,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy import Observation
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import GRID, BodyState
@@ -28,7 +28,9 @@ def setup():
     fingers = [joints[SPEC.indices(tool.finger_joints)] for tool in SPEC.tools]
     poses = [robot.pose(tool.wrist_frame).homogeneous for tool in SPEC.tools]
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
-    chunk = scripted("reach").infer(Observation(0.0, joints[:29], *fingers, robot.pose(SPEC.base_body).homogeneous))
+    chunk = scripted_policy("reach").infer(
+        Observation(0.0, joints[:29], *fingers, robot.pose(SPEC.base_body).homogeneous)
+    )
     return ChunkPlanner(SPEC, robot, config.planner, config.friction), BodyState.still(q, robot.nv), rows, chunk
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from policy.geometry.rotations import rotvec_to_matrix
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 from wholebody.planning.floor_projection import CLEARANCE, HAND_BOX, above_floor
 
 
 def chunk_at(height, turn=(0.0, 0.0, 0.0)):
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     policy.reset()
     chunk = policy.infer(observation(0.0))
     T = chunk.T_world_lhand.copy()

@@ -7,7 +7,7 @@ import pytest
 
 from models.g1 import g1
 from policy.geometry.rotations import angle_between, rotvec_to_matrix
-from policy.scripted.library import scripted
+from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
@@ -22,7 +22,7 @@ NOISE = 0.02
 
 
 def script(name="lissajous", fps=50.0):
-    policy = scripted(name)
+    policy = scripted_policy(name)
     policy.fps = fps
     policy.infer(observation(0.0))
     return policy.infer(observation(3.0))
@@ -135,7 +135,7 @@ def test_a_supervisor_follows_the_curve_and_says_so():
     supervisor = Supervisor(plant.spec)
     state = plant.reset()
     supervisor.reset(state)
-    policy = scripted("wave")
+    policy = scripted_policy("wave")
     policy.fps = 50.0
     chunk = policy.infer(observe(plant.spec, supervisor, state))
     status = supervisor.accept(noisy(chunk, position=NOISE))
