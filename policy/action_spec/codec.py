@@ -21,6 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.frame_guess import world_guess
 from policy.action_spec.hands import closing_of, grasp_posture
 from policy.action_spec.slot import TARGETS, Slot
 from policy.action_spec.spec import ActionSpec
@@ -57,6 +58,7 @@ def decode(
         ChunkError: If the shape is wrong, or a number is not finite or no rotation; names step and slot.
     """
     actions, notes = _clip(spec, _checked(spec, actions))
+    notes += world_guess(spec, actions, anchor)
     steps = len(actions)
     waist = _joint_values(spec.slot("waist"), actions, anchor)
     arms = {side: _joint_values(spec.slot(f"{side}_arm"), actions, anchor) for side, _ in _SIDES}

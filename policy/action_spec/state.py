@@ -30,7 +30,7 @@ def state_numbers(layout: ActionSpec, observation: Observation, anchor: Anchor |
     A ``base_velocity`` is 0: observations carry none.
 
     Args:
-        layout: Absolute in every slot.
+        layout: A state is absolute in every slot; slots that are relative say that nothing moves.
         observation: Measured joints and pelvis.
         anchor: ``Anchor.measured(observation)`` if there is one already.
     """

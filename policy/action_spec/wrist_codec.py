@@ -72,7 +72,7 @@ class _Reference:
 
     def __init__(self, position: Slot, anchor: Anchor) -> None:
         self.position, self.anchor = position, anchor
-        self.T_world_frame = _frame(position, anchor)
+        self.T_world_frame = frame_pose(position, anchor)
         self._T: np.ndarray | None = None
 
     @property
@@ -95,8 +95,8 @@ def _moved(T: np.ndarray, offset: Sequence[float]) -> np.ndarray:
     return translated(T, offset) if any(offset) else T
 
 
-def _frame(slot: Slot, anchor: Anchor) -> np.ndarray:
-    """``T_world_frame``."""
+def frame_pose(slot: Slot, anchor: Anchor) -> np.ndarray:
+    """``T_world_frame`` (4, 4) of the frame that a slot is in."""
     if slot.frame == "world":
         return np.eye(4)
     if slot.frame == "pelvis_yaw":

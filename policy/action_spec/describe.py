@@ -1,0 +1,108 @@
+"""A layout in words and numbers: every slot with unit, frame, order and limits, and what it is in the stance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from models.g1 import g1
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import LAYOUTS, builtin
+from policy.action_spec.slot import ROTATIONS, Slot
+from policy.action_spec.spec import ActionSpec
+from policy.action_spec.state import state_numbers
+from policy.observation import Observation
+
+FRAMES = {
+    "pelvis": "as measured at the observation; x forward, y left, z up along the trunk",
+    "pelvis_yaw": "the pelvis as measured at the observation, turned upright",
+    "torso": "as measured at the observation",
+    "world": "on the floor between the soles; x forward, y left, z up",
+}
+MODES = {
+    "relative_se3": "relative to the state, T_frame_wrist @ T_number",
+    "relative_add": "relative to the state, added to it",
+    "delta": "each step added to the one before, the first to the state",
+}
+ELEMENTS = {
+    "cols": tuple(f"R[{row}, {col}]" for col in (0, 1) for row in range(3)),
+    "rows": tuple(f"R[{row}, {col}]" for row in (0, 1) for col in range(3)),
+}
+"""What each number of a rot6d is, R the rotation of the wrist in its frame."""
+COLUMNS = f"  {'':<4}{'':<28}{'stance':>9}{'least':>9}{'largest':>9}"
+
+
+def summary(name: str) -> str:
+    """A built-in layout in one line: its name and the first sentence of its description.
+
+    Raises:
+        SpecError: If there is none of that name.
+    """
+    builtin(name)
+    return f"{name:<11}{(LAYOUTS[name].__doc__ or '').strip().splitlines()[0].replace('``', '')}"
+
+
+def lines(spec: ActionSpec) -> list[str]:
+    """Every slot and number of a layout, for people."""
+    stance, height = stance_numbers(spec), Anchor.nominal().T_world_base[2, 3]
+    said = [
+        f"{spec.id}: {spec.dim} numbers a step, {spec.horizon} steps a chunk at {spec.fps:g} Hz",
+        f"stance: the numbers of the robot standing still, its pelvis {height:.3f} m above the floor",
+        "least, largest: of the layout, which clips to them; else the range of the joint",
+    ]
+    poses = [slot for slot in spec.slots if slot.kind == "position" or slot.kind in ROTATIONS]
+    said += [f"{frame}: {FRAMES[frame]}" for frame in dict.fromkeys(slot.frame for slot in poses)]
+    for slot in spec.slots:
+        said += ["", _heading(slot), COLUMNS]
+        for i, name, (low, high) in zip(range(slot.size), _names(slot), _limits(slot), strict=True):
+            at = slot.start + i
+            said.append(f"  {at:<4}{name:<28}{_number(stance[at])}{_number(low)}{_number(high)}".rstrip())
+    return said
+
+
+def stance_numbers(spec: ActionSpec) -> np.ndarray:
+    """The numbers of a step that leaves the robot where it stands, shape (dim,)."""
+    anchor = Anchor.nominal()
+    standing = Observation(0.0, anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base)
+    return state_numbers(spec, standing, anchor)
+
+
+def _heading(slot: Slot) -> str:
+    unit = "" if slot.unit == "1" else f" [{slot.unit}]"
+    parts = [f"{slot.name}: {slot.kind}{unit}"]
+    if slot.kind == "position" or slot.kind in ROTATIONS:
+        wrist = g1().tool(slot.name.split("_", maxsplit=1)[0]).wrist_frame
+        offset = f" moved by {slot.tcp_offset} m" if any(slot.tcp_offset) else ""
+        parts.append(f"{wrist}{offset} in the {slot.frame}")
+    if slot.name.endswith("_grasp"):
+        parts.append("motor of a Dex1 gripper, 0 closed" if slot.unit == "dex1 rad" else "0 open, 1 closed")
+    if slot.mode in MODES:
+        parts.append(MODES[slot.mode])
+    return ", ".join(parts)
+
+
+def _names(slot: Slot) -> Iterator[str]:
+    if slot.kind != "rot6d":
+        yield from slot.feature_names
+        return
+    for name, element in zip(slot.feature_names, ELEMENTS[slot.rot6d_layout], strict=True):
+        yield f"{name:<20} {element}"
+
+
+def _limits(slot: Slot) -> Iterator[tuple[float | None, float | None]]:
+    """The slot's own limits, else the joints' ranges; none where numbers are free, or relative."""
+    spec = g1()
+    if slot.limits is not None:
+        yield from slot.limits
+    elif slot.kind == "joint" and slot.mode == "absolute":
+        for joint in (spec.joints[spec.index(name)] for name in slot.joint_names):
+            low, high = slot.from_si(np.array([joint.position_min, joint.position_max]))
+            yield float(low), float(high)
+    else:
+        yield from [(None, None)] * slot.size
+
+
+def _number(value: float | None) -> str:
+    # Adding 0.0 makes a minus zero a zero.
+    return f"{'':>9}" if value is None else f"{round(value, 3) + 0.0:>9.3f}"

@@ -1,0 +1,50 @@
+"""Wrist positions that only make sense in world, where a layout has them in the pelvis: a guess for their author."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.slot import Slot
+from policy.action_spec.spec import ActionSpec
+from policy.action_spec.wrist_codec import frame_pose
+from policy.geometry.se3 import make_transform
+
+SHOULDERS = {"left": (0.0, 0.136, 0.302), "right": (0.0, -0.136, 0.302)}
+"""Centre of what a wrist reaches, in the pelvis of an upright robot [m]."""
+ARM_REACH = 0.383
+"""Largest distance of a wrist from it [m]. Source of both: the sphere around 20 000 random arm postures."""
+LEAN = 0.1
+"""What leaning adds at least [m]."""
+
+
+def world_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple[str, ...]:
+    """A sentence if every wrist begins out of its arm's reach in the layout's frame, and within it in world.
+
+    Args:
+        spec: What the numbers are said to mean.
+        actions: Finite raw actions, shape (H, A).
+        anchor: Pelvis at the first step.
+
+    Returns:
+        One sentence, or none.
+    """
+    slots = [slot for slot in spec.slots if slot.kind == "position" and slot.mode == "absolute"]
+    if not slots or not all(_only_in_world(slot, actions[0], anchor) for slot in slots):
+        return ()
+    slot = slots[0]
+    p = ", ".join(f"{x:.2f}" for x in slot.to_si(actions[0, slot.indices]))
+    return (
+        f"these look like positions in world: {slot.name} begins at ({p}) m, out of reach in the {slot.frame}, which "
+        f"'{spec.name}' is in, and within reach in world; multiply the poses by the inverse of the {slot.frame}'s pose "
+        'as it was measured at the observation, or name a layout with "frame": "world"',
+    )
+
+
+def _only_in_world(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> bool:
+    p, tool = slot.to_si(numbers[slot.indices]), float(np.linalg.norm(slot.tcp_offset))
+    T_world_shoulder = anchor.T_world_base @ make_transform(np.eye(3), np.array(SHOULDERS[slot.name.split("_")[0]]))
+    T_world_frame = frame_pose(slot, anchor)
+    in_frame = np.linalg.norm(T_world_frame[:3, :3] @ p + T_world_frame[:3, 3] - T_world_shoulder[:3, 3])
+    in_world = np.linalg.norm(p - T_world_shoulder[:3, 3])
+    return bool(in_world <= ARM_REACH + tool < in_frame - LEAN)

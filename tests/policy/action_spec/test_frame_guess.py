@@ -1,0 +1,57 @@
+"""Numbers in world where a layout has them in the pelvis: said, and said of nothing else."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from policy import Anchor, ReplayPolicy, builtin, decode, encode, scripted
+from policy.action_spec.describe import stance_numbers
+from tests.support.policy_cases import anchor_somewhere, observation, wandering_chunk
+
+WBC32 = builtin("wbc32")
+
+
+def in_frame(frame):
+    slots = (dataclasses.replace(s, frame=frame) if "wrist" in s.name else s for s in WBC32.slots)
+    return dataclasses.replace(WBC32, name=f"in_{frame}", slots=tuple(slots))
+
+
+def in_world(chunk, anchor):
+    """The numbers of someone who overlooked that wbc32 is in the pelvis."""
+    return encode(in_frame("world"), chunk, anchor)
+
+
+@pytest.mark.parametrize("frame", ["pelvis", "pelvis_yaw", "torso"])
+def test_numbers_that_look_like_world_positions_are_said_to_be(frame):
+    policy, anchor = scripted("reach"), Anchor.nominal()
+    actions = in_world(policy.infer(observation()), anchor)
+    (note,) = decode(in_frame(frame), actions, anchor).notes
+    assert "these look like positions in world: left_wrist_position begins at (" in note
+    assert f"out of reach in the {frame}" in note
+
+
+@pytest.mark.parametrize("name", ["reach", "wave", "lissajous", "two_hand_lift", "pick_low", "pick_high"])
+def test_what_is_in_the_pelvis_is_not_guessed_to_be_in_world(name):
+    policy, anchor = scripted(name), Anchor.nominal()
+    for k in range(8):
+        chunk = policy.infer(observation(0.8 * k))
+        assert decode(WBC32, encode(WBC32, chunk, anchor), anchor).notes == ()
+        assert decode(in_frame("world"), in_world(chunk, anchor), anchor).notes == ()
+
+
+def test_a_pelvis_anywhere_is_no_reason_to_guess():
+    for seed in range(20):
+        anchor = anchor_somewhere(seed)
+        chunk = wandering_chunk(anchor, seed=seed)
+        assert decode(WBC32, encode(WBC32, chunk, anchor), anchor).notes == ()
+
+
+def test_opening_a_file_in_world_warns_before_anything_is_simulated(tmp_path):
+    actions = np.tile(stance_numbers(WBC32), (10, 1))
+    np.savez(tmp_path / "right.npz", actions=actions, fps=30.0, spec="wbc32")
+    assert ReplayPolicy.from_npz(tmp_path / "right.npz").warnings == ()
+    actions[:, [2, 11]] += Anchor.nominal().T_world_base[2, 3]
+    np.savez(tmp_path / "wrong.npz", actions=actions, fps=30.0, spec="wbc32")
+    (warning,) = ReplayPolicy.from_npz(tmp_path / "wrong.npz").warnings
+    assert "look like positions in world" in warning.sentence
