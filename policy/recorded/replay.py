@@ -12,7 +12,6 @@ from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
 from policy.errors import FileFormatError
-from policy.findings import Finding
 from policy.observation import Observation
 from policy.recorded.chunk_file import read_chunk_file
 from policy.recorded.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
@@ -62,11 +61,6 @@ class ReplayPolicy:
         """
         file = read_chunk_file(path, assume=assume)
         return cls(file.chunk(), name=Path(path).stem, spec=file.spec, horizon=horizon)
-
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """What decoding noted: should be known before running it."""
-        return tuple(Finding("chunk", "warning", note) for note in self.episode.notes)
 
     def reset(self, task: str = "") -> None:
         """Begin the recording anew at the next observation."""

@@ -47,11 +47,11 @@ def test_a_pelvis_anywhere_is_no_reason_to_guess():
         assert decode(WBC32, encode(WBC32, chunk, anchor), anchor).notes == ()
 
 
-def test_opening_a_file_in_world_warns_before_anything_is_simulated(tmp_path):
+def test_a_chunk_file_in_world_says_so_in_every_chunk_it_plays_and_so_in_its_verdict(tmp_path):
     actions = np.tile(stance_numbers(WBC32), (10, 1))
     np.savez(tmp_path / "right.npz", actions=actions, fps=30.0, spec="wbc32")
-    assert ReplayPolicy.from_npz(tmp_path / "right.npz").warnings == ()
+    assert ReplayPolicy.from_npz(tmp_path / "right.npz").infer(observation()).notes == ()
     actions[:, [2, 11]] += Anchor.nominal().T_world_base[2, 3]
     np.savez(tmp_path / "wrong.npz", actions=actions, fps=30.0, spec="wbc32")
-    (warning,) = ReplayPolicy.from_npz(tmp_path / "wrong.npz").warnings
-    assert "look like positions in world" in warning.sentence
+    (note,) = ReplayPolicy.from_npz(tmp_path / "wrong.npz").infer(observation()).notes
+    assert "look like positions in world" in note
