@@ -13,6 +13,7 @@ from wholebody.cli.check import check
 from wholebody.cli.console import log_to_terminal
 from wholebody.cli.convert import convert
 from wholebody.cli.doctor import doctor
+from wholebody.cli.layouts import layouts
 from wholebody.cli.options import flat
 from wholebody.cli.run import run
 from wholebody.cli.serve_policy import serve_policy
@@ -23,7 +24,7 @@ MISUSE = 2
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
 )
-for command in (check, run, convert, doctor, serve_policy, warmup, config):
+for command in (check, run, convert, layouts, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
 

@@ -1,0 +1,65 @@
+"""`wholebody layouts`, and the chunk of a newcomer: from numpy to a verdict."""
+
+import runpy
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from policy import LAYOUTS, builtin, read_chunk_file
+from wholebody.cli.main import app
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def layouts(*arguments):
+    done = CliRunner().invoke(app, ["layouts", *map(str, arguments)])
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.stdout
+
+
+def test_layouts_without_a_name_lists_them_one_a_line():
+    said = layouts().splitlines()
+    assert [line.split()[0] for line in said[: len(LAYOUTS)]] == list(LAYOUTS)
+
+
+def test_layouts_prints_every_slot_unit_frame_limit_and_stance_and_writes_an_example(tmp_path):
+    said = layouts("wbc32", "--write", tmp_path / "example.npz")
+    for words in (
+        "left_wrist_position: position [m], left_wrist_yaw_link in the pelvis\n",
+        "pelvis: as measured at the observation",
+        "  2   left_wrist_z.pos                0.081\n",
+        "  12  right_wrist_r6_0.pos R[0, 0]    1.000\n",
+        "  25  right_hand_thumb_0.pos          0.000   -1.047    1.047\n",
+    ):
+        assert words in said
+    file = read_chunk_file(tmp_path / "example.npz")
+    assert (file.spec, file.actions.shape) == (builtin("wbc32"), (50, 32))
+
+
+def test_layouts_takes_a_json_file_too(tmp_path):
+    (tmp_path / "mine.json").write_text(builtin("wbc27").to_json())
+    assert layouts(tmp_path / "mine.json") == layouts("wbc27")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("wbc33",), "did you mean 'wbc32'"),
+        (("--write", "x.npz"), "name the layout"),
+        (("wbc32", "--write", "x.txt"), r"must end in \.npz"),
+    ],
+)
+def test_layouts_misused_says_what_would_work(arguments, says):
+    with pytest.raises(ValueError, match=says):
+        CliRunner().invoke(app, ["layouts", *arguments], catch_exceptions=False)
+
+
+def test_the_twelve_line_numpy_program_of_the_documents_makes_a_feasible_chunk(monkeypatch, tmp_path, capsys):
+    program = ROOT / "examples" / "wbc32_chunk.py"
+    body = program.read_text().split('"""', 2)[2].strip()
+    assert body in (ROOT / "docs" / "policy_contract.md").read_text()
+    assert len([line for line in body.splitlines() if line]) <= 12
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(program))
+    assert capsys.readouterr().out == "feasible\n"
