@@ -1,4 +1,4 @@
-"""Follow a plan: clock, hand paths, smoother and posture track, one reference a control tick."""
+"""Follow a plan: clock, hand paths, smoother and whole-body trajectory, one reference a control tick."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ import numpy as np
 from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
-from wholebody.execution.kernels import plan_follower as core
-from wholebody.jit.former import digest, native, register
+from wholebody.execution.kernels import plan_follower as kernel
+from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import PathClock, ReferenceSmoother
-from wholebody.reference.kernels import path as path_kernel
-from wholebody.reference.kernels import smoother as smoother_kernel
 
 NO_PATH = np.zeros(0)
 
-WRIST_SHARE = 1.0 / 3.0
+WRIST_WEIGHT = 1.0 / 3.0
 """How much the distance of a wrist joint from the plan counts: little weight hangs on it."""
 
 
@@ -30,7 +28,7 @@ class PlanFollower:
     Args:
         controller: Whose tracking and balance count.
         config: Its configuration.
-        track: Posture to hold before the first plan.
+        trajectory: To hold before the first plan.
         smoother: Has followed the hands so far; advanced here from now on.
         rest: What the hands do before the first plan, rows (2, 40).
         interpret: Run the interpreted arithmetic, the specification, instead of the compiled one (tests).
@@ -43,69 +41,76 @@ class PlanFollower:
         self,
         controller: Controller,
         config: ControllerConfig,
-        track: SampledTrajectory,
+        trajectory: SampledTrajectory,
         smoother: ReferenceSmoother,
         rest: np.ndarray,
         *,
         interpret: bool = False,
     ) -> None:
-        self._controller, self._smoother = controller, smoother
+        self._controller = controller
         robot, spec, safety = controller.robot, controller.spec, config.safety
-        self._settings, self._state = np.zeros(core.SETTINGS), np.zeros(core.CLOCK)
-        self._settings[[core.DT, core.GRID_STEP]] = config.dt, GRID
-        self._settings[core.ERROR_SLOW : core.SETTINGS] = (
-            safety.error_slow, safety.error_stop, safety.balance_slow, safety.posture_slow, safety.posture_stop
-        )  # fmt: skip
-        self._state[[core.RATE, core.SHARE]] = 1.0
+        self._settings, self._clock = np.zeros(1, kernel.SETTINGS), np.zeros(1, kernel.CLOCK)
+        settings, clock = self._settings[0], self._clock[0]
+        settings.dt, settings.grid_step = config.dt, GRID
+        for name in ("error_slow", "error_stop", "balance_slow", "posture_slow", "posture_stop"):
+            settings[name] = getattr(safety, name)
+        clock.rate = clock.trust = 1.0
         self.row = np.zeros(POSTURE + 3 * robot.n_joints)
-        self._paths = NO_PATH, NO_PATH
-        self._track = track_table(track)
+        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
         offsets = np.array([tool.palm_offset for tool in spec.tools])
-        self._smoothing = smoother.state, np.array(rest), smoother.caps, offsets
+        self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.caps, offsets)
         for motion, offset, part in zip(smoother.state, offsets, self._palm_rows(), strict=True):
-            core.palm(motion, offset, part)
+            kernel.palm(motion, offset, part)
         support = controller.balance.support
-        self._edges = np.column_stack([support.normals, support.offsets])
-        self._posture = track.q[0].copy(), np.zeros(robot.nv)
-        self._fingers = np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools])
-        self._shares = np.array([_share(name) for name in robot.joint_names])
-        self._follow = core.follow if interpret else compiled_follow()
+        self._body = kernel.Body(
+            edges=np.column_stack([support.normals, support.offsets]),
+            fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
+            weights=np.array([_weight(name) for name in robot.joint_names]),
+        )
+        self._follow = kernel.follow if interpret else compiled_follow(robot.n_joints)
 
     @property
     def clock(self) -> PathClock:
         """Where on the plan the robot is."""
-        return PathClock(*self._state[: core.CHANGE + 1].tolist())
+        clock = self._clock[0]
+        return PathClock(float(clock.s), float(clock.rate), float(clock.change))
 
     @property
     def s(self) -> float:
         """Parameter of the plan [s]."""
-        return float(self._state[core.S])
+        return float(self._clock["s"][0])
 
     @property
     def rate(self) -> float:
         """How fast the plan is followed, 1 at the chunk's own speed."""
-        return float(self._state[core.RATE])
+        return float(self._clock["rate"][0])
 
     @property
-    def share(self) -> float:
+    def trust(self) -> float:
         """How far the hands are trusted, 1 as long as the body is near its plan."""
-        return float(self._state[core.SHARE])
+        return float(self._clock["trust"][0])
 
     @property
-    def posture(self) -> BodyState:
-        """What the posture plan asks for now."""
-        q, v = self._posture
-        return BodyState(q.copy(), v.copy())
+    def planned(self) -> BodyState:
+        """What the trajectory asks for now."""
+        settings, clock, rows = self._settings[0], self._clock[0], self._plan.trajectory
+        row = rows[kernel.nearest(settings, clock.s, len(rows))]
+        rate = clock.rate if settings.moving > 0.0 else 0.0
+        return BodyState(row.q.copy(), rate * row.v)
 
     def distance(self, q: np.ndarray) -> float:
-        """How far a configuration (nq,) is from the posture plan: its furthest joint, light ones count less [rad]."""
-        return float(np.max(self._shares * np.abs(q[7:] - self._posture[0][7:])))
+        """How far a configuration (nq,) is from what was planned for the last tick [rad].
+
+        That of the furthest joint; wrists count less, fingers not at all.
+        """
+        weights = self._body.weights
+        return float(np.max(weights * np.abs(q[7:] - self.row[POSTURE : POSTURE + len(weights)])))
 
     @property
     def time_factor(self) -> float:
         """Time spent on chunks over chunk time covered; 1 is unslowed."""
-        elapsed, travelled = self._state[[core.ELAPSED, core.TRAVELLED]].tolist()
-        return elapsed / travelled if travelled > 1e-6 else 1.0
+        clock = self._clock[0]
+        return float(clock.elapsed / clock.travelled) if clock.travelled > 1e-6 else 1.0
 
     def _palm_rows(self) -> np.ndarray:
         return self.row[:COM].reshape(2, PALM)
@@ -123,11 +128,12 @@ class PlanFollower:
             plan: The plan.
             last: Parameter of the chunk's last step [s].
         """
-        self._paths = plan.paths[0].flat, plan.paths[1].flat
-        self._track = track_table(plan.trajectory)
-        self._settings[core.MOVING : core.GRID_START + 1] = 1.0, plan.rate, plan.trajectory.start
-        self._settings[core.LAST_STEP] = last
-        self._state[: core.CHANGE + 1] = plan.start, plan.rate, 0.0
+        left, right = plan.paths
+        self._plan = kernel.Plan(self._settings, left.flat, right.flat, records(plan.trajectory))
+        settings, clock = self._settings[0], self._clock[0]
+        settings.moving, settings.plan_rate, settings.grid_start = 1.0, plan.rate, plan.trajectory.start
+        settings.last_step = last
+        clock.s, clock.rate, clock.change = plan.start, plan.rate, 0.0
 
     def reference(self, q: np.ndarray) -> PackedReference:
         """What to follow in this tick, and how far the hands are trusted in it.
@@ -139,43 +145,33 @@ class PlanFollower:
         controller = self._controller
         robot = controller.robot
         self._follow(
-            self._settings, self._state, self._paths, self._track, self._smoothing,
-            (self._edges, controller.palm_positions()), (q, robot.com, robot.com_velocity), self._posture, self.row,
-            self._fingers, self._shares,
+            self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity,
+            controller.palm_positions(), self.row,
         )  # fmt: skip
-        controller.trust_hands(float(self._state[core.SHARE]))
+        controller.trust_hands(self.trust)
         return PackedReference(self.row)
 
 
-def _share(joint: str) -> float:
+def _weight(joint: str) -> float:
     """How much a joint's distance from the plan counts: it is the heavy ones that carry balance away."""
-    return 0.0 if "_hand_" in joint else WRIST_SHARE if "_wrist_" in joint else 1.0
+    return 0.0 if "_hand_" in joint else WRIST_WEIGHT if "_wrist_" in joint else 1.0
 
 
-def track_table(track: SampledTrajectory) -> np.ndarray:
-    """A posture track as `plan_follower` reads it: all that belongs to a point of the grid side by side."""
-    n = len(track.q)
-    parts = (
-        track.q, track.v, track.ddq, track.com.transpose(1, 0, 2), track.momentum.transpose(1, 0, 2), track.height.T,
-        *track.pelvis, *track.torso,
-    )  # fmt: skip
-    return np.concatenate([np.reshape(part, (n, -1)) for part in parts], axis=1, dtype=float)
+def records(trajectory: SampledTrajectory) -> np.ndarray:
+    """A trajectory as `kernel.follow` reads it: all that belongs to a point of the grid side by side."""
+    n, n_joints = trajectory.ddq.shape
+    rows = np.zeros(n, kernel.trajectory_row(n_joints))
+    for name in ("q", "v", "ddq"):
+        rows[name] = getattr(trajectory, name)
+    for name in ("com", "momentum"):
+        rows[name] = getattr(trajectory, name).transpose(1, 0, 2)
+    rows["height"] = trajectory.height.T
+    for name in ("pelvis", "torso"):
+        rows[name] = np.concatenate([part.reshape(n, -1) for part in getattr(trajectory, name)], axis=1)
+    return rows
 
 
 @cache
-def compiled_follow() -> Callable[..., None]:
-    """The compiled `plan_follower.follow`."""
-    from numba import float64, int64, types
-
-    modules = (path_kernel, smoother_kernel, core)
-    # Nothing is allocated, so nobody has to count references.
-    options = {"_nrt": False, "no_cfunc_wrapper": True}
-    for module in modules:
-        register(module, **options)
-    vector, matrix = float64[::1], float64[:, ::1]
-    two, three = types.UniTuple(vector, 2), types.UniTuple(vector, 3)
-    arguments = (
-        vector, vector, two, matrix, types.UniTuple(matrix, 4), types.UniTuple(matrix, 2), three, two, vector,
-        int64[:, ::1], vector,
-    )  # fmt: skip
-    return native(core.follow, arguments, digest(modules), **options)
+def compiled_follow(n_joints: int) -> Callable[..., None]:
+    """The compiled `kernel.follow` for robots with so many joints, compiled when first called."""
+    return Entry(kernel.follow)

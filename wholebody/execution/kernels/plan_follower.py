@@ -1,99 +1,142 @@
 """What the controller is to follow at one tick, from a plan; compiles with numba as it stands.
 
 One call does what a tick needs before its program: how far along the plan the robot may go, where the hands should be
-there, the smoother behind, and the posture plan, all written into the row of `control.reference_packet`.
-
-Arguments that recur:
-
-* ``settings`` and ``clock``: numbers, in the order of the constants below;
-* ``paths``: both hands' paths, as `wholebody.reference.kernels.path` reads them;
-* ``track``: the posture plan on its grid, a row each, in the order of the constants below;
-* ``row``: the packed reference, (96 + 3 n_joints,).
+there, the smoother behind, and the whole-body trajectory, all written into the row of `control.reference_packet`.
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
+
+from wholebody.control.reference_packet import COM, HEIGHT, PALM, PELVIS, POSTURE, TORSO
 from wholebody.reference.kernels.path import path_row
 from wholebody.reference.kernels.smoother import smoother_step
 
-# Settings: numbers that a plan or the configuration gives.
-(DT, MOVING, PLAN_RATE, GRID_START, GRID_STEP, LAST_STEP, ERROR_SLOW, ERROR_STOP, BALANCE_SLOW, POSTURE_SLOW,
- POSTURE_STOP) = range(11)  # fmt: skip
-SETTINGS = 11
-
-# The clock: parameter and its derivatives, time spent on chunks and chunk time covered [s], trust in the hands.
-S, RATE, CHANGE, ELAPSED, TRAVELLED, SHARE = range(6)
-CLOCK = 6
-
-# A row of the track: configuration, velocity and joint accelerations, then what comes with its derivatives:
-# centre of mass (9), angular momentum and its rate (6), height (3), pelvis and torso (15 each).
-TRACK_COM, TRACK_MOMENTUM, TRACK_HEIGHT, TRACK_PELVIS, TRACK_TORSO, TRACK_END = 0, 9, 15, 18, 33, 48
-
-# Parts of the packed reference.
-PALM, COM, MOMENTUM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 57, 63, 78, 93, 96
+MOMENTUM = COM + 9
+"""Where angular momentum and its rate begin in the packed reference."""
 
 CHANGE_MAX, JERK_MAX = 4.0, 40.0
 """Largest |d2s/dt2| [1/s] and |d3s/dt3| [1/s^2] of the clock, as in `PathClock.advance`."""
 SETTLE_TICKS, JERK_SHARE = 5.0, 0.5
 """As in `wholebody.reference.path_clock`."""
-SHARE_MIN = 1e-3
+TRUST_MIN = 1e-3
 """Least trust in the hands: none at all would leave the arms without a task."""
 GRAVITY, LOWEST = 9.81, 0.2
 """Of the pendulum [m/s^2], and its least height [m], as `wholebody.limits.balance`."""
 
 
-def follow(settings, clock, paths, track, smoothing, support, measured, posture, row, fingers, shares):
+def record(*fields: tuple) -> np.dtype:
+    """A record of floats with named fields: one pointer for compiled code, attributes for interpreted code."""
+    return np.dtype((np.record, [(name, float, *shape) for name, *shape in fields]))
+
+
+SETTINGS = record(
+    ("dt",),  # control period [s]
+    ("moving",),  # 1 while there is a plan
+    ("plan_rate",),  # speed along the chunk that is planned
+    ("grid_start",), ("grid_step",),  # of the trajectory's rows [s]
+    ("last_step",),  # parameter of the chunk's last step [s]
+    ("error_slow",), ("error_stop",),  # palm error at which the plan is slowed and held [m]
+    ("balance_slow",),  # distance of the capture point from the edge below which it is slowed [m]
+    ("posture_slow",), ("posture_stop",),  # distance of a joint from the plan at which hands give way and have [rad]
+)  # fmt: skip
+"""Numbers that a plan or the configuration gives."""
+
+CLOCK = record(
+    ("s",), ("rate",), ("change",),  # path parameter [s] and its derivatives [1, 1/s]
+    ("elapsed",), ("travelled",),  # time spent on chunks, and chunk time covered [s]
+    ("trust",),  # in the hands, 0 to 1
+)  # fmt: skip
+"""What goes on from tick to tick beside the smoother."""
+
+
+def trajectory_row(n_joints: int) -> np.dtype:
+    """One row of a trajectory as `follow` reads it: what `SampledTrajectory` has at one parameter."""
+    return record(
+        ("q", 7 + n_joints), ("v", 6 + n_joints), ("ddq", n_joints), ("com", (3, 3)), ("momentum", (2, 3)),
+        ("height", 3), ("pelvis", 15), ("torso", 15),
+    )  # fmt: skip
+
+
+class Plan(NamedTuple):
+    """What is followed."""
+
+    settings: np.ndarray  # one record of `SETTINGS`
+    left: np.ndarray  # paths of the hands, flat, as wholebody.reference.kernels.path reads them
+    right: np.ndarray
+    trajectory: np.ndarray  # (n,) records of `trajectory_row`
+
+
+class Smoothing(NamedTuple):
+    """The smoother of both hands."""
+
+    state: np.ndarray  # (2, smoother.STATE)
+    target: np.ndarray  # (2, 40), kept while nothing is planned
+    caps: np.ndarray  # (2, smoother.CAPS)
+    offsets: np.ndarray  # (2, 3) palm points in the wrists' frames [m]
+
+
+class Body(NamedTuple):
+    """The robot on its feet."""
+
+    edges: np.ndarray  # (k, 3) half-planes of the support: normal, offset
+    fingers: np.ndarray  # (2, any) joints of each hand's fingers
+    weights: np.ndarray  # (n_joints,) how much each joint's distance from the plan counts
+
+
+def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
     """One tick: advance clock and smoother in place, and write the reference.
 
     Args:
-        settings: (SETTINGS,).
-        clock: (CLOCK,), changed.
-        paths: Flat paths of the left and right hand.
-        track: (grid, 7 + 6 + 3 n_joints + TRACK_END).
-        smoothing: State of the smoother (2, STATE), changed, its targets (2, 40), which are kept while nothing is
-            planned, its caps (2, CAPS) and the palm points in the wrists' frames (2, 3).
-        support: Half-planes of the support, normals and offsets (k, 3), and palm points in world (2, 3).
-        measured: Configuration now (nq,), centre of mass and its velocity at the last tick (3,).
-        posture: Out: configuration (nq,) and velocity (nv,) of the posture plan.
-        row: The reference of the last tick, replaced by that of this one.
-        fingers: Joints of each hand's fingers (2, any).
-        shares: How much each joint's distance from the plan counts (n_joints,).
+        plan: `Plan`.
+        clock: One record of `CLOCK`, changed.
+        smoothing: `Smoothing`, its state and target changed.
+        body: `Body`.
+        q: Configuration now (nq,).
+        com, com_velocity: Centre of mass and its velocity at the last tick (3,).
+        palms: Palm points in world at the last tick (2, 3).
+        row: The reference of the last tick, replaced by that of this one (96 + 3 n_joints,).
     """
-    state, target, caps, offsets = smoothing
-    if settings[MOVING] > 0.0:
-        share = governor(settings, row, support, measured)
-        advance(clock, settings[DT], settings[PLAN_RATE] * share)
+    settings, now, target = plan.settings[0], clock[0], smoothing.target
+    rate = 0.0
+    if settings.moving > 0.0:
+        share = min(tracking_share(settings, row, palms), balance_share(settings, body.edges, com, com_velocity))
+        advance(now, settings.dt, settings.plan_rate * share)
+        path_row(plan.left, now.s, target[0])
+        path_row(plan.right, now.s, target[1])
         for i in range(2):
-            path_row(paths[i], clock[S], target[i])
-            scale(target[i], clock[RATE], clock[CHANGE])
-        if clock[S] < settings[LAST_STEP]:
-            clock[ELAPSED] += settings[DT]
-            clock[TRAVELLED] += settings[DT] * clock[RATE]
-    smoother_step(state, target, caps, settings[DT])
+            scale(target[i], now.rate, now.change)
+        rate = now.rate
+        if now.s < settings.last_step:
+            now.elapsed += settings.dt
+            now.travelled += settings.dt * rate
+    smoother_step(smoothing.state, target, smoothing.caps, settings.dt)
     for i in range(2):
-        palm(state[i], offsets[i], row[PALM * i : PALM * i + PALM])
-    rate = clock[RATE] if settings[MOVING] > 0.0 else 0.0
-    follow_track(track[track_row(settings, clock[S], track.shape[0])], rate, posture, row)
-    follow_fingers(state, fingers, row)
-    clock[SHARE] = trust(settings, measured[0], row, shares)
+        palm(smoothing.state[i], smoothing.offsets[i], row[PALM * i : PALM * i + PALM])
+    follow_trajectory(plan.trajectory[nearest(settings, now.s, plan.trajectory.shape[0])], rate, row)
+    follow_fingers(smoothing.state, body.fingers, row)
+    now.trust = trust(settings, q, row, body.weights)
 
 
-def governor(settings, row, support, measured):
-    """Share of the planned speed that tracking and balance allow, 0 to 1; errors are those of the last tick."""
-    edges, palms = support
-    _, com, velocity = measured
+def tracking_share(settings, row, palms):
+    """Share of the planned speed that the palms' errors at the last tick allow, 0 to 1."""
     error = 0.0
     for i in range(2):
         total = 0.0
         for k in range(3):
             total += (row[PALM * i + 9 + k] - palms[i, k]) ** 2
         error = max(error, math.sqrt(total))
-    share = (settings[ERROR_STOP] - error) / (settings[ERROR_STOP] - settings[ERROR_SLOW])
+    return clipped((settings.error_stop - error) / (settings.error_stop - settings.error_slow))
+
+
+def balance_share(settings, edges, com, com_velocity):
+    """Share of the planned speed that the capture point's distance from the support's edge allows, 0 to 1."""
     omega = math.sqrt(GRAVITY / max(com[2], LOWEST))
-    x, y, margin = com[0] + velocity[0] / omega, com[1] + velocity[1] / omega, math.inf
+    x, y, margin = com[0] + com_velocity[0] / omega, com[1] + com_velocity[1] / omega, math.inf
     for e in range(edges.shape[0]):
         margin = min(margin, edges[e, 2] - (edges[e, 0] * x + edges[e, 1] * y))
-    return min(clipped(share), clipped(margin / settings[BALANCE_SLOW]))
+    return clipped(margin / settings.balance_slow)
 
 
 def clipped(x):
@@ -103,16 +146,17 @@ def clipped(x):
 
 def advance(clock, dt, wanted):
     """`PathClock.advance` towards the rate ``wanted``, in place."""
-    rate, change = clock[RATE], clock[CHANGE]
+    rate, change = clock.rate, clock.change
     gap = max(wanted, 0.0) - rate
     pull = min(CHANGE_MAX, math.sqrt(2.0 * JERK_SHARE * JERK_MAX * abs(gap)), abs(gap) / (SETTLE_TICKS * dt))
     jerk = min(max((math.copysign(pull, gap) - change) / dt, -JERK_MAX), JERK_MAX)
     after = rate + change * dt + 0.5 * jerk * dt**2
     if after < 0.0:  # the last tick of a stop
-        clock[S], clock[RATE], clock[CHANGE] = clock[S] + 0.5 * rate * dt, 0.0, 0.0
+        clock.s += 0.5 * rate * dt
+        clock.rate, clock.change = 0.0, 0.0
         return
-    clock[S] += rate * dt + 0.5 * change * dt**2 + jerk * dt**3 / 6.0
-    clock[RATE], clock[CHANGE] = after, change + jerk * dt
+    clock.s += rate * dt + 0.5 * change * dt**2 + jerk * dt**3 / 6.0
+    clock.rate, clock.change = after, change + jerk * dt
 
 
 def scale(row, rate, change):
@@ -144,44 +188,37 @@ def palm(motion, offset, out):
     out[21], out[22], out[23] = ax, ay, az
 
 
-def track_row(settings, s, n):
-    """Nearest of ``n`` rows of the grid; the ends are held."""
-    return min(max(round((s - settings[GRID_START]) / settings[GRID_STEP]), 0), n - 1)
+def nearest(settings, s, n):
+    """Nearest of ``n`` rows of the trajectory; the ends are held."""
+    return min(max(round((s - settings.grid_start) / settings.grid_step), 0), n - 1)
 
 
-def follow_track(track, rate, posture, row):
-    """One row of the posture plan at the speed ``rate``, into the reference and into ``posture``."""
-    q, v = posture
-    n = v.shape[0] - 6
-    at = q.shape[0]
-    for i in range(q.shape[0]):
-        q[i] = track[i]
-    for i in range(v.shape[0]):
-        v[i] = rate * track[at + i]
-    at += v.shape[0]
+def follow_trajectory(planned, rate, row):
+    """One row of the trajectory at the speed ``rate``, into the reference."""
+    n = planned.ddq.shape[0]
     for j in range(n):
-        row[POSTURE + j], row[POSTURE + n + j] = q[7 + j], v[6 + j]
-        row[POSTURE + 2 * n + j] = rate**2 * track[at + j]
-    at, factor = at + n, 1.0
+        row[POSTURE + j], row[POSTURE + n + j] = planned.q[7 + j], rate * planned.v[6 + j]
+        row[POSTURE + 2 * n + j] = rate**2 * planned.ddq[j]
+    factor = 1.0
     for d in range(3):
         for i in range(3):
-            row[COM + 3 * d + i] = factor * track[at + TRACK_COM + 3 * d + i]
-        row[HEIGHT + d] = factor * track[at + TRACK_HEIGHT + d]
+            row[COM + 3 * d + i] = factor * planned.com[d, i]
+        row[HEIGHT + d] = factor * planned.height[d]
         factor *= rate
     for i in range(3):
-        row[MOMENTUM + i] = rate * track[at + TRACK_MOMENTUM + i]
-        row[MOMENTUM + 3 + i] = rate**2 * track[at + TRACK_MOMENTUM + 3 + i]
-    follow_turn(track, at + TRACK_PELVIS, rate, row, PELVIS)
-    follow_turn(track, at + TRACK_TORSO, rate, row, TORSO)
+        row[MOMENTUM + i] = rate * planned.momentum[0, i]
+        row[MOMENTUM + 3 + i] = rate**2 * planned.momentum[1, i]
+    follow_turn(planned.pelvis, rate, row, PELVIS)
+    follow_turn(planned.torso, rate, row, TORSO)
 
 
-def follow_turn(track, first, rate, row, at):
+def follow_turn(planned, rate, row, at):
     """Rotation (9), angular rate (3) and acceleration (3) at the speed ``rate``."""
     for i in range(9):
-        row[at + i] = track[first + i]
+        row[at + i] = planned[i]
     for i in range(3):
-        row[at + 9 + i] = rate * track[first + 9 + i]
-        row[at + 12 + i] = rate**2 * track[first + 12 + i]
+        row[at + 9 + i] = rate * planned[9 + i]
+        row[at + 12 + i] = rate**2 * planned[12 + i]
 
 
 def follow_fingers(state, fingers, row):
@@ -194,10 +231,10 @@ def follow_fingers(state, fingers, row):
                 row[POSTURE + d * n + j] = state[i, 19 + 7 * d + c]
 
 
-def trust(settings, q, row, shares):
+def trust(settings, q, row, weights):
     """How far the hands may pull: less where the body has left its plan, along which they would drag it further."""
     distance = 0.0
-    for j in range(shares.shape[0]):
-        distance = max(distance, shares[j] * abs(q[7 + j] - row[POSTURE + j]))
-    room = (settings[POSTURE_STOP] - distance) / (settings[POSTURE_STOP] - settings[POSTURE_SLOW])
-    return min(max(room, SHARE_MIN), 1.0)
+    for j in range(weights.shape[0]):
+        distance = max(distance, weights[j] * abs(q[7 + j] - row[POSTURE + j]))
+    room = (settings.posture_stop - distance) / (settings.posture_stop - settings.posture_slow)
+    return min(max(room, TRUST_MIN), 1.0)
