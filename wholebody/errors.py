@@ -31,6 +31,10 @@ class StateError(WholebodyError, RuntimeError):
     """A call came at a wrong time, for example `step` before `reset`."""
 
 
+class PlanningError(WholebodyError, RuntimeError):
+    """No plan could be computed for a chunk (a plan that is not balanced is a report, not this)."""
+
+
 class SolverError(WholebodyError, RuntimeError):
     """No solver could be run on a problem (an infeasible problem is a status, not this)."""
 

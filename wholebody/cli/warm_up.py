@@ -14,7 +14,7 @@ from policy.observation import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.episode.run import observe
-from wholebody.execution.plan_follower import compiled_follow
+from wholebody.execution.plan_follower import compile_follow
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import BodyState
@@ -58,7 +58,7 @@ def compile_tick() -> None:
     program.weigh(config, 1.0)
     program.step(1.0)
     compiled_stages()
-    compiled_follow()
+    compile_follow(g1().n_joints)
     compiled_plant()
 
 

@@ -193,54 +193,71 @@ def run_episode(
     """
     config = config or EpisodeConfig()
     state = plant.reset()
-    measure = sensors.measure if sensors is not None else lambda state: state
     if sensors is not None:
         sensors.reset()
+    measure = (lambda state: state) if sensors is None else sensors.measure
     measured = measure(state)
     supervisor.reset(measured)
     executor = _executor(policy, config)
-    result, score, watch = EpisodeResult(), TrackingError(supervisor), LimitMonitor(plant)
-    seams = SeamMeter(plant.control_dt)
-    result.start, result.execution = config.settle, executor.report
+    meters = _Meters(supervisor, plant, executor, config.settle)
 
     def seen() -> Observation:
         images = config.cameras() if config.cameras is not None else {}
         return observe(plant.spec, supervisor, measured, task=config.task, images=images)
 
     end, tick = config.settle + duration + config.hold, 0
-    while state.time < end - 1e-9 and result.fall is None:
+    while state.time < end - 1e-9 and meters.result.fall is None:
         if config.settle - 1e-9 <= state.time < config.settle + duration - 1e-9:
             executor.clock.set(max(state.time, executor.clock.now()))
             chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
-            if chunk is not None and _offer(chunk, supervisor, score, result, executor):
-                seams.mark(state.time)
+            if chunk is not None and _offer(chunk, supervisor, meters.score, meters.result, executor):
+                meters.seams.mark(state.time)
         command = supervisor.step(measured)
-        score.follow(supervisor.chunk, supervisor.plan_report)
-        palms = supervisor.palm_reference()
-        seams.add(palms)
+        palms = meters.before(supervisor)
         if recorder is not None:
             recorder.add(state, command, palms, supervisor.status, plant)
         state = plant.step(command)
         measured = measure(state)
-        watch.look(state.time)
-        _count(result, supervisor, plant, state)
-        score.measure(state, palms)
+        meters.after(supervisor, plant, state, palms)
         tick += 1
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
-    result.time_factor, result.stitches = supervisor.time_factor, seams.stitches
-    _fill(result, score, watch)
-    return result
+    return meters.finish(supervisor)
 
 
-def _fill(result: EpisodeResult, score: TrackingError, watch: LimitMonitor) -> None:
-    """What was collected along the way."""
-    result.times, result.errors, result.demandable = score.table()
-    result.turns, result.lags = score.turns(), score.lags()
-    result.torques, result.positions, result.edge = watch.torques, watch.positions, watch.edge
-    result.margin, result.creep = watch.margin, watch.creep
-    faults = (event for event in result.execution.events if event.code != Reason.STARVED)
-    result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
+class _Meters:
+    """What is measured in an episode."""
+
+    def __init__(self, supervisor: Supervisor, plant: MujocoPlant, executor: Executor, start: float) -> None:
+        self.result, self.score = EpisodeResult(start=start, execution=executor.report), TrackingError(supervisor)
+        self.seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
+
+    def before(self, supervisor: Supervisor) -> dict[str, np.ndarray]:
+        """Take note of what is commanded; the palm poses (4, 4), by side."""
+        self.score.follow(supervisor.chunk, supervisor.plan_report)
+        palms = supervisor.palm_reference()
+        self.seams.add(palms)
+        return palms
+
+    def after(
+        self, supervisor: Supervisor, plant: MujocoPlant, state: RobotState, palms: dict[str, np.ndarray]
+    ) -> None:
+        """Take note of the state that it led to."""
+        self._limits.look(state.time)
+        _count(self.result, supervisor, plant, state)
+        self.score.measure(state, palms)
+
+    def finish(self, supervisor: Supervisor) -> EpisodeResult:
+        """The result with what was collected along the way."""
+        result, score, limits = self.result, self.score, self._limits
+        result.time_factor, result.stitches = supervisor.time_factor, self.seams.stitches
+        result.times, result.errors, result.demandable = score.table()
+        result.turns, result.lags = score.turns(), score.lags()
+        result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
+        result.margin, result.creep = limits.margin, limits.creep
+        faults = (event for event in result.execution.events if event.code != Reason.STARVED)
+        result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
+        return result
 
 
 def _executor(policy: Policy | Executor, config: EpisodeConfig) -> Executor:

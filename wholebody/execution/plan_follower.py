@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -172,6 +171,16 @@ def records(trajectory: SampledTrajectory) -> np.ndarray:
 
 
 @cache
-def compiled_follow(n_joints: int) -> Callable[..., None]:
+def compiled_follow(n_joints: int) -> Entry:
     """The compiled `kernel.follow` for robots with so many joints, compiled when first called."""
     return Entry(kernel.follow)
+
+
+def compile_follow(n_joints: int) -> None:
+    """Compile `kernel.follow` for robots with so many joints, or load it: what its arguments hold does not matter."""
+    vector, matrix, trajectory = np.zeros(1), np.zeros((1, 1)), np.zeros(1, kernel.trajectory_row(n_joints))
+    plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory)
+    smoothing = kernel.Smoothing(matrix, matrix, matrix, matrix)
+    body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector)
+    clock = np.zeros(1, kernel.CLOCK)
+    compiled_follow(n_joints).compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector)

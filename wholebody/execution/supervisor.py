@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import logging
 from math import cos, radians
 
 import numpy as np
@@ -10,20 +10,19 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
-from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import TickReport
-from wholebody.errors import InputError
+from wholebody.errors import InputError, PlanningError, StateError
+from wholebody.execution.fallback import damping_command, held_command, standing_command
 from wholebody.execution.plan_follower import PlanFollower
+from wholebody.execution.standing import hands_as_measured, hands_at_rest, standing_plan
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
-from wholebody.reference import HandMotion, HandPath, PathClock, ReferenceSmoother, rest_row
+from wholebody.reference import HandMotion, ReferenceSmoother
 from wholebody.types import JointCommand, Reason, RobotState, Status, StatusReport, check_state
 
-DAMPING_KD = 8.0
-"""Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
 FALL_COSINE = cos(radians(60.0))
 """Cosine of the pelvis tilt past which standing is lost."""
 FALL_HEIGHT = 0.20
@@ -36,12 +35,15 @@ TRACKING = StatusReport(Status.TRACKING)
 NO_CHUNK = StatusReport(Status.HOLD, Reason.NO_CHUNK, "no chunk yet: holding the stance")
 STARVED = StatusReport(Status.HOLD, Reason.STARVED, "the chunk is over: holding its end")
 
+logger = logging.getLogger(__name__)
+
 
 class Supervisor:
     """Owns planner and controller; the only thing a runtime talks to.
 
     `accept` takes chunks as they come, `step` answers every control period. Neither raises on bad input: a chunk that
-    cannot be used is refused with a reason code and the robot goes on, or holds.
+    cannot be used is refused with a reason code and the robot goes on, or holds. Both raise `StateError` before the
+    first `reset`.
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
@@ -49,12 +51,24 @@ class Supervisor:
         self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config.planner, self.config.friction)
-        self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
+        self._smoother: ReferenceSmoother | None = None
+        self._follower: PlanFollower | None = None
+        self._last_state: RobotState | None = None
+        self._last_command: JointCommand | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is planned, refused or waiting."""
         self.status = NO_CHUNK
         self.plan_report: PlanReport | None = None
         self.last_tick: TickReport | None = None
         self._plan: ChunkPlan | None = None
-        self._smoother: ReferenceSmoother | None = None
+        self._chunk: ActionChunk | None = None
+        self._chunk_end = 0.0
+        self._fallen = False
+        self._refused: StatusReport | None = None
+        self._waiting: ActionChunk | None = None
+        self._retry = 0.0
 
     def reset(self, state: RobotState) -> None:
         """Start an episode from a measured state of standing.
@@ -64,26 +78,26 @@ class Supervisor:
         """
         check_state(state, self.robot.n_joints)
         self.controller.reset(state)
-        track = SampledTrajectory.still(self.robot, state.q)
-        rows = np.stack([self._rest_row(side, state.q) for side in (0, 1)])
+        trajectory, rows = SampledTrajectory.still(self.robot, state.q), hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.hand_limits])
-        self._follower = PlanFollower(self.controller, self.config, track, self._smoother, rows)
-        self._plan, self._chunk, self._chunk_end = None, None, 0.0
-        self._fallen = False
-        self.status = NO_CHUNK
-        self._refused: StatusReport | None = None
-        self._waiting: ActionChunk | None = None
-        self._retry = 0.0
-        self._last_state = state
+        self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
+        self._last_state, self._last_command = state, standing_command(self.spec, self.robot, state)
+        self._forget()
+
+    def _following(self) -> PlanFollower:
+        """The follower of this episode.
+
+        Raises:
+            StateError: Before the first episode.
+        """
+        if self._follower is None:
+            raise StateError("the supervisor has no state yet: call `reset` with a measured state of standing first")
+        return self._follower
 
     @property
     def time_factor(self) -> float:
         """Time spent on chunks over chunk time covered; 1 is unslowed."""
-        return self._follower.time_factor
-
-    @property
-    def _clock(self) -> PathClock:
-        return self._follower.clock
+        return self._following().time_factor
 
     @property
     def chunk(self) -> ActionChunk | None:
@@ -92,7 +106,7 @@ class Supervisor:
 
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
-        left, right = self._follower.palm_poses()
+        left, right = self._following().palm_poses()
         return {"left": left, "right": right}
 
     def ahead(self, times: np.ndarray) -> tuple[HandMotion, HandMotion] | None:
@@ -106,8 +120,8 @@ class Supervisor:
         """
         if self._plan is None:
             return None
-        clock = self._clock
-        s = clock.s + clock.rate * (np.asarray(times) - self._last_state.time)
+        follower = self._follower
+        s = follower.s + follower.rate * (np.asarray(times) - self._last_state.time)
         left, right = (path.sample(np.clip(s, self._plan.start, self._plan.end)) for path in self._plan.paths)
         return left, right
 
@@ -115,7 +129,11 @@ class Supervisor:
         """Take a chunk, or refuse it with a reason; a refused chunk changes nothing.
 
         A chunk that cannot be joined yet is tried again until it is, is over, or another one comes.
+
+        Raises:
+            StateError: Before the first `reset`.
         """
+        self._following()
         now, self._waiting = self._last_state.time, None
         try:
             chunk.validate(after=self._chunk)
@@ -133,12 +151,13 @@ class Supervisor:
         now, self._waiting = self._last_state.time, None
         self._retry, reference = now + RETRY, self._smoother.state.copy()
         # On its plan, the robot only asks whether there is a quicker one by now.
-        again = chunk is self._chunk and self._is_safe_ahead() and self._follower.share == 1.0
+        again = chunk is self._chunk and self._is_safe_ahead() and self._follower.trust == 1.0
         try:
             start, before = self._start()
             commanded = HandMotion(self._smoother.motion.rows.copy())
             plan = self.planner.plan(chunk, now, start, commanded, before)
-        except (InputError, RuntimeError, ValueError) as error:
+        except (InputError, PlanningError) as error:
+            logger.warning("no plan for chunk %d at %.3f s", chunk.seq, now, exc_info=True)
             self._smoother.state[:] = reference
             return self._refuse(Reason.PLANNING_FAILED, str(error))
         if not plan.report.safe or plan.report.hindered:
@@ -154,7 +173,8 @@ class Supervisor:
                 "a chunk that begins nearer to the hands, or slower, would be joined at once",
             )
         if not plan.report.safe and self._lost():
-            plan = self._stand(plan)
+            middle, hands = self.planner.optimizer.body.tables.com_stance, self._measured_hands()
+            plan = standing_plan(plan, self.robot, self._last_state.q, middle, hands)
         self._plan, self._chunk, self._refused = plan, chunk, None
         self.plan_report = plan.report
         self._chunk_end = float(chunk.times[-1])
@@ -165,7 +185,7 @@ class Supervisor:
         """Whether the present plan is balanced, not over, and near enough to come back to."""
         plan, far = self._plan, self.config.safety.posture_stop
         near = self._follower.distance(self._last_state.q) < far
-        return plan is not None and plan.report.safe and self._clock.s < plan.end and near
+        return plan is not None and plan.report.safe and self._follower.s < plan.end and near
 
     def _start(self) -> tuple[BodyState, np.ndarray | None]:
         """Where the next plan begins, and what the present one would have done from now on.
@@ -178,64 +198,45 @@ class Supervisor:
             self._smoother.reset(self._measured_hands())
             return BodyState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
-            return self._follower.posture, None
-        track, clock = self._plan.trajectory, self._clock
+            return self._follower.planned, None
+        track, clock = self._plan.trajectory, self._follower.clock
         step = clock.rate * self.config.planner.posture.dt
         s = clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - clock.s) / max(step, 1e-3))
-        return self._follower.posture, track.q[[track.row(x) for x in s]]
-
-    def _stand(self, plan: ChunkPlan) -> ChunkPlan:
-        """Where no plan is balanced, follow none: stay as the robot is, the centre of mass over the soles.
-
-        Pulled along by a motion that cannot be had, the robot would lose what balance is left.
-        """
-        robot, middle = self.robot, self.planner.optimizer.body.tables.com_stance
-        still = SampledTrajectory.still(robot, self._last_state.q)
-        com = still.com.copy()
-        com[0, :, :2] = middle
-        knots, rest = plan.start + np.array([0.0, 1.0 / 3.0]), []
-        for row in self._measured_hands():
-            hand = HandMotion(row)
-            here = HandPath.from_knots(knots, np.stack([hand.T_world_hand] * 2), np.stack([hand.q_finger] * 2))
-            rest.append(here.joined(hand, plan.start))
-        return replace(plan, paths=tuple(rest), trajectory=replace(still, com=com, start=plan.start))
+        return self._follower.planned, track.q[[track.row(x) for x in s]]
 
     def _measured_hands(self) -> np.ndarray:
-        """Motions of the hands as they are, rows (2, 40); fingers as they are commanded."""
-        rows = self._smoother.motion.rows.copy()
-        motion = HandMotion(rows)
-        motion.a[:], motion.alpha[:] = 0.0, 0.0
-        for i, tool in enumerate(self.spec.tools):
-            pose, twist = self.robot.pose(tool.wrist_frame), self.robot.velocity(tool.wrist_frame)
-            motion.p[i], motion.quat[i] = pose.translation, matrix_to_quaternion(pose.rotation, "xyzw")
-            motion.v[i], motion.w[i] = twist[:3], twist[3:]
-        return rows
+        return hands_as_measured(self.robot, self._smoother.motion.rows)
 
     def _lost(self) -> bool:
         """Whether the robot has left its plan."""
         return self._follower.distance(self._last_state.q) > self.config.safety.posture_lost
 
     def step(self, state: RobotState) -> JointCommand:
-        """Command for one control period."""
+        """Command for one control period.
+
+        Raises:
+            StateError: Before the first `reset`.
+        """
+        follower = self._following()
         try:
             check_state(state, self.robot.n_joints)
         except InputError as error:
             self.status = StatusReport(Status.HOLD, Reason.STATE_INVALID, str(error))
-            return self._blind_command(self._last_state)
+            return held_command(self._last_command, self._last_state.time)
         self._last_state = state
         if self._fallen or self._has_fallen(state):
             self._fallen = True
             self.status = StatusReport(
                 Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped"
             )
-            return self._damping_command(state)
-        if self._follower.share < 1.0 and self._waiting is None:
+            return damping_command(self.spec, self.robot, state)
+        if follower.trust < 1.0 and self._waiting is None:
             self._waiting = self._chunk
         if self._waiting is not None and state.time >= self._retry:
             self._try_again()
-        command, self.last_tick = self.controller.step(state, self._follower.reference(state.q))
+        self._last_command, self.last_tick = self.controller.step(state, follower.reference(state.q))
         self._judge()
-        return command
+        return self._last_command
 
     def _try_again(self) -> None:
         """Join the chunk that is waiting, unless it is over."""
@@ -285,21 +286,3 @@ class Supervisor:
     def _has_fallen(self, state: RobotState) -> bool:
         z, x, y = state.q[2:5].tolist()
         return 1.0 - 2.0 * (x * x + y * y) < FALL_COSINE or z < FALL_HEIGHT
-
-    def _damping_command(self, state: RobotState) -> JointCommand:
-        zero = np.zeros(self.spec.n_joints)
-        # Wrists and fingers are too light for the full damping: at 500 Hz it would shake them.
-        light = [("_wrist_" in name or "_hand_" in name) for name in self.spec.joint_names]
-        kd = np.where(light, self.spec.kd, DAMPING_KD)
-        return JointCommand(state.time, state.q[7:][self.robot.pin_to_motor], zero, zero, zero, kd)
-
-    def _blind_command(self, state: RobotState) -> JointCommand:
-        """Without a usable state: the last command again, at rest."""
-        c, order = self.controller, self.robot.pin_to_motor
-        return JointCommand(
-            state.time, c.q_des[order], np.zeros(self.spec.n_joints), c._tau[order], self.spec.kp, self.spec.kd
-        )
-
-    def _rest_row(self, side: int, q: np.ndarray) -> np.ndarray:
-        T = self.robot.pose(self.spec.tools[side].wrist_frame).homogeneous
-        return rest_row(T, q[7 + self._fingers[side]])

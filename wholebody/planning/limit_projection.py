@@ -16,6 +16,7 @@ import numpy as np
 
 from policy.geometry.rotations import quaternion_to_matrix, rotvec_to_matrix
 from policy.geometry.se3 import make_transform
+from wholebody.errors import PlanningError
 from wholebody.reference import HandLimits, HandMotion, MotionLimits
 from wholebody.reference.rotation import continuous_quaternions
 
@@ -63,7 +64,7 @@ def continued(
         s: Where the chunk is joined [s].
 
     Raises:
-        RuntimeError: If no nearest steps were found: numbers far beyond anything that a hand can do.
+        PlanningError: If no nearest steps were found: numbers far beyond anything that a hand can do.
     """
     step = times[1] - times[0]
     first = min(int(np.searchsorted(times, s - 0.25 * step)), len(times) - 2)
@@ -114,7 +115,7 @@ def nearest(values: np.ndarray, fps: float, caps: MotionLimits) -> np.ndarray:
         known = D[:, :PAST] @ column[:PAST]
         out[PAST:, k], _, flag, _ = daqp.solve(H, -column[PAST:], free, bounds - known, -bounds - known, sense)
         if flag not in SOLVED:
-            raise RuntimeError(
+            raise PlanningError(
                 f"no steps within the bounds of a hand were found near those of the chunk (daqp says {flag}): are its "
                 "positions in metres?"
             )

@@ -8,6 +8,7 @@ import pytest
 from models.g1 import g1
 from policy.scripted.library import reach, scripted_policy
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
+from wholebody.errors import PlanningError, StateError
 from wholebody.execution.supervisor import RETRY, Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState, Status
@@ -220,7 +221,7 @@ def test_a_chunk_that_no_plan_joins_waits_while_the_one_before_is_followed(loop,
     np.testing.assert_allclose(np.diff(calls), RETRY, atol=3e-3)
 
 
-def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(loop, monkeypatch):
+def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(loop, monkeypatch, caplog):
     supervisor, plant, state = start(loop)
     chunk = chunk_at(supervisor, state)
     supervisor.accept(chunk)
@@ -230,19 +231,50 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
 
     def fails(*arguments, **_):
         calls.append(arguments[1])
-        raise RuntimeError("no steps were found")
+        raise PlanningError("no steps were found")
 
     monkeypatch.setattr(supervisor.planner, "plan", fails)
     # A robot that is far from its plan is planned anew from where it is.
     monkeypatch.setattr(type(supervisor._follower), "distance", lambda *_: 1.0)
-    monkeypatch.setattr(type(supervisor._follower), "share", 0.5)
+    monkeypatch.setattr(type(supervisor._follower), "trust", 0.5)
     before = supervisor._smoother.state.copy()
     status = supervisor.accept(replace(chunk, t_obs=state.time, seq=chunk.seq + 1))
     assert (status.status, status.reason) == (Status.HOLD, "planning_failed")
+    assert caplog.records[0].name == "wholebody.execution.supervisor"
+    assert caplog.records[0].exc_info[0] is PlanningError, "the log has the traceback"
     np.testing.assert_array_equal(supervisor._smoother.state, before)
     for _ in range(120):
         state = plant.step(supervisor.step(state))
     assert len(calls) == 2
+
+
+def test_an_error_in_the_arithmetic_of_planning_is_not_taken_for_a_chunk_without_a_plan(loop, monkeypatch):
+    supervisor, _, state = start(loop)
+
+    def breaks(*_, **__):
+        np.linalg.cholesky(-np.eye(2))
+
+    monkeypatch.setattr(supervisor.planner, "plan", breaks)
+    with pytest.raises(np.linalg.LinAlgError):
+        supervisor.accept(chunk_at(supervisor, state))
+
+
+def test_nothing_is_done_before_the_first_reset(loop):
+    supervisor, state = Supervisor(g1()), loop[1].reset()
+    with pytest.raises(StateError, match="call `reset`"):
+        supervisor.step(state)
+    with pytest.raises(StateError, match="call `reset`"):
+        supervisor.accept(scripted("reach").infer(observe(supervisor.spec, supervisor, state)))
+    with pytest.raises(StateError, match="call `reset`"):
+        supervisor.palm_reference()
+
+
+def test_a_state_that_is_not_finite_at_the_first_tick_leaves_the_stance_held(loop):
+    supervisor, _, state = start(loop)
+    command = supervisor.step(RobotState(state.time, np.full_like(state.q, np.nan), state.v))
+    assert (supervisor.status.status, supervisor.status.reason) == (Status.HOLD, "state_invalid")
+    np.testing.assert_allclose(command.q, state.q[7:][supervisor.robot.pin_to_motor])
+    assert not command.dq.any()
 
 
 def test_the_way_to_a_chunk_that_begins_elsewhere_is_tried_quicker_once_the_robot_can(loop, monkeypatch):

@@ -12,6 +12,7 @@ import numpy as np
 from wholebody.control.reference_packet import COM, HEIGHT, PALM, PELVIS, POSTURE, TORSO
 from wholebody.reference.kernels.path import path_row
 from wholebody.reference.kernels.smoother import smoother_step
+from wholebody.robot.kernels.pendulum import natural_frequency
 
 MOMENTUM = COM + 9
 """Where angular momentum and its rate begin in the packed reference."""
@@ -22,8 +23,6 @@ SETTLE_TICKS, JERK_SHARE = 5.0, 0.5
 """As in `wholebody.reference.path_clock`."""
 TRUST_MIN = 1e-3
 """Least trust in the hands: none at all would leave the arms without a task."""
-GRAVITY, LOWEST = 9.81, 0.2
-"""Of the pendulum [m/s^2], and its least height [m], as `wholebody.limits.balance`."""
 
 
 def record(*fields: tuple) -> np.dtype:
@@ -94,7 +93,8 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
         smoothing: `Smoothing`, its state and target changed.
         body: `Body`.
         q: Configuration now (nq,).
-        com, com_velocity: Centre of mass and its velocity at the last tick (3,).
+        com: Centre of mass at the last tick (3,).
+        com_velocity: Its velocity (3,).
         palms: Palm points in world at the last tick (2, 3).
         row: The reference of the last tick, replaced by that of this one (96 + 3 n_joints,).
     """
@@ -132,7 +132,7 @@ def tracking_share(settings, row, palms):
 
 def balance_share(settings, edges, com, com_velocity):
     """Share of the planned speed that the capture point's distance from the support's edge allows, 0 to 1."""
-    omega = math.sqrt(GRAVITY / max(com[2], LOWEST))
+    omega = natural_frequency(com[2])
     x, y, margin = com[0] + com_velocity[0] / omega, com[1] + com_velocity[1] / omega, math.inf
     for e in range(edges.shape[0]):
         margin = min(margin, edges[e, 2] - (edges[e, 0] * x + edges[e, 1] * y))
