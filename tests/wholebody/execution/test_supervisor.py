@@ -260,11 +260,12 @@ def test_an_error_in_the_arithmetic_of_planning_is_not_taken_for_a_chunk_without
 
 
 def test_nothing_is_done_before_the_first_reset(loop):
-    supervisor, state = Supervisor(g1()), loop[1].reset()
+    chunk, state = chunk_at(*start(loop)[::2]), loop[1].reset()
+    supervisor = Supervisor(loop[0].spec)
     with pytest.raises(StateError, match="call `reset`"):
         supervisor.step(state)
     with pytest.raises(StateError, match="call `reset`"):
-        supervisor.accept(scripted("reach").infer(observe(supervisor.spec, supervisor, state)))
+        supervisor.accept(chunk)
     with pytest.raises(StateError, match="call `reset`"):
         supervisor.palm_reference()
 
