@@ -1,6 +1,6 @@
 """Robot descriptions and scenes: one `RobotSpec` that gives Pinocchio, placo and MuJoCo models of the same robot."""
 
 from models.g1 import g1
-from models.spec import FootSpec, JointSpec, RobotSpec, SpecError, Stance, ToolSpec
+from models.spec import FootSpec, JointSpec, RobotSpec, RobotSpecError, Stance, ToolSpec
 
-__all__ = ["FootSpec", "JointSpec", "RobotSpec", "SpecError", "Stance", "ToolSpec", "g1"]
+__all__ = ["FootSpec", "JointSpec", "RobotSpec", "RobotSpecError", "Stance", "ToolSpec", "g1"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import platformdirs
 
-from models.spec import SpecError
+from models.spec import RobotSpecError
 
 CACHE_VARIABLE = "G1_WHOLEBODY_CACHE"
 """Environment variable that moves the cache, for example off a read-only home."""
@@ -27,7 +27,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """A path to write to that becomes `path` at the end, so that other processes see all of it or nothing.
 
     Raises:
-        SpecError: If the folder cannot be written to.
+        RobotSpecError: If the folder cannot be written to.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -41,7 +41,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise SpecError(
+        raise RobotSpecError(
             f"cannot write {path}: {error.strerror}; set {CACHE_VARIABLE} to a folder that can be written to"
         ) from error
 

@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.mujoco_model import BASE_JOINT
-from models.spec import RobotSpec, SpecError
+from models.spec import RobotSpec, RobotSpecError
 
 
 class Conversion:
@@ -36,7 +36,7 @@ class Conversion:
         mj_model: MuJoCo model; other bodies in the scene are left alone.
 
     Raises:
-        SpecError: If a joint is missing in either model.
+        RobotSpecError: If a joint is missing in either model.
     """
 
     def __init__(self, spec: RobotSpec, model: pin.Model, mj_model: mujoco.MjModel) -> None:
@@ -130,7 +130,7 @@ def motor_to_pin(spec: RobotSpec, model: pin.Model) -> np.ndarray:
     """Index array with ``x_pin = x_motor[motor_to_pin]``, shape (n_joints,).
 
     Raises:
-        SpecError: If the model has a joint the spec lacks.
+        RobotSpecError: If the model has a joint the spec lacks.
     """
     return spec.indices(list(model.names)[2:])
 
@@ -163,12 +163,12 @@ def _mj_joint(mj_model: mujoco.MjModel, name: str) -> int:
     index = mujoco.mj_name2id(mj_model, mujoco.mjtObj.mjOBJ_JOINT, name)
     if index < 0:
         known = ", ".join(mj_model.joint(i).name for i in range(mj_model.njnt))
-        raise SpecError(f"the MuJoCo model has no joint '{name}'; joints: {known}")
+        raise RobotSpecError(f"the MuJoCo model has no joint '{name}'; joints: {known}")
     return index
 
 
 def _mj_actuator(mj_model: mujoco.MjModel, name: str) -> int:
     index = mujoco.mj_name2id(mj_model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
     if index < 0:
-        raise SpecError(f"the MuJoCo model has no actuator '{name}'; load it with models.mujoco_model.load_mujoco")
+        raise RobotSpecError(f"the MuJoCo model has no actuator '{name}'; load it with models.mujoco_model.load_mujoco")
     return index

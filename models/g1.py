@@ -17,7 +17,7 @@ from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from models.spec import FootSpec, JointSpec, RobotSpec, SpecError, Stance, ToolSpec
+from models.spec import FootSpec, JointSpec, RobotSpec, RobotSpecError, Stance, ToolSpec
 
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
@@ -90,9 +90,6 @@ ACCELERATION: dict[str, float] = {
 LINKAGE_JOINTS = r".*_ankle_(pitch|roll)_joint|waist_(roll|pitch)_joint"
 """Joints driven by two motors through a linkage: the URDF allows 35 N m, Unitree's MJCF and mjlab 50 N m."""
 
-FLOOR_FRICTION = 0.8
-"""Rubber on a dry floor; the coefficient of the MuJoCo floor too."""
-
 # Spheres of the URDF: centres 30 mm below the ankle roll axis, radius 5 mm, so the sole is 35 mm below it.
 _SOLE = ((0.12, 0.03, -0.035), (0.12, -0.03, -0.035), (-0.05, -0.025, -0.035), (-0.05, 0.025, -0.035))
 _SOLE_RADIUS = 0.005
@@ -133,7 +130,7 @@ def g1(hands: bool = True, *, linkage_effort: float = 35.0) -> RobotSpec:
         linkage_effort: Torque bound of ankles and waist roll and pitch [N m]: 35 in the URDF, 50 in Unitree's MJCF.
 
     Raises:
-        SpecError: If ``example-robot-data`` is not installed or its G1 lacks a joint.
+        RobotSpecError: If ``example-robot-data`` is not installed or its G1 lacks a joint.
     """
     urdf = _urdf_path("g1_29dof_with_hand_rev_1_0.urdf" if hands else "g1_29dof_rev_1_0.urdf")
     groups = GROUPS | HAND_GROUPS if hands else GROUPS
@@ -159,10 +156,10 @@ def _urdf_path(name: str) -> Path:
     try:
         package = distribution("example-robot-data")
     except PackageNotFoundError:
-        raise SpecError("package 'example-robot-data' is missing; pip install 'example-robot-data>=6.0'") from None
+        raise RobotSpecError("package 'example-robot-data' is missing; pip install 'example-robot-data>=6.0'") from None
     path = Path(package.locate_file("cmeel.prefix/share/example-robot-data/robots/g1_description/urdf")) / name
     if not path.is_file():
-        raise SpecError(f"example-robot-data {package.version} has no {name}; version 6.0 or newer has it")
+        raise RobotSpecError(f"example-robot-data {package.version} has no {name}; version 6.0 or newer has it")
     return path.resolve()
 
 
@@ -177,7 +174,7 @@ def _urdf_limits(urdf: Path) -> dict[str, dict[str, float]]:
 
 def _joint(name: str, group: str, limits: dict[str, dict[str, float]], linkage_effort: float) -> JointSpec:
     if name not in limits:
-        raise SpecError(f"the G1's URDF has no joint '{name}'; it has {', '.join(limits)}")
+        raise RobotSpecError(f"the G1's URDF has no joint '{name}'; it has {', '.join(limits)}")
     limit = limits[name]
     kp, kd = _match(GAINS, name)
     return JointSpec(
@@ -197,7 +194,9 @@ def _joint(name: str, group: str, limits: dict[str, dict[str, float]], linkage_e
 def _match[T](table: dict[str, T], name: str) -> T:
     found = [value for pattern, value in table.items() if re.fullmatch(pattern, name)]
     if len(found) != 1:
-        raise SpecError(f"joint '{name}' is matched by {len(found)} patterns of {list(table)}, must be exactly one")
+        raise RobotSpecError(
+            f"joint '{name}' is matched by {len(found)} patterns of {list(table)}, must be exactly one"
+        )
     return found[0]
 
 
@@ -207,7 +206,6 @@ def _foot(side: str) -> FootSpec:
         frame=f"{side}_ankle_roll_link",
         contact_points=_SOLE,
         contact_radius=_SOLE_RADIUS,
-        friction=FLOOR_FRICTION,
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from models.cache import cache_dir, write_whole
-from models.spec import SpecError
+from models.spec import RobotSpecError
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 80
@@ -22,12 +22,12 @@ def read_stl(path: Path) -> np.ndarray:
     """Triangles of a binary STL file, shape (n, 3, 3): triangle, corner, xyz, in the file's unit (here metres).
 
     Raises:
-        SpecError: If the file is missing, is not binary STL, or is cut short.
+        RobotSpecError: If the file is missing, is not binary STL, or is cut short.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise SpecError(f"cannot read mesh {path}: {error.strerror}") from error
+        raise RobotSpecError(f"cannot read mesh {path}: {error.strerror}") from error
     return _parse_stl(content, path)["vertices"].astype(float)
 
 
@@ -55,13 +55,13 @@ def hull_file(mesh: Path) -> Path:
     """Binary STL with the convex hull of a mesh, from the cache or made now.
 
     Raises:
-        SpecError: If the mesh cannot be read or the cache cannot be written.
+        RobotSpecError: If the mesh cannot be read or the cache cannot be written.
     """
     try:
         found = mesh.stat()
         key = _content_hash(mesh, found.st_mtime_ns, found.st_size)
     except OSError as error:
-        raise SpecError(f"cannot read mesh {mesh}: {error.strerror}") from error
+        raise RobotSpecError(f"cannot read mesh {mesh}: {error.strerror}") from error
     path = cache_dir() / "hulls" / f"{mesh.stem}-{key}.stl"
     if not _is_whole(path):
         write_whole(path, _to_stl(convex_hull(read_stl(mesh))))
@@ -77,7 +77,7 @@ def _parse_stl(content: bytes, path: Path) -> np.ndarray:
     count = int.from_bytes(content[_HEADER : _HEADER + 4], "little")
     expected = _HEADER + 4 + count * _TRIANGLE.itemsize
     if count == 0 or len(content) != expected:
-        raise SpecError(
+        raise RobotSpecError(
             f"{path} is not a whole binary STL file: {len(content)} bytes, {expected} expected for {count} triangles; "
             "reinstall the package it comes from"
         )

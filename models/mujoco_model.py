@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from models.scenes import add_scene
-from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, FootSpec, RobotSpec, SpecError
+from models.spec import FLOOR_FRICTION, PAYLOAD_AHEAD, PAYLOAD_RADIUS, FootSpec, RobotSpec, RobotSpecError
 from models.urdf import NEIGHBOUR_JOINTS, JointTree, light_urdf, parse
 
 STANCE_KEY = "stance"
@@ -30,7 +30,7 @@ def load_mujoco(
     timestep: float = 0.002,
     visuals: bool = False,
     payload_kg: tuple[float, float] = (0.0, 0.0),
-    friction: float = 0.8,
+    friction: float = FLOOR_FRICTION,
 ) -> mujoco.MjModel:
     """The robot in a scene, ready to be driven by joint torques.
 
@@ -46,7 +46,7 @@ def load_mujoco(
         friction: Coulomb coefficient between the feet and everything they touch.
 
     Raises:
-        SpecError: If the scene does not exist or a number makes no sense.
+        RobotSpecError: If the scene does not exist or a number makes no sense.
     """
     model = build_mujoco(
         spec, scene=scene, timestep=timestep, visuals=visuals, payload_kg=payload_kg, friction=friction
@@ -69,7 +69,7 @@ def build_mujoco(
     timestep: float = 0.002,
     visuals: bool = False,
     payload_kg: tuple[float, float] = (0.0, 0.0),
-    friction: float = 0.8,
+    friction: float = FLOOR_FRICTION,
 ) -> mujoco.MjSpec:
     """The model of `load_mujoco` before it is compiled, for those who add to it."""
     _check_number("timestep", timestep, "s", positive=True)
@@ -89,7 +89,9 @@ def build_mujoco(
 def _check_number(name: str, value: float, unit: str, *, positive: bool) -> None:
     low_enough = value > 0.0 if positive else value >= 0.0
     if not (low_enough and np.isfinite(value)):
-        raise SpecError(f"{name} is {value} {unit}, must be finite and {'above' if positive else 'at least'} 0".strip())
+        raise RobotSpecError(
+            f"{name} is {value} {unit}, must be finite and {'above' if positive else 'at least'} 0".strip()
+        )
 
 
 def _read_urdf(spec: RobotSpec, visuals: bool) -> mujoco.MjSpec:
@@ -131,7 +133,7 @@ def _set_joints(spec: RobotSpec, mj: mujoco.MjSpec) -> None:
     for joint in spec.joints:
         hinge = mj.joint(joint.name)
         if hinge is None:
-            raise SpecError(f"{spec.urdf.name} has no joint '{joint.name}' of spec '{spec.name}'")
+            raise RobotSpecError(f"{spec.urdf.name} has no joint '{joint.name}' of spec '{spec.name}'")
         hinge.range = (joint.position_min, joint.position_max)
         hinge.actfrcrange = (-joint.effort_max, joint.effort_max)
         hinge.armature = joint.armature
@@ -162,12 +164,12 @@ def _check_soles(foot: FootSpec, geoms: list) -> None:
     """The spec's contact points are where the URDF's spheres touch the floor.
 
     Raises:
-        SpecError: If they are not.
+        RobotSpecError: If they are not.
     """
     lowest = sorted(tuple(np.round(geom.pos - [0.0, 0.0, geom.size[0]], 9)) for geom in geoms)
     expected = sorted(tuple(np.round(point, 9)) for point in foot.contact_points)
     if not np.allclose(lowest, expected, atol=1e-6):
-        raise SpecError(f"foot '{foot.frame}': the spec's contact points {expected} are not the URDF's {lowest}")
+        raise RobotSpecError(f"foot '{foot.frame}': the spec's contact points {expected} are not the URDF's {lowest}")
 
 
 def _add_sites(spec: RobotSpec, mj: mujoco.MjSpec) -> None:

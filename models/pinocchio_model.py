@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.cache import whole_file
-from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, RobotSpec, SpecError
+from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, RobotSpec, RobotSpecError
 from models.urdf import light_urdf
 
 # Position and speed limits of the free flyer are this in Pinocchio: neither infinite nor usable.
@@ -28,7 +28,7 @@ def load_pinocchio(spec: RobotSpec, *, payload_kg: tuple[float, float] = (0.0, 0
         payload_kg: Mass held by the left and right hand [kg], where `load_mujoco` puts it.
 
     Raises:
-        SpecError: If the URDF lacks a joint or frame of the spec, or has a joint more, or a payload is negative.
+        RobotSpecError: If the URDF lacks a joint or frame of the spec, or has a joint more, or a payload is negative.
     """
     model = pin.buildModelFromUrdf(str(spec.urdf), pin.JointModelFreeFlyer())
     model.name = spec.name
@@ -49,7 +49,7 @@ def load_collision(spec: RobotSpec, model: pin.Model) -> pin.GeometryModel:
         model: Made by `load_pinocchio` from the same spec.
 
     Raises:
-        SpecError: If a mesh is missing or the cache of hulls cannot be written.
+        RobotSpecError: If a mesh is missing or the cache of hulls cannot be written.
     """
     urdf = light_urdf(spec)
     geometry = _read_shapes(urdf, model)
@@ -93,7 +93,7 @@ def add_tool_frames(spec: RobotSpec, model: pin.Model) -> None:
     """Add the palm points as operational frames fixed to the wrists; frames that exist already are left alone.
 
     Raises:
-        SpecError: If the model lacks a wrist frame.
+        RobotSpecError: If the model lacks a wrist frame.
     """
     for tool in spec.tools:
         if model.existFrame(tool.palm_frame):
@@ -108,7 +108,7 @@ def palm_frame_ids(spec: RobotSpec, model: pin.Model) -> tuple[int, ...]:
     """Frame indices of the palm points, left then right.
 
     Raises:
-        SpecError: If the model lacks them; `add_tool_frames` adds them.
+        RobotSpecError: If the model lacks them; `add_tool_frames` adds them.
     """
     return tuple(frame_id(model, tool.palm_frame) for tool in spec.tools)
 
@@ -117,12 +117,12 @@ def frame_id(model: pin.Model, name: str) -> int:
     """Index of a frame; Pinocchio's own look-up answers ``nframes`` for a name it does not know.
 
     Raises:
-        SpecError: If there is no such frame.
+        RobotSpecError: If there is no such frame.
     """
     index = model.getFrameId(name)
     if index >= model.nframes:
         bodies = sorted(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)
-        raise SpecError(f"model '{model.name}' has no frame '{name}'; bodies: {', '.join(bodies)}")
+        raise RobotSpecError(f"model '{model.name}' has no frame '{name}'; bodies: {', '.join(bodies)}")
     return index
 
 
@@ -130,7 +130,9 @@ def _check_joints(spec: RobotSpec, model: pin.Model) -> None:
     in_model = set(list(model.names)[2:])
     missing, extra = sorted(set(spec.joint_names) - in_model), sorted(in_model - set(spec.joint_names))
     if missing or extra:
-        raise SpecError(f"{spec.urdf.name} and spec '{spec.name}' differ: missing {missing}, not in the spec {extra}")
+        raise RobotSpecError(
+            f"{spec.urdf.name} and spec '{spec.name}' differ: missing {missing}, not in the spec {extra}"
+        )
     for frame in [*(foot.frame for foot in spec.feet), spec.torso_body, spec.imu_frame]:
         frame_id(model, frame)
 
@@ -154,7 +156,7 @@ def _set_joint_numbers(spec: RobotSpec, model: pin.Model) -> None:
 def _add_payload(spec: RobotSpec, model: pin.Model, payload_kg: tuple[float, float]) -> None:
     for tool, mass in zip(spec.tools, payload_kg, strict=True):
         if not 0.0 <= mass < np.inf:
-            raise SpecError(f"payload of the {tool.side} hand is {mass} kg, must be finite and at least 0")
+            raise RobotSpecError(f"payload of the {tool.side} hand is {mass} kg, must be finite and at least 0")
         if mass > 0.0:
             palm = model.frames[frame_id(model, tool.palm_body)]
             placement = palm.placement * pin.SE3(np.eye(3), np.array([PAYLOAD_AHEAD, 0.0, 0.0]))

@@ -8,7 +8,7 @@ import numpy as np
 import placo
 
 from models.pinocchio_model import stance_q
-from models.spec import FootSpec, RobotSpec, SpecError
+from models.spec import FootSpec, RobotSpec, RobotSpecError
 from models.urdf import light_urdf, parse
 
 
@@ -23,14 +23,14 @@ def load_placo(spec: RobotSpec, *, contact_points: bool = False) -> placo.RobotW
         contact_points: Whether the contact points of the feet become frames too, see `contact_frame`.
 
     Raises:
-        SpecError: If a joint is missing, or placo sees a self-collision in the default stance.
+        RobotSpecError: If a joint is missing, or placo sees a self-collision in the default stance.
     """
     path = light_urdf(spec)
     # placo cannot add frames to a loaded robot; text takes the place of the file, the folder still has the pairs.
     robot = placo.RobotWrapper(str(path.parent), 0, _with_contact_points(spec) if contact_points else "")
     missing = sorted(set(spec.joint_names) ^ set(robot.joint_names()))
     if missing:
-        raise SpecError(f"placo and spec '{spec.name}' do not have the same joints: {missing}")
+        raise RobotSpecError(f"placo and spec '{spec.name}' do not have the same joints: {missing}")
     for joint in spec.joints:
         robot.set_joint_limits(joint.name, joint.position_min, joint.position_max)
         robot.set_velocity_limit(joint.name, joint.velocity_max)
@@ -40,7 +40,7 @@ def load_placo(spec: RobotSpec, *, contact_points: bool = False) -> placo.RobotW
     touching = robot.self_collisions(False)
     if touching:
         pairs = ", ".join(f"{pair.bodyA} and {pair.bodyB}" for pair in touching)
-        raise SpecError(f"placo sees '{spec.name}' collide with itself in its default stance: {pairs}")
+        raise RobotSpecError(f"placo sees '{spec.name}' collide with itself in its default stance: {pairs}")
     return robot
 
 

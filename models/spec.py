@@ -17,6 +17,9 @@ import numpy as np
 
 Vector3 = tuple[float, float, float]
 
+FLOOR_FRICTION = 0.8
+"""Coulomb coefficient of rubber on a dry floor: what simulated floors have unless told otherwise."""
+
 PAYLOAD_AHEAD = 0.10
 """A payload is a solid ball fixed this far ahead of the palm body's origin, along its x axis [m]."""
 
@@ -24,7 +27,7 @@ PAYLOAD_RADIUS = 0.04
 """Radius of the payload ball, for its inertia only [m]."""
 
 
-class SpecError(ValueError):
+class RobotSpecError(ValueError):
     """A robot description was asked for something it does not contain, or was given values that make no sense."""
 
 
@@ -59,16 +62,16 @@ class JointSpec:
 
     def __post_init__(self) -> None:
         if not self.position_min < self.position_max:
-            raise SpecError(
+            raise RobotSpecError(
                 f"joint '{self.name}': position_min {self.position_min} rad is not below "
                 f"position_max {self.position_max} rad; swap them or widen the range"
             )
         for field in ("velocity_max", "acceleration_max", "effort_max"):
             if not 0.0 < getattr(self, field) < np.inf:
-                raise SpecError(f"joint '{self.name}': {field} is {getattr(self, field)}, must be finite and > 0")
+                raise RobotSpecError(f"joint '{self.name}': {field} is {getattr(self, field)}, must be finite and > 0")
         for field in ("armature", "kp", "kd", "damping", "friction_loss"):
             if not 0.0 <= getattr(self, field) < np.inf:
-                raise SpecError(f"joint '{self.name}': {field} is {getattr(self, field)}, must be finite and >= 0")
+                raise RobotSpecError(f"joint '{self.name}': {field} is {getattr(self, field)}, must be finite and >= 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +86,6 @@ class FootSpec:
     """Points on the sole in `frame` [m], in order around the sole."""
     contact_radius: float
     """Radius of the spheres that touch the floor at the contact points [m]."""
-    friction: float
-    """Coulomb coefficient the controller may count on."""
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -172,9 +173,9 @@ class RobotSpec:
         names = [joint.name for joint in self.joints]
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:
-            raise SpecError(f"robot '{self.name}': joints {doubled} appear more than once")
+            raise RobotSpecError(f"robot '{self.name}': joints {doubled} appear more than once")
         if len(self.stance.joint_positions) != len(names):
-            raise SpecError(
+            raise RobotSpecError(
                 f"robot '{self.name}': the stance has {len(self.stance.joint_positions)} joint angles, "
                 f"the robot {len(names)} joints"
             )
@@ -233,20 +234,20 @@ class RobotSpec:
         """Position of a joint in motor order.
 
         Raises:
-            SpecError: If there is no such joint.
+            RobotSpecError: If there is no such joint.
         """
         try:
             return self.joint_names.index(name)
         except ValueError:
             near = difflib.get_close_matches(name, self.joint_names, n=3)
             hint = f"did you mean {near}?" if near else f"joints: {', '.join(self.joint_names)}"
-            raise SpecError(f"robot '{self.name}' has no joint '{name}'; {hint}") from None
+            raise RobotSpecError(f"robot '{self.name}' has no joint '{name}'; {hint}") from None
 
     def indices(self, names: Sequence[str]) -> np.ndarray:
         """Positions of joints in motor order, shape (len(names),).
 
         Raises:
-            SpecError: If a joint does not exist.
+            RobotSpecError: If a joint does not exist.
         """
         return np.array([self.index(name) for name in names], dtype=int)
 
@@ -254,19 +255,19 @@ class RobotSpec:
         """Positions of the joints of a limb in motor order.
 
         Raises:
-            SpecError: If there is no such group.
+            RobotSpecError: If there is no such group.
         """
         found = [i for i, joint in enumerate(self.joints) if joint.group == group]
         if not found:
             groups = sorted({joint.group for joint in self.joints})
-            raise SpecError(f"robot '{self.name}' has no joint group '{group}'; groups: {', '.join(groups)}")
+            raise RobotSpecError(f"robot '{self.name}' has no joint group '{group}'; groups: {', '.join(groups)}")
         return np.array(found, dtype=int)
 
     def foot(self, side: str) -> FootSpec:
         """The foot of a side.
 
         Raises:
-            SpecError: If there is no such side.
+            RobotSpecError: If there is no such side.
         """
         return _by_side(self.feet, side, "foot")
 
@@ -274,7 +275,7 @@ class RobotSpec:
         """The hand of a side.
 
         Raises:
-            SpecError: If there is no such side.
+            RobotSpecError: If there is no such side.
         """
         return _by_side(self.tools, side, "tool")
 
@@ -285,17 +286,19 @@ class RobotSpec:
             changes: ``{regular expression of the whole joint name: {field of JointSpec: value}}``, later ones win.
 
         Raises:
-            SpecError: If a pattern matches no joint, or a field does not exist or may not change.
+            RobotSpecError: If a pattern matches no joint, or a field does not exist or may not change.
         """
         fields = {field.name for field in dataclasses.fields(JointSpec)} - {"name", "group"}
         joints = list(self.joints)
         for pattern, values in changes.items():
             unknown = sorted(set(values) - fields)
             if unknown:
-                raise SpecError(f"joint fields {unknown} do not exist; fields: {', '.join(sorted(fields))}")
+                raise RobotSpecError(f"joint fields {unknown} do not exist; fields: {', '.join(sorted(fields))}")
             matched = [i for i, joint in enumerate(joints) if re.fullmatch(pattern, joint.name)]
             if not matched:
-                raise SpecError(f"pattern '{pattern}' matches no joint of '{self.name}': {', '.join(self.joint_names)}")
+                raise RobotSpecError(
+                    f"pattern '{pattern}' matches no joint of '{self.name}': {', '.join(self.joint_names)}"
+                )
             for i in matched:
                 joints[i] = dataclasses.replace(joints[i], **values)
         return dataclasses.replace(self, joints=tuple(joints))
@@ -314,4 +317,4 @@ def _by_side[T: (FootSpec, ToolSpec)](items: tuple[T, ...], side: str, what: str
     for item in items:
         if item.side == side:
             return item
-    raise SpecError(f"no {what} on side '{side}'; sides: {', '.join(item.side for item in items)}")
+    raise RobotSpecError(f"no {what} on side '{side}'; sides: {', '.join(item.side for item in items)}")

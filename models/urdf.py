@@ -16,7 +16,7 @@ from pathlib import Path
 
 from models.cache import cache_dir, write_whole
 from models.hulls import hull_file
-from models.spec import RobotSpec, SpecError
+from models.spec import RobotSpec, RobotSpecError
 
 _LAYOUT = 2  # raise when the files written here change, so that old ones are left behind
 NEIGHBOUR_JOINTS = 2
@@ -32,7 +32,7 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
     the hull of what they look like. ``collisions.json`` lists the pairs of `collision_pairs`, as placo reads them.
 
     Raises:
-        SpecError: If a mesh is missing or the cache cannot be written.
+        RobotSpecError: If a mesh is missing or the cache cannot be written.
     """
     source = spec.urdf.read_bytes()
     root = ET.fromstring(source)
@@ -112,7 +112,7 @@ class JointTree:
 
 def _mesh_path(spec: RobotSpec, name: str) -> Path:
     if not name.startswith(_PACKAGE):
-        raise SpecError(f"mesh '{name}' of {spec.urdf.name} is outside {_PACKAGE}; only that package is known")
+        raise RobotSpecError(f"mesh '{name}' of {spec.urdf.name} is outside {_PACKAGE}; only that package is known")
     # <package>/robots/<robot>/urdf/<file>
     return spec.urdf.parents[3] / name.removeprefix(_PACKAGE)
 

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import radians
+
+START_MAX = (0.3, radians(60.0))
+"""Distance of the hands from a chunk's present step from which it is no continuation of their motion [m, rad]: further
+than a hand moves between two chunks, half of its reach. The verdict reports such starts."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from models.scenes.furniture import FURNITURE, add_floor
 from models.scenes.objects import OBJECTS
-from models.spec import SpecError
+from models.spec import RobotSpecError
 
 if TYPE_CHECKING:
     import mujoco
@@ -30,12 +30,12 @@ def add_scene(mj: mujoco.MjSpec, scene: str, friction: float) -> None:
         friction: Coulomb coefficient of the floor.
 
     Raises:
-        SpecError: If there is no such scene.
+        RobotSpecError: If there is no such scene.
     """
     if scene not in SCENES:
         near = difflib.get_close_matches(scene, SCENES, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        raise SpecError(f"no scene '{scene}'; {hint}there are: {', '.join(SCENES)}")
+        raise RobotSpecError(f"no scene '{scene}'; {hint}there are: {', '.join(SCENES)}")
     add_floor(mj, friction)
     furniture, _, thing = scene.partition("_")
     if furniture in FURNITURE:

@@ -10,7 +10,7 @@ import numpy as np
 from policy.action_spec.hands import Side, grasp_posture
 from policy.errors import PolicyError, did_you_mean
 from policy.geometry.rotations import rpy_to_matrix
-from policy.scripted.policy import HandMotion, ScriptedPolicy, minimum_jerk, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, minimum_jerk, stance_pose
 from policy.scripted.waypoints import Waypoint, waypoint_policy
 
 MIRROR_Y = np.array([1.0, -1.0, 1.0])
@@ -48,13 +48,13 @@ def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
     # The thumb's first joint turns the same way on both sides, the others are mirrored.
     fingers[0][:3], fingers[1][:3] = LISSAJOUS_THUMB, LISSAJOUS_THUMB * [1.0, -1.0, -1.0]
 
-    def script(t: np.ndarray) -> HandMotion:
+    def script(t: np.ndarray) -> ScriptedMotion:
         fade = 1.0 - minimum_jerk((t - end) / LISSAJOUS_END)
         swing = LISSAJOUS_AMPLITUDE * fade[:, None] * np.sin(LISSAJOUS_RATES * t[:, None])
         curve = LISSAJOUS_CENTRE + swing
         share = minimum_jerk(t / LISSAJOUS_START)[:, None]
         turns = [rpy_to_matrix(share * LISSAJOUS_TURN * mirror) for mirror in ([1.0, 1.0, 1.0], [-1.0, 1.0, -1.0])]
-        return HandMotion(
+        return ScriptedMotion(
             stance.p_world_lpalm + share * (curve - stance.p_world_lpalm),
             stance.p_world_rpalm + share * (curve * MIRROR_Y - stance.p_world_rpalm),
             stance.R_world_lhand @ turns[0],

@@ -18,7 +18,7 @@ from policy.observation import Observation
 
 
 @dataclass(frozen=True)
-class HandMotion:
+class ScriptedMotion:
     """Both hands over time.
 
     Attributes:
@@ -35,7 +35,7 @@ class HandMotion:
     q_rhand: np.ndarray
 
 
-Script = Callable[[np.ndarray], HandMotion]
+Script = Callable[[np.ndarray], ScriptedMotion]
 """A motion as a function of episode time, shape (H,), [s]; it must hold its end pose after its duration."""
 
 
@@ -78,7 +78,7 @@ class ScriptedPolicy:
         return chunk
 
 
-def to_chunk(motion: HandMotion, spec_id: str, seq: int, t_obs: float, fps: float, steps: int) -> ActionChunk:
+def to_chunk(motion: ScriptedMotion, spec_id: str, seq: int, t_obs: float, fps: float, steps: int) -> ActionChunk:
     """Wrist poses from palm points."""
     T_palm = {"lhand": palm_offset("left"), "rhand": palm_offset("right")}
     wrists = {

@@ -11,7 +11,7 @@ from policy.action_spec.hands import grasp_posture
 from policy.errors import PolicyError
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
 from policy.geometry.se3 import bracket
-from policy.scripted.policy import HandMotion, ScriptedPolicy, StancePose, minimum_jerk, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, StancePose, minimum_jerk, stance_pose
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint]) -> ScriptedPolicy:
         raise PolicyError(f"{name}: waypoint times {times[1:].tolist()} s must increase from above 0")
     knots = _knots(waypoints, stance_pose())
 
-    def script(t: np.ndarray) -> HandMotion:
+    def script(t: np.ndarray) -> ScriptedMotion:
         low, share = bracket(times, t)
         blend = minimum_jerk(share)[:, None]
         straight = {
@@ -57,13 +57,13 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint]) -> ScriptedPolicy:
             R = knots[field]
             turns = matrix_to_rotvec(np.swapaxes(R[:-1], -1, -2) @ R[1:])
             turned[field] = R[low] @ rotvec_to_matrix(blend * turns[low])
-        return HandMotion(**straight, **turned)
+        return ScriptedMotion(**straight, **turned)
 
     return ScriptedPolicy(name, script, float(times[-1]))
 
 
 def _knots(waypoints: Sequence[Waypoint], stance: StancePose) -> dict[str, np.ndarray]:
-    """Every field of `HandMotion` at the stance and at each waypoint."""
+    """Every field of `ScriptedMotion` at the stance and at each waypoint."""
     fields = ("p_world_lpalm", "p_world_rpalm", "R_world_lhand", "R_world_rhand", "q_lhand", "q_rhand")
     rows = [{field: np.asarray(getattr(stance, field)) for field in fields}]
     for waypoint in waypoints:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models import SpecError, g1
+from models import RobotSpecError, g1
 from models.conversion import Conversion, motor_to_pin, rotate, rotate_inverse, rotation_matrix
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
@@ -120,7 +120,7 @@ def test_other_bodies_of_the_scene_are_left_alone():
 
 def test_a_model_without_the_robot_is_refused_by_name():
     empty = mujoco.MjSpec().compile()
-    with pytest.raises(SpecError, match="no joint 'base'"):
+    with pytest.raises(RobotSpecError, match="no joint 'base'"):
         Conversion(SPEC, MODEL, empty)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models import SpecError, g1
+from models import RobotSpecError, g1
 from models.g1 import ACCELERATION, ARMATURE, GAINS, VELOCITY_SHARE
 from models.pinocchio_model import load_pinocchio, stance_q
 
@@ -148,11 +148,11 @@ def test_foot_support_is_centred_ahead_of_the_ankle():
 
 
 def test_an_unknown_joint_is_answered_with_near_names():
-    with pytest.raises(SpecError, match="left_knee_joint"):
+    with pytest.raises(RobotSpecError, match="left_knee_joint"):
         g1().index("left_kne_joint")
-    with pytest.raises(SpecError, match="groups: left_arm"):
+    with pytest.raises(RobotSpecError, match="groups: left_arm"):
         g1().group_indices("tail")
-    with pytest.raises(SpecError, match="sides: left, right"):
+    with pytest.raises(RobotSpecError, match="sides: left, right"):
         g1().tool("middle")
 
 
@@ -161,9 +161,9 @@ def test_with_joints_changes_what_the_pattern_matches():
     assert spec.kp[29] == 4.0
     assert set(spec.kp[30:]) == {3.0}
     assert g1().kp[29] == 1.5
-    with pytest.raises(SpecError, match="matches no joint"):
+    with pytest.raises(RobotSpecError, match="matches no joint"):
         g1().with_joints({"hand": {"kp": 3.0}})
-    with pytest.raises(SpecError, match="do not exist"):
+    with pytest.raises(RobotSpecError, match="do not exist"):
         g1().with_joints({".*": {"gain": 3.0}})
 
 
@@ -172,7 +172,7 @@ def test_with_joints_changes_what_the_pattern_matches():
     [("effort_max", float("nan")), ("effort_max", 0.0), ("kp", -1.0), ("armature", float("inf")), ("velocity_max", -1)],
 )
 def test_senseless_numbers_are_refused_by_name(field, value):
-    with pytest.raises(SpecError, match=rf"left_knee_joint.*{field}"):
+    with pytest.raises(RobotSpecError, match=rf"left_knee_joint.*{field}"):
         g1().with_joints({"left_knee_joint": {field: value}})
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from models import SpecError, g1
+from models import RobotSpecError, g1
 from models.cache import CACHE_VARIABLE, cache_dir, whole_file
 from models.hulls import convex_hull, hull_file, read_stl
 from models.pinocchio_model import load_collision, load_pinocchio
@@ -140,7 +140,7 @@ def test_damaged_shapes_are_made_again():
 def test_a_cache_that_cannot_be_written_is_explained(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file"))
-    with pytest.raises(SpecError, match=CACHE_VARIABLE):
+    with pytest.raises(RobotSpecError, match=CACHE_VARIABLE):
         hull_file(MESHES[0])
 
 
@@ -154,7 +154,7 @@ def test_a_write_that_fails_leaves_nothing_behind(tmp_path):
 def test_a_mesh_that_is_not_whole_is_refused(tmp_path, content):
     path = tmp_path / "mesh.stl"
     path.write_bytes(content)
-    with pytest.raises(SpecError, match="not a whole binary STL"):
+    with pytest.raises(RobotSpecError, match="not a whole binary STL"):
         read_stl(path)
 
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from models import SpecError, g1
+from models import RobotSpecError, g1
 from models.mujoco_model import BASE_JOINT, STANCE_KEY, build_mujoco, load_mujoco
 from models.scenes import SCENES
 from models.urdf import JointTree, light_urdf, parse
@@ -98,9 +98,9 @@ def test_friction_of_the_feet_is_the_one_asked_for(spec):
     mujoco.mj_forward(model, data)
     assert {contact.friction[0] for contact in data.contact} == {0.3}
     for wrong in (0.0, -0.1, float("nan")):
-        with pytest.raises(SpecError, match="friction"):
+        with pytest.raises(RobotSpecError, match="friction"):
             load_mujoco(spec, friction=wrong)
-        with pytest.raises(SpecError, match="timestep"):
+        with pytest.raises(RobotSpecError, match="timestep"):
             load_mujoco(spec, timestep=wrong)
 
 
@@ -167,7 +167,7 @@ def test_imu_measures_gravity_and_turning(model):
 
 def test_payload_is_refused_when_senseless(spec):
     for wrong in (-1.0, float("nan")):
-        with pytest.raises(SpecError, match="payload of the left hand"):
+        with pytest.raises(RobotSpecError, match="payload of the left hand"):
             load_mujoco(spec, payload_kg=(wrong, 0.0))
 
 
@@ -270,7 +270,7 @@ def test_visual_meshes_are_seen_but_not_felt():
 
 
 def test_an_unknown_scene_is_answered_with_near_names(spec):
-    with pytest.raises(SpecError, match="table_cylinder"):
+    with pytest.raises(RobotSpecError, match="table_cylinder"):
         load_mujoco(spec, scene="table_cilinder")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models import SpecError, g1
+from models import RobotSpecError, g1
 from models.pinocchio_model import (
     add_tool_frames,
     frame_id,
@@ -63,13 +63,13 @@ def test_tool_frames_are_added_once():
 
 
 def test_an_unknown_frame_is_an_error_that_names_bodies():
-    with pytest.raises(SpecError, match="left_ankle_roll_link"):
+    with pytest.raises(RobotSpecError, match="left_ankle_roll_link"):
         frame_id(load_pinocchio(g1()), "left_foot")
 
 
 def test_a_spec_of_another_robot_is_refused():
     hands, none = g1(), g1(hands=False)
-    with pytest.raises(SpecError, match="left_hand_thumb_0_joint"):
+    with pytest.raises(RobotSpecError, match="left_hand_thumb_0_joint"):
         load_pinocchio(dataclasses.replace(none, urdf=hands.urdf))
 
 
@@ -85,7 +85,7 @@ def test_payload_adds_its_mass_ahead_of_the_palm():
     expected = (mass * com + 2.0 * point) / (mass + 2.0)
     np.testing.assert_allclose(pin.centerOfMass(loaded, data, q), expected, atol=1e-12)
     for wrong in (-1.0, float("nan"), float("inf")):
-        with pytest.raises(SpecError, match="right hand"):
+        with pytest.raises(RobotSpecError, match="right hand"):
             load_pinocchio(spec, payload_kg=(0.0, wrong))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models import SpecError, g1
+from models import RobotSpecError, g1
 from models.pinocchio_model import frame_id, load_collision, load_pinocchio
 from models.placo_model import contact_frame, load_placo
 
@@ -80,7 +80,7 @@ def test_a_stance_that_collides_is_refused():
     joints = list(spec.stance.joint_positions)
     joints[spec.index("left_shoulder_roll_joint")] = -1.0
     stance = dataclasses.replace(spec.stance, joint_positions=tuple(joints))
-    with pytest.raises(SpecError, match="torso_link_0"):
+    with pytest.raises(RobotSpecError, match="torso_link_0"):
         load_placo(dataclasses.replace(spec, stance=stance))
 
 

@@ -10,7 +10,7 @@ import pytest
 from models.g1 import g1
 from policy.action_spec.hands import grasp_posture
 from policy.scripted.library import scripted_policy
-from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -44,7 +44,7 @@ def fingers(closing, duration):
     def script(t):
         palms = (np.tile(p, (len(t), 1)) for p in (stance.p_world_lpalm, stance.p_world_rpalm))
         postures = (grasp_posture(side, closing(t)) for side in ("left", "right"))
-        return HandMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, *postures)
+        return ScriptedMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, *postures)
 
     return ScriptedPolicy("fingers", script, duration)
 

@@ -11,7 +11,7 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import load_collision
 from policy.scripted.library import reach, scripted_policy
-from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -40,7 +40,7 @@ def still(duration):
 
     def script(t):
         palms = [np.tile(p, (len(t), 1)) for p in (stance.p_world_lpalm, stance.p_world_rpalm)]
-        return HandMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, stance.q_lhand, stance.q_rhand)
+        return ScriptedMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, stance.q_lhand, stance.q_rhand)
 
     return ScriptedPolicy("still", script, duration)
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.spec import RobotSpec
-from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
+from wholebody.control.tick_report import TickLevel
 from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -50,7 +51,7 @@ class _Watched(Supervisor):
 
     def reset(self, state: RobotState) -> None:
         super().reset(state)
-        self.levels: list[int] = []
+        self.levels: list[TickLevel] = []
         self.residuals: list[tuple[float, float]] = []
         self.seconds: list[float] = []
 
@@ -121,9 +122,9 @@ def standing(seconds: float) -> ScriptedPolicy:
     """Both hands stay where they are in the stance."""
     pose = stance_pose()
 
-    def script(t: np.ndarray) -> HandMotion:
+    def script(t: np.ndarray) -> ScriptedMotion:
         palms = [np.tile(p, (len(t), 1)) for p in (pose.p_world_lpalm, pose.p_world_rpalm)]
-        return HandMotion(*palms, pose.R_world_lhand, pose.R_world_rhand, pose.q_lhand, pose.q_rhand)
+        return ScriptedMotion(*palms, pose.R_world_lhand, pose.R_world_rhand, pose.q_lhand, pose.q_rhand)
 
     return ScriptedPolicy("standing", script, seconds)
 

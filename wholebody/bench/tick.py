@@ -17,6 +17,7 @@ from wholebody.backends.registry import Controller, make_controller
 from wholebody.bench.reach_script import ReachScript
 from wholebody.bench.slow_ticks import SLOW, SlowTicks
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
+from wholebody.control.tick_report import TickLevel
 from wholebody.errors import InputError
 from wholebody.types import RobotState
 
@@ -168,7 +169,7 @@ def _once(
         watch.begin()
         c0, t0 = thread_time_ns(), perf_counter_ns()
         _, report = controller.step(RobotState(k * dt, q, v), script.packed(k))
-        if report.level == 2:
+        if report.level is TickLevel.FAILED:
             raise InputError(f"no program of tick {k} has a solution: the limits of the variant are too tight")
         if kinematic:
             q, v = controller.q, controller.v
@@ -180,7 +181,7 @@ def _once(
         t1, c1 = perf_counter_ns(), thread_time_ns()
         if k >= WARM_UP:
             wall[k - WARM_UP], cpu[k - WARM_UP] = t1 - t0, c1 - c0
-            fails += report.level > 0 or report.qp.solver != controller.config.solver
+            fails += report.level is not TickLevel.FULL or report.qp.solver != controller.config.solver
             judge.add(q, k + 1)
             watch.end(k, c1 - c0)
     return count, fails

@@ -21,6 +21,7 @@ from policy.geometry.rotations import angle_between
 from policy.lerobot.checkpoint import Checkpoint, LoadOptions, open_checkpoint
 from policy.observation import Observation
 from policy.placeholder_cameras import grey_images
+from wholebody.config import START_MAX
 
 if TYPE_CHECKING:
     from policy.action_spec.spec import ActionSpec
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 LEVELS: tuple[Level, ...] = ("ok", "warning", "error")
 """In the order of the exit codes 0, 1, 2."""
-START_POSITION_MAX, START_ANGLE_MAX = 0.3, np.pi / 3.0
-"""Distance of the first step from the present pose past which a start is contained and reported [m, rad]."""
 DRY_TASK = "pick up the object"
 """Task of the dry run where none is given."""
 
@@ -142,8 +141,9 @@ def _judge_chunk(chunk: ActionChunk, observation: Observation) -> list[Finding]:
         f"{len(chunk)} finite steps, the first {1e3 * max(offsets):.0f} mm and {np.degrees(max(angles)):.0f}° "
         f"from the nominal stance{f'; {said}' if said else ''}"
     )
-    if max(offsets) > START_POSITION_MAX or max(angles) > START_ANGLE_MAX:
-        cure = f"more than {START_POSITION_MAX} m or 60° is not followed at once: begin where demonstrations began"
+    if max(offsets) > START_MAX[0] or max(angles) > START_MAX[1]:
+        bound = f"{START_MAX[0]} m or {np.degrees(START_MAX[1]):.0f}°"
+        cure = f"more than {bound} is not followed at once: begin where demonstrations began"
         return [Finding("chunk", "warning", text, cure)]
     if said:
         return [Finding("chunk", "warning", text, "grey images and the nominal stance may be far from training")]

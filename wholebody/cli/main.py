@@ -31,14 +31,14 @@ app.add_typer(bench, name="bench")
 
 def main() -> None:
     """Entry point; bad input ends with one sentence and exit code 2, never with a traceback."""
-    from models.spec import SpecError
+    from models.spec import RobotSpecError
     from policy.errors import PolicyError
     from wholebody.errors import WholebodyError
 
     log_to_terminal()
     try:
         app()
-    except (PolicyError, WholebodyError, SpecError, OSError, ValueError) as error:
+    except (PolicyError, WholebodyError, RobotSpecError, OSError, ValueError) as error:
         print(f"wholebody: {error}", file=sys.stderr)
         sys.exit(MISUSE)
 

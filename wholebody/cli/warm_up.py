@@ -10,6 +10,7 @@ import numpy as np
 
 from models.g1 import g1
 from models.pinocchio_model import stance_q
+from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
@@ -23,7 +24,7 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
-from wholebody.sim.compiled import compiled_plant
+from wholebody.sim import plant
 from wholebody.types import RobotState
 
 
@@ -59,7 +60,7 @@ def compile_tick() -> None:
     program.step(1.0)
     compiled_stages()
     compile_follow(g1().n_joints)
-    compiled_plant()
+    plant.warm_up()
 
 
 def compile_plan() -> None:
@@ -72,6 +73,6 @@ def compile_plan() -> None:
     poses = [robot.pose(tool.wrist_frame).homogeneous for tool in spec.tools]
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
     T_world_base = robot.pose(spec.base_body).homogeneous
-    chunk = scripted_policy("wave").infer(Observation(0.0, joints[:29], *fingers, T_world_base))
+    chunk = scripted_policy("wave").infer(Observation(0.0, joints[: len(BODY_JOINTS)], *fingers, T_world_base))
     planner = ChunkPlanner(spec, robot, PlannerConfig(), ControllerConfig().friction)
     planner.plan(chunk, 0.0, BodyState.still(q, robot.nv), HandMotion(rows))

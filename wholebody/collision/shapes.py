@@ -50,7 +50,7 @@ def shape_table(spec: RobotSpec, geometry: pin.GeometryModel) -> ShapeTable:
 
     Raises:
         InputError: If a shape is of another kind.
-        SpecError: If the cache cannot be written.
+        RobotSpecError: If the cache cannot be written.
     """
     items = geometry.geometryObjects
     shapes, rounds, vertices, count = np.zeros((len(items), 4), dtype=np.int64), np.zeros((len(items), 8)), [], 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +11,10 @@ from models.spec import RobotSpec
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
-from wholebody.control.reference_packet import BodyReference, PackedReference, PalmReference, ReferenceMemory
+from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
 from wholebody.control.task_set import make_feet, make_tasks
-from wholebody.errors import InputError
+from wholebody.control.tick_report import TickLevel, TickReport
+from wholebody.errors import InputError, StateError
 from wholebody.limits.balance import CapturePointLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
@@ -29,43 +29,6 @@ from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState
 
-__all__ = ["BodyReference", "PackedReference", "PalmReference", "TickReport", "WholeBodyController"]
-
-
-class TickReport:
-    """What one tick did.
-
-    Args:
-        solution: Accelerations, forces and torques; None if no program had an acceptable solution; or a function that
-            gives them when they are asked for.
-        qp: The last solver answer, or such a function.
-        level: 0 the full program, 1 without hands and with free joint bounds, 2 no solution: last torques held.
-    """
-
-    __slots__ = ("_qp", "_solution", "level")
-
-    def __init__(
-        self,
-        solution: WholeBodySolution | Callable[[], WholeBodySolution] | None,
-        qp: QPSolution | Callable[[], QPSolution],
-        level: int,
-    ) -> None:
-        self._solution, self._qp, self.level = solution, qp, level
-
-    @property
-    def solution(self) -> WholeBodySolution | None:
-        """Accelerations, forces and torques, or None."""
-        if callable(self._solution):
-            self._solution = self._solution()
-        return self._solution
-
-    @property
-    def qp(self) -> QPSolution:
-        """The last solver answer."""
-        if callable(self._qp):
-            self._qp = self._qp()
-        return self._qp
-
 
 class WholeBodyController:
     """Inverse-dynamics QP with an integrated desired state.
@@ -73,6 +36,10 @@ class WholeBodyController:
     The QP sees the measured state; its accelerations are integrated into a desired state that leaks towards the
     measured one, and the joints' position loops act around that: integrating from the measured state instead would
     make them useless.
+
+    Attributes:
+        q_des, dq_des: Desired joint positions [rad] and speeds [rad/s], Pinocchio order, shape (n_joints,).
+        tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
@@ -91,14 +58,15 @@ class WholeBodyController:
         self._tau_max = spec.effort_max[order]
         fingers = np.isin(np.arange(self.robot.n_joints), self.finger_indices)
         self._brake = np.minimum(self._ddq_max, np.where(fingers, np.inf, self.config.safety.joint_brake))
-        self._tau = np.zeros(self.robot.n_joints)
+        self.tau = np.zeros(self.robot.n_joints)
         self.compiled = CompiledProgram(self._parts()) if self.config.solver == "compiled" else None
+        self.q_des, self.dq_des = np.zeros((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
         self._bind_references()
 
     def _bind_references(self) -> None:
         """Tasks and limits read their references where the program does."""
         compiled = self.compiled
-        row = np.zeros(96 + 3 * self.robot.n_joints) if compiled is None else compiled.reference
+        row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
         shares = np.ones(2) if compiled is None else compiled.share
         memory = self._reference = ReferenceMemory(row)
         for i, palm in enumerate(self.palms):
@@ -182,9 +150,8 @@ class WholeBodyController:
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
         self.robot.update(state.q, state.v)
-        self.q_des, self.dq_des = np.empty((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
         self.q_des[:], self.dq_des[:] = state.q[7:], state.v[6:]
-        self._tau = self.robot.nle[6:].copy()
+        self.tau = self.robot.nle[6:].copy()
         points = np.vstack([foot.points_world(self.robot) for foot in self.feet])
         self.balance.support = convex_polygon(points[:, :2])
         for foot in self.feet:
@@ -200,25 +167,32 @@ class WholeBodyController:
         Args:
             state: Measured state; finite, and not changed afterwards.
             reference: What to follow.
+
+        Raises:
+            StateError: If the controller was never reset.
+            InputError: If a number of the reference is not finite.
         """
-        reference.pack(self._reference.row)
+        if self.balance.support is None:
+            raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
+        self.set_reference(reference)
         robot, compiled = self.robot, self.compiled
         if compiled is None:
             robot.update(state.q, state.v)
             report = self._solve()
             return self._command(state, report.solution), report
         robot.place(state.q, state.v)
-        for level, hands in enumerate((True, False)):
+        for level in (TickLevel.FULL, TickLevel.NO_HANDS):
+            hands = level is TickLevel.FULL
             if compiled.compute(state.q, state.v, hands=hands):
                 compiled.integrate()
                 answer = compiled.answer()
                 robot.com, robot.com_velocity = answer.centre()
-                self._tau = answer.torques()
+                self.tau = answer.torques()
                 q, dq, tau = answer.command()
                 command = JointCommand(state.time, q, dq, tau, self.spec.kp, self.spec.kd)
                 return command, TickReport(answer.solution, answer.qp, level)
             report = self._fall_back(level, hands)
-            if report.level < 2:
+            if report.level is not TickLevel.FAILED:
                 break
         return self._command(state, report.solution), report
 
@@ -238,7 +212,7 @@ class WholeBodyController:
 
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
         """Hand the reference to tasks and limits."""
-        reference.pack(self._reference.row)
+        self._reference.take(reference)
 
     def build(self, *, hands: bool = True) -> QuadraticProgram:
         """The program at the present state; without hands also the joint bounds are wide: the arms give way."""
@@ -266,11 +240,11 @@ class WholeBodyController:
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 
     def _solve(self) -> TickReport:
-        for level, hands in enumerate((True, False)):
-            answer = self._solve_readable(hands, (self.config.solver, self.config.fallback))
+        for level in (TickLevel.FULL, TickLevel.NO_HANDS):
+            answer = self._solve_readable(level is TickLevel.FULL, (self.config.solver, self.config.fallback))
             if answer.ok:
                 return TickReport(self.dynamics.read(answer), answer, level)
-        return TickReport(None, answer, 2)
+        return TickReport(None, answer, TickLevel.FAILED)
 
     def _solve_readable(self, hands: bool, solvers: tuple[str, ...]) -> QPSolution:
         program = self.build(hands=hands)
@@ -280,21 +254,23 @@ class WholeBodyController:
                 answer = solve(program, solver)
         return answer
 
-    def _fall_back(self, level: int, hands: bool) -> TickReport:
+    def _fall_back(self, level: TickLevel, hands: bool) -> TickReport:
         """The readable program and the second solver, where the compiled answer is not acceptable."""
         robot = self.robot
         robot.update(robot.q, robot.v)
         answer = self.compiled.answer(ok=False).qp()
         if self.config.fallback != "none":
             answer = self._solve_readable(hands, (self.config.fallback,))
-        return TickReport(self.dynamics.read(answer), answer, level) if answer.ok else TickReport(None, answer, 2)
+        if not answer.ok:
+            return TickReport(None, answer, TickLevel.FAILED)
+        return TickReport(self.dynamics.read(answer), answer, level)
 
     def _command(self, state: RobotState, solution: WholeBodySolution | None) -> JointCommand:
         dt, leak = self.config.dt, self.config.dt / self.config.leak
         if solution is None:
             ddq = -self.dq_des / 0.1
         else:
-            ddq, self._tau = solution.dv[6:], solution.tau
+            ddq, self.tau = solution.dv[6:], solution.tau
         self.q_des += dt * self.dq_des + 0.5 * dt**2 * ddq + leak * (state.q[7:] - self.q_des)
         self.dq_des += dt * ddq + leak * (state.v[6:] - self.dq_des)
         # Fingers press on what they hold: their position loop acts around the reference, not the leaking state.
@@ -303,5 +279,5 @@ class WholeBodyController:
         np.clip(self.q_des, self._q_min, self._q_max, out=self.q_des)
         order = self.robot.pin_to_motor
         return JointCommand(
-            state.time, self.q_des[order], self.dq_des[order], self._tau[order], self.spec.kp, self.spec.kd
+            state.time, self.q_des[order], self.dq_des[order], self.tau[order], self.spec.kp, self.spec.kd
         )

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from bisect import bisect
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 import pinocchio as pin
 
-PALM, COM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 63, 78, 93, 96
+from wholebody.errors import InputError
+
+PALM, COM, MOMENTUM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 57, 63, 78, 93, 96
 """Where the parts of a packed reference begin, after the left palm; `ReferenceMemory` says what they are."""
+
+
+def row_length(n_joints: int) -> int:
+    """Numbers of a packed reference."""
+    return POSTURE + 3 * n_joints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +54,7 @@ class BodyReference:
     momentum: tuple[np.ndarray, np.ndarray]
 
     def pack(self, out: np.ndarray | None = None) -> np.ndarray:
-        """All of it in one row, as `ReferenceMemory` lays it out, shape (96 + 3 n_joints,)."""
+        """All of it in one row, as `ReferenceMemory` lays it out, shape (row_length,)."""
         left, right = self.palms
         # One call for all: each assignment to a slice would take as long as all of the copying.
         return np.concatenate(
@@ -77,7 +86,7 @@ class ReferenceMemory:
     """A packed reference by its parts, which share its memory.
 
     Attributes:
-        row: All of it, shape (96 + 3 n_joints,).
+        row: All of it, shape (row_length,).
         palms: Rotation (9), position (3), twist (6) and acceleration (6) of both palms, shape (24,) each.
         com: Position, velocity and acceleration, shape (9,).
         momentum: Angular momentum and its rate, shape (6,).
@@ -89,6 +98,20 @@ class ReferenceMemory:
     def __init__(self, row: np.ndarray) -> None:
         self.row = row
         self.palms = row[:PALM], row[PALM:COM]
-        self.com, self.momentum = row[COM : COM + 9], row[COM + 9 : PELVIS]
+        self.com, self.momentum = row[COM:MOMENTUM], row[MOMENTUM:PELVIS]
         self.pelvis, self.torso, self.height = row[PELVIS:TORSO], row[TORSO:HEIGHT], row[HEIGHT:POSTURE]
         self.posture = row[POSTURE:].reshape(3, -1)
+
+    def take(self, reference: BodyReference | PackedReference) -> None:
+        """Copy a reference.
+
+        Raises:
+            InputError: If a number of it is not finite.
+        """
+        row = reference.pack(self.row)
+        # A sum of squares is finite only if all of its terms are.
+        if not isfinite(row.dot(row)) and not np.isfinite(row).all():
+            i = int(np.flatnonzero(~np.isfinite(row))[0])
+            names = ("left palm", "right palm", "com", "momentum", "pelvis", "torso", "height", "posture")
+            part = names[bisect((PALM, COM, MOMENTUM, PELVIS, TORSO, HEIGHT, POSTURE), i)]
+            raise InputError(f"the reference of the {part} is {row[i]}; every number must be finite", field=part)

@@ -16,11 +16,13 @@ from policy.clock import SimulatedClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.report import ExecutionReport
 from policy.executor.simulated import simulated_executor
+from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from wholebody.episode.chunk_seams import ChunkSeam, SeamMeter, commanded_chunk
 from wholebody.episode.tracking_error import TrackingError, start_jump
 from wholebody.execution.supervisor import Supervisor
-from wholebody.sim.fall import Fall, detect_fall, pelvis_tilt
+from wholebody.robot.standing import pelvis_tilt
+from wholebody.sim.fall import Fall, detect_fall
 from wholebody.sim.limit_monitor import LimitExcess, LimitMonitor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
@@ -155,7 +157,7 @@ def observe(
     T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
     return Observation(
         time=state.time,
-        q_body=joints[:29],
+        q_body=joints[: len(BODY_JOINTS)],
         q_lhand=fingers[0],
         q_rhand=fingers[1],
         T_world_base=T,

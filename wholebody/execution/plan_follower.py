@@ -8,7 +8,7 @@ import numpy as np
 
 from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
-from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference
+from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
@@ -54,7 +54,7 @@ class PlanFollower:
         for name in ("error_slow", "error_stop", "balance_slow", "posture_slow", "posture_stop"):
             settings[name] = getattr(safety, name)
         clock.rate = clock.trust = 1.0
-        self.row = np.zeros(POSTURE + 3 * robot.n_joints)
+        self.row = np.zeros(row_length(robot.n_joints))
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
         offsets = np.array([tool.palm_offset for tool in spec.tools])
         self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.caps, offsets)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from math import cos, radians
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
-from wholebody.control.controller import TickReport
+from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import InputError, PlanningError, StateError
 from wholebody.execution.fallback import damping_command, held_command, standing_command
 from wholebody.execution.plan_follower import PlanFollower
@@ -21,12 +20,9 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother
+from wholebody.robot.standing import has_lost_standing
 from wholebody.types import JointCommand, Reason, RobotState, Status, StatusReport, check_state
 
-FALL_COSINE = cos(radians(60.0))
-"""Cosine of the pelvis tilt past which standing is lost."""
-FALL_HEIGHT = 0.20
-"""Pelvis height below which standing is lost [m]."""
 RETRY = 0.2
 """Time from one attempt to join a chunk to the next [s]."""
 
@@ -224,7 +220,7 @@ class Supervisor:
             self.status = StatusReport(Status.HOLD, Reason.STATE_INVALID, str(error))
             return held_command(self._last_command, self._last_state.time)
         self._last_state = state
-        if self._fallen or self._has_fallen(state):
+        if self._fallen or has_lost_standing(state):
             self._fallen = True
             self.status = StatusReport(
                 Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped"
@@ -247,9 +243,9 @@ class Supervisor:
 
     def _judge(self) -> None:
         """Status after a tick, worst first."""
-        if self.last_tick.level == 2:
+        if self.last_tick.level is TickLevel.FAILED:
             self.status = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
-        elif self.last_tick.level == 1:
+        elif self.last_tick.level is TickLevel.NO_HANDS:
             self.status = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
         elif self._plan is None:
             self.status = self._refused or NO_CHUNK
@@ -282,7 +278,3 @@ class Supervisor:
     def _refuse(self, reason: Reason, detail: str) -> StatusReport:
         self._refused = self.status = StatusReport(Status.HOLD, reason, detail)
         return self.status
-
-    def _has_fallen(self, state: RobotState) -> bool:
-        z, x, y = state.q[2:5].tolist()
-        return 1.0 - 2.0 * (x * x + y * y) < FALL_COSINE or z < FALL_HEIGHT

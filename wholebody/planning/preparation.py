@@ -8,14 +8,12 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec, quaternion_to_matrix
+from wholebody.config import START_MAX
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP, continued
 from wholebody.planning.smoothing import denoised
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
 
-START_MAX = (0.3, np.deg2rad(60.0))
-"""Distance of the hands from a chunk's present step from which it is no continuation of their motion [m, rad]: further
-than a hand moves between two chunks, half of its reach. The verdict reports such starts."""
 JOIN_SHARE = 0.6
 """Share of the usual speed, acceleration and jerk with which such a chunk is joined: it says nothing about the way
 there, so nothing is gained by a fast one."""

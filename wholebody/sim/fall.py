@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos
 
 import numpy as np
 
+from wholebody.robot.standing import TILT_MAX, has_lost_standing, pelvis_tilt
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState, Status
-
-TILT_MAX = np.deg2rad(60.0)
-"""Pelvis axis from vertical [rad]."""
-HEIGHT_MIN = 0.20
-"""Pelvis height [m]."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +19,6 @@ class Fall:
     cause: str
 
 
-def pelvis_tilt(state: RobotState) -> float:
-    """Angle between the pelvis axis and the vertical [rad]."""
-    x, y = state.q[3:5].tolist()
-    return acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
-
-
 def detect_fall(plant: MujocoPlant, state: RobotState, status: Status) -> Fall | None:
     """A fall at this instant, or None.
 
@@ -38,11 +27,10 @@ def detect_fall(plant: MujocoPlant, state: RobotState, status: Status) -> Fall |
         state: True state.
         status: What the supervisor says.
     """
-    tilt, height = pelvis_tilt(state), float(state.q[2])
-    if tilt > TILT_MAX:
-        return Fall(state.time, f"pelvis tilted by {np.rad2deg(tilt):.0f} deg")
-    if height < HEIGHT_MIN:
-        return Fall(state.time, f"pelvis at {height:.2f} m")
+    if has_lost_standing(state):
+        tilt = pelvis_tilt(state)
+        tilted = f"pelvis tilted by {np.rad2deg(tilt):.0f} deg"
+        return Fall(state.time, tilted if tilt > TILT_MAX else f"pelvis at {state.q[2]:.2f} m")
     if status is Status.DAMPING:
         return Fall(state.time, "the supervisor gave up standing")
     body = plant.touches_floor()

@@ -8,10 +8,16 @@ import numpy as np
 from models.conversion import Conversion
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
-from models.spec import RobotSpec
-from wholebody.errors import InputError
-from wholebody.sim.compiled import compiled_plant
-from wholebody.types import JointCommand, RobotState
+from models.spec import FLOOR_FRICTION, RobotSpec
+from wholebody.errors import InputError, SimulationError
+from wholebody.jit.entry import Entry
+from wholebody.sim.kernels import motors
+from wholebody.types import JointCommand, RobotState, check_command
+
+_drive, _read = Entry(motors.drive), Entry(motors.read)
+
+VALUE_MAX = 1e10
+"""Positions and speeds beyond this are no motion: MuJoCo's own bound [m, rad; per s]."""
 
 
 class MujocoPlant:
@@ -39,13 +45,15 @@ class MujocoPlant:
         timestep: float = 0.002,
         control_dt: float = 0.002,
         payload_kg: tuple[float, float] = (0.0, 0.0),
-        friction: float = 0.8,
+        friction: float = FLOOR_FRICTION,
     ) -> None:
         steps = round(control_dt / timestep)
         if steps < 1 or abs(steps * timestep - control_dt) > 1e-9:
             raise InputError(f"control_dt {control_dt} s is no multiple of the timestep {timestep} s")
         self.spec, self.control_dt, self._steps = spec, control_dt, steps
         self.model = load_mujoco(spec, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
+        # MuJoCo would put a robot whose state is not finite back to its first pose, at time 0, and go on.
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = mujoco.MjData(self.model)
         self._conversion = Conversion(spec, load_pinocchio(spec), self.model)
         self._state, self._ctrl = (self.data.qpos, self.data.qvel), self.data.ctrl
@@ -54,7 +62,6 @@ class MujocoPlant:
         self._entries = index.qpos_index, index.qvel_index
         self._effort = np.array(spec.effort_max, dtype=float)
         self._sizes = len(index.qpos_index), len(index.qvel_index)
-        self._drive, self._read = compiled_plant()
         self._feet = {self._body_id(foot.frame) for foot in spec.feet}
         self._robot = self._bodies_of_robot()
         self._part = _parts(self.model, self._feet)
@@ -67,6 +74,7 @@ class MujocoPlant:
         """Motor torques of the last physics step, motor order, [N m]."""
         self.torque_asked = np.zeros(spec.n_joints)
         """Largest magnitude asked of each motor during the last control period, before the effort limit [N m]."""
+        self.reset()
 
     def reset(self) -> RobotState:
         """The default stance, at rest, at time 0; pushes are forgotten."""
@@ -81,22 +89,59 @@ class MujocoPlant:
         """True state in Pinocchio's convention."""
         nq, nv = self._sizes
         q, v = np.empty(nq), np.empty(nv)
-        self._read(self._state, self._entries, q, v)
+        _read(self._state, self._entries, q, v)
         return RobotState(float(self.data.time), q, v)
 
     def step(self, command: JointCommand) -> RobotState:
-        """Apply a command for one control period."""
+        """Apply a command for one control period.
+
+        Raises:
+            InputError: If the command has a wrong shape, a value or torque that is not finite, or a negative gain.
+            SimulationError: If the simulation becomes non-finite; which joint, and when.
+        """
         c = command
         # The compiled code takes what it is given as it lies in memory.
         asked = tuple([np.ascontiguousarray(part, dtype=float) for part in (c.q, c.dq, c.tau, c.kp, c.kd)])
+        if {part.shape for part in asked} != {self.torque.shape}:
+            check_command(command, self.spec.n_joints)
         for k in range(self._steps):
-            self._drive(
-                asked, self._motors, self._effort, self._state, self._ctrl, self.torque, self.torque_asked, k == 0
-            )
+            out = self._ctrl, self.torque, self.torque_asked
+            if not _drive(asked, self._motors, self._effort, self._state, *out, k == 0):
+                self._refuse(command)
             self._apply_pushes()
             mujoco.mj_step(self.model, self.data)
         self._touching = None
+        self._check()
         return self.state()
+
+    def _refuse(self, command: JointCommand) -> None:
+        """Say why a command cannot be applied."""
+        self._check()
+        check_command(command, self.spec.n_joints)
+        c, (q, v) = command, self._state
+        with np.errstate(over="ignore"):
+            asked = c.tau + c.kp * (c.q - q[self._motors[0]]) + c.kd * (c.dq - v[self._motors[1]])
+        i = int(np.flatnonzero(~np.isfinite(asked))[0])
+        joint = self.spec.joint_names[i]
+        raise InputError(f"the command asks joint '{joint}' for a torque of {asked[i]} N m; it must be finite")
+
+    def _check(self) -> None:
+        """The simulation is sound: no position or speed is beyond `VALUE_MAX`, or no number."""
+        qpos, qvel = self._state
+        # A sum of squares is below a bound only if all of its terms are numbers.
+        if qpos.dot(qpos) + qvel.dot(qvel) < VALUE_MAX**2:
+            return
+        for j in range(self.model.njnt):
+            joint = self.data.joint(j)
+            for what, values in (("position", joint.qpos), ("speed", joint.qvel)):
+                wrong = values[~(np.abs(values) < VALUE_MAX)]
+                if len(wrong):
+                    raise SimulationError(
+                        f"the simulation broke down at {self.data.time:.3f} s: the {what} of joint '{joint.name}' is "
+                        f"{wrong[0]:g}",
+                        joint=joint.name,
+                        time=self.data.time,
+                    )
 
     def joint_positions(self) -> np.ndarray:
         """True joint angles, shape (n_joints,), motor order, [rad]."""
@@ -211,3 +256,10 @@ def _parts(model: mujoco.MjModel, feet: set[int]) -> np.ndarray:
     """What each geom belongs to, shape (ngeom,)."""
     owner = model.geom_bodyid
     return np.where(owner == 0, 0, np.where(np.isin(owner, list(feet)), _FOOT, _OTHER))
+
+
+def warm_up() -> None:
+    """Compile what a plant calls, or load it from numba's cache on disk."""
+    row, index, entries = np.zeros(1), np.zeros((3, 1), dtype=np.int64), np.zeros(1, dtype=np.int64)
+    _drive.compile((row,) * 5, index, row, (row, row), row, row, row, True)
+    _read.compile((row, row), (entries, entries), row, row)

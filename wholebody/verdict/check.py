@@ -7,6 +7,7 @@ from collections.abc import Callable
 import cattrs
 
 from models.g1 import g1
+from models.spec import FLOOR_FRICTION
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
@@ -40,7 +41,7 @@ class Checker:
         sensors: SensorConfig | None = None,
         timestep: float = 0.002,
         payload_kg: tuple[float, float] = (0.0, 0.0),
-        friction: float = 0.8,
+        friction: float = FLOOR_FRICTION,
     ) -> None:
         spec = g1()
         config = config or ControllerConfig()

@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from wholebody.config import START_MAX
 from wholebody.episode.run import EpisodeResult
 from wholebody.episode.timing import Timing, timing
-from wholebody.planning.preparation import START_MAX
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 

@@ -17,7 +17,8 @@ from wholebody.backends.placo.tasks import mirror
 from wholebody.backends.registry import make_controller
 from wholebody.bench.solvers import study
 from wholebody.config import BodyConfig, ControllerConfig
-from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import WholeBodyController
+from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import EpisodeConfig
 from wholebody.errors import InputError
 from wholebody.qp.formulation import Regularisation

@@ -6,9 +6,10 @@ import pytest
 
 from models.g1 import g1
 from policy.scripted.library import reach
-from policy.scripted.policy import HandMotion, ScriptedPolicy, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
-from wholebody.control.controller import BodyReference, PalmReference, WholeBodyController
+from wholebody.control.controller import WholeBodyController
+from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
@@ -38,7 +39,7 @@ def still(duration=1.0, *, ahead=0.0):
 
     def script(t):
         palms = [np.tile(p + offset, (len(t), 1)) for p in (stance.p_world_lpalm, stance.p_world_rpalm)]
-        return HandMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, stance.q_lhand, stance.q_rhand)
+        return ScriptedMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, stance.q_lhand, stance.q_rhand)
 
     return ScriptedPolicy("still", script, duration)
 

@@ -16,7 +16,8 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from tests.support.body_cases import standing
 from wholebody.config import ControllerConfig, SafetyConfig
-from wholebody.control.controller import PalmReference, WholeBodyController
+from wholebody.control.controller import WholeBodyController
+from wholebody.control.reference_packet import PalmReference
 from wholebody.qp.kernels import blocks as mem
 from wholebody.qp.presolve import prepare
 from wholebody.qp.residuals import kkt_residuals

@@ -3,12 +3,14 @@
 The commands here are made by hand: no controller is needed to see whether physics does what it is told.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models.g1 import g1
 from models.pinocchio_model import load_pinocchio
-from wholebody.errors import InputError
+from wholebody.errors import InputError, SimulationError
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.limit_monitor import LimitMonitor
 from wholebody.sim.plant import MujocoPlant
@@ -138,3 +140,48 @@ def test_the_state_is_in_pinocchios_joint_order(plant):
     state = plant.reset()
     names = list(load_pinocchio(SPEC).names[2:])
     assert np.array_equal(state.q[7:][[names.index(name) for name in SPEC.joint_names]], plant.joint_positions())
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"q": np.full(43, np.nan)}, r"command\.q\[0\] is nan"),
+        ({"tau": np.full(43, np.inf)}, r"command\.tau\[0\] is inf"),
+        ({"kd": np.full(43, -1.0)}, r"command\.kd\[0\] is -1"),
+        ({"dq": np.zeros(29)}, r"command\.dq has shape \(29,\)"),
+        (
+            {"q": np.full(43, 1e300), "kp": np.full(43, 1e10)},
+            "asks joint 'left_hip_pitch_joint' for a torque of inf N m",
+        ),
+    ],
+)
+def test_a_command_that_is_none_is_refused_and_time_stands_still(plant, change, said):
+    before = plant.reset()
+    command = replace(stiff(plant), **change)
+    with pytest.raises(InputError, match=said):
+        plant.step(command)
+    assert np.array_equal(plant.state().q, before.q)
+    assert plant.state().time == 0.0
+
+
+def test_a_simulation_that_breaks_down_says_which_joint_and_when_and_does_not_begin_again(plant, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log
+    plant.reset()
+    command = stiff(plant)
+    run(plant, command, 0.1)
+    plant.data.joint("left_knee_joint").qvel[:] = 1e11
+    with pytest.raises(
+        SimulationError, match=r"broke down at 0\.10\d s: the (position|speed) of joint '\w+' is"
+    ) as caught:
+        plant.step(command)
+    assert caught.value.fields["time"] >= 0.1
+    assert plant.data.time >= 0.1
+    plant.reset()
+    assert plant.step(stiff(plant)).time == pytest.approx(plant.control_dt)
+
+
+def test_a_new_plant_stands_in_the_stance():
+    plant = MujocoPlant(SPEC)
+    first = plant.state().q
+    assert np.array_equal(first, plant.reset().q)
+    assert first[2] > 0.6

@@ -10,9 +10,10 @@ from wholebody.backends.kinematic.formulation import build, gravity_torques
 from wholebody.backends.kinematic.program import KinematicProgram
 from wholebody.backends.kinematic.workspace import KinematicInputs
 from wholebody.config import ControllerConfig
-from wholebody.control.controller import TickReport
-from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory
+from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
 from wholebody.control.task_set import BodyTasks, make_feet, make_tasks
+from wholebody.control.tick_report import TickLevel, TickReport
+from wholebody.errors import StateError
 from wholebody.limits.balance import CapturePointLimit
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve
@@ -31,7 +32,9 @@ class KinematicController:
     for robots whose balance somebody else keeps.
 
     Attributes:
-        q: Configuration so far, shape (nq,); the commanded one. v: Velocity that led there, shape (nv,).
+        q: Configuration so far, shape (nq,); the commanded one.
+        v: Velocity that led there, shape (nv,).
+        tau: Torques that carry the weight, Pinocchio order, shape (n_joints,), [N m].
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
@@ -61,12 +64,12 @@ class KinematicController:
         self.compiled = KinematicProgram(parts) if self.config.solver == "compiled" else None
         self._bind(tasks)
         self._measured = None if self.compiled is not None else Robot(spec)
-        self.q, self.v, self._tau = pin.neutral(robot.model), np.zeros(robot.nv), np.zeros(robot.n_joints)
+        self.q, self.v, self.tau = pin.neutral(robot.model), np.zeros(robot.nv), np.zeros(robot.n_joints)
 
     def _bind(self, tasks: BodyTasks) -> None:
         """Tasks read their references where the program does."""
         compiled, n = self.compiled, self.robot.n_joints
-        memory = ReferenceMemory(np.zeros(96 + 3 * n) if compiled is None else compiled.reference)
+        memory = ReferenceMemory(np.zeros(row_length(n)) if compiled is None else compiled.reference)
         shares = np.ones(2) if compiled is None else compiled.share
         for i, palm in enumerate(tasks.palms):
             palm.bind(memory.palms[i], shares[i : i + 1])
@@ -83,7 +86,7 @@ class KinematicController:
         """Start from a measured state: the feet stay where they are."""
         self.q, self.v = state.q.copy(), np.zeros(self.robot.nv)
         self.robot.update(self.q, self.v)
-        self._tau = self.robot.nle[6:].copy()
+        self.tau = self.robot.nle[6:].copy()
         points = np.vstack([foot.points_world(self.robot) for foot in self.feet])
         self.balance.support = convex_polygon(points[:, :2])
         for foot in self.feet:
@@ -99,13 +102,19 @@ class KinematicController:
         Args:
             state: Measured state; finite, and not changed afterwards.
             reference: What to follow; its accelerations are not used.
+
+        Raises:
+            StateError: If the controller was never reset.
+            InputError: If a number of the reference is not finite.
         """
+        if self.balance.support is None:
+            raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
         self.set_reference(reference)
         report = self._compiled() if self.compiled is not None else self._readable(("daqp",))
-        if report.level:
+        if report.level is TickLevel.FAILED:
             self.v = np.zeros(self.robot.nv)
         self.q = pin.integrate(self.robot.model, self.q, self.config.dt * self.v)
-        self._tau = self._weight(state.q)
+        self.tau = self._weight(state.q)
         return self._command(state.time), report
 
     def palm_positions(self) -> np.ndarray:
@@ -125,7 +134,7 @@ class KinematicController:
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
         """Hand the reference to the tasks, without its accelerations: what is wanted is a velocity."""
         memory = self._reference
-        reference.pack(memory.row)
+        memory.take(reference)
         for part, n in ((memory.com, 3), (memory.pelvis, 3), (memory.torso, 3), (memory.height, 1)):
             part[-n:] = 0.0
         for palm in memory.palms:
@@ -145,18 +154,18 @@ class KinematicController:
         self.v = compiled.v.copy()
         robot.place(self.q, self.v)
         robot.com, robot.com_velocity = compiled.com.copy(), compiled.J_com @ self.v
-        return TickReport(None, compiled.answer, 0)
+        return TickReport(None, compiled.answer, TickLevel.FULL)
 
     def _readable(self, solvers: tuple[str, ...]) -> TickReport:
-        """The same in readable Python; level 2 if there is no acceptable answer: the robot is told to stay."""
+        """The same in readable Python; it failed if there is no acceptable answer: the robot is told to stay."""
         program, answer = self.build(), None
         for name in solvers:
             answer = solve(program, name)
             if answer.ok:
                 self.v = answer.x
                 self.robot.com_velocity = self.robot.J_com @ self.v
-                return TickReport(None, answer, 0)
-        return TickReport(None, answer or self.compiled.answer(), 2)
+                return TickReport(None, answer, TickLevel.FULL)
+        return TickReport(None, answer or self.compiled.answer(), TickLevel.FAILED)
 
     def _weight(self, q: np.ndarray) -> np.ndarray:
         if self.compiled is not None:
@@ -167,4 +176,4 @@ class KinematicController:
 
     def _command(self, time: float) -> JointCommand:
         order = self.robot.pin_to_motor
-        return JointCommand(time, self.q[7:][order], self.v[6:][order], self._tau[order], self.spec.kp, self.spec.kd)
+        return JointCommand(time, self.q[7:][order], self.v[6:][order], self.tau[order], self.spec.kp, self.spec.kd)

@@ -10,7 +10,8 @@ import numpy as np
 from models.spec import RobotSpec
 from wholebody.backends.placo.program import PlacoLimits, PlacoProgram
 from wholebody.config import ControllerConfig
-from wholebody.control.controller import TickReport, WholeBodyController
+from wholebody.control.controller import WholeBodyController
+from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, Residuals
 from wholebody.tasks.momentum import AngularMomentumTask
@@ -45,13 +46,13 @@ class PlacoController(WholeBodyController):
         )
 
     def _solve(self) -> TickReport:
-        for level, relaxed in enumerate((False, True)):
+        for level in (TickLevel.FULL, TickLevel.NO_HANDS):
             start = thread_time()
-            solution = self.program.solve(relaxed=relaxed)
+            solution = self.program.solve(relaxed=level is TickLevel.NO_HANDS)
             answer = self._judge(solution, start)
             if answer.ok:
                 return TickReport(solution, answer, level)
-        return TickReport(None, answer, 2)
+        return TickReport(None, answer, TickLevel.FAILED)
 
     def _judge(self, solution: WholeBodySolution | None, start: float) -> QPSolution:
         """Placo's answer as a solution judged by us; it gives no multipliers, so optimality is not judged."""

@@ -9,13 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wholebody.control.reference_packet import COM, HEIGHT, PALM, PELVIS, POSTURE, TORSO
+from wholebody.control.reference_packet import COM, HEIGHT, MOMENTUM, PALM, PELVIS, POSTURE, TORSO
 from wholebody.reference.kernels.path import path_row
 from wholebody.reference.kernels.smoother import smoother_step
 from wholebody.robot.kernels.pendulum import natural_frequency
-
-MOMENTUM = COM + 9
-"""Where angular momentum and its rate begin in the packed reference."""
 
 CHANGE_MAX, JERK_MAX = 4.0, 40.0
 """Largest |d2s/dt2| [1/s] and |d3s/dt3| [1/s^2] of the clock, as in `PathClock.advance`."""
@@ -96,7 +93,7 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
         com: Centre of mass at the last tick (3,).
         com_velocity: Its velocity (3,).
         palms: Palm points in world at the last tick (2, 3).
-        row: The reference of the last tick, replaced by that of this one (96 + 3 n_joints,).
+        row: The reference of the last tick, replaced by that of this one (row_length,).
     """
     settings, now, target = plan.settings[0], clock[0], smoothing.target
     rate = 0.0
