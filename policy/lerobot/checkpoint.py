@@ -15,6 +15,7 @@ from policy.action_spec.state import state_layout
 from policy.errors import SpecError
 from policy.findings import CheckpointError, Finding, fail
 from policy.lerobot.features import camera_keys, check_features, check_relative, chunk_length
+from policy.lerobot.folder import CONFIG_FILE, checkpoint_folder, whereabouts
 from policy.lerobot.prompt import check_prompt
 from policy.lerobot.spec import read_action_spec, read_state_spec
 from policy.lerobot.stats import ACTION, STATE, check_stats
@@ -104,14 +105,14 @@ def open_checkpoint(
     A check that fails does not hide the ones after it, as far as these can run at all.
 
     Args:
-        path: Folder with ``config.json``, ``model.safetensors`` and both processors.
+        path: Folder with ``config.json``, ``model.safetensors`` and both processors, or that of its training run.
         spec: Layout that the caller decodes; what the checkpoint says if None.
         options: How to load it.
 
     Returns:
         The parts, None if one could not be made, and the findings in the order of the checks.
     """
-    folder, findings = Path(path), []
+    folder, findings = checkpoint_folder(path), []
     log = _Log(findings)
     config = log.run("config", lambda: read_config(folder, options))
     if config is None:
@@ -150,10 +151,9 @@ def read_config(folder: Path, options: LoadOptions) -> PreTrainedConfig:
     from draccus.utils import DraccusException
     from lerobot.configs import PreTrainedConfig
 
-    file = folder / "config.json"
+    file = folder / CONFIG_FILE
     if not file.is_file():
-        cure = "give the folder of a checkpoint, as in outputs/train/.../checkpoints/last/pretrained_model"
-        raise fail("config", f"{file} is missing", cure)
+        raise fail("config", f"{file} is missing", whereabouts(folder))
     try:
         config = PreTrainedConfig.from_pretrained(folder)
     except (DraccusException, ValueError, TypeError, KeyError, AttributeError, OSError) as error:

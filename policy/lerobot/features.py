@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.spec import ActionSpec
 from policy.errors import did_you_mean
 from policy.findings import Finding
@@ -17,6 +18,8 @@ IMAGES = "observation.images."
 ENVIRONMENT = "observation.environment_state"
 EMPTY_CAMERA = "empty_camera_"
 """Cameras that π0, π0.5 and SmolVLA fill in by themselves, with nothing."""
+NAMED_MAX = 3
+"""Numbers of another robot that a sentence names."""
 
 
 def camera_keys(config: PreTrainedConfig) -> dict[str, str]:
@@ -75,7 +78,7 @@ def check_features(
             text = f"the policy has no camera '{name}'; {did_you_mean(name, known)}it has {', '.join(known) or 'none'}"
             findings.append(Finding("features", "error", text, "cameras maps the policy's names to the robot's"))
     if STATE in layouts:
-        findings += _check_width(config, STATE, config.robot_state_feature, layouts[STATE], "max_state_dim")
+        findings += check_width(config, STATE, config.robot_state_feature, layouts[STATE], "max_state_dim")
     if findings:
         return findings
     inputs = f"{layouts[STATE].dim} numbers of state, " if STATE in layouts else ""
@@ -139,16 +142,26 @@ def _those(parts: Mapping[str, bool], on: bool) -> str:
 
 
 def _check_action(config: PreTrainedConfig, spec: ActionSpec) -> Iterator[Finding]:
-    yield from _check_width(config, ACTION, config.action_feature, spec, "max_action_dim")
+    yield from check_width(config, ACTION, config.action_feature, spec, "max_action_dim")
     if chunk_length(config) != spec.horizon:
         text = f"chunks of this '{config.type}' have {chunk_length(config)} steps; '{spec.name}' says {spec.horizon}"
-        yield Finding("features", "error", text, "write the checkpoint's own horizon and rate into action_spec.json")
+        cure = f"wholebody spec CHECKPOINT --layout {spec.name} writes action_spec.json with the checkpoint's own"
+        yield Finding("features", "error", text, cure)
     names = getattr(config, "action_feature_names", None)
     if names:
         yield from compare_names("features", ACTION, names, spec, "config.json")
 
 
-def _check_width(config: PreTrainedConfig, key: str, feature: Any, layout: ActionSpec, most: str) -> Iterator[Finding]:
+def check_width(config: PreTrainedConfig, key: str, feature: Any, layout: ActionSpec, most: str) -> Iterator[Finding]:
+    """Numbers of a feature of `config.json` against those of a layout; nothing if they agree.
+
+    Args:
+        config: Of the policy.
+        key: Feature.
+        feature: What the configuration says of it.
+        layout: What is meant.
+        most: Name of the setting that bounds it.
+    """
     if feature is None:
         text = f"'{config.type}' has no feature '{key}'"
         yield Finding("features", "error", text, "this policy does not control a robot by actions")
@@ -156,11 +169,23 @@ def _check_width(config: PreTrainedConfig, key: str, feature: Any, layout: Actio
     width = int(feature.shape[0])
     if width != layout.dim:
         text = f"{key} has {width} numbers; layout '{layout.name}' has {layout.dim}"
-        yield Finding("features", "error", text, "name the layout that the checkpoint was trained with")
+        yield Finding("features", "error", text, _layouts_of(width, getattr(config, "action_feature_names", None)))
     bound = getattr(config, most, None)
     if bound is not None and width > bound:
         text = f"{key} has {width} numbers; {most}, which is part of the weights, is {bound}"
         yield Finding("features", "error", text, "numbers past it are lost: train with a layout that fits, as wbc32")
+
+
+def _layouts_of(width: int, names: Sequence[str] | None) -> str:
+    """What helps where a checkpoint has another number of numbers than a layout."""
+    fitting = [name for name in LAYOUTS if builtin(name).dim == width]
+    if fitting:
+        return f"name the layout that the checkpoint was trained with; of {width} numbers: {', '.join(fitting)}"
+    called = f" ({', '.join(names[:NAMED_MAX])}, ...)" if names else ""
+    return (
+        f"no layout of the G1 has {width}{called}: a policy of another robot cannot run here; fine-tune it on data of "
+        "a G1 (wholebody convert DATASET --to wbc32 makes them), or describe its numbers in a layout of your own (JSON)"
+    )
 
 
 def _check_inputs(config: PreTrainedConfig, environment: bool) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ the JSON of an `ActionSpec` with its hash:
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 from policy.action_spec.spec import ActionSpec, require_same
@@ -53,12 +54,13 @@ def read_action_spec(folder: Path, wanted: ActionSpec | None, assumed: ActionSpe
         name = "wbc32" if wanted is None else wanted.name
         raise SpecError(
             f"{file} is missing: nothing says what the actions of this checkpoint mean, and their number never does. "
-            f"Write it with policy.lerobot.spec.write_specs, or vouch for a layout with --assume-spec {name}"
+            f"wholebody spec {folder} --layout {name} writes it; --assume-spec {name} vouches for it once"
         )
     found = _read(file)
     if wanted is not None:
         try:
-            require_same(wanted, found)
+            # How many steps a chunk has is the network's business; whoever decodes takes any number.
+            require_same(dataclasses.replace(wanted, horizon=found.horizon), found)
         except SpecError as error:
             raise SpecError(f"{file}: {error}; decode with the checkpoint's own layout, or --assume-spec") from error
     return found

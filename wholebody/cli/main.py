@@ -18,13 +18,14 @@ from wholebody.cli.options import flat
 from wholebody.cli.run import run
 from wholebody.cli.serve_policy import serve_policy
 from wholebody.cli.settings import config, warmup
+from wholebody.cli.spec import spec
 
 MISUSE = 2
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
 )
-for command in (check, run, convert, layouts, doctor, serve_policy, warmup, config):
+for command in (check, run, convert, layouts, spec, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
 

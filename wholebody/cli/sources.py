@@ -103,21 +103,24 @@ def is_dataset(name: str) -> bool:
 
 
 def is_checkpoint(name: str) -> bool:
-    """Whether a name is the folder of a LeRobot checkpoint."""
-    return (Path(name) / "config.json").is_file()
+    """Whether a name is the folder of a LeRobot checkpoint, or of the training run that it belongs to."""
+    from policy.lerobot.folder import CONFIG_FILE, checkpoint_folder
+
+    return (checkpoint_folder(name) / CONFIG_FILE).is_file()
 
 
 def _require_no_path(name: str) -> None:
     """Refuse folders that hold nothing to run, and paths that lead nowhere."""
     from policy.errors import PolicyError
+    from policy.lerobot.folder import BELOW, whereabouts
 
     if Path(name).is_dir():
         raise PolicyError(
-            f"folder '{name}' is neither a checkpoint (it has no config.json; LeRobot's training writes it to "
-            "checkpoints/last/pretrained_model) nor a dataset (no meta/info.json)"
+            f"folder '{name}' is neither a checkpoint (it has no config.json, and no {BELOW[-1]}, where LeRobot's "
+            "training writes it) nor a dataset (no meta/info.json)"
         )
     if "/" in name or "\\" in name:
-        raise PolicyError(f"there is no folder '{name}', and no script of that name")
+        raise PolicyError(f"there is no folder '{name}', and no script of that name; {whereabouts(name)}")
 
 
 def layout_named(text: str) -> ActionSpec | None:

@@ -1,0 +1,38 @@
+"""``wholebody spec``: write beside a checkpoint what its numbers mean."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from wholebody.cli.sources import layout_named
+
+
+def spec(
+    *,
+    checkpoint: Annotated[Path, Argument(help="Folder of a LeRobot checkpoint, or of its training run.")],
+    layout: Annotated[
+        str, Option(help="What its actions are: built-in name or JSON file; as --from says if not given.")
+    ] = "",
+    state: Annotated[str, Option(help="What its state is; the layout of the actions, absolute, if not given.")] = "",
+    dataset: Annotated[
+        Path | None, Option("--from", help="Dataset it was trained on: says rate and names, and layout if converted.")
+    ] = None,
+    fps: Annotated[float | None, Option(help="Steps a second, where there is no dataset.")] = None,
+) -> None:
+    """Write action_spec.json and state_spec.json of a checkpoint, with its own steps a chunk and rate."""
+    from policy.lerobot.fit import fit_layouts
+    from policy.lerobot.spec import ACTION_SPEC_FILE, STATE_SPEC_FILE, write_specs
+
+    fitted = fit_layouts(checkpoint, layout_named(layout), state=layout_named(state), dataset=dataset, fps=fps)
+    for finding in fitted.findings:
+        print(f"wholebody: {finding.sentence}", file=sys.stderr)
+    write_specs(fitted.folder, fitted.spec, fitted.state)
+    written = fitted.spec
+    print(
+        f"wrote {fitted.folder / ACTION_SPEC_FILE}: {written.id}, {written.horizon} steps of {written.dim} numbers at "
+        f"{written.fps:g} Hz\nwrote {fitted.folder / STATE_SPEC_FILE}: {fitted.state.id}, {fitted.state.dim} numbers"
+    )
