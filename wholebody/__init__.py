@@ -1,1 +1,55 @@
-"""Whole-body control of the Unitree G1: from an action chunk to joint commands that keep it standing."""
+"""Whole-body control of the Unitree G1: from an action chunk to joint commands that keep it standing.
+
+The public names, each imported when it is first used: importing the package loads neither Pinocchio nor MuJoCo.
+"""
+
+from importlib import import_module
+
+_HOME = {
+    "REALISTIC": "sim.sensors",
+    "BodyReference": "control.reference_packet",
+    "Checker": "verdict.check",
+    "ConfigError": "errors",
+    "ControllerConfig": "config",
+    "EpisodeConfig": "episode.run",
+    "EpisodeResult": "episode.run",
+    "InputError": "errors",
+    "JointCommand": "types",
+    "MujocoPlant": "sim.plant",
+    "PalmReference": "control.reference_packet",
+    "Reason": "types",
+    "Robot": "robot.state",
+    "RobotState": "types",
+    "SensorConfig": "sim.sensors",
+    "Sensors": "sim.sensors",
+    "Status": "types",
+    "StatusReport": "types",
+    "Supervisor": "execution.supervisor",
+    "Verdict": "verdict.verdict",
+    "WholeBodyController": "control.controller",
+    "WholebodyError": "errors",
+    "dump_config": "config_file",
+    "load_config": "config_file",
+    "make_controller": "backends.registry",
+    "observe": "episode.run",
+    "run_episode": "episode.run",
+    "warm_up": "episode.warm_up",
+}
+"""Public name and the module that it is in."""
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> object:
+    """A public name, from its module.
+
+    Raises:
+        AttributeError: If there is no such name.
+    """
+    if name not in _HOME:
+        raise AttributeError(f"module 'wholebody' has no attribute '{name}'; it offers {', '.join(_HOME)}")
+    return getattr(import_module(f"wholebody.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -15,7 +15,7 @@ def config() -> None:
 
 def warmup() -> None:
     """Compile the control tick once, for all later runs."""
-    from wholebody.cli.warm_up import warm_up
+    from wholebody.episode.warm_up import warm_up
 
     print("compiling the control tick and the plan: about a minute, once", file=sys.stderr)
     print(f"ready after {warm_up():.0f} s", file=sys.stderr)

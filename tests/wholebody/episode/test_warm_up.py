@@ -2,7 +2,7 @@
 
 from types import BuiltinFunctionType
 
-from wholebody.cli.warm_up import warm_up
+from wholebody.episode.warm_up import warm_up
 from wholebody.qp.compiled import STAGES, compiled_stages
 
 
