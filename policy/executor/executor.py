@@ -30,7 +30,9 @@ class ExecutorConfig:
     """How chunks are asked for and judged."""
 
     replace_every: int = 25
-    """Steps of a chunk after which the next one is asked for."""
+    """Steps of a chunk after which the next one is asked for; earlier where the chunk is over sooner."""
+    lead: float = 0.0
+    """Time that the controller takes to plan a chunk: it is there so much earlier [s]."""
     age_max: float | None = None
     """Oldest observation that a chunk may answer when it arrives [s]; None: any, until its last step is over."""
     hang_after: float = 1.0
@@ -48,7 +50,7 @@ class ExecutorConfig:
 
     def __post_init__(self) -> None:
         counts = ("replace_every", "execution_horizon", "delay_window")
-        for name in (*counts, "hang_after", "retry_after", "age_max"):
+        for name in (*counts, "lead", "hang_after", "retry_after", "age_max"):
             value = getattr(self, name)
             if value is not None and not value >= (1 if name in counts else 0.0):
                 raise ValueError(f"{name} is {value}; at least {1 if name in counts else 0} is expected")
@@ -157,7 +159,13 @@ class Executor:
             return False
         if self._running is None:
             return True
-        return now >= self._running.t_obs + self.config.replace_every / self._running.fps - TIME_TOLERANCE
+        return now >= self._running.t_obs + self._asked_after(self._running) - TIME_TOLERANCE
+
+    def _asked_after(self, chunk: ActionChunk) -> float:
+        """Age of a chunk at which the next one is asked for, so that it is there before the last step [s]."""
+        step, expected = 1.0 / chunk.fps, max(self._latencies, default=0.0)
+        covered = step * (len(chunk) - 1) - expected - self.config.lead
+        return max(step, min(step * self.config.replace_every, step * (len(chunk) // 2), covered))
 
     def _ask(self, now: float, observation: Observation, executing: Executing | None) -> None:
         self._asked = now

@@ -6,6 +6,7 @@ What a policy does wrong must come out as an event and never as a chunk; the one
 
 import dataclasses
 import logging
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -255,3 +256,35 @@ def test_the_prefix_of_a_slow_policy_lasts_until_its_chunk_arrives_and_beyond():
     run(runner, 1.5)
     (_, prefix), *_ = policy.prefixes
     assert (prefix.inference_delay, prefix.execution_horizon) == (12, 17)
+
+
+@pytest.mark.parametrize("horizon", [3, 10, 20])
+def test_5_a_policy_with_short_chunks_is_asked_before_they_are_over(horizon):
+    """With 25 steps between questions, openpi servers of 10 or 20 steps starved the robot half of the time."""
+    policy = scripted_policy("wave")
+    policy.horizon = horizon
+    runner = started(policy)
+    got = run(runner, 3.0)
+    assert runner.report.starved == 0.0
+    assert np.diff([time for time, _ in got]) == pytest.approx((horizon // 2) / 30.0, abs=2 * TICK)
+
+
+def test_5_what_the_policy_and_the_planner_take_is_counted_in():
+    """Asked at half of 30 steps, an answer after 400 ms that is then planned for 120 ms would be 53 ms too late."""
+    policy = scripted_policy("wave")
+    policy.horizon = 30
+    runner = started(policy, latency=0.4, config=ExecutorConfig(lead=0.12))
+    got = run(runner, 5.0)
+    assert runner.report.starved == 0.0
+    spare = [before.times[-1] - time for (_, before), (time, _) in pairwise(got)]
+    assert min(spare) >= 0.12 - 2 * TICK
+
+
+def test_5_what_cannot_be_covered_is_counted_as_starved():
+    policy = scripted_policy("wave")
+    policy.horizon = 10
+    runner = started(policy, latency=0.25)
+    run(runner, 3.0)
+    # A chunk is asked for when one comes; 9 steps of it last 0.3 s from then, of which 0.25 s are gone when it is there.
+    assert runner.report.starvations >= 8
+    assert runner.report.starved == pytest.approx(3.0 * 0.2 / 0.25, abs=0.3)
