@@ -12,6 +12,7 @@ from wholebody.bench.commands import bench
 from wholebody.cli.check import check
 from wholebody.cli.console import log_to_terminal
 from wholebody.cli.convert import convert
+from wholebody.cli.crash import CRASH, sentence
 from wholebody.cli.doctor import doctor
 from wholebody.cli.layouts import layouts
 from wholebody.cli.options import flat
@@ -31,7 +32,7 @@ app.add_typer(bench, name="bench")
 
 
 def main() -> None:
-    """Entry point; bad input ends with one sentence and exit code 2, never with a traceback."""
+    """Entry point; bad input ends with one sentence and exit code 2, a fault of ours with code 3, never a traceback."""
     from models.spec import RobotSpecError
     from policy.errors import PolicyError
     from wholebody.errors import WholebodyError
@@ -42,6 +43,9 @@ def main() -> None:
     except (PolicyError, WholebodyError, RobotSpecError, OSError, ValueError) as error:
         print(f"wholebody: {error}", file=sys.stderr)
         sys.exit(MISUSE)
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is a fault of ours and has its exit code
+        print(f"wholebody: {sentence(error)}", file=sys.stderr)
+        sys.exit(CRASH)
 
 
 @app.callback(invoke_without_command=True)

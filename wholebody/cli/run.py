@@ -16,6 +16,7 @@ from wholebody.cli.console import (
     write_json,
     write_pictures,
 )
+from wholebody.cli.crash import ours
 from wholebody.cli.options import SOURCES, Asking, Input, JsonTo, Pictures, Sampling, Simulation
 from wholebody.cli.simulated import SCENE_OF, check_times, make_checker, make_executor
 from wholebody.cli.sources import expanded, length, opened
@@ -45,8 +46,8 @@ def run(
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict
     for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
         title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
-        with progress_bar(title, quiet=quiet) as progress:
-            seconds = length(policy, given.duration)
+        seconds = length(policy, given.duration)
+        with progress_bar(title, quiet=quiet) as progress, ours():
             verdict, _ = checker.check(executor, name, seconds, progress=progress, recorder=recorder)
         verdicts.append(verdict)
         show(verdict)

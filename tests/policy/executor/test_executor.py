@@ -285,6 +285,6 @@ def test_5_what_cannot_be_covered_is_counted_as_starved():
     policy.horizon = 10
     runner = started(policy, latency=0.25)
     run(runner, 3.0)
-    # A chunk is asked for when one comes; 9 steps of it last 0.3 s from then, of which 0.25 s are gone when it is there.
+    # A chunk is asked for when one comes; its 0.3 s begin then, and 0.25 s of them are over when it is there.
     assert runner.report.starvations >= 8
     assert runner.report.starved == pytest.approx(3.0 * 0.2 / 0.25, abs=0.3)

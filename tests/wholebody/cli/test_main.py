@@ -16,6 +16,7 @@ from wholebody.cli import run as run_command
 from wholebody.cli.simulated import SCENE_OF
 from wholebody.cli.sources import NO_END
 from wholebody.episode.timing import Timing
+from wholebody.errors import InputError
 from wholebody.resources import verdict_schema
 from wholebody.verdict.verdict import Verdict
 
@@ -162,6 +163,61 @@ def test_a_run_in_which_the_policy_did_nothing_is_no_success(inside, monkeypatch
     verdict = Verdict(name="wave", verdict="infeasible", fell=False, timing=Timing(chunks=chunks))
     monkeypatch.setattr(run_command, "make_checker", lambda *_: SimpleNamespace(check=lambda *_, **__: (verdict, None)))
     assert inside("run", "wave").returncode == code
+
+
+class Breaking:
+    """A checker with a fault of its own in the first input, as numpy and Python raise them; `made` counts them."""
+
+    made = 0
+
+    def __init__(self, error):
+        self.error = error
+        Breaking.made += 1
+
+    def check(self, policy, name, duration, **_):
+        if policy.name == "reach":
+            raise self.error
+        return Verdict(name=name, verdict="feasible", fell=False, timing=Timing(chunks=3)), None
+
+
+@pytest.mark.parametrize(
+    "error", [KeyError("left"), ValueError("shapes (3,) (4,)"), np.linalg.LinAlgError("singular"), InputError("field")]
+)
+def test_7_a_crash_of_ours_has_code_3_and_one_sentence_and_the_other_inputs_are_judged(inside, monkeypatch, error):
+    """It used to end with code 1, that of "infeasible", a traceback, and no verdict on what came after it."""
+    monkeypatch.setattr("wholebody.cli.check.make_checker", lambda *_: Breaking(error))
+    Breaking.made = 0
+    answer = inside("check", "reach", "wave")
+    assert answer.returncode == 3
+    (line,) = answer.stderr.splitlines()
+    assert line.startswith(
+        f"wholebody: reach: this is a fault of wholebody, not of the input: {type(error).__name__}: "
+    )
+    assert "(wholebody/cli/check.py:" in line
+    assert "report it on the project's issue tracker" in line
+    assert answer.stdout.startswith("FEASIBLE  wave: ")
+    assert Breaking.made == 2, "what was in the middle of something is not used again"
+
+
+def test_7_a_crash_of_a_run_has_code_3_too(inside, monkeypatch):
+    monkeypatch.setattr("wholebody.cli.run.make_checker", lambda *_: Breaking(ValueError("a")))
+    assert inside("run", "reach").returncode == 3
+    monkeypatch.setattr("wholebody.cli.run.make_checker", lambda *_: 1 / 0)
+    answer = inside("run", "reach")
+    assert answer.returncode == 3
+    assert len(answer.stderr.splitlines()) == 1
+
+
+def test_7_a_crash_is_worse_than_a_malformed_input(inside, monkeypatch, tmp_path):
+    monkeypatch.setattr("wholebody.cli.check.make_checker", lambda *_: Breaking(KeyError("left")))
+    (tmp_path / "motion.csv").write_text("1,2\n")
+    assert inside("check", "reach", str(tmp_path / "motion.csv")).returncode == 3
+
+
+def test_7_ctrl_c_stays_130(inside, monkeypatch):
+    monkeypatch.setattr("wholebody.cli.check.make_checker", lambda *_: Breaking(KeyboardInterrupt()))
+    answer = inside("check", "reach", "wave")
+    assert (answer.returncode, answer.stdout) == (130, "")
 
 
 def test_what_has_no_end_is_refused_before_it_is_loaded(inside, tmp_path):
