@@ -5,9 +5,28 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+MESSAGE_MAX = 2000
+"""Most characters of a message; the middle of a longer one is left out."""
+
+
+def printable(text: object, most: int = MESSAGE_MAX) -> str:
+    r"""Text from outside on one line of at most `most` characters, safe for a terminal.
+
+    What moves a cursor, ends a line or turns the direction of writing is written as an escape, as in ``\x1b``.
+    """
+    text = str(text)
+    if len(text) > most:
+        text = f"{text[: 2 * most // 3]} ... {text[len(text) - most // 3 :]}"
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
 
 class PolicyError(Exception):
-    """Base of every exception of this package."""
+    """Base of every exception of this package; its message is `printable`."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(printable(message))
 
 
 class RotationError(PolicyError, ValueError):
@@ -72,5 +91,6 @@ class DatasetError(PolicyError, ValueError):
 
 def did_you_mean(given: object, known: Iterable[str]) -> str:
     """``did you mean 'x'? `` with the nearest known name, empty if none is near."""
-    near = difflib.get_close_matches(str(given), list(known), n=1)
+    # Comparing takes the product of the lengths.
+    near = difflib.get_close_matches(str(given)[:100], [str(name)[:100] for name in known][:200], n=1)
     return f"did you mean '{near[0]}'? " if near else ""

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from policy.errors import PolicyError
+from policy.errors import PolicyError, printable
 
 Level = Literal["ok", "warning", "error"]
 
@@ -27,10 +27,15 @@ class Finding:
     text: str
     cure: str = ""
 
+    def __post_init__(self) -> None:
+        # What LeRobot or a hub says may have several lines, and a checkpoint anything.
+        for name in ("text", "cure"):
+            object.__setattr__(self, name, printable(" ".join(getattr(self, name).split())))
+
     @property
     def sentence(self) -> str:
-        """Text and cure in one, on one line; what LeRobot or a hub says may have several."""
-        return " ".join((f"{self.text}; {self.cure}" if self.cure else self.text).split())
+        """Text and cure in one, on one line."""
+        return f"{self.text}; {self.cure}" if self.cure else self.text
 
 
 class CheckpointError(PolicyError, ValueError):

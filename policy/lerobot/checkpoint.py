@@ -19,6 +19,7 @@ from policy.lerobot.folder import CONFIG_FILE, checkpoint_folder, whereabouts
 from policy.lerobot.prompt import check_prompt
 from policy.lerobot.spec import read_action_spec, read_state_spec
 from policy.lerobot.stats import ACTION, STATE, check_stats
+from policy.lerobot.trust import check_model_folder, check_policy_type, check_steps, no_foreign_code
 from policy.lerobot.weights import WEIGHTS_FILE, load_network, quiet, random_network
 from policy.observation import Observation
 from policy.placeholder_cameras import blind
@@ -154,6 +155,7 @@ def read_config(folder: Path, options: LoadOptions) -> PreTrainedConfig:
     file = folder / CONFIG_FILE
     if not file.is_file():
         raise fail("config", f"{file} is missing", whereabouts(folder))
+    check_policy_type(file)
     try:
         config = PreTrainedConfig.from_pretrained(folder)
     except (DraccusException, ValueError, TypeError, KeyError, AttributeError, OSError) as error:
@@ -180,22 +182,20 @@ def read_processors(folder: Path, config: PreTrainedConfig, options: LoadOptions
     """
     from lerobot.policies.factory import make_pre_post_processors
 
-    # Registers our own steps, which a saved pipeline may name.
     from policy.lerobot.steps import G1WristsToJointsStep, pair
 
     cure = "without them numbers are not normalised; copy both from the training run's pretrained_model folder"
     for name in PROCESSORS:
         if not (folder / f"{name}.json").is_file():
             raise fail("processors", f"{folder / name}.json is missing", cure)
-    overrides = {"device_processor": {"device": config.device}}
-    text = (folder / f"{PROCESSORS[0]}.json").read_text()
-    if '"device_processor"' not in text:
-        overrides = {}
+    named = [[step["registry_name"] for step in check_steps(folder / f"{name}.json")] for name in PROCESSORS]
+    overrides = {"device_processor": {"device": config.device}} if "device_processor" in named[0] else {}
     tokenizer = _tokenizer(folder, config, options)
-    if tokenizer and '"tokenizer_processor"' in text:
+    if tokenizer and "tokenizer_processor" in named[0]:
+        check_model_folder(Path(tokenizer))
         overrides["tokenizer_processor"] = {"tokenizer_name": tokenizer}
     try:
-        with quiet():
+        with quiet(), no_foreign_code():
             processors = make_pre_post_processors(
                 config, str(folder), preprocessor_overrides=overrides, postprocessor_overrides={}
             )
@@ -255,7 +255,10 @@ def _inner_layouts(layouts: dict[str, ActionSpec], processors: tuple[Any, Any] |
     return inner
 
 
+@no_foreign_code()
 def _network(folder: Path, config: PreTrainedConfig, options: LoadOptions, findings: list[Finding]) -> Any:
+    if config.type == "smolvla" and Path(config.vlm_model_name).is_dir():
+        check_model_folder(Path(config.vlm_model_name), "weights")
     try:
         network = load_network(folder, config)
     except CheckpointError as error:
