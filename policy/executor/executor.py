@@ -16,6 +16,7 @@ from policy.executor.report import Delivery, ExecutionReport
 from policy.executor.worker import Job, Outcome, ThreadWorker, Worker
 from policy.observation import Observation
 from policy.prefix import Prefix, PrefixPolicy
+from policy.reading import HORIZON_MAX
 from policy.recorded.resample import resampled
 
 Executing = Callable[[float, int, float], ActionChunk | None]
@@ -216,6 +217,8 @@ class Executor:
         """Why an answer cannot be used: code and sentence."""
         if not isinstance(chunk, ActionChunk):
             return "chunk_invalid", f"the policy returned {type(chunk).__name__}; an ActionChunk is expected"
+        if len(chunk) > HORIZON_MAX:
+            return "chunk_invalid", f"the chunk has {len(chunk)} steps; at most {HORIZON_MAX} are taken"
         if chunk.spec_id != self._spec_id:
             return "chunk_wrong_spec", f"the chunk has layout '{chunk.spec_id}'; '{self._spec_id}' is expected"
         try:

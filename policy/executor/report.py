@@ -8,8 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from policy.errors import printable
+
 logger = logging.getLogger("policy.executor.executor")
 
+DETAIL_MAX = 600
+"""Most characters of an event's sentence."""
 EVENTS_MAX = 1000
 """Events kept; older ones are only counted."""
 
@@ -70,6 +74,7 @@ class ExecutionReport:
 
     def add(self, time: float, code: str, detail: str) -> None:
         """Note an event; logged once until `recovered`, then counted."""
+        detail = printable(detail, DETAIL_MAX)
         self.events.append(Event(time, code, detail))
         self.counts[code] += 1
         if code not in self._told:

@@ -10,7 +10,7 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from policy.errors import PolicyError
+from policy.errors import PolicyError, printable
 from policy.remote.msgpack_numpy import pack, unpack
 
 if TYPE_CHECKING:
@@ -26,6 +26,10 @@ FRAME_MAX = 64 * 2**20
 """Largest frame that is taken [bytes]: twenty raw images of 1280 x 720."""
 RETRY_PAUSE = 0.2
 """Pause between attempts to connect to a port where nobody listens yet [s]."""
+LOOK_INTERVAL = 0.05
+"""How often to look whether a connection has failed while an answer is awaited [s]."""
+TRACEBACK_LINES, TRACEBACK_WIDTH = 60, 300
+"""What is kept of a server's traceback: its last lines, and of each so many characters."""
 CLOSE_TIMEOUT = 1.0
 """How long a closing handshake may take [s]; a server that is stuck does not take part in it."""
 
@@ -58,14 +62,14 @@ class RemoteServerError(RemoteError, RuntimeError):
     """The policy raised on the server; its traceback is shown below this one.
 
     Attributes:
-        traceback: As the server sent it.
+        traceback: The end of what the server sent, as it sent it: not for a terminal.
     """
 
     def __init__(self, traceback: str, *, uri: str = "") -> None:
-        lines = [line for line in traceback.splitlines() if line.strip()]
-        super().__init__(f"the server says: {lines[-1].strip() if lines else 'nothing'}", uri=uri)
-        self.traceback = traceback
-        self.add_note(f"Traceback of the server:\n{traceback.rstrip()}")
+        lines = [line for line in traceback[-TRACEBACK_LINES * TRACEBACK_WIDTH :].splitlines() if line.strip()]
+        super().__init__(f"the server says: {printable(lines[-1].strip()) if lines else 'nothing'}", uri=uri)
+        self.traceback = traceback[-TRACEBACK_LINES * TRACEBACK_WIDTH :]
+        self.add_note(f"Traceback of the server:\n{quoted(traceback)}")
 
 
 class Channel:
@@ -122,11 +126,15 @@ class Channel:
     def ask(self, request: Mapping[str, Any], timeout: float) -> Mapping[str, Any]:
         """Send a request and wait for its answer, `timeout` seconds for both together.
 
+        What came without having been asked for closes the connection: it would be taken for this answer.
+
         Raises:
             WireError: If the request holds something that cannot be sent.
             RemoteError: If there is no answer, or none that can be read.
         """
-        return self._read(self._exchange(pack(request), timeout, "answer"))
+        frame = pack(request)
+        self._refuse_unasked()
+        return self._read(self._exchange(frame, timeout, "answer"))
 
     def close(self) -> None:
         """Hang up; waits a second at most."""
@@ -161,6 +169,20 @@ class Channel:
             text = f"no websocket there: {why}; is a policy server on that port?"
             raise RemoteConnectionError(text, uri=self.uri) from error
 
+    def _refuse_unasked(self) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        if self._connection is None:
+            return
+        try:
+            self._connection.recv(0.0)
+        except (TimeoutError, ConnectionClosed):
+            return
+        _break_off(self._connection.socket)
+        self.close()
+        text = "the server sent an answer that nobody asked for; which request it answers cannot be known"
+        raise RemoteAnswerError(text, uri=self.uri)
+
     def _exchange(self, frame: bytes | None, timeout: float, awaited: str) -> bytes | str:
         from websockets.exceptions import ConnectionClosed
 
@@ -174,7 +196,7 @@ class Channel:
         try:
             if frame is not None:
                 self._connection.send(frame)
-            return self._connection.recv(max(deadline - monotonic(), 0.0))
+            return self._received(deadline)
         except (ConnectionClosed, TimeoutError) as error:
             expired = isinstance(error, TimeoutError) or monotonic() >= deadline
             _break_off(self._connection.socket)
@@ -184,6 +206,30 @@ class Channel:
             raise RemoteConnectionError(f"the connection broke before the {awaited}: {error}", uri=self.uri) from error
         finally:
             watchdog.cancel()
+
+    def _received(self, deadline: float) -> bytes | str:
+        """Next frame.
+
+        Raises:
+            TimeoutError: If it does not come in time.
+            RemoteConnectionError: If what comes is no frame: websockets would wait for the peer to hang up.
+        """
+        connection = self._connection
+        while True:
+            left = max(deadline - monotonic(), 0.0)
+            # A connection that fails from here on is seen after the next wait.
+            failed = not self.is_open
+            try:
+                return connection.recv(min(left, LOOK_INTERVAL))
+            except TimeoutError:
+                if left <= LOOK_INTERVAL:
+                    raise
+                if failed:
+                    why = connection.protocol.parser_exc or "it hung up"
+                    _break_off(connection.socket)
+                    self.close()
+                    text = f"the connection broke before the answer: {printable(why, 200)}"
+                    raise RemoteConnectionError(text, uri=self.uri) from None
 
     def _read(self, frame: bytes | str) -> Mapping[str, Any]:
         """Data of a frame; a text frame is a traceback."""
@@ -207,10 +253,17 @@ class Channel:
 
         A refusal of our own server is no bug, and its last line, which is in the exception too, says all.
         """
-        refused = traceback.rstrip().rpartition("\n")[2].startswith("policy.errors.")
-        if traceback != self._told and not refused:
-            self._told = traceback
-            logger.error("%s failed:\n%s", self.uri, traceback.rstrip())
+        text = quoted(traceback)
+        refused = text.rpartition("\n")[2].startswith("| policy.errors.")
+        if text != self._told and not refused:
+            self._told = text
+            logger.error("%s failed:\n%s", self.uri, text)
+
+
+def quoted(text: str) -> str:
+    """The last lines of a text from outside, each `printable` and behind a bar, so that none passes for ours."""
+    lines = text[-TRACEBACK_LINES * TRACEBACK_WIDTH :].rstrip().splitlines()[-TRACEBACK_LINES:]
+    return "\n".join(f"| {printable(line, TRACEBACK_WIDTH)}" for line in lines)
 
 
 def full_uri(uri: str) -> str:

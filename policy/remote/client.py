@@ -13,14 +13,14 @@ from policy.action_spec.spec import ActionSpec, require_same
 from policy.action_spec.state import state_layout
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
-from policy.errors import SpecError
+from policy.errors import SpecError, printable
 from policy.findings import Finding
 from policy.observation import Observation
 from policy.placeholder_cameras import blind, with_grey
 from policy.prefix import Prefix
-from policy.remote.channel import Channel, RemoteAnswerError
+from policy.remote.channel import FRAME_MAX, Channel, RemoteAnswerError
 from policy.remote.openpi import KeyMap, OpenpiDialect
-from policy.remote.wire import PROTOCOL, OwnDialect
+from policy.remote.wire import CAMERAS_MAX, PROTOCOL, OwnDialect
 
 TIMEOUT_MAX = 86400.0
 """Longest wait that can be asked for [s]: a day."""
@@ -106,8 +106,7 @@ class RemotePolicy:
     ) -> None:
         self.spec, self.metadata, self.options, self.timing = spec, metadata, options, {}
         self.sees_robot = bool(metadata.get("sees_robot", True))
-        duration = metadata.get("duration")
-        self.duration = float(duration) if isinstance(duration, int | float) else None
+        self.duration = _seconds(metadata.get("duration"))
         self.cameras = _cameras(metadata)
         self._channel, self._dialect = channel, dialect
         self._fresh = True
@@ -246,8 +245,16 @@ def _agree(metadata: Mapping[str, Any], spec: ActionSpec | None, assumed: Action
 def _cameras(metadata: Mapping[str, Any]) -> dict[str, tuple[int, int]]:
     """Sizes that a server states; one that is no size is left out, since nothing but grey images depends on it."""
     stated = metadata.get("cameras")
-    sizes = {str(name): size for name, size in stated.items()} if isinstance(stated, Mapping) else {}
-    return {name: tuple(size) for name, size in sizes.items() if _is_size(size)}
+    sizes = {printable(name, 80): size for name, size in stated.items()} if isinstance(stated, Mapping) else {}
+    sizes = {name: tuple(size) for name, size in list(sizes.items())[:CAMERAS_MAX] if _is_size(size)}
+    # Grey images of them must go into a frame.
+    return sizes if 3 * sum(height * width for height, width in sizes.values()) < FRAME_MAX else {}
+
+
+def _seconds(stated: Any) -> float | None:
+    """How long a server says that its policy goes on [s]; None for what is no such time."""
+    plain = isinstance(stated, int | float) and not isinstance(stated, bool)
+    return float(stated) if plain and 0.0 <= stated <= TIMEOUT_MAX else None
 
 
 def _is_size(size: Any) -> bool:
@@ -257,4 +264,4 @@ def _is_size(size: Any) -> bool:
 def _server_timing(answer: Mapping[str, Any]) -> dict[str, float]:
     timing = answer.get("server_timing")
     infer = timing.get("infer_ms") if isinstance(timing, dict) else None
-    return {"infer_ms": float(infer)} if isinstance(infer, int | float) else {}
+    return {"infer_ms": float(infer)} if isinstance(infer, int | float) and 0.0 <= infer <= 1e3 * TIMEOUT_MAX else {}

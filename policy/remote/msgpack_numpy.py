@@ -36,6 +36,10 @@ BUFFER = 16 * 2**20
 """Room for a frame to begin with [bytes]: three images of 1280 x 720 are packed in a third of the time."""
 DIMENSIONS_MAX = 32
 """Most dimensions of an array."""
+ENTRIES_MAX = 20_000
+"""Most entries of the lists and maps of a frame, all together: each takes fifty times its room in the frame."""
+TEXT_MAX = 2**20
+"""Longest text of a frame [bytes]."""
 
 
 class WireError(PolicyError, ValueError):
@@ -64,8 +68,17 @@ def unpack(frame: bytes) -> Any:
     """
     import msgpack
 
+    budget = _Budget()
     try:
-        return msgpack.unpackb(frame, object_hook=_from_map, ext_hook=_refuse_extension)
+        return msgpack.unpackb(
+            frame,
+            object_hook=budget.map,
+            ext_hook=_refuse_extension,
+            max_array_len=ENTRIES_MAX,
+            max_map_len=ENTRIES_MAX,
+            max_str_len=TEXT_MAX,
+            list_hook=budget.list,
+        )
     except WireError:
         raise
     # msgpack has no exception of its own for everything: a nesting too deep and bad text are ValueError, a key that
@@ -73,6 +86,28 @@ def unpack(frame: bytes) -> Any:
     except (ValueError, TypeError, msgpack.UnpackException) as error:
         what = str(error) or type(error).__name__
         raise WireError(f"a frame of {len(frame)} bytes is no MessagePack: {what}") from error
+
+
+class _Budget:
+    """Counts what a frame unpacks to while it does."""
+
+    def __init__(self) -> None:
+        self.left = ENTRIES_MAX
+
+    def list(self, found: list) -> list:
+        """A list, counted."""
+        self._spend(len(found))
+        return found
+
+    def map(self, found: dict) -> Any:
+        """A map, or the array in it, counted."""
+        self._spend(len(found))
+        return _from_map(found)
+
+    def _spend(self, entries: int) -> None:
+        self.left -= 1 + entries
+        if self.left < 0:
+            raise WireError(f"the frame has more than {ENTRIES_MAX} entries")
 
 
 def _to_map(value: Any) -> dict[bytes, Any]:

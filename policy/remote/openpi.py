@@ -18,9 +18,10 @@ from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_numbers
 from policy.chunk import ActionChunk
-from policy.errors import ObservationError, SpecError, did_you_mean
+from policy.errors import ObservationError, SpecError, did_you_mean, printable
 from policy.observation import Observation
 from policy.prefix import Prefix
+from policy.reading import HORIZON_MAX
 from policy.remote.channel import RemoteAnswerError
 
 Key = str | tuple[str, ...]
@@ -96,11 +97,13 @@ class OpenpiDialect:
             ChunkError: If the actions are not of the layout.
         """
         actions = answer.get(self.keys.actions)
-        if not isinstance(actions, np.ndarray):
-            found = f"there are: {', '.join(str(key) for key in answer)}"
+        if not isinstance(actions, np.ndarray) or not actions.ndim:
+            found = f"there are: {printable(', '.join(str(key) for key in answer), 200)}"
             if actions is not None:
                 found = f"it is {type(actions).__name__}"
             raise RemoteAnswerError(f"the answer has no array '{self.keys.actions}'; {found}")
+        if len(actions) > HORIZON_MAX:
+            raise RemoteAnswerError(f"the answer has {len(actions)} steps; at most {HORIZON_MAX} are taken")
         return decode(self.spec, actions, Anchor.measured(observation), seq=seq, t_obs=observation.time)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import suppress
 from http import HTTPStatus
 from queue import SimpleQueue
+from socket import SHUT_RDWR
 from time import monotonic, perf_counter
 from traceback import format_exc
 from typing import TYPE_CHECKING, Any
@@ -15,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import encode
 from policy.base import Policy
-from policy.errors import PolicyError
+from policy.errors import PolicyError, printable
 from policy.prefix import PrefixPolicy
 from policy.remote.channel import CLOSE_TIMEOUT, FRAME_MAX, PORT
 from policy.remote.msgpack_numpy import pack, unpack
@@ -25,13 +27,19 @@ if TYPE_CHECKING:
     from websockets.http11 import Request, Response
     from websockets.sync.server import ServerConnection
 
+logger = logging.getLogger(__name__)
+
 LOOPBACK = "127.0.0.1"
+SESSION_MAX = 100
+"""Most characters of the name of a client's episode."""
 PING_INTERVAL = 5.0
 """How often an idle client is asked whether it is still there [s]."""
 PING_TIMEOUT = 10.0
 """After which it no longer is [s]."""
 PONG_TIMEOUT = 2.0
 """The same when another one wants to come in [s]: a robot that lost its network must get in again soon."""
+IDLE_MAX = 10.0
+"""How long a client may be connected without a first request before it gives way to another one [s]."""
 LOOK_INTERVAL = 0.05
 """How often to look whether the client has hung up while the policy computes [s]."""
 CLOSE_REASON = "Internal server error. Traceback included in previous frame."
@@ -69,6 +77,7 @@ class PolicyServer:
         self._session: str | None = None
         self._guard = threading.Lock()
         self._client: ServerConnection | None = None
+        self._since, self._asked = 0.0, False
         self._thread: threading.Thread | None = None
         self._server = serve(
             self._handle,
@@ -118,7 +127,12 @@ class PolicyServer:
         from websockets.exceptions import ConnectionClosed
         from websockets.frames import CloseCode
 
+        if not _is_there(client):
+            # Who does not answer would take the place of who does.
+            logger.warning("a client at %s does not answer", _address(client))
+            return
         if not self._let_in(client):
+            logger.warning("turned a client at %s away: another one is connected", _address(client))
             with suppress(ConnectionClosed):
                 client.send("the policy server is busy: it serves one robot at a time, and one is connected")
                 client.close(CloseCode.TRY_AGAIN_LATER, "busy")
@@ -130,17 +144,31 @@ class PolicyServer:
                     answer = self._answer(frame, client)
                 # Whatever it is, the client is told, as openpi's server does, and the server lives on.
                 except Exception as error:  # noqa: BLE001
+                    self._log(client, error)
                     client.send(error.text if isinstance(error, _PolicyFailure) else format_exc())
                     client.close(CloseCode.INTERNAL_ERROR, CLOSE_REASON)
                     return
                 client.send(answer)
 
     def _let_in(self, client: ServerConnection) -> bool:
-        with self._guard:
-            if self._client is not None and _is_there(self._client):
+        """Whether a client is the one from now on; whoever else waits meanwhile waits beside it, not behind it."""
+        while True:
+            with self._guard:
+                before = self._client
+                idle = not self._asked and monotonic() - self._since > IDLE_MAX
+            if before is not None and not idle and _is_there(before):
                 return False
-            self._client = client
-            return True
+            with self._guard:
+                if self._client is before:
+                    self._client, self._since, self._asked = client, monotonic(), False
+                    break
+        if before is not None:
+            _hang_up(before)
+        return True
+
+    def _log(self, client: ServerConnection, error: Exception) -> None:
+        text = error.text.rstrip().rpartition("\n")[2] if isinstance(error, _PolicyFailure) else str(error)
+        logger.warning("refused a request of %s: %s", _address(client), printable(text, 300))
 
     def _answer(self, frame: bytes | str, client: ServerConnection) -> bytes:
         """Answer to a request."""
@@ -149,12 +177,16 @@ class PolicyServer:
         request = unpack(frame)
         if not isinstance(request, dict):
             raise PolicyError(f"the request holds {type(request).__name__}; a map is expected")
+        if client is self._client:
+            self._asked = True
         answer = self._worker.run(lambda: self._infer(request, str(client.id)), lambda: _is_open(client))
         return pack(answer)
 
     def _infer(self, request: dict[str, Any], connection: str) -> dict[str, Any]:
         """Call the policy; in the worker's thread."""
         own = "session" in request
+        if own and not (isinstance(request["session"], str) and len(request["session"]) <= SESSION_MAX):
+            raise PolicyError(f"'session' of the request is no text of at most {SESSION_MAX} characters")
         session, continues, prefix = (request.pop(key, None) for key in ("session", "continues", "prefix"))
         observation = observation_from_map(request)
         prefix = None if prefix is None else prefix_from_map(prefix)
@@ -270,6 +302,17 @@ def _is_there(client: ServerConnection) -> bool:
         return client.ping().wait(PONG_TIMEOUT)
     except ConnectionClosed:
         return False
+
+
+def _hang_up(client: ServerConnection) -> None:
+    """Break a connection off without waiting for its peer; the thread that serves it ends."""
+    with suppress(OSError):
+        client.socket.shutdown(SHUT_RDWR)
+
+
+def _address(client: ServerConnection) -> str:
+    address = client.remote_address
+    return printable(f"{address[0]}:{address[1]}" if isinstance(address, tuple) and len(address) > 1 else address, 80)
 
 
 def _health_check(connection: ServerConnection, request: Request) -> Response | None:

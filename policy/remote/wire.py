@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 
 from policy.chunk import ActionChunk
-from policy.errors import did_you_mean
+from policy.errors import did_you_mean, printable
 from policy.observation import Observation
 from policy.prefix import Prefix
+from policy.reading import HORIZON_MAX
 from policy.remote.channel import RemoteAnswerError
 from policy.remote.msgpack_numpy import WireError
 
@@ -35,6 +36,12 @@ PROTOCOL = "g1-wholebody/1"
 """What our server says in its metadata."""
 OBSERVATION = ("time", "q_body", "q_lhand", "q_rhand", "T_world_base", "images", "prompt")
 """Keys of an observation."""
+CAMERAS_MAX = 16
+"""Most images of an observation."""
+PROMPT_MAX = 4000
+"""Most characters of a task."""
+NOTES_MAX, NOTE_MAX = 16, 300
+"""Notes of a chunk that are kept, and characters of each."""
 _CHUNK = tuple(field.name for field in dataclasses.fields(ActionChunk))
 _CHUNK_PLAIN = {"spec_id": str, "seq": int, "t_obs": float, "fps": float}
 _CHUNK_OPTIONAL = ("q_larm", "q_rarm", "q_waist", "base_height", "base_velocity")
@@ -59,8 +66,12 @@ def observation_from_map(data: Mapping[str, Any]) -> Observation:
     images = data.get("images", {})
     if not isinstance(images, dict) or not all(isinstance(name, str) for name in images):
         raise WireError("'images' of the request is no map of cameras; camera -> image is expected")
+    if len(images) > CAMERAS_MAX:
+        raise WireError(f"'images' of the request has {len(images)} cameras; at most {CAMERAS_MAX} are taken")
     images = {name: _array("images", images, name, numbers=False) for name in images}
     task = _plain("the request", data, "prompt", str) if "prompt" in data else ""
+    if len(task) > PROMPT_MAX:
+        raise WireError(f"'prompt' of the request has {len(task)} characters; at most {PROMPT_MAX} are taken")
     observation = Observation(_plain("the request", data, "time", float), **arrays, images=images, task=task)
     observation.validate()
     return observation
@@ -87,9 +98,22 @@ def chunk_from_map(data: Any) -> ActionChunk:
     notes = data.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise WireError("'notes' of the chunk are no list of sentences")
-    chunk = ActionChunk(**plain, **arrays, notes=tuple(notes))
+    require_few(max((len(array) if array.ndim else 0 for array in arrays.values()), default=0))
+    # Notes go into reports.
+    notes = tuple(printable(note, NOTE_MAX) for note in notes[:NOTES_MAX])
+    chunk = ActionChunk(**plain, **arrays, notes=notes)
     chunk.validate()
     return chunk
+
+
+def require_few(steps: int) -> None:
+    """Refuse an answer with more steps than any policy gives.
+
+    Raises:
+        WireError: If it has more than `HORIZON_MAX`.
+    """
+    if steps > HORIZON_MAX:
+        raise WireError(f"the chunk has {steps} steps; at most {HORIZON_MAX} are taken")
 
 
 def prefix_to_map(prefix: Prefix) -> dict[str, Any]:
@@ -151,7 +175,10 @@ def _plain(what: str, data: Mapping[str, Any], key: str, kind: type) -> Any:
     accepted = (int, float) if kind is float else kind
     if not isinstance(value, accepted) or isinstance(value, bool):
         raise WireError(f"'{key}' of {what} is {type(value).__name__}; {kind.__name__} is expected")
-    return kind(value)
+    try:
+        return kind(value)
+    except OverflowError as error:
+        raise WireError(f"'{key}' of {what} is beyond what a double holds") from error
 
 
 def _array(what: str, data: Mapping[str, Any], key: str, *, numbers: bool = True) -> np.ndarray:

@@ -24,6 +24,7 @@ from policy.remote.channel import (
     RemoteServerError,
     RemoteTimeoutError,
     full_uri,
+    quoted,
 )
 from policy.remote.client import RemoteOptions, RemotePolicy, _cameras
 from policy.remote.msgpack_numpy import pack, unpack
@@ -103,7 +104,7 @@ def test_a_text_frame_is_the_servers_traceback_and_the_next_request_connects_aga
             policy.infer(seen())
         assert caught.value.traceback.startswith("Traceback (most recent call last):")
         assert "/app/src/openpi/policies/policy.py" in caught.value.traceback
-        assert caught.value.__notes__ == [f"Traceback of the server:\n{caught.value.traceback.rstrip()}"]
+        assert caught.value.__notes__ == [f"Traceback of the server:\n{quoted(caught.value.traceback)}"]
         assert policy.infer(seen(0.1)).seq == 1
         assert peer.connections == 2
 
@@ -451,7 +452,7 @@ def test_client_and_server_need_no_torch():
     names = ("torch", "lerobot", "transformers", "safetensors", "mujoco")
     code = (
         "import sys; from policy.remote.server import PolicyServer; from policy.remote.client import RemotePolicy\n"
-        "from policy.scripted.library import scripted\n"
+        "from policy.scripted.library import scripted_policy\n"
         "with PolicyServer(scripted_policy('wave'), port=0) as server: RemotePolicy.connect(server.uri).close()\n"
         f"print(sorted(set(sys.modules) & set({names!r})))"
     )
