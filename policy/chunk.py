@@ -8,10 +8,13 @@ import numpy as np
 
 from policy.errors import ChunkError
 from policy.geometry.rotations import rotation_residual
+from policy.reading import FPS_MAX, FPS_MIN
 
 ROTATION_TOLERANCE = 1e-6
 """Largest residual of a pose's rotation: decoding orthonormalises, so more than rounding is a mistake."""
 
+MAGNITUDE_MAX = 1e6
+"""Largest number of a target that is taken at all [m, rad, m/s]; beyond it no arithmetic is safe."""
 _POSES = ("T_world_lhand", "T_world_rhand")
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _OPTIONAL = {"q_larm": 7, "q_rarm": 7, "q_waist": 3, "base_height": 0, "base_velocity": 3}
@@ -96,10 +99,9 @@ class ActionChunk:
     def _check_clock(self) -> None:
         if not np.isfinite(self.t_obs):
             raise ChunkError(f"t_obs is {self.t_obs}; a finite time in seconds is expected", slot="t_obs")
-        if not (np.isfinite(self.fps) and self.fps > 0.0):
-            raise ChunkError(
-                f"fps is {self.fps}; a positive rate in Hz is expected, so that time increases", slot="fps"
-            )
+        if not FPS_MIN <= self.fps <= FPS_MAX:
+            text = f"fps is {self.fps}; a positive rate in Hz is expected, so that time increases"
+            raise ChunkError(f"{text}: {FPS_MIN:g} to {FPS_MAX:g}", slot="fps")
         times = self.times
         if not (times[1:] > times[:-1]).all():
             raise ChunkError(f"times do not increase at t_obs {self.t_obs} s and {self.fps} Hz", slot="t_obs")
@@ -110,10 +112,13 @@ class ActionChunk:
             raise ChunkError(f"{name} has shape {value.shape}; {shape} is expected", slot=name)
         if value.dtype.kind != "f":
             raise ChunkError(f"{name} has the type {value.dtype}; floating point is expected", slot=name)
-        finite = np.isfinite(value)
-        if not finite.all():
-            index = [int(i) for i in np.argwhere(~finite)[0]]
-            raise ChunkError(f"{name} is {value[tuple(index)]} at step {index[0]}", step=index[0], slot=name)
+        bad = ~(np.abs(value) <= MAGNITUDE_MAX)
+        if bad.any():
+            index = [int(i) for i in np.argwhere(bad)[0]]
+            text = (
+                f"{name} is {value[tuple(index)]} at step {index[0]}; finite numbers up to {MAGNITUDE_MAX:g} are taken"
+            )
+            raise ChunkError(text, step=index[0], slot=name)
 
     def _check_poses(self) -> None:
         T = np.stack([self.T_world_lhand, self.T_world_rhand])

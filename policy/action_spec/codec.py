@@ -34,6 +34,8 @@ from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST, permutation
 from policy.kinematics.forward import kinematics
 from policy.kinematics.inverse import arm_joints
 
+NUMBER_MAX = 1e6
+"""Largest number of an action that can be meant, in whatever unit: a kilometre in millimetres."""
 HINT_TOLERANCE = 1e-4
 """Metres and radians within which given arm joints must reach the given pose to be used in `encode`."""
 
@@ -123,18 +125,19 @@ def _checked(spec: ActionSpec, actions: np.ndarray) -> np.ndarray:
         raise ChunkError(f"the actions are of type {actions.dtype}; numbers are expected")
     if actions.ndim != 2 or actions.shape[1] != spec.dim or len(actions) < 1:
         raise ChunkError(f"the actions have shape {actions.shape}; '{spec.name}' has (steps, {spec.dim})")
-    finite = np.isfinite(actions)
-    if not finite.all():
-        bad = ~finite
+    with np.errstate(over="ignore"):
+        actions = actions.astype(float)
+    bad = ~(np.abs(actions) <= NUMBER_MAX)
+    if bad.any():
         step, column = (int(i) for i in np.argwhere(bad)[0])
         name = next(slot.name for slot in spec.slots if column < slot.start + slot.size)
         raise ChunkError(
             f"action {column} ({spec.feature_names[column]}) is {actions[step, column]} at step {step}; "
-            f"{int(bad.sum())} of {actions.size} numbers are not finite",
+            f"{int(bad.sum())} of {actions.size} numbers are not finite or beyond {NUMBER_MAX:g}",
             step=step,
             slot=name,
         )
-    return actions.astype(float)
+    return actions
 
 
 def _clip(spec: ActionSpec, actions: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -48,6 +48,8 @@ UNITS: dict[Kind, dict[str, tuple[float, float]]] = {
 }
 """Units of each kind as (scale, offset): SI value = scale * number + offset. A grasp is 0 open, 1 closed."""
 
+TCP_OFFSET_MAX = 2.0
+"""Largest distance of a tool point from the wrist, per axis [m]."""
 _GRASP_UNITS, _HEIGHT_UNITS = ("1", "percent", "dex1 rad"), ("m", "cm", "mm")
 
 TARGETS: dict[str, tuple[tuple[Kind, ...], tuple[str, ...]]] = {
@@ -162,8 +164,9 @@ class Slot:
         expected = len(joints) if self.kind == "joint" else SIZES[self.kind]
         if self.size != expected:
             raise SpecError(f"slot '{self.name}': size {self.size}; the kind '{self.kind}' has {expected} numbers")
-        if self.start < 0:
-            raise SpecError(f"slot '{self.name}': start {self.start} is negative")
+        if type(self.start) is not int or type(self.size) is not int or self.start < 0:
+            said = f"start {self.start!r:.40} is negative or of the wrong type; start and size are whole numbers"
+            raise SpecError(f"slot '{self.name}': {said}")
 
     def _check_convention(self, field: str, kind: Kind, allowed: tuple[str, ...]) -> None:
         value = getattr(self, field)
@@ -175,6 +178,8 @@ class Slot:
     def _check_numbers(self) -> None:
         if len(self.tcp_offset) != 3 or not np.isfinite(self.tcp_offset).all():
             raise SpecError(f"slot '{self.name}': tcp_offset {self.tcp_offset}; three finite metres are expected")
+        if np.abs(self.tcp_offset).max() > TCP_OFFSET_MAX:
+            raise SpecError(f"slot '{self.name}': tcp_offset {self.tcp_offset} m; at most {TCP_OFFSET_MAX} m are taken")
         if any(self.tcp_offset) and self.kind != "position":
             raise SpecError(f"slot '{self.name}': tcp_offset only goes with a position")
         if self.mode == "relative_se3" and self.kind != "position" and self.kind not in ROTATIONS:
@@ -201,4 +206,6 @@ def one_of(what: str, value: object, allowed: Iterable[str]) -> None:
         SpecError: If it is not.
     """
     if value not in allowed:
-        raise SpecError(f"{what} {value!r} is unknown; {did_you_mean(value, allowed)}possible: {', '.join(allowed)}")
+        raise SpecError(
+            f"{what} {value!r:.80} is unknown; {did_you_mean(value, allowed)}possible: {', '.join(allowed)}"
+        )

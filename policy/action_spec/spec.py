@@ -14,10 +14,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
+from policy.action_spec.slot import TARGETS, Slot, one_of
+from policy.errors import SpecError, printable
+from policy.reading import FPS_MAX, FPS_MIN, HORIZON_MAX, ReadingError, parse_json, require_depth
 
-from policy.action_spec.slot import Slot, one_of
-from policy.errors import SpecError
+NAME_MAX = 100
+"""Most characters of a name."""
+VERSION_MAX = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +42,15 @@ class ActionSpec:
     slots: tuple[Slot, ...]
 
     def __post_init__(self) -> None:
-        if not self.fps > 0.0 or not np.isfinite(self.fps):
-            raise SpecError(f"spec '{self.name}': fps {self.fps}; a positive rate in Hz is expected")
-        if self.horizon < 1 or self.version < 1:
-            raise SpecError(f"spec '{self.name}': horizon {self.horizon} and version {self.version} must be at least 1")
+        if not isinstance(self.name, str) or len(self.name) > NAME_MAX or not self.name.isprintable():
+            raise SpecError(f"a spec's name is {self.name!r:.90}; up to {NAME_MAX} printable characters are expected")
+        if isinstance(self.fps, bool) or not FPS_MIN <= self.fps <= FPS_MAX:
+            text = f"fps {self.fps}; a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}"
+            raise SpecError(f"spec '{self.name}': {text}")
+        for name, most in (("horizon", HORIZON_MAX), ("version", VERSION_MAX)):
+            if type(getattr(self, name)) is not int or not 1 <= getattr(self, name) <= most:
+                said = f"{name} {getattr(self, name)!r:.40} must be at least 1 and at most {most}, a whole number"
+                raise SpecError(f"spec '{self.name}': {said}")
         names = [slot.name for slot in self.slots]
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:
@@ -104,6 +112,12 @@ class ActionSpec:
         slots = data.pop("slots", None)
         if not isinstance(slots, list) or not all(isinstance(slot, Mapping) for slot in slots):
             raise SpecError("a spec needs 'slots', a list of objects")
+        if len(slots) > len(TARGETS):
+            raise SpecError(f"a spec has {len(slots)} slots; at most {len(TARGETS)} can drive something")
+        try:
+            require_depth([*slots, data])
+        except ReadingError as error:
+            raise SpecError(f"the spec {error}") from error
         spec = _build(cls, {**data, "slots": tuple(_build(Slot, slot) for slot in slots)}, "spec")
         if stated is not None and stated != spec.hash:
             raise SpecError(
@@ -120,9 +134,9 @@ class ActionSpec:
             SpecError: If the text is no JSON object, or as in `from_dict`.
         """
         try:
-            data = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise SpecError(f"the spec is no JSON: {error}") from error
+            data = parse_json(text)
+        except ReadingError as error:
+            raise SpecError(f"the spec {error}") from error
         if not isinstance(data, dict):
             raise SpecError(f"the spec is a JSON {type(data).__name__}; an object is expected")
         return cls.from_dict(data)
@@ -205,8 +219,11 @@ def _build[T: (ActionSpec, Slot)](kind: type[T], data: Mapping[str, Any], what: 
         raise SpecError(f"{what}: keys {missing} are missing")
     try:
         return kind(**{key: _tuples(value) for key, value in data.items()})
-    except TypeError as error:
-        raise SpecError(f"{what} {data.get('name', '')!r}: a value has the wrong type ({error})") from error
+    except SpecError:
+        raise
+    except (TypeError, ValueError, OverflowError) as error:
+        name = printable(repr(data.get("name", "")), 80)
+        raise SpecError(f"{what} {name}: a value has the wrong type ({error})") from error
 
 
 def _tuples(value: Any) -> Any:

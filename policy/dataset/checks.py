@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +12,14 @@ from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset, Episode
 from policy.dataset.joint_layout import JointLayout, check_values, flat_names, joint_layout
+from policy.dataset.video import check_video
 from policy.errors import DatasetError
 
 if TYPE_CHECKING:
     import pyarrow
 
+RATE_TOLERANCE = 0.01
+"""Part by which the rate of an episode's timestamps may differ from the dataset's."""
 RECOMPUTE = "lerobot-edit-dataset --operation.type recompute_stats --operation.skip_image_video false"
 
 
@@ -74,14 +78,18 @@ def check_joints(dataset: Dataset, layouts: Mapping[str, JointLayout]) -> list[s
     return notes
 
 
-def check_times(dataset: Dataset) -> list[str]:
-    """Refuse time that stands still or goes back; nothing to note otherwise.
+def check_times(dataset: Dataset, episodes: Iterable[Episode] | None = None) -> list[str]:
+    """Refuse time that stands still, goes back, or passes at another rate than the dataset's; else nothing to note.
+
+    Args:
+        dataset: Where they are.
+        episodes: Which to look at; all if None.
 
     Raises:
         DatasetError: Naming episode and frame.
     """
-    for episode in dataset.episodes:
-        times = np.asarray(dataset.table(episode, ["timestamp"]).column("timestamp"), dtype=float)
+    for episode in dataset.episodes if episodes is None else episodes:
+        times = _timestamps(dataset, episode)
         gaps = np.diff(times)
         if not np.isfinite(times).all() or not (gaps > 0.0).all():
             frame = int(np.argmax(~np.isfinite(times))) if not np.isfinite(times).all() else int(np.argmin(gaps)) + 1
@@ -90,7 +98,42 @@ def check_times(dataset: Dataset) -> list[str]:
                 "come after the one before; leave the episode out with --episodes",
                 feature="timestamp",
             )
+        rate = len(gaps) / (times[-1] - times[0]) if len(gaps) else dataset.fps
+        if not abs(rate / dataset.fps - 1.0) <= RATE_TOLERANCE:
+            raise DatasetError(
+                f"{dataset.folder}, episode {episode.index}: its timestamps pass at {rate:.4g} Hz, meta/info.json says "
+                f"fps {dataset.fps:g}: motion would be {dataset.fps / rate:.3g} times as fast; correct the wrong one",
+                feature="timestamp",
+            )
     return []
+
+
+def check_videos(dataset: Dataset) -> list[str]:
+    """Refuse videos that are missing, cut off, or end before their episodes; nothing to note otherwise.
+
+    Raises:
+        DatasetError: Naming the file.
+    """
+    ends: dict[tuple[Path, str], float] = {}
+    for episode in dataset.episodes:
+        for key, span in episode.videos.items():
+            ends[span.file, key] = max(ends.get((span.file, key), 0.0), span.end)
+    for (file, key), end in ends.items():
+        check_video(file, end, key)
+    return []
+
+
+def _timestamps(dataset: Dataset, episode: Episode) -> np.ndarray:
+    """Times of an episode's frames, shape (n,), [s]."""
+    try:
+        times = np.asarray(dataset.table(episode, ["timestamp"]).column("timestamp"), dtype=float)
+    except (ValueError, TypeError) as error:
+        raise DatasetError(
+            f"{episode.file} has timestamps that are no numbers: {error}", feature="timestamp"
+        ) from error
+    if times.ndim != 1:
+        raise DatasetError(f"{episode.file} has timestamps of shape {times.shape}", feature="timestamp")
+    return times
 
 
 def check_cameras(dataset: Dataset, *, without_stats: bool = False) -> list[str]:

@@ -21,8 +21,15 @@ import numpy as np
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_layout
-from policy.dataset.checks import check_cameras, check_images, check_joints, check_times, column_layout
-from policy.dataset.format import ACTION, STATE, Dataset, Episode, vectors
+from policy.dataset.checks import (
+    check_cameras,
+    check_images,
+    check_joints,
+    check_times,
+    check_videos,
+    column_layout,
+)
+from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode, vectors
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
 from policy.dataset.open import open_dataset
 from policy.dataset.report import ConvertedDataset
@@ -109,6 +116,7 @@ def convert_dataset(
         *check_cameras(dataset, without_stats=settings.without_camera_stats),
         *check_joints(dataset, {key: conversion.source for key, conversion in conversions.items()}),
         *check_times(dataset),
+        *check_videos(dataset),
         *_left_out(conversions),
     ]
     work = _Work(dataset, conversions, settings)
@@ -138,8 +146,15 @@ def episode_numbers(text: str) -> tuple[int, ...]:
     numbers: list[int] = []
     for part in text.split(","):
         first, _, last = part.strip().partition("-")
-        if not first.isdecimal() or not (last or first).isdecimal() or int(last or first) < int(first):
+        if (
+            len(part) > 40
+            or not first.isdecimal()
+            or not (last or first).isdecimal()
+            or int(last or first) < int(first)
+        ):
             raise DatasetError(f"episodes '{text}' are no list of numbers and ranges such as 0-3,7")
+        if int(last or first) - int(first) >= EPISODES_MAX or len(numbers) > EPISODES_MAX:
+            raise DatasetError(f"episodes '{text:.60}' are more than {EPISODES_MAX}")
         numbers += range(int(first), int(last or first) + 1)
     return tuple(numbers)
 

@@ -6,15 +6,17 @@ episodes a file), v2.1 and v2.0 (one file an episode) give the same `Dataset`.
 
 from __future__ import annotations
 
-import json
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from string import Formatter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from policy import reading
 from policy.errors import DatasetError, did_you_mean
 
 if TYPE_CHECKING:
@@ -23,6 +25,16 @@ if TYPE_CHECKING:
 ACTION, STATE = "action", "observation.state"
 INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 """Columns that every dataset has."""
+EPISODES_MAX = 100_000
+"""Most episodes of a dataset."""
+TABLE_MAX = 2**30
+"""Largest table that is read at once, and its largest file [bytes]; LeRobot begins a new file at 100 MB."""
+ROWS_MAX = 5_000_000
+"""Most rows of a data file: 46 hours at 30 Hz."""
+PATH_MAX = 300
+"""Most characters of a path in ``meta/info.json``."""
+_FIELD = re.compile(r"(0[1-9])?d?")
+"""Format of a number in a path, as in ``{file_index:03d}``."""
 Stats = Mapping[str, Mapping[str, Any]]
 """Statistics by feature and name, nested lists as in JSON."""
 
@@ -157,12 +169,12 @@ def read_json(file: Path) -> dict[str, Any]:
         DatasetError: If there is none.
     """
     try:
-        data = json.loads(file.read_text())
-    except FileNotFoundError as error:
+        data = reading.read_json(file)
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise DatasetError(
             f"{file} does not exist; give the folder of a LeRobot dataset, the one with meta and data in it"
         ) from error
-    except (OSError, ValueError) as error:
+    except (OSError, reading.ReadingError) as error:
         raise DatasetError(f"{file} cannot be read: {error}") from error
     if not isinstance(data, dict):
         raise DatasetError(f"{file} is a JSON {type(data).__name__}; an object is expected")
@@ -183,14 +195,36 @@ def read_parquet(file: Path, columns: list[str] | None = None) -> pyarrow.Table:
             "datasets are read with pyarrow, which is not installed: pip install 'g1-wholebody[lerobot]'"
         ) from error
     try:
-        return pyarrow.parquet.ParquetFile(file, memory_map=True).read(columns)
-    except FileNotFoundError as error:
+        reading.require_file(file, TABLE_MAX)
+        stored = pyarrow.parquet.ParquetFile(file, memory_map=True)
+        _require_small(stored, columns, file)
+        return stored.read(columns)
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise DatasetError(f"{file} does not exist; download all of the dataset, data and meta") from error
-    except (OSError, pyarrow.ArrowException) as error:
+    except (OSError, reading.ReadingError, pyarrow.ArrowException) as error:
         raise DatasetError(
             f"{file} cannot be read ({error}); a recording that was not ended with finalize() has no readable files, "
             "a git clone without 'git lfs pull' has only pointers"
         ) from error
+
+
+def _require_small(stored: pyarrow.parquet.ParquetFile, columns: list[str] | None, file: Path) -> None:
+    """Refuse by its description what would unpack to more than is read.
+
+    Raises:
+        DatasetError: If it would.
+    """
+    about, size = stored.metadata, 0
+    if about.num_rows > ROWS_MAX:
+        raise DatasetError(f"{file} has {about.num_rows} rows; at most {ROWS_MAX} are read")
+    for group in range(about.num_row_groups):
+        for i in range(about.num_columns):
+            column = about.row_group(group).column(i)
+            if columns is None or column.path_in_schema.split(".")[0] in columns:
+                # A dictionary of values repeated for ever is small in the file; numbers have 8 bytes at most.
+                size += max(column.total_uncompressed_size, 8 * column.num_values)
+    if size > TABLE_MAX:
+        raise DatasetError(f"{file} would unpack to {size} bytes; at most {TABLE_MAX} are read at once")
 
 
 def inside(folder: Path, template: object, **parts: object) -> Path:
@@ -200,12 +234,25 @@ def inside(folder: Path, template: object, **parts: object) -> Path:
         DatasetError: If the template is none, or leads elsewhere.
     """
     try:
+        text = str(template)
+        if len(text) > PATH_MAX or not all(
+            name is None or (name.isidentifier() and conversion is None and _FIELD.fullmatch(layout or ""))
+            for _, name, layout, conversion in Formatter().parse(text)
+        ):
+            raise ValueError("only {name} and {name:03d} can be filled in")
         file = folder / str(template).format(**parts)
     except (KeyError, IndexError, ValueError, TypeError, AttributeError) as error:
         raise DatasetError(f"meta/info.json has the path '{template}', which cannot be filled in: {error!r}") from error
-    if not file.resolve().is_relative_to(folder.resolve()):
+    if not _within(file, folder):
         raise DatasetError(f"meta/info.json has the path '{template}', which leaves the dataset's folder")
     return file
+
+
+def _within(file: Path, folder: Path) -> bool:
+    try:
+        return file.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):  # a circle of links, a name with a zero in it
+        return False
 
 
 def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
@@ -214,11 +261,18 @@ def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
     Raises:
         DatasetError: If a number or length is none, or the numbers are not those from 0 on.
     """
+    if len(rows) > EPISODES_MAX:
+        raise DatasetError(f"{where} lists {len(rows)} episodes; at most {EPISODES_MAX} are read")
     for row in rows:
         index, length = row["episode_index"], row["length"]
-        if type(index) is not int or type(length) is not int or length < 1:
+        if type(index) is not int or type(length) is not int or not 1 <= length <= ROWS_MAX:
             raise DatasetError(
-                f"{where} has an episode_index {index!r} of length {length!r}; whole numbers are expected"
+                f"{where} has an episode_index {index!r:.40} of length {length!r:.40}; whole numbers are expected, "
+                f"a length from 1 to {ROWS_MAX}"
+            )
+        if not isinstance(row["tasks"], list | None) or not all(isinstance(task, str) for task in row["tasks"] or ()):
+            raise DatasetError(
+                f"{where} has tasks {row['tasks']!r:.60} in episode {index}; a list of texts is expected"
             )
     rows = sorted(rows, key=lambda row: row["episode_index"])
     if [row["episode_index"] for row in rows] != list(range(len(rows))):

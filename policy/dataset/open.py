@@ -10,6 +10,7 @@ from policy.dataset.format import Dataset, read_json
 from policy.dataset.v21 import read_v21
 from policy.dataset.v30 import read_v30
 from policy.errors import DatasetError
+from policy.reading import FPS_MAX, FPS_MIN
 
 
 def open_dataset(folder: str | Path) -> Dataset:
@@ -22,24 +23,31 @@ def open_dataset(folder: str | Path) -> Dataset:
     info = read_json(folder / "meta" / "info.json")
     version = info.get("codebase_version")
     readers = {"v3.0": read_v30, "v2.1": read_v21, "v2.0": read_v21}
-    if version not in readers:
+    if not isinstance(version, str) or version not in readers:
         raise DatasetError(
             f"{folder} is in the format {version}; {', '.join(readers)} are read: bring it up with LeRobot's own "
             "converters (lerobot.scripts.convert_dataset_*) first"
         )
-    _check_info(folder, info)
+    check_info(folder, info)
     dataset = readers[version](folder, info)
     if not dataset.episodes:
         raise DatasetError(f"{folder} has no episodes; record some, or download all of it")
     return dataset
 
 
-def _check_info(folder: Path, info: Mapping[str, Any]) -> None:
+def check_info(folder: Path, info: Mapping[str, Any]) -> None:
+    """Refuse a ``meta/info.json`` that does not say what is where.
+
+    Raises:
+        DatasetError: Saying what is wrong.
+    """
     fps, features = info.get("fps"), info.get("features")
-    if not isinstance(fps, (int, float)) or not 0.0 < fps < float("inf"):
-        raise DatasetError(f"{folder}/meta/info.json has fps {fps}; a positive rate in Hz is expected")
+    if not isinstance(fps, (int, float)) or isinstance(fps, bool) or not FPS_MIN <= fps <= FPS_MAX:
+        said = f"a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}"
+        raise DatasetError(f"{folder}/meta/info.json has fps {fps!r:.40}; {said}")
     if not isinstance(features, dict) or not all(
-        isinstance(feature, dict) and "dtype" in feature and "shape" in feature for feature in features.values()
+        isinstance(feature, dict) and isinstance(feature.get("dtype"), str) and "shape" in feature
+        for feature in features.values()
     ):
         raise DatasetError(f"{folder}/meta/info.json has no 'features', an object with dtype and shape of each")
     if not all(_is_shape(feature["shape"]) for feature in features.values()):
@@ -53,4 +61,4 @@ def _check_info(folder: Path, info: Mapping[str, Any]) -> None:
 
 
 def _is_shape(shape: object) -> bool:
-    return isinstance(shape, list) and all(type(size) is int and size > 0 for size in shape)
+    return isinstance(shape, list) and len(shape) <= 8 and all(type(size) is int and 0 < size < 2**20 for size in shape)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import Dataset, Episode, VideoSpan, in_order, inside, read_json
+from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, in_order, inside, read_json
 from policy.dataset.stats import merged
 from policy.errors import DatasetError
+from policy.reading import JSON_MAX, ReadingError, parse_json, read_text
 
 CHUNK = 1000
 """Episodes a folder where ``info.json`` does not say it, as LeRobot 2 wrote them."""
@@ -30,7 +30,7 @@ def read_v21(folder: Path, info: Mapping[str, Any]) -> Dataset:
     episodes = tuple(_episode(folder, info, line, videos, stats.get(line["episode_index"], {})) for line in lines)
     whole = meta / "stats.json"
     camera_stats = read_json(whole) if whole.exists() else merged([episode.camera_stats for episode in episodes])
-    return Dataset(folder, info["codebase_version"], info, _tasks(meta / "tasks.jsonl"), episodes, camera_stats)
+    return Dataset(folder, info["codebase_version"], info, read_tasks(meta / "tasks.jsonl"), episodes, camera_stats)
 
 
 def _episode(
@@ -42,7 +42,7 @@ def _episode(
     return Episode(
         index=index,
         length=length,
-        tasks=tuple(line["tasks"]),
+        tasks=tuple(line["tasks"] or ()),
         file=inside(folder, info.get("data_path"), **parts),
         first_row=0,
         videos={
@@ -60,14 +60,25 @@ def _episode(
 def _episode_stats(file: Path, cameras: list[str]) -> dict[int, dict[str, Any]]:
     if not file.exists():
         return {}
+    lines = _lines(file, "episode_index", "stats")
+    for line in lines:
+        if type(line["episode_index"]) is not int or not isinstance(line["stats"], dict):
+            raise DatasetError(f"{file} has a line without a number and an object of statistics: {line!r:.80}")
     return {
-        line["episode_index"]: {key: line["stats"][key] for key in cameras if key in line["stats"]}
-        for line in _lines(file, "episode_index", "stats")
+        line["episode_index"]: {key: line["stats"][key] for key in cameras if key in line["stats"]} for line in lines
     }
 
 
-def _tasks(file: Path) -> tuple[str, ...]:
-    pairs = sorted((line["task_index"], line["task"]) for line in _lines(file, "task_index", "task"))
+def read_tasks(file: Path) -> tuple[str, ...]:
+    """Every task of a dataset, by its number.
+
+    Raises:
+        DatasetError: If they are no tasks.
+    """
+    lines = _lines(file, "task_index", "task")
+    if not all(type(line["task_index"]) is int and isinstance(line["task"], str) for line in lines):
+        raise DatasetError(f"{file} has a task that is no text, or whose task_index is no whole number")
+    pairs = sorted((line["task_index"], line["task"]) for line in lines)
     if [number for number, _ in pairs] != list(range(len(pairs))):
         raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
     return tuple(text for _, text in pairs)
@@ -75,10 +86,13 @@ def _tasks(file: Path) -> tuple[str, ...]:
 
 def _lines(file: Path, *needed: str) -> list[dict[str, Any]]:
     try:
-        lines = [json.loads(line) for line in file.read_text().splitlines() if line.strip()]
-    except FileNotFoundError as error:
+        texts = [line for line in read_text(file, JSON_MAX).splitlines() if line.strip()]
+        if len(texts) > EPISODES_MAX:
+            raise ReadingError(f"has {len(texts)} lines; at most {EPISODES_MAX} are read")
+        lines = [parse_json(line) for line in texts]
+    except (FileNotFoundError, NotADirectoryError) as error:
         raise DatasetError(f"{file} does not exist; download all of the dataset's meta") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ReadingError) as error:
         raise DatasetError(f"{file} cannot be read: {error}") from error
     for line in lines:
         if not isinstance(line, dict) or any(name not in line for name in needed):

@@ -12,6 +12,8 @@ from policy.errors import DatasetError
 _PLACES = ("data/", "videos/", "stats/", "meta/episodes/")
 _FIELDS = ("episode_index", "length", "tasks", "dataset_from_index", "dataset_to_index")
 """Columns of ``meta/episodes`` that every dataset has; others are carried along."""
+VIDEO_MAX = 1e6
+"""Latest time in a video file [s]."""
 
 
 def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
@@ -24,6 +26,10 @@ def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
     cameras = [key for key, feature in features.items() if feature["dtype"] in ("image", "video")]
     rows = [row for file in _files(folder) for row in _rows(file, cameras)]
     rows = in_order(rows, folder / "meta" / "episodes")
+    for row in rows:
+        if type(row["dataset_from_index"]) is not int or row["dataset_from_index"] < 0:
+            number = row["episode_index"]
+            raise DatasetError(f"{folder}/meta/episodes has no dataset_from_index of episode {number}")
     first: dict[Path, int] = {}
     files = [_data_file(folder, info, row) for row in rows]
     for file, row in zip(files, rows, strict=True):
@@ -42,7 +48,7 @@ def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
         for file, row in zip(files, rows, strict=True)
     )
     stats = folder / "meta" / "stats.json"
-    return Dataset(folder, "v3.0", info, _tasks(folder), episodes, read_json(stats) if stats.exists() else {})
+    return Dataset(folder, "v3.0", info, read_tasks(folder), episodes, read_json(stats) if stats.exists() else {})
 
 
 def _files(folder: Path) -> list[Path]:
@@ -60,7 +66,7 @@ def _rows(file: Path, cameras: list[str]) -> list[dict[str, Any]]:
     kept = [
         name
         for name in table.column_names
-        if not name.startswith("stats/") or name.split("/")[1] in cameras  # the others are computed anew
+        if not name.startswith("stats/") or name.split("/", 2)[1] in cameras  # the others are computed anew
     ]
     return table.select(kept).to_pylist()
 
@@ -78,6 +84,9 @@ def _span(folder: Path, info: Mapping[str, Any], row: Mapping[str, Any], key: st
         raise DatasetError(f"{folder}/meta/episodes has no '{missing[0]}' for episode {number}", feature=key)
     chunk, number, start, end = (row[name] for name in names)
     file = inside(folder, info.get("video_path"), video_key=key, chunk_index=chunk, file_index=number)
+    if not (isinstance(start, int | float) and isinstance(end, int | float) and 0.0 <= start < end < VIDEO_MAX):
+        text = f"{folder}/meta/episodes has the frames of episode {row['episode_index']} from {start!r} to {end!r} s"
+        raise DatasetError(f"{text} of {file.name}; a time within {VIDEO_MAX:g} s is expected", feature=key)
     return VideoSpan(file, float(start), float(end))
 
 
@@ -85,18 +94,26 @@ def _camera_stats(row: Mapping[str, Any], cameras: list[str]) -> dict[str, dict[
     stats: dict[str, dict[str, Any]] = {}
     for name, value in row.items():
         if name.startswith("stats/") and value is not None:
-            _, key, kind = name.split("/", 2)
+            _, key, kind = (*name.split("/", 2), "")[:3]
             stats.setdefault(key, {})[kind] = value
     return {key: stats[key] for key in cameras if key in stats}
 
 
-def _tasks(folder: Path) -> tuple[str, ...]:
+def read_tasks(folder: Path) -> tuple[str, ...]:
+    """Every task of a dataset, by its number.
+
+    Raises:
+        DatasetError: If they are no tasks.
+    """
     file = folder / "meta" / "tasks.parquet"
     table = read_parquet(file)
     names = [name for name in table.column_names if name != "task_index"]
     if "task_index" not in table.column_names or len(names) != 1:
         raise DatasetError(f"{file} has the columns {', '.join(table.column_names)}; task_index and task are expected")
-    pairs = sorted(zip(table.column("task_index").to_pylist(), table.column(names[0]).to_pylist(), strict=True))
+    numbers, texts = (table.column(name).to_pylist() for name in ("task_index", names[0]))
+    if not all(type(number) is int for number in numbers) or not all(isinstance(text, str) for text in texts):
+        raise DatasetError(f"{file} has a task that is no text, or whose task_index is no whole number")
+    pairs = sorted(zip(numbers, texts, strict=True))
     if [number for number, _ in pairs] != list(range(len(pairs))):
         raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
     return tuple(text for _, text in pairs)

@@ -17,6 +17,7 @@ from pathlib import Path
 from policy.action_spec.spec import ActionSpec, require_same
 from policy.action_spec.state import state_layout
 from policy.errors import SpecError
+from policy.reading import SPEC_MAX, ReadingError, read_text
 
 ACTION_SPEC_FILE = "action_spec.json"
 STATE_SPEC_FILE = "state_spec.json"
@@ -82,8 +83,8 @@ def read_state_spec(folder: Path, spec: ActionSpec) -> ActionSpec:
 
 def _read(file: Path) -> ActionSpec:
     try:
-        return ActionSpec.from_json(file.read_text())
-    except (OSError, UnicodeDecodeError, SpecError) as error:
+        return ActionSpec.from_json(read_text(file, SPEC_MAX))
+    except (OSError, ReadingError, SpecError) as error:
         raise SpecError(f"{file}: {error}") from error
 
 

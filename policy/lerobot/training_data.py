@@ -6,7 +6,6 @@ of the data: where episodes differ, much of the data lies outside, and a network
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +15,10 @@ from typing import Any
 import numpy as np
 
 from policy.action_spec.spec import ActionSpec
+from policy.dataset import v21, v30
+from policy.dataset.format import read_json, read_parquet
+from policy.dataset.open import check_info
+from policy.errors import DatasetError
 from policy.findings import Finding, fail
 from policy.lerobot.checkpoint import Checkpoint
 from policy.lerobot.features import camera_keys, compare_names, relative_step
@@ -48,11 +51,12 @@ class TrainingData:
         """
         file = Path(folder) / "meta" / "info.json"
         try:
-            info = json.loads(file.read_text())
-            return cls(Path(folder), {"fps": info["fps"], "features": info["features"]})
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            # The same checks as for a dataset that is converted.
+            check_info(Path(folder), info := read_json(file))
+        except DatasetError as error:
             cure = "give the folder of a LeRobot dataset, the one with meta and data in it"
             raise fail("dataset", f"{file} cannot be read: {error}", cure) from error
+        return cls(Path(folder), {"fps": info["fps"], "features": info["features"]})
 
     @property
     def cameras(self) -> set[str]:
@@ -64,21 +68,15 @@ class TrainingData:
         names = self.info["features"].get(key, {}).get("names")
         if isinstance(names, Mapping):
             names = next(iter(names.values()), None)
-        return list(names) if names else None
+        return [str(name) for name in names] if isinstance(names, list) and names else None
 
     @cached_property
     def tasks(self) -> list[str]:
         """Every task of the dataset."""
         meta = self.folder / "meta"
         if (meta / "tasks.jsonl").is_file():
-            return [json.loads(line)["task"] for line in (meta / "tasks.jsonl").read_text().splitlines() if line]
-        if not (meta / "tasks.parquet").is_file():
-            return []
-        import pyarrow.parquet
-
-        table = pyarrow.parquet.read_table(meta / "tasks.parquet")
-        column = next(name for name in table.column_names if name != "task_index")
-        return [str(task) for task in table.column(column).to_pylist()]
+            return list(v21.read_tasks(meta / "tasks.jsonl"))
+        return list(v30.read_tasks(self.folder)) if (meta / "tasks.parquet").is_file() else []
 
     def values(self, key: str) -> np.ndarray:
         """Every number of a feature, shape (frames, n).
@@ -86,13 +84,13 @@ class TrainingData:
         Raises:
             CheckpointError: If it is not there, or not finite.
         """
-        import pyarrow.parquet
+        import pyarrow
 
         files = sorted((self.folder / "data").rglob("*.parquet"))
         try:
-            columns = [pyarrow.parquet.read_table(file, columns=[key]).column(key) for file in files]
+            columns = [read_parquet(file, [key]).column(key) for file in files]
             rows = np.concatenate([np.stack(column.to_numpy()) for column in columns]).astype(float)
-        except (OSError, ValueError, KeyError, pyarrow.ArrowException) as error:
+        except (OSError, ValueError, TypeError, KeyError, pyarrow.ArrowException) as error:
             cure = "record or convert the dataset again; a recording without finalize() has no readable files"
             raise fail("dataset", f"{self.folder} has no readable '{key}': {error}", cure) from error
         if not np.isfinite(rows).all():
@@ -106,8 +104,12 @@ class TrainingData:
         file = self.folder / "meta" / "stats.json"
         if not file.is_file():
             return {}
-        stats = json.loads(file.read_text()).get(key, {})
-        return {name: np.asarray(value, dtype=float).ravel() for name, value in stats.items()}
+        try:
+            stats = read_json(file).get(key, {})
+            return {name: np.asarray(value, dtype=float).ravel() for name, value in stats.items()}
+        except (AttributeError, ValueError, TypeError) as error:
+            text = f"{file} has statistics of '{key}' that are no numbers: {error}"
+            raise fail("dataset", text, "let LeRobot make them anew") from error
 
 
 def true_stats(values: np.ndarray) -> dict[str, np.ndarray]:
@@ -118,7 +120,18 @@ def true_stats(values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def check_training_data(checkpoint: Checkpoint, data: TrainingData) -> list[Finding]:
-    """Everything of a checkpoint that its dataset can confirm."""
+    """Everything of a checkpoint that its dataset can confirm.
+
+    Raises:
+        CheckpointError: If the dataset cannot be read.
+    """
+    try:
+        return _check_training_data(checkpoint, data)
+    except DatasetError as error:
+        raise fail("dataset", str(error), "record, convert or download the dataset again") from error
+
+
+def _check_training_data(checkpoint: Checkpoint, data: TrainingData) -> list[Finding]:
     config, spec = checkpoint.network.config, checkpoint.spec
     findings = [*_check_rate(spec, data), *_check_cameras(config, data), *_check_tasks(checkpoint, data)]
     pre, post = normaliser(checkpoint.preprocessor), normaliser(checkpoint.postprocessor, inverse=True)

@@ -15,11 +15,8 @@ Without ``q0_base`` the actions are anchored at the nominal stance; joints that 
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from tokenize import TokenError
 
 import numpy as np
 
@@ -28,15 +25,17 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
+from policy.archive import read_arrays
 from policy.chunk import ActionChunk
 from policy.errors import FileFormatError, RotationError, SpecError, did_you_mean
 from policy.geometry.rotations import quaternion_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.joints import BODY_JOINTS
+from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
 
 KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints")
-SIZE_MAX = 256 * 2**20
-"""Largest array that is read [bytes]: two hours of 32 numbers at 1 kHz; more is a damaged or hostile header."""
+TIME_MAX = 1e9
+"""Largest time of a step 0 [s]: thirty years."""
 
 
 @dataclass(frozen=True)
@@ -103,13 +102,15 @@ def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None) -> Ch
         FileFormatError: If the file is malformed; says what would work.
     """
     path = Path(path)
-    arrays = _read_arrays(path)
-    unknown = [key for key in arrays if key not in KEYS]
-    if unknown:
-        raise FileFormatError(
-            f"has the unknown array '{unknown[0]}'; {did_you_mean(unknown[0], KEYS)}known: {', '.join(KEYS)}",
-            path=str(path),
-        )
+    try:
+        return _read(path, read_arrays(path, KEYS), assume)
+    except OSError as error:
+        raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
+    except ReadingError as error:
+        raise FileFormatError(str(error), path=str(path)) from error
+
+
+def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None) -> ChunkFile:
     needed = ("actions", "fps") if assume else ("actions", "fps", "spec")
     missing = [key for key in needed if key not in arrays]
     if missing:
@@ -120,18 +121,19 @@ def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None) -> Ch
         )
     spec = assume or _spec(arrays["spec"], path)
     actions = _numbers(arrays, "actions", path)
-    if actions.ndim != 2 or actions.shape[1] != spec.dim or len(actions) < 1:
-        raise FileFormatError(
-            f"actions has shape {actions.shape}; '{spec.name}' needs (steps, {spec.dim})", path=str(path)
-        )
+    if actions.ndim != 2 or actions.shape[1] != spec.dim or not 1 <= len(actions) <= STEPS_MAX:
+        text = f"actions has shape {actions.shape}; '{spec.name}' needs (steps, {spec.dim}), at most {STEPS_MAX} steps"
+        raise FileFormatError(text, path=str(path))
     fps = _single(arrays, "fps", path)
-    if fps <= 0.0:
-        raise FileFormatError(f"fps is {fps:g}; a positive rate in Hz is expected", path=str(path))
+    require_rate("fps", fps)
+    t_obs = _single(arrays, "t_obs", path) if "t_obs" in arrays else 0.0
+    if abs(t_obs) > TIME_MAX:
+        raise FileFormatError(f"t_obs is {t_obs:g} s; at most {TIME_MAX:g} s are read", path=str(path))
     file = ChunkFile(
         spec=spec,
         actions=actions,
         fps=fps,
-        t_obs=_single(arrays, "t_obs", path) if "t_obs" in arrays else 0.0,
+        t_obs=t_obs,
         q0_base=_base(arrays, path),
         q0_joints=_joints(arrays, path),
     )
@@ -160,67 +162,13 @@ def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
         np.savez_compressed(stream, **arrays)
 
 
-UNREADABLE = (
-    zipfile.BadZipFile,
-    zipfile.LargeZipFile,
-    zlib.error,
-    EOFError,
-    TokenError,  # a damaged header of an array
-    RuntimeError,  # a password is required, or the compression is none that zipfile knows
-)
-"""What zipfile and numpy raise on an archive that they cannot read."""
-
-
-def _read_arrays(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for member in archive.infolist():
-                _check_member(archive, member, path)
-        with np.load(path, allow_pickle=False) as stored:
-            return {key: stored[key] for key in stored.files}
-    except OSError as error:
-        raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
-    except UNREADABLE as error:
-        raise FileFormatError(
-            f"is no .npz file, or a damaged or encrypted one ({error}); write it again with numpy.savez", path=str(path)
-        ) from error
-    except ValueError as error:
-        if isinstance(error, FileFormatError):
-            raise
-        raise FileFormatError(f"has an array that cannot be read: {error}", path=str(path)) from error
-
-
-def _check_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, path: Path) -> None:
-    """Refuse objects and sizes before numpy allocates what a header claims."""
-    if not member.filename.endswith(".npy"):
-        raise FileFormatError(f"contains '{member.filename}', which is no array", path=str(path))
-    name = member.filename.removesuffix(".npy")
-    with archive.open(member) as stream:
-        version = np.lib.format.read_magic(stream)
-        read_header = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }.get(version)
-        if read_header is None:
-            raise FileFormatError(f"{name} is in the npy format {version}; 1.0 and 2.0 are read", path=str(path))
-        shape, _, dtype = read_header(stream)
-    if dtype.hasobject:
-        raise FileFormatError(
-            f"{name} holds Python objects, which are never unpickled; save plain numbers or strings", path=str(path)
-        )
-    size = int(np.prod([int(n) for n in shape], dtype=object)) * dtype.itemsize
-    if size > min(SIZE_MAX, member.file_size):
-        raise FileFormatError(
-            f"{name} claims {size} bytes; the file holds {member.file_size}, at most {SIZE_MAX} are read",
-            path=str(path),
-        )
-
-
 def _spec(value: np.ndarray, path: Path) -> ActionSpec:
     if value.shape != () or value.dtype.kind not in "US":
         raise FileFormatError("spec must be one string: the name of a built-in layout, or JSON", path=str(path))
     item = value.item()
     text = item.decode("utf-8", "replace") if isinstance(item, bytes) else item
+    if len(text) > SPEC_MAX:
+        raise FileFormatError(f"spec has {len(text)} characters; at most {SPEC_MAX} are read", path=str(path))
     try:
         return ActionSpec.from_json(text) if text.lstrip().startswith("{") else builtin(text.strip())
     except SpecError as error:
@@ -231,11 +179,14 @@ def _numbers(arrays: dict[str, np.ndarray], key: str, path: Path) -> np.ndarray:
     value = arrays[key]
     if value.dtype.kind not in "fiu":
         raise FileFormatError(f"{key} is of type {value.dtype}; numbers are expected", path=str(path))
+    with np.errstate(over="ignore"):
+        # Long doubles reach further than what we compute with.
+        value = value.astype(float)
     bad = ~np.isfinite(value)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         raise FileFormatError(f"{key}{list(index)} is {value[index]}; finite numbers are expected", path=str(path))
-    return value.astype(float)
+    return value
 
 
 def _single(arrays: dict[str, np.ndarray], key: str, path: Path) -> float:

@@ -17,6 +17,7 @@ from policy.geometry.rotations import matrix_to_quaternion
 from policy.geometry.se3 import interpolate, inverse
 from policy.joints import BODY_JOINTS, LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS
 from policy.kinematics.inverse import upper_body_joints
+from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
 from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv, write_motion_csv
 
@@ -81,8 +82,14 @@ def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS
 
     Raises:
         ChunkError: If waist and arms cannot reach a pose without the legs.
+        FileFormatError: If the rate or the number of frames is beyond bounds.
     """
     times = chunk.times - chunk.t_obs
+    if not (FPS_MIN <= fps <= FPS_MAX and times[-1] * fps < STEPS_MAX):
+        raise FileFormatError(
+            f"{times[-1]:.6g} s at {fps:.6g} Hz; a rate of {FPS_MIN:g} to {FPS_MAX:g} Hz and fewer than {STEPS_MAX} "
+            "frames are expected"
+        )
     # A rounding error must not cost the last frame.
     at = np.arange(int(np.floor(times[-1] * fps + 1e-9)) + 1) / fps
     T_l, T_r = (

@@ -10,11 +10,12 @@ import numpy as np
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
-from policy.dataset.checks import column_layout
+from policy.dataset.checks import check_times, column_layout
 from policy.dataset.format import ACTION, Dataset, vectors
 from policy.dataset.joint_layout import check_values
 from policy.dataset.open import open_dataset
 from policy.errors import DatasetError, SpecError
+from policy.reading import SPEC_MAX, ReadingError, read_text
 from policy.recorded.replay import ReplayPolicy
 
 
@@ -36,6 +37,7 @@ def open_episode(
     dataset = open_dataset(folder)
     if not 0 <= number < len(dataset.episodes):
         raise DatasetError(f"{folder} has no episode {number}; it has 0 to {len(dataset.episodes) - 1}")
+    check_times(dataset, [dataset.episodes[number]])
     episode, width = dataset.episodes[number], int(dataset.feature(ACTION)["shape"][0])
     actions = vectors(dataset.table(episode, [ACTION]).column(ACTION), width, ACTION, episode)
     spec = _layout(dataset) if assume is None else assume
@@ -66,6 +68,6 @@ def _layout(dataset: Dataset) -> ActionSpec | None:
     if not file.exists():
         return None
     try:
-        return ActionSpec.from_json(file.read_text())
-    except (OSError, UnicodeDecodeError, SpecError) as error:
+        return ActionSpec.from_json(read_text(file, SPEC_MAX))
+    except (OSError, ReadingError, SpecError) as error:
         raise DatasetError(f"{file}: {error}") from error

@@ -14,11 +14,12 @@ import numpy as np
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
-from policy.errors import FileFormatError, RotationError
+from policy.errors import ChunkError, FileFormatError, RotationError
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from policy.geometry.se3 import interpolate, make_transform
 from policy.joints import BODY_JOINTS
 from policy.kinematics.forward import kinematics
+from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX, ReadingError, read_text
 
 COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw", *BODY_JOINTS)
 """The 36 columns."""
@@ -26,6 +27,8 @@ DEFAULT_FPS = 60.0
 CHUNK_FPS = 30.0
 CSV_QUATERNION_TOLERANCE = 1e-2
 """Retargeted files carry three to six digits."""
+FILE_MAX = 128 * 2**20
+"""Largest file [bytes]: `STEPS_MAX` rows of 36 numbers with 18 digits."""
 _MAGNITUDE_MAX = 1e3
 """Neither metres nor radians of a motion come near it: such a file has another unit or is damaged."""
 
@@ -65,10 +68,9 @@ def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS) -> Motion:
         FileFormatError: Naming row and column of what is wrong.
     """
     path = Path(path)
-    if not (np.isfinite(fps) and fps > 0.0):
-        raise FileFormatError(
-            f"fps is {fps}; a positive rate in Hz is expected, such as {DEFAULT_FPS:g}", path=str(path)
-        )
+    if not FPS_MIN <= fps <= FPS_MAX:
+        text = f"fps is {fps}; a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}, such as {DEFAULT_FPS:g}"
+        raise FileFormatError(text, path=str(path))
     table = _read_table(path)
     bad = ~np.isfinite(table) | (np.abs(table) > _MAGNITUDE_MAX)
     if bad.any():
@@ -108,8 +110,16 @@ def motion_chunk(motion: Motion, *, anchor: Anchor | None = None, fps: float = C
         motion: What was recorded.
         anchor: Where the pelvis is taken to be; the nominal stance if None.
         fps: Rate of the chunk [Hz].
+
+    Raises:
+        ChunkError: If that is more than `STEPS_MAX` steps.
     """
     anchor = Anchor.nominal() if anchor is None else anchor
+    if not motion.duration * fps < STEPS_MAX:
+        raise ChunkError(
+            f"the motion lasts {motion.duration:.6g} s, {motion.duration * fps:.6g} steps at {fps:g} Hz; at most "
+            f"{STEPS_MAX} are taken: is its frame rate {motion.fps:g} Hz?"
+        )
     poses = kinematics().poses(motion.q_body)
     times = np.arange(len(motion)) / motion.fps
     # A rounding error must not cost the last step.
@@ -123,22 +133,27 @@ def motion_chunk(motion: Motion, *, anchor: Anchor | None = None, fps: float = C
 
 def _read_table(path: Path) -> np.ndarray:
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        text = read_text(path, FILE_MAX)
     except OSError as error:
         raise FileFormatError(f"cannot be read: {error.strerror}", path=str(path)) from error
-    except UnicodeDecodeError as error:
-        raise FileFormatError("is no text; a CSV file of numbers is expected", path=str(path)) from error
-    rows = [(number, line.split(",")) for number, line in enumerate(lines, start=1) if line.strip()]
-    if not rows:
-        raise FileFormatError(f"is empty; rows of {len(COLUMNS)} numbers are expected", path=str(path))
-    for number, fields in rows:
-        if len(fields) != len(COLUMNS):
+    except ReadingError as error:
+        raise FileFormatError(f"{error}; a CSV file of numbers is expected", path=str(path)) from error
+    rows = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if not 1 <= len(rows) <= STEPS_MAX:
+        text = f"has {len(rows)} rows" if rows else "is empty"
+        text += f"; rows of {len(COLUMNS)} numbers are expected, at most {STEPS_MAX}"
+        raise FileFormatError(text, path=str(path))
+    for number, line in rows:
+        if line.count(",") != len(COLUMNS) - 1:
             raise FileFormatError(
-                f"row {number} has {len(fields)} columns; {len(COLUMNS)} are expected: root x y z, "
+                f"row {number} has {line.count(',') + 1} columns; {len(COLUMNS)} are expected: root x y z, "
                 "root quaternion x y z w, 29 joints in G1 motor order",
                 path=str(path),
             )
-    return np.array([[_number(field, i, j, path) for j, field in enumerate(fields)] for i, fields in rows])
+    table = np.empty((len(rows), len(COLUMNS)))
+    for i, (number, line) in enumerate(rows):
+        table[i] = [_number(field, number, j, path) for j, field in enumerate(line.split(","))]
+    return table
 
 
 def _number(field: str, row: int, column: int, path: Path) -> float:
@@ -146,7 +161,7 @@ def _number(field: str, row: int, column: int, path: Path) -> float:
         return float(field)
     except ValueError as error:
         raise FileFormatError(
-            f"row {row}, column {column + 1} ({COLUMNS[column]}) is {field.strip()!r}, no number; "
+            f"row {row}, column {column + 1} ({COLUMNS[column]}) is {field.strip()!r:.60}, no number; "
             "a file without a header is expected",
             path=str(path),
         ) from error

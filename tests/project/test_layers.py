@@ -21,7 +21,8 @@ PACKAGES = ("models", "policy", "wholebody")
 FLOORS = (
     {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
     {"policy", "wholebody.config", "wholebody.types", "wholebody.collision"},
-    {"wholebody.config_file", "wholebody.robot"},
+    {"wholebody.config_bounds", "wholebody.robot"},
+    {"wholebody.config_file"},
     {"wholebody.reference", "wholebody.sim", "wholebody.tasks", "wholebody.limits", "wholebody.contacts"},
     {"wholebody.planning", "wholebody.qp"},
     {"wholebody.control"},
@@ -34,8 +35,8 @@ FLOORS = (
 # The same inside policy, where most rooms are folders and the rest single files.
 POLICY_FLOORS = (
     {"errors"},
-    {"joints", "findings", "geometry", "clock"},
-    {"observation"},
+    {"joints", "findings", "geometry", "clock", "reading"},
+    {"observation", "archive"},
     {"chunk", "kinematics", "placeholder_cameras"},
     {"action_spec"},
     {"base"},

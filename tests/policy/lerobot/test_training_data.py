@@ -16,6 +16,7 @@ from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from policy.action_spec.state import state_numbers
 from policy.findings import CheckpointError
+from policy.lerobot import training_data
 from policy.lerobot.policy import LeRobotPolicy
 from policy.lerobot.training_data import TrainingData, check_training_data, true_stats
 from tests.support import tiny_policies as tiny
@@ -172,6 +173,6 @@ def test_data_that_are_not_finite_are_named(dataset, monkeypatch):
     rows = np.stack(table.column("action").to_numpy()).copy()
     rows[7, 3] = np.nan
     broken = pyarrow.table({"action": list(rows)})
-    monkeypatch.setattr(pyarrow.parquet, "read_table", lambda *_, **__: broken)
+    monkeypatch.setattr(training_data, "read_parquet", lambda *_: broken)
     with pytest.raises(CheckpointError, match="is nan at frame 7, number 3"):
         TrainingData.open(dataset).values("action")

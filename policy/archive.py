@@ -1,0 +1,132 @@
+"""Arrays of an ``.npz`` archive, with every name and size looked at before anything is unpacked; no pickle."""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Collection
+from pathlib import Path
+from tokenize import TokenError
+
+import numpy as np
+
+from policy.errors import did_you_mean, printable
+from policy.reading import ReadingError, require_file
+
+ARCHIVE_MAX = 64 * 2**20
+"""Largest archive [bytes]."""
+ARRAY_MAX = 64 * 2**20
+"""Largest array, unpacked [bytes]: 200,000 steps of 32 numbers have 51 MB."""
+DIRECTORY_MAX = 16 * 2**10
+"""Largest table of contents of an archive [bytes]; that of seven arrays has 400."""
+DIMENSIONS_MAX = 4
+_KINDS = "biufcUS"
+_END, _END_SIZE, _ZIP64 = b"PK\x05\x06", 22, b"PK\x06\x07"
+UNREADABLE = (
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    TokenError,  # a damaged header of an array
+    SyntaxError,
+    RecursionError,
+    MemoryError,  # what the parser of a header says of too many brackets
+    OverflowError,
+    TypeError,
+    KeyError,
+    AttributeError,
+    NotImplementedError,
+    RuntimeError,  # a password is required, or the compression is none that zipfile knows
+)
+"""What zipfile and numpy raise on an archive that they cannot read."""
+
+
+def read_arrays(path: Path, known: Collection[str]) -> dict[str, np.ndarray]:
+    """Arrays by name.
+
+    Args:
+        path: The archive.
+        known: Names that it may hold.
+
+    Raises:
+        OSError: If it cannot be read.
+        ReadingError: If it is no archive, holds something else, or more than is read.
+    """
+    require_file(path, ARCHIVE_MAX)
+    try:
+        _require_small_directory(path)
+        with zipfile.ZipFile(path) as archive:
+            members = archive.infolist()
+            _require_names([member.filename for member in members], known)
+            for member in members:
+                if member.file_size > ARRAY_MAX:
+                    text = f"claims {member.file_size} bytes in '{member.filename}'; at most {ARRAY_MAX} are unpacked"
+                    raise ReadingError(text)
+            return {member.filename.removesuffix(".npy"): _array(archive, member) for member in members}
+    except UNREADABLE as error:
+        text = f"is no .npz file, or a damaged or encrypted one ({error}); write it again with numpy.savez"
+        raise ReadingError(text) from error
+    except ReadingError:
+        raise
+    except ValueError as error:
+        raise ReadingError(f"has an array that cannot be read: {error}") from error
+
+
+def _require_small_directory(path: Path) -> None:
+    """Refuse an archive with a hundred thousand entries before Python makes an object of each."""
+    with path.open("rb") as stream:
+        stream.seek(max(path.stat().st_size - 2**16 - 2 * _END_SIZE, 0))
+        tail = stream.read()
+    at = tail.rfind(_END)
+    if at < 0:
+        raise zipfile.BadZipFile("File is not a zip file")
+    size = struct.unpack_from("<L", tail, at + 12)[0]
+    if size > DIRECTORY_MAX or tail[max(at - 20, 0) : at].startswith(_ZIP64):
+        raise ReadingError(f"has a table of contents of {size} bytes; at most {DIRECTORY_MAX} are read, and no zip64")
+
+
+def _require_names(names: list[str], known: Collection[str]) -> None:
+    for name in names:
+        if not name.endswith(".npy"):
+            raise ReadingError(f"contains '{printable(name, 80)}', which is no array")
+        key = name.removesuffix(".npy")
+        if key not in known:
+            text = f"has the unknown array '{printable(key, 80)}'; {did_you_mean(key, known)}known: {', '.join(known)}"
+            raise ReadingError(text)
+        if names.count(name) > 1:
+            raise ReadingError(f"has the array '{key}' twice")
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+    """An array whose header and size agree, without objects."""
+    name = member.filename.removesuffix(".npy")
+    with archive.open(member) as stream:
+        version = np.lib.format.read_magic(stream)
+        read_header = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }.get(version)
+        if read_header is None:
+            raise ReadingError(f"{name} is in the npy format {version}; 1.0 and 2.0 are read")
+        shape, fortran, dtype = read_header(stream)
+        if dtype.hasobject:
+            raise ReadingError(f"{name} holds Python objects, which are never unpickled; save plain numbers or strings")
+        if dtype.kind not in _KINDS or dtype.names or dtype.subdtype:
+            raise ReadingError(f"{name} is of the type {printable(dtype, 60)}; numbers and strings are read")
+        lengths = [int(n) for n in shape]
+        if len(lengths) > DIMENSIONS_MAX or min(lengths, default=0) < 0:
+            text = f"{name} has the shape {printable(shape, 60)}; at most {DIMENSIONS_MAX} lengths are expected"
+            raise ReadingError(text)
+        size = int(np.prod(lengths, dtype=object)) * dtype.itemsize
+        if size > min(ARRAY_MAX, member.file_size) or max(lengths, default=0) > ARRAY_MAX:
+            raise ReadingError(
+                f"{name} claims {size} bytes; the file holds {member.file_size}, at most {ARRAY_MAX} are read"
+            )
+        content = stream.read(size + 1)
+    if len(content) != size:
+        raise ReadingError(f"{name} has {len(content)} bytes; {size} are expected")
+    # A text of no characters takes no bytes, however many there are.
+    values = np.frombuffer(content, dtype) if size else np.zeros(int(np.prod(lengths)), dtype)
+    return values.reshape(lengths, order="F" if fortran else "C").copy()

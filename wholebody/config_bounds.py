@@ -1,0 +1,139 @@
+"""Bounds of every setting: by the unit in its description, and closer ones by name where physics or time ask for it."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from dataclasses import fields, is_dataclass
+from functools import cache
+from itertools import pairwise
+
+from wholebody import config as config_module
+from wholebody.config import ControllerConfig
+from wholebody.errors import ConfigError
+
+Bounds = tuple[float, float]
+
+OF_UNIT: dict[str, Bounds] = {
+    "": (0.0, 1e4),
+    "m": (0.0, 10.0),
+    "rad": (0.0, 10.0),
+    "s": (0.0, 10.0),
+    "m/s": (0.0, 100.0),
+    "rad/s": (0.0, 100.0),
+    "m/s^2": (0.0, 1e3),
+    "rad/s^2": (0.0, 1e4),
+    "1/s": (0.0, 1e4),
+    "1/s^2": (0.0, 1e6),
+    "N": (0.0, 1e4),
+    "N m": (0.0, 1e4),
+}
+"""Bounds of a unit; weights, in one over a unit squared, have `OF_WEIGHTS`."""
+OF_WEIGHTS: Bounds = (0.0, 1e6)
+OF_NAME: dict[str, Bounds] = {
+    "dt": (5e-4, 0.02),
+    "friction": (0.05, 2.0),
+    "force_min": (0.0, 50.0),
+    "force_max": (100.0, 1e4),
+    "leak": (0.01, 10.0),
+    "planner.slowdowns": (1.0, 10.0),
+    "planner.settle": (0.0, 5.0),
+}
+"""Closer bounds of settings, by their full name."""
+OF_LAST_NAME: dict[str, Bounds] = {
+    "dt": (0.01, 0.5),
+    "speed_share": (0.01, 1.0),
+    "friction_share": (0.01, 1.0),
+    "torque_share": (0.01, 1.0),
+    "capture_time": (0.005, 10.0),
+    "joint_horizon": (1e-3, 1.0),
+}
+"""Closer bounds of settings that several groups have, by their last name; scales are divided by and have `OF_SCALE`."""
+OF_SCALE: Bounds = (1e-6, 1e6)
+_SCALES = re.compile(r"Scale of|off the|off upright|Waist torques|Acceleration of the soles|^Accelerations|Speeds")
+_UNIT = re.compile(r"\[([^\]]+)\]")
+_ENTRIES_MAX = 16
+"""Most entries of a list."""
+
+
+def bounds_of(path: str, meaning: str) -> Bounds:
+    """Least and largest value of a setting.
+
+    Args:
+        path: Its full name, as in ``safety.balance_gain``.
+        meaning: Its description, with the unit in brackets.
+    """
+    name = path.rpartition(".")[2]
+    if path in OF_NAME:
+        return OF_NAME[path]
+    if name in OF_LAST_NAME:
+        return OF_LAST_NAME[name]
+    unit = unit_of(meaning)
+    if "weight" in name:
+        return OF_WEIGHTS
+    if path.startswith("planner.") and _SCALES.search(meaning):
+        return OF_SCALE
+    return OF_UNIT[unit.partition(",")[0]]
+
+
+def unit_of(meaning: str) -> str:
+    """Unit in a description, empty for a number without one."""
+    found = _UNIT.search(meaning)
+    return found[1] if found else ""
+
+
+def require_bounds(path: str, value: object, owner: type, where: str) -> None:
+    """Refuse a number, or a list with a number, outside its bounds; names have none.
+
+    Args:
+        path: Full name of the setting.
+        value: What it is set to, of the right type.
+        owner: Class that it is a field of.
+        where: Where it comes from, for the message.
+
+    Raises:
+        ConfigError: Naming value, bounds and unit.
+    """
+    numbers = value if isinstance(value, tuple) else (value,)
+    if isinstance(value, tuple) and not 1 <= len(value) <= _ENTRIES_MAX:
+        text = f"{where}: {path} has {len(value)} numbers; 1 to {_ENTRIES_MAX} are expected"
+        raise ConfigError(text, setting=path)
+    meaning = meanings(owner).get(path.rpartition(".")[2], "")
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            continue
+        (least, most), unit = bounds_of(path, meaning), unit_of(meaning)
+        if not least <= number <= most:
+            said = f"{least:g} to {most:g}{f' {unit}' if unit else ''} is expected"
+            raise ConfigError(f"{where}: {path} is {number:.6g}; {said}", setting=path)
+
+
+def check_config(config: ControllerConfig, where: str = "configuration") -> None:
+    """Refuse a configuration with a number outside its bounds.
+
+    Raises:
+        ConfigError: Naming setting, value, bounds and unit.
+    """
+    _check(config, (), where)
+
+
+def _check(owner: object, path: tuple[str, ...], where: str) -> None:
+    for field in fields(owner):
+        value, here = getattr(owner, field.name), (*path, field.name)
+        if is_dataclass(value):
+            _check(value, here, where)
+        else:
+            require_bounds(".".join(here), value, type(owner), where)
+
+
+@cache
+def meanings(owner: type) -> dict[str, str]:
+    """The text below each field of a configuration class."""
+    tree = ast.parse(inspect.getsource(config_module))
+    (body,) = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == owner.__name__]
+    found = {}
+    for field, text in pairwise(body):
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+            found[field.target.id] = str(text.value.value)
+    return found
