@@ -7,6 +7,7 @@ process. Sizes of modules, functions and folders have bounds of their own: a roo
 """
 
 import ast
+import re
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter
@@ -22,8 +23,14 @@ FLOORS = (
     {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
     {"policy", "wholebody.config", "wholebody.types", "wholebody.collision"},
     {"wholebody.config_bounds", "wholebody.robot"},
-    {"wholebody.config_file"},
-    {"wholebody.reference", "wholebody.sim", "wholebody.tasks", "wholebody.limits", "wholebody.contacts"},
+    {
+        "wholebody.config_file",
+        "wholebody.reference",
+        "wholebody.sim",
+        "wholebody.tasks",
+        "wholebody.limits",
+        "wholebody.contacts",
+    },
     {"wholebody.planning", "wholebody.qp"},
     {"wholebody.control"},
     {"wholebody.backends"},
@@ -177,6 +184,15 @@ def test_every_room_has_a_floor_and_there_are_few_of_both():
     print(f"{rooms} rooms on {floors} floors, {pairs} arrows, 0 circles, {len(violations(ROOT))} arrows back")
     assert rooms <= ROOMS
     assert floors <= len(FLOORS)
+
+
+@pytest.mark.parametrize(("floors", "table"), [(FLOORS, 0), (POLICY_FLOORS, 1)])
+def test_the_document_lists_the_floors_of_this_map(floors, table):
+    section = (ROOT / "docs" / "architecture.md").read_text().split("| Floor | Rooms |")[1 + table]
+    rows = re.findall(r"^\| (\d+) \| (.+) \|$", section, re.MULTILINE)
+    assert [int(number) for number, _ in rows] == [*range(1, len(floors) + 1)]
+    wanted = [", ".join(f"`{name}`" for name in sorted(rooms)) for rooms in floors]
+    assert [rooms for _, rooms in rows] == wanted
 
 
 def test_no_file_imports_itself_in_a_circle():

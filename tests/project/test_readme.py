@@ -13,6 +13,7 @@ from wholebody.resources import verdict_schema
 from wholebody.types import Reason
 
 ROOT = Path(__file__).resolve().parents[2]
+CODE = ("models", "policy", "wholebody", "tests", "benchmarks", "examples")
 DOCUMENTS = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
 
 
@@ -82,3 +83,42 @@ def test_every_code_of_the_executor_is_a_reason():
     codes = set(re.findall(r'"((?:policy|chunk)_\w+|starved)"', (ROOT / "policy/executor/executor.py").read_text()))
     assert codes >= {"policy_hung", "starved"}
     assert codes <= set(Reason)
+
+
+def now(text):
+    """A document without its tables of old names."""
+    return re.sub(r"^### Upgrading\n.*?(?=^##)", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_file_and_folder_that_is_named_exists(document):
+    text = now(document.read_text())
+    files = re.findall(r"(?<![\w./*<-])((?:[\w-]+/)*\w[\w-]*\.py)\b", text)
+    folders = re.findall(rf"`((?:{'|'.join(CODE)})/[\w/]*/)`", text)
+    named = [name for name in [*files, *folders] if not (ROOT / name).exists()]
+    assert named == [], f"{document.name} names {named}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_module_that_is_named_exists(document):
+    for name in re.findall(r"`((?:models|policy|wholebody)(?:\.\w+)+)[`(]", now(document.read_text())):
+        assert exists(name), f"{document.name} names {name}"
+
+
+def test_what_modules_are_called_now_exists():
+    text = (ROOT / "CHANGELOG.md").read_text()
+    table = text.partition("| Module | Now |")[2].partition("\n\n")[0]
+    names = re.findall(r"`([\w.]+?)(?:\.\*)?`", " ".join(line.split("|")[2] for line in table.splitlines()[2:]))
+    assert len(names) > 50
+    assert [name for name in names if not exists(name)] == []
+
+
+def exists(name):
+    """Whether dots lead to a module, or to a name that stands in one; nothing is imported."""
+    parts = name.split(".")
+    for end in range(len(parts), 0, -1):
+        folder = ROOT.joinpath(*parts[:end])
+        for source in (folder.with_suffix(".py"), folder / "__init__.py"):
+            if source.is_file():
+                return end == len(parts) or re.search(rf"\b{parts[end]}\b", source.read_text()) is not None
+    return False
