@@ -13,11 +13,13 @@ from models.spec import RobotSpecError
 if TYPE_CHECKING:
     import mujoco
 
-SCENES: tuple[str, ...] = (
-    "floor",
-    *FURNITURE,
-    *(f"{furniture}_{thing}" for furniture in FURNITURE for thing in OBJECTS),
-)
+
+def scene_names() -> tuple[str, ...]:
+    """Names of all scenes that the present furniture and objects make."""
+    return ("floor", *FURNITURE, *(f"{furniture}_{thing}" for furniture in FURNITURE for thing in OBJECTS))
+
+
+SCENES = scene_names()
 """Names of all scenes."""
 
 
@@ -32,10 +34,11 @@ def add_scene(mj: mujoco.MjSpec, scene: str, friction: float) -> None:
     Raises:
         RobotSpecError: If there is no such scene.
     """
-    if scene not in SCENES:
-        near = difflib.get_close_matches(scene, SCENES, n=1)
+    names = scene_names()
+    if scene not in names:
+        near = difflib.get_close_matches(scene, names, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        raise RobotSpecError(f"no scene '{scene}'; {hint}there are: {', '.join(SCENES)}")
+        raise RobotSpecError(f"no scene '{scene}'; {hint}there are: {', '.join(names)}")
     add_floor(mj, friction)
     furniture, _, thing = scene.partition("_")
     if furniture in FURNITURE:
