@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from policy import Anchor, ReplayPolicy, builtin, decode, encode, scripted
+from policy import Anchor, ReplayPolicy, builtin, decode, encode, scripted_policy
 from policy.action_spec.describe import stance_numbers
 from tests.support.policy_cases import anchor_somewhere, observation, wandering_chunk
 
@@ -24,7 +24,7 @@ def in_world(chunk, anchor):
 
 @pytest.mark.parametrize("frame", ["pelvis", "pelvis_yaw", "torso"])
 def test_numbers_that_look_like_world_positions_are_said_to_be(frame):
-    policy, anchor = scripted("reach"), Anchor.nominal()
+    policy, anchor = scripted_policy("reach"), Anchor.nominal()
     actions = in_world(policy.infer(observation()), anchor)
     (note,) = decode(in_frame(frame), actions, anchor).notes
     assert "these look like positions in world: left_wrist_position begins at (" in note
@@ -33,7 +33,7 @@ def test_numbers_that_look_like_world_positions_are_said_to_be(frame):
 
 @pytest.mark.parametrize("name", ["reach", "wave", "lissajous", "two_hand_lift", "pick_low", "pick_high"])
 def test_what_is_in_the_pelvis_is_not_guessed_to_be_in_world(name):
-    policy, anchor = scripted(name), Anchor.nominal()
+    policy, anchor = scripted_policy(name), Anchor.nominal()
     for k in range(8):
         chunk = policy.infer(observation(0.8 * k))
         assert decode(WBC32, encode(WBC32, chunk, anchor), anchor).notes == ()
