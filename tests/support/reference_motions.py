@@ -3,11 +3,29 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wholebody.jit.entry import Entry
+from wholebody.reference.kernels.path import path_row
+from wholebody.reference.kernels.smoother import smoother_step
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, P, V, W
+
+_look_up, _step = Entry(path_row), Entry(smoother_step)
 
 CENTRE = np.array([0.24, 0.21, 0.86])  # the lissajous of the benchmarks
 RATES = 2.0 * np.array([1.0, 2.0, 3.0])
 AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
+
+
+def row_at(path, s):
+    """Row of a path at one parameter, as the control tick looks it up."""
+    row = np.empty(ROW)
+    _look_up(path.flat, float(s), row)
+    return row
+
+
+def step(smoother, target, dt):
+    """Advance a smoother by one tick towards a target (hands, 40), as the control tick does; what is commanded then."""
+    _step(smoother.state, np.ascontiguousarray(target, dtype=float), smoother.limits, float(dt))
+    return smoother.motion
 
 
 def lissajous_rows(t, *, turn=0.8, fingers=0.4):

@@ -13,7 +13,7 @@ from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
-from wholebody.reference import PathClock, ReferenceSmoother
+from wholebody.reference import ReferenceSmoother
 
 NO_PATH = np.zeros(0)
 
@@ -57,8 +57,8 @@ class PlanFollower:
         self.row = np.zeros(row_length(robot.n_joints))
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
         offsets = np.array([tool.palm_offset for tool in spec.tools])
-        self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.caps, offsets)
-        for motion, offset, part in zip(smoother.state, offsets, self._palm_rows(), strict=True):
+        self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.limits, offsets)
+        for motion, offset, part in zip(smoother.motion.rows, offsets, self._palm_rows(), strict=True):
             kernel.palm(motion, offset, part)
         support = controller.balance.support
         self._body = kernel.Body(
@@ -67,12 +67,6 @@ class PlanFollower:
             weights=np.array([_weight(name) for name in robot.joint_names]),
         )
         self._follow = kernel.follow if interpret else compiled_follow(robot.n_joints)
-
-    @property
-    def clock(self) -> PathClock:
-        """Where on the plan the robot is."""
-        clock = self._clock[0]
-        return PathClock(float(clock.s), float(clock.rate), float(clock.change))
 
     @property
     def s(self) -> float:

@@ -195,7 +195,7 @@ class Supervisor:
             return BodyState(state.q.copy(), state.v.copy()), None
         if self._plan is None:
             return self._follower.planned, None
-        track, clock = self._plan.trajectory, self._follower.clock
+        track, clock = self._plan.trajectory, self._follower
         step = clock.rate * self.config.planner.posture.dt
         s = clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - clock.s) / max(step, 1e-3))
         return self._follower.planned, track.q[[track.row(x) for x in s]]

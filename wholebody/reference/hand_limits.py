@@ -1,4 +1,4 @@
-"""How fast a reference may be: caps on speed, acceleration and jerk of the hands and the fingers."""
+"""How fast a reference may be: limits of speed, acceleration and jerk of the hands and the fingers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from math import inf, isfinite
 import numpy as np
 
 from wholebody.errors import InputError
+from wholebody.reference.kernels.smoother_memory import LIMITS
 from wholebody.reference.layout import FINGERS
 
 OUTER = (1.5, 5.0, 10.0)
@@ -16,7 +17,7 @@ OUTER = (1.5, 5.0, 10.0)
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Caps on the norm of one motion; units are m or rad."""
+    """Limits of the norm of one motion; units are m or rad."""
 
     speed: float
     """[m/s] or [rad/s]"""
@@ -29,16 +30,16 @@ class MotionLimits:
         for item in fields(self):
             value = getattr(self, item.name)
             if not (isfinite(value) and value > 0.0):
-                raise InputError(f"{item.name} cap is {value}; a positive finite number is expected", field=item.name)
+                raise InputError(f"{item.name} limit is {value}; a positive finite number is expected", field=item.name)
 
     def scaled(self, factor: float) -> MotionLimits:
-        """Every cap times a factor."""
+        """Every limit times a factor."""
         return MotionLimits(self.speed * factor, self.acceleration * factor, self.jerk * factor)
 
 
 @dataclass(frozen=True, kw_only=True)
 class HandLimits:
-    """Caps of one hand and of its fingers.
+    """Limits of one hand and of its fingers.
 
     The defaults of the position are what a fast but demandable motion needs several times over: the 1.1 m/s lissajous
     peaks at 5.8 m/s^2 and 32 m/s^3. Those of the orientation are as far above a brisk turn of the wrist (180 degrees in
@@ -70,7 +71,7 @@ class HandLimits:
 
     @property
     def motions(self) -> tuple[MotionLimits, MotionLimits, MotionLimits]:
-        """Caps of position, orientation and fingers."""
+        """Limits of position, orientation and fingers."""
         return self.position, self.orientation, self.finger
 
     def scaled(self, factor: float) -> HandLimits:
@@ -83,14 +84,16 @@ class HandLimits:
         """What the last stage lets pass: knots are met whatever they demand, and recordings of people demand more."""
         return replace(self, position=_wider(self.position), orientation=_wider(self.orientation))
 
-    def array(self) -> np.ndarray:
-        """What `smoother` reads, shape ``(41,)``: 9 times (speed, acceleration, jerk), lower and upper limits."""
-        fingers = np.tile(astuple(self.finger), FINGERS)
-        return np.concatenate(
-            [astuple(self.position), astuple(self.orientation), fingers, self.finger_lower, self.finger_upper]
-        )
+    def record(self) -> np.ndarray:
+        """What the smoother reads, one record of `smoother_memory.LIMITS`, shape ``(1,)``."""
+        record = np.zeros(1, LIMITS)
+        groups = self.position, self.orientation, *[self.finger] * FINGERS
+        for name in ("speed", "acceleration", "jerk"):
+            record[name] = [getattr(group, name) for group in groups]
+        record["finger_lower"], record["finger_upper"] = self.finger_lower, self.finger_upper
+        return record
 
 
-def _wider(caps: MotionLimits) -> MotionLimits:
-    """Caps times `OUTER`."""
-    return MotionLimits(*(factor * cap for factor, cap in zip(OUTER, astuple(caps), strict=True)))
+def _wider(limits: MotionLimits) -> MotionLimits:
+    """Limits times `OUTER`."""
+    return MotionLimits(*(factor * limit for factor, limit in zip(OUTER, astuple(limits), strict=True)))

@@ -3,23 +3,20 @@
 The path is one curve in R^14 (position 3, quaternion 4, fingers 7), piecewise quintic. Dividing the quaternion by its
 length keeps the curve C2, meets the knots exactly and has the accuracy of the cubic spline. Before the first knot the
 hand starts from rest, after the last one it brakes to rest. The parameter ``s`` [s] is the chunk's own time; who slows
-down along the path maps time to it with a `PathClock`.
+down along the path maps time to it (`wholebody.reference.kernels.path_clock`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 
 from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.errors import InputError
-from wholebody.reference.compiled import compiled
 from wholebody.reference.hand_limits import HandLimits
 from wholebody.reference.join import Join, join_curve
-from wholebody.reference.kernels import path as path_kernel
 from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
 from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P, V, W
 from wholebody.reference.rotation import angular_rates, unit_quaternion
@@ -122,18 +119,6 @@ class HandPath:
         rows[:, Q_FINGER], rows[:, DQ_FINGER], rows[:, DDQ_FINGER] = y[:, FINGER], dy[:, FINGER], ddy[:, FINGER]
         return HandMotion(rows.reshape(*s.shape, ROW))
 
-    def at(self, s: float, row: np.ndarray | None = None) -> np.ndarray:
-        """Row at one parameter, in constant time and compiled: for the control tick.
-
-        Args:
-            s: Parameter [s].
-            row: Where to write, shape ``(40,)``, C-contiguous; a new array if not given.
-        """
-        if row is None:
-            row = np.empty(ROW)
-        look_up()(self.flat, s, row)
-        return row
-
     @cached_property
     def flat(self) -> np.ndarray:
         """The path as one array, as `wholebody.reference.kernels.path` reads it."""
@@ -142,9 +127,3 @@ class HandPath:
         segment = np.clip(np.searchsorted(breaks, cells, side="right") - 1, 0, len(coefficients) - 1)
         header = [len(coefficients), coefficients.shape[2], breaks[0], 1.0 / CELL, len(cells)]
         return np.concatenate([header, segment, breaks, coefficients.ravel()])
-
-
-@cache
-def look_up() -> Callable[[np.ndarray, float, np.ndarray], None]:
-    """The compiled `path_kernel.path_row`."""
-    return compiled(path_kernel, "path_row")

@@ -65,6 +65,22 @@ class HandMotion:
         return np.concatenate([self.a, self.alpha], axis=-1)
 
 
+def time_scaled(motion: HandMotion, rate: float | np.ndarray, change: float | np.ndarray) -> HandMotion:
+    """A motion's derivatives with respect to time, from those with respect to the path parameter.
+
+    Args:
+        motion: Rows ``(..., 40)``.
+        rate: ds/dt, scalar or shape ``(...)``.
+        change: d2s/dt2 [1/s], scalar or shape ``(...)``.
+    """
+    rate, change = np.asarray(rate)[..., None], np.asarray(change)[..., None]
+    rows = motion.rows.copy()
+    for first, second in ((V, A), (W, ALPHA), (DQ_FINGER, DDQ_FINGER)):
+        rows[..., second] = motion.rows[..., second] * rate**2 + motion.rows[..., first] * change
+        rows[..., first] = motion.rows[..., first] * rate
+    return HandMotion(rows)
+
+
 def rest_row(T_world_hand: np.ndarray, q_finger: np.ndarray | None = None) -> np.ndarray:
     """Row of a hand at rest, shape ``(40,)``.
 

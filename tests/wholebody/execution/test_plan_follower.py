@@ -1,4 +1,4 @@
-"""Strategy: the compiled tick of the reference against the same thing made of the pieces that specify it, `PathClock`,
+"""Strategy: the compiled tick of the reference against the same made of the pieces that specify it, the path clock,
 `HandPath`, `time_scaled`, `ReferenceSmoother` and Pinocchio's rotations, along a real plan with errors put in.
 """
 
@@ -9,12 +9,14 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import scripted_policy
+from tests.support.reference_motions import row_at, step
 from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.reference import HandMotion, PathClock, ReferenceSmoother, rest_row, time_scaled
+from wholebody.reference import HandMotion, ReferenceSmoother, rest_row, time_scaled
+from wholebody.reference.kernels.path_clock import advanced
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
 
@@ -58,7 +60,7 @@ class Specification:
     def __init__(self, planned):
         self.supervisor, self.state, self.plan, self.last = planned
         _, self.smoother, _ = beginning(planned)
-        self.clock = PathClock(self.plan.start, self.plan.rate)
+        self.s, self.rate, self.change = self.plan.start, self.plan.rate, 0.0
         self.elapsed = self.travelled = 0.0
 
     def governor(self):
@@ -70,11 +72,11 @@ class Specification:
         return min(share, np.clip(c.balance.support.margin(capture) / safety.balance_slow, 0.0, 1.0))
 
     def reference(self, q):
-        self.clock = self.clock.advance(DT, self.plan.rate * self.governor())
-        target = HandMotion(np.stack([path.at(self.clock.s) for path in self.plan.paths]))
-        motion = self.smoother.step(time_scaled(target, self.clock.rate, self.clock.change).rows, DT)
-        if self.clock.s < self.last:
-            self.elapsed, self.travelled = self.elapsed + DT, self.travelled + DT * self.clock.rate
+        self.s, self.rate, self.change = advanced(self.s, self.rate, self.change, DT, self.plan.rate * self.governor())
+        target = HandMotion(np.stack([row_at(path, self.s) for path in self.plan.paths]))
+        motion = step(self.smoother, time_scaled(target, self.rate, self.change).rows, DT)
+        if self.s < self.last:
+            self.elapsed, self.travelled = self.elapsed + DT, self.travelled + DT * self.rate
         row = self.body(motion).pack()
         safety, names = self.supervisor.config.safety, self.supervisor.robot.joint_names
         shares = np.array([0.0 if "_hand_" in x else 1.0 / 3.0 if "_wrist_" in x else 1.0 for x in names])
@@ -83,8 +85,8 @@ class Specification:
         return row, np.clip(share, 1e-3, 1.0)
 
     def body(self, motion):
-        track, rate = self.plan.trajectory, self.clock.rate
-        k = track.row(self.clock.s)
+        track, rate = self.plan.trajectory, self.rate
+        k = track.row(self.s)
         q, dq, ddq = track.q[k].copy(), rate * track.v[k, 6:], rate**2 * track.ddq[k]
         for i, tool in enumerate(SPEC.tools):
             j = self.supervisor.robot.joint_indices(tool.finger_joints)
@@ -133,9 +135,9 @@ def test_a_tick_is_that_of_the_pieces(planned, interpret):
         got = one.reference(q).row
         assert np.abs(got - wanted).max() < 1e-10 * max(1.0, np.abs(wanted).max())
         assert abs(planned[0].controller.palms[0].share - share) < 1e-12
-        assert abs(one.clock.s - pieces.clock.s) < 1e-12
-        assert abs(one.clock.rate - pieces.clock.rate) < 1e-12
-        slowed, trusted = slowed or one.clock.rate < 0.9, trusted or share < 1.0
+        assert abs(one.s - pieces.s) < 1e-12
+        assert abs(one.rate - pieces.rate) < 1e-12
+        slowed, trusted = slowed or one.rate < 0.9, trusted or share < 1.0
     assert interpret or (slowed and trusted)
     assert abs(one.time_factor - pieces.elapsed / pieces.travelled) < 1e-12
 

@@ -84,6 +84,6 @@ def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_whe
     aside[:, 1] += 0.006
     plan = planner.plan(stretched(chunk, 3.0), 0.0, start, HandMotion(aside))
     for path, row in zip(plan.paths, aside, strict=True):
-        assert np.allclose(path.at(plan.start)[:3], row[:3], atol=1e-9)
+        assert np.allclose(path.sample(plan.start).p, row[:3], atol=1e-9)
         s = plan.start + np.arange(0.0, 0.2, GRID)
         assert np.linalg.norm(path.sample(s).a, axis=1).max() < 20.0

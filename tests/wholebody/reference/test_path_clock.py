@@ -7,17 +7,18 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from tests.support.reference_motions import lissajous_rows
-from wholebody.errors import InputError
-from wholebody.reference import HandMotion, PathClock, time_scaled
+from wholebody.reference import HandMotion, time_scaled
+from wholebody.reference.kernels.path_clock import advanced, scale
 
 DT = 0.002
 
 
-def run(rates, dt=DT, clock=None, **limits):
-    clocks = [PathClock(0.0) if clock is None else clock]
-    for rate in rates:
-        clocks.append(clocks[-1].advance(dt, rate, **limits))
-    return np.array([(c.s, c.rate, c.change) for c in clocks])
+def run(rates, dt=DT, rate=1.0):
+    """Parameter, rate and change of rate (ticks + 1, 3) from the start on."""
+    clocks = [(0.0, rate, 0.0)]
+    for wanted in rates:
+        clocks.append(advanced(*clocks[-1], dt, wanted))
+    return np.array(clocks)
 
 
 def test_scaled_derivatives_are_those_in_time():
@@ -43,7 +44,7 @@ def test_at_its_own_speed_the_clock_is_time():
     trace = run(np.ones(1000))
     np.testing.assert_allclose(trace[:, 0], DT * np.arange(1001), atol=1e-12)
     rows = lissajous_rows(0.4)
-    np.testing.assert_array_equal(PathClock(0.4).motion(HandMotion(rows)).rows, rows)
+    np.testing.assert_array_equal(time_scaled(HandMotion(rows), 1.0, 0.0).rows, rows)
 
 
 @settings(max_examples=40)
@@ -61,7 +62,7 @@ def test_a_change_of_rate_does_not_overshoot():
     down = run(np.full(1000, 0.3))
     assert down[:, 1].min() > 0.3 - 1e-6
     assert down[-1, 1] == pytest.approx(0.3, abs=1e-9)
-    up = run(np.ones(1000), clock=PathClock(0.0, 0.0))
+    up = run(np.ones(1000), rate=0.0)
     assert up[:, 1].max() < 1.0 + 1e-6
 
 
@@ -78,8 +79,9 @@ def test_the_parameter_is_the_integral_of_the_rate():
     np.testing.assert_allclose(trace[1:, 0], integral, atol=1e-5)
 
 
-def test_a_bad_tick_is_refused():
-    with pytest.raises(InputError, match="dt 0"):
-        PathClock(0.0).advance(0.0, 1.0)
-    with pytest.raises(InputError, match="rate nan"):
-        PathClock(0.0).advance(0.002, float("nan"))
+def test_a_row_is_scaled_in_place_as_many_are():
+    rows = lissajous_rows(np.linspace(0.0, 1.0, 7))
+    expected = time_scaled(HandMotion(rows), 0.7, -1.3).rows
+    for row in rows:
+        scale(row, 0.7, -1.3)
+    np.testing.assert_allclose(rows, expected, rtol=1e-14)

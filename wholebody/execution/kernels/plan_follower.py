@@ -10,21 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from wholebody.control.reference_packet import COM, HEIGHT, MOMENTUM, PALM, PELVIS, POSTURE, TORSO
+from wholebody.jit.record import record
 from wholebody.reference.kernels.path import path_row
+from wholebody.reference.kernels.path_clock import advanced, scale
 from wholebody.reference.kernels.smoother import smoother_step
 from wholebody.robot.kernels.pendulum import natural_frequency
 
-CHANGE_MAX, JERK_MAX = 4.0, 40.0
-"""Largest |d2s/dt2| [1/s] and |d3s/dt3| [1/s^2] of the clock, as in `PathClock.advance`."""
-SETTLE_TICKS, JERK_SHARE = 5.0, 0.5
-"""As in `wholebody.reference.path_clock`."""
 TRUST_MIN = 1e-3
 """Least trust in the hands: none at all would leave the arms without a task."""
-
-
-def record(*fields: tuple) -> np.dtype:
-    """A record of floats with named fields: one pointer for compiled code, attributes for interpreted code."""
-    return np.dtype((np.record, [(name, float, *shape) for name, *shape in fields]))
 
 
 SETTINGS = record(
@@ -67,9 +60,9 @@ class Plan(NamedTuple):
 class Smoothing(NamedTuple):
     """The smoother of both hands."""
 
-    state: np.ndarray  # (2, smoother.STATE)
+    state: np.ndarray  # (2,) records of `smoother_memory.HAND`
     target: np.ndarray  # (2, 40), kept while nothing is planned
-    caps: np.ndarray  # (2, smoother.CAPS)
+    limits: np.ndarray  # (2,) records of `smoother_memory.LIMITS`
     offsets: np.ndarray  # (2, 3) palm points in the wrists' frames [m]
 
 
@@ -99,7 +92,7 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
     rate = 0.0
     if settings.moving > 0.0:
         share = min(tracking_share(settings, row, palms), balance_share(settings, body.edges, com, com_velocity))
-        advance(now, settings.dt, settings.plan_rate * share)
+        now.s, now.rate, now.change = advanced(now.s, now.rate, now.change, settings.dt, settings.plan_rate * share)
         path_row(plan.left, now.s, target[0])
         path_row(plan.right, now.s, target[1])
         for i in range(2):
@@ -108,9 +101,9 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
         if now.s < settings.last_step:
             now.elapsed += settings.dt
             now.travelled += settings.dt * rate
-    smoother_step(smoothing.state, target, smoothing.caps, settings.dt)
+    smoother_step(smoothing.state, target, smoothing.limits, settings.dt)
     for i in range(2):
-        palm(smoothing.state[i], smoothing.offsets[i], row[PALM * i : PALM * i + PALM])
+        palm(smoothing.state[i].motion, smoothing.offsets[i], row[PALM * i : PALM * i + PALM])
     follow_trajectory(plan.trajectory[nearest(settings, now.s, plan.trajectory.shape[0])], rate, row)
     follow_fingers(smoothing.state, body.fingers, row)
     now.trust = trust(settings, q, row, body.weights)
@@ -139,29 +132,6 @@ def balance_share(settings, edges, com, com_velocity):
 def clipped(x):
     """Between 0 and 1."""
     return min(max(x, 0.0), 1.0)
-
-
-def advance(clock, dt, wanted):
-    """`PathClock.advance` towards the rate ``wanted``, in place."""
-    rate, change = clock.rate, clock.change
-    gap = max(wanted, 0.0) - rate
-    pull = min(CHANGE_MAX, math.sqrt(2.0 * JERK_SHARE * JERK_MAX * abs(gap)), abs(gap) / (SETTLE_TICKS * dt))
-    jerk = min(max((math.copysign(pull, gap) - change) / dt, -JERK_MAX), JERK_MAX)
-    after = rate + change * dt + 0.5 * jerk * dt**2
-    if after < 0.0:  # the last tick of a stop
-        clock.s += 0.5 * rate * dt
-        clock.rate, clock.change = 0.0, 0.0
-        return
-    clock.s += rate * dt + 0.5 * change * dt**2 + jerk * dt**3 / 6.0
-    clock.rate, clock.change = after, change + jerk * dt
-
-
-def scale(row, rate, change):
-    """`time_scaled` of one row, in place: derivatives with respect to time."""
-    for first, second, n in ((3, 6, 3), (13, 16, 3), (26, 33, 7)):
-        for k in range(n):
-            row[second + k] = row[second + k] * rate**2 + row[first + k] * change
-            row[first + k] *= rate
 
 
 def palm(motion, offset, out):
@@ -225,7 +195,7 @@ def follow_fingers(state, fingers, row):
         for c in range(fingers.shape[1]):
             j = fingers[i, c]
             for d in range(3):
-                row[POSTURE + d * n + j] = state[i, 19 + 7 * d + c]
+                row[POSTURE + d * n + j] = state[i].motion[19 + 7 * d + c]
 
 
 def trust(settings, q, row, weights):

@@ -1,6 +1,6 @@
 """Arithmetic of a path look-up: one row of a hand's path at one parameter, from one flat array.
 
-Plain Python on float64 arrays that compiles with numba as it stands (`wholebody.reference.compiled`). The flat array is
+The flat array is
 
 ``[segments N, channels C, first cell s0, 1 / cell, cells K, K segment indices, N + 1 breaks, N x 6 x C coefficients]``
 
