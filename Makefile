@@ -7,13 +7,16 @@ SHELL := /bin/sh
 
 VENV ?= .venv
 LATEST := .venv-latest
+OPENPI_VENV := .venv-openpi
 BIN := $(VENV)/bin
 PYTEST = -m pytest -q
 # Extra arguments: make test ARGS="-k controller"
 ARGS ?=
 # Folder of recorded motions (.csv) for the long studies: make regression MOTIONS=~/motions
 MOTIONS ?=
-QUICK = not regression and not latest
+# Checkout of openpi, whose own server is then met: make test-openpi OPENPI=~/openpi
+OPENPI ?=
+QUICK = not regression and not latest and not openpi
 # What pytest answers where ARGS leave no test to run.
 NONE_CHOSEN = 5
 REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
@@ -21,7 +24,7 @@ REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest test-openpi bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -56,8 +59,11 @@ regression-update: $(VENV)/.all-installed ## Run the long studies and store thei
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	@$(LATEST)/bin/wholebody warmup
-	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not alone" $(ARGS)
-	$(LATEST)/bin/python $(PYTEST) -m "not regression and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
+	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not openpi and not alone" $(ARGS)
+	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
+
+test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's own client and server, in their own environment
+	OPENPI_PYTHON=$(OPENPI_VENV)/bin/python OPENPI_CHECKOUT="$(OPENPI)" $(BIN)/python $(PYTEST) -m openpi $(ARGS)
 
 bench: $(VENV)/.all-installed ## Time one controller tick
 	$(BIN)/wholebody bench tick $(ARGS)
@@ -77,7 +83,7 @@ $(BIN)/uv pip compile --quiet --generate-hashes --universal --python-version 3.1
 endef
 
 clean: ## Remove the environments and caches
-	rm -rf $(VENV) $(LATEST) build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LATEST) $(OPENPI_VENV) build dist .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Environments. A stamp is older than its lock when the lock changed: set-up runs again.
@@ -97,4 +103,10 @@ $(LATEST)/.installed: pyproject.toml requirements/setup.in
 	@python=$$(requirements/find-python) && "$$python" -m venv --clear $(LATEST)
 	$(LATEST)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/setup.in
 	$(LATEST)/bin/uv pip install --quiet --python $(LATEST)/bin/python --upgrade --editable '.[dev]' 'placo>=0.10.2'
+	@touch $@
+
+# openpi-client wants numpy < 2, and typing_extensions without saying so.
+$(OPENPI_VENV)/.installed:
+	@python=$$(requirements/find-python) && "$$python" -m venv --clear $(OPENPI_VENV)
+	$(OPENPI_VENV)/bin/python -m pip install --quiet --disable-pip-version-check openpi-client==0.1.2 typing_extensions
 	@touch $@

@@ -66,6 +66,10 @@ class Anchor:
         n, fingers = len(BODY_JOINTS), np.array(spec.hand_neutral)
         return cls(T_world_feet @ T_feet_base, stance.joints[:n].copy(), fingers[:7], fingers[7:])
 
+    def observation(self, time: float = 0.0) -> Observation:
+        """What a robot senses that stands so, without images and task."""
+        return Observation(time, self.q_body, self.q_lhand, self.q_rhand, self.T_world_base)
+
     @cached_property
     def T_base_world(self) -> np.ndarray:
         """World in pelvis, shape (4, 4)."""

@@ -12,7 +12,6 @@ from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.slot import ROTATIONS, Slot
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_numbers
-from policy.observation import Observation
 
 FRAMES = {
     "pelvis": "as measured at the observation; x forward, y left, z up along the trunk",
@@ -64,8 +63,7 @@ def lines(spec: ActionSpec) -> list[str]:
 def stance_numbers(spec: ActionSpec) -> np.ndarray:
     """The numbers of a step that leaves the robot where it stands, shape (dim,)."""
     anchor = Anchor.nominal()
-    standing = Observation(0.0, anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base)
-    return state_numbers(spec, standing, anchor)
+    return state_numbers(spec, anchor.observation(), anchor)
 
 
 def _heading(slot: Slot) -> str:

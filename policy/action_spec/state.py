@@ -7,10 +7,12 @@ import dataclasses
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
-from policy.action_spec.codec import encode_valid
+from policy.action_spec.codec import decode, encode_valid
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
+from policy.errors import ChunkError, ObservationError
 from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST
+from policy.kinematics.inverse import arm_joints, upper_body_joints
 from policy.observation import Observation
 
 
@@ -22,6 +24,44 @@ def state_layout(spec: ActionSpec) -> ActionSpec:
     """
     slots = tuple(dataclasses.replace(slot, mode="absolute", limits=None) for slot in spec.slots)
     return spec if slots == spec.slots else dataclasses.replace(spec, name=f"{spec.name}_state", slots=slots)
+
+
+def observation_of(layout: ActionSpec, numbers: np.ndarray, time: float = 0.0) -> Observation:
+    """An observation with these numbers of state, inverse of `state_numbers`; the pelvis is the nominal stance's.
+
+    Joints that the numbers do not say are the stance's, where the arms reach the wrists so, else the waist leans too.
+
+    Args:
+        layout: Absolute in every slot.
+        numbers: State, shape (layout.dim,).
+        time: Of the measurement [s].
+
+    Raises:
+        ObservationError: If the numbers are not of the layout, no state, or no posture of the robot.
+    """
+    anchor = Anchor.nominal()
+    try:
+        now = decode(layout, np.atleast_2d(numbers), anchor)
+        q = _posture(now, anchor)
+    except ChunkError as error:
+        raise ObservationError(f"the state is none of '{layout.name}': {error}") from error
+    T = anchor.T_world_base.copy()
+    if now.base_height is not None:
+        T[2, 3] = now.base_height[0]
+    return Observation(time, q, now.q_lhand[0], now.q_rhand[0], T)
+
+
+def _posture(now: ActionChunk, anchor: Anchor) -> np.ndarray:
+    """Body joints (29,) of a chunk of one step [rad]."""
+    q = anchor.q_body.copy()
+    if now.q_waist is not None:
+        q[WAIST] = now.q_waist[0]
+    T = {hand: anchor.T_base_world @ getattr(now, f"T_world_{hand}") for hand in ("lhand", "rhand")}
+    if now.q_larm is None and now.q_rarm is None and now.q_waist is None:
+        return upper_body_joints(T["lhand"], T["rhand"], q)[0]
+    for hand, arm, given in (("lhand", LEFT_ARM, now.q_larm), ("rhand", RIGHT_ARM, now.q_rarm)):
+        q[arm] = given[0] if given is not None else arm_joints(hand, T[hand], q)[0]
+    return q
 
 
 def state_numbers(layout: ActionSpec, observation: Observation, anchor: Anchor | None = None) -> np.ndarray:

@@ -40,6 +40,7 @@ class LeRobotPolicy:
 
     Attributes:
         spec: Layout of the actions.
+        state_spec: Layout of the state that it reads, None if it reads none.
         findings: What the checks said, warnings included.
         name: Kind and folder.
     """
@@ -48,7 +49,7 @@ class LeRobotPolicy:
 
     def __init__(self, checkpoint: Checkpoint, findings: tuple[Finding, ...] = ()) -> None:
         self.checkpoint, self.findings = checkpoint, tuple(findings)
-        self.spec = checkpoint.spec
+        self.spec, self.state_spec = checkpoint.spec, checkpoint.state
         self.name = f"{checkpoint.network.config.type} {checkpoint.folder.name}"
         self.inputs = Inputs(checkpoint)
         step = normaliser(checkpoint.postprocessor, inverse=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Protocol
 from uuid import uuid4
@@ -19,7 +19,7 @@ from policy.observation import Observation
 from policy.placeholder_cameras import blind, with_grey
 from policy.prefix import Prefix
 from policy.remote.channel import FRAME_MAX, Channel, RemoteAnswerError
-from policy.remote.openpi import KeyMap, OpenpiDialect
+from policy.remote.openpi import LIBERO, KeyMap, OpenpiDialect
 from policy.remote.wire import CAMERAS_MAX, PROTOCOL, OwnDialect
 
 TIMEOUT_MAX = 86400.0
@@ -37,23 +37,24 @@ class RemoteOptions:
     Attributes:
         assume_spec: Layout that the user vouches for, built-in name or spec, whatever the server says.
         assume_state: Layout of the state that an openpi server is sent; that of the actions, absolute, if None.
-        keys: Names of inputs and outputs on an openpi server.
+        keys: Names of inputs and outputs on an openpi server; those of its LIBERO example if not given.
         connect_timeout: For connection, handshake and metadata together [s].
         timeout: For an answer [s].
         first_timeout: For the first answer of a connection [s]: openpi's server compiles its network then.
         api_key: For servers that want one.
-        placeholder_cameras: Show grey to cameras that an observation lacks, where the server says which there are; for
-            simulations without pictures.
+        placeholder_cameras: Show grey to cameras that an observation lacks; for simulations without pictures.
+        task: Task where neither `reset` nor the observation has one.
     """
 
     assume_spec: ActionSpec | str | None = None
     assume_state: ActionSpec | str | None = None
-    keys: KeyMap = field(default_factory=KeyMap)
+    keys: KeyMap = LIBERO
     connect_timeout: float = 10.0
     timeout: float = 5.0
     first_timeout: float = 120.0
     api_key: str | None = None
     placeholder_cameras: bool = False
+    task: str = ""
 
     def __post_init__(self) -> None:
         for name in ("connect_timeout", "timeout", "first_timeout"):
@@ -92,7 +93,7 @@ class RemotePolicy:
         sees_robot: Whether the policy behind the server uses the robot's state.
         metadata: What the server said of itself.
         duration: How long the policy goes on [s], None if it has no end.
-        cameras: Height and width of the cameras that it wants [px]; empty if it has none, or the server does not say.
+        cameras: Height and width of the cameras that it wants [px]; of an openpi server, those of the key map.
         timing: Of the last answer: ``round_trip_ms``, and ``infer_ms`` where the server says it.
     """
 
@@ -107,7 +108,7 @@ class RemotePolicy:
         self.spec, self.metadata, self.options, self.timing = spec, metadata, options, {}
         self.sees_robot = bool(metadata.get("sees_robot", True))
         self.duration = _seconds(metadata.get("duration"))
-        self.cameras = _cameras(metadata)
+        self.cameras = dialect.cameras if isinstance(dialect, OpenpiDialect) else _cameras(metadata)
         self._channel, self._dialect = channel, dialect
         self._fresh = True
         self._clock = EpisodeClock()
@@ -176,7 +177,7 @@ class RemotePolicy:
             observation = with_grey(observation, self.cameras)
         observation.validate()
         seq, _ = self._clock.tick(observation.time)
-        request = self._dialect.request(observation, observation.task or self._task, prefix)
+        request = self._dialect.request(observation, observation.task or self._task or self.options.task, prefix)
         if not self._channel.is_open:
             self._reconnect()
         begin = perf_counter()

@@ -1,11 +1,17 @@
 """What openpi's server is asked and answers: a flat or nested map of numbers, images and a prompt; raw actions back.
 
 Every openpi policy names its inputs its own way, in the ``repack`` and ``data`` transforms of its training
-configuration, and its server says nothing of them: a `KeyMap` does.
+configuration, and its server says nothing of them. openpi tells its users to begin with those of its LIBERO example,
+which are what is meant here (`LIBERO`) unless a `KeyMap` says otherwise.
+
+Source:
+    openpi ``src/openpi/policies/libero_policy.py``, ``examples/libero/main.py``, ``examples/simple_client/main.py``.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -26,6 +32,8 @@ from policy.remote.channel import RemoteAnswerError
 
 Key = str | tuple[str, ...]
 """Name of an entry, or the path to it through nested maps: ``("images", "cam_high")``."""
+SIDE = 224
+"""Side of the square images that openpi's clients send, and its networks see [px]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +63,37 @@ class KeyMap:
                 if path[: len(other)] == other or other[: len(path)] == path:
                     raise SpecError(f"the keys {other} and {path} of a key map take each other's place")
 
+    @classmethod
+    def named(cls, text: str) -> KeyMap:
+        """Key map of a command line: ``libero``, ``aloha``, or a JSON object of what differs from LIBERO.
+
+        The object maps our names, ``state``, ``prompt``, ``actions``, or a camera, to keys: text, a list of texts (a
+        path through nested maps), or null for what is not sent.
+
+        Raises:
+            SpecError: If it is none of these.
+        """
+        if text in PRESETS or not text:
+            return PRESETS[text or "libero"]
+        try:
+            given = json.loads(text)
+        except (json.JSONDecodeError, RecursionError) as error:
+            names = ", ".join(PRESETS)
+            raise SpecError(
+                f"'{text:.80}' is no map of keys: {names}, or JSON such as {_EXAMPLE} are expected"
+            ) from error
+        if not isinstance(given, dict):
+            raise SpecError(
+                f"the map of keys is a JSON {type(given).__name__}; an object such as {_EXAMPLE} is expected"
+            )
+        keys = {name: _key(name, key) for name, key in given.items()}
+        fixed = {name: keys.pop(name) for name in ("state", "prompt", "actions") if name in keys}
+        if fixed.get("state", "") is None or not isinstance(fixed.get("actions", ""), str):
+            raise SpecError("'state' and 'actions' of a map of keys are needed, and 'actions' is one text")
+        left = {camera: key for camera, key in LIBERO.images.items() if key not in keys.values()}
+        images = {camera: key for camera, key in {**left, **keys}.items() if key is not None}
+        return dataclasses.replace(LIBERO, images=images, **fixed)
+
     def request(self, state: np.ndarray, images: Mapping[str, np.ndarray], prompt: str) -> dict[str, Any]:
         """What is sent.
 
@@ -68,7 +107,8 @@ class KeyMap:
                 has = f"it has {', '.join(images)}" if images else "it has no images"
                 raise ObservationError(f"the observation has no image '{camera}'; {did_you_mean(camera, images)}{has}")
             _put(request, key, images[camera] if self.image_axes == "hwc" else images[camera].transpose(2, 0, 1))
-        if self.prompt is not None:
+        # Where there is none, a server that was started with a default prompt uses that.
+        if self.prompt is not None and prompt:
             _put(request, self.prompt, prompt)
         return request
 
@@ -80,10 +120,14 @@ class OpenpiDialect:
         spec: Layout of the actions after the server's output transforms: un-normalised.
         state: Layout of the state.
         keys: Names of inputs and outputs.
+
+    Attributes:
+        cameras: What is sent in place of cameras that are not there: openpi's server says no sizes [px].
     """
 
     def __init__(self, spec: ActionSpec, state: ActionSpec, keys: KeyMap) -> None:
         self.spec, self.state, self.keys = spec, state, keys
+        self.cameras = dict.fromkeys(keys.images, (SIDE, SIDE))
 
     def request(self, observation: Observation, task: str, prefix: Prefix | None) -> dict[str, Any]:
         """What is sent for an observation; openpi's server takes no prefix."""
@@ -118,8 +162,18 @@ def _put(into: dict[str, Any], key: Key, value: Any) -> None:
     into[last] = value
 
 
+def _key(name: str, key: Any) -> Key | None:
+    """A key as JSON has it."""
+    if key is None or isinstance(key, str):
+        return key
+    if isinstance(key, list) and key and all(isinstance(part, str) for part in key):
+        return tuple(key)
+    raise SpecError(f"the key of '{name:.60}' is {key!r:.60}; a text, a list of texts, or null is expected")
+
+
+_EXAMPLE = '{"head": "observation/front_image", "left_wrist": null}'
 LIBERO = KeyMap(images={"head": "observation/image", "left_wrist": "observation/wrist_image"})
-"""Keys of openpi's LIBERO example."""
+"""Keys of openpi's LIBERO example, and of whoever began with it."""
 ALOHA = KeyMap(
     state="state",
     images={
@@ -130,3 +184,5 @@ ALOHA = KeyMap(
     image_axes="chw",
 )
 """Keys of openpi's ALOHA example."""
+PRESETS = {"libero": LIBERO, "aloha": ALOHA}
+"""Key maps by name."""

@@ -21,7 +21,9 @@ from policy.errors import PolicyError, printable
 from policy.prefix import PrefixPolicy
 from policy.remote.channel import CLOSE_TIMEOUT, FRAME_MAX, PORT
 from policy.remote.msgpack_numpy import pack, unpack
-from policy.remote.wire import PROTOCOL, chunk_to_map, observation_from_map, prefix_from_map
+from policy.remote.openpi import LIBERO, KeyMap
+from policy.remote.openpi_request import OpenpiRequests
+from policy.remote.wire import OWN_KEY, PROTOCOL, chunk_to_map, observation_from_map, prefix_from_map
 
 if TYPE_CHECKING:
     from websockets.http11 import Request, Response
@@ -47,7 +49,9 @@ CLOSE_REASON = "Internal server error. Traceback included in previous frame."
 
 
 class PolicyServer:
-    """Serves one policy to one robot at a time, in openpi's protocol (`policy.remote.wire` has the contents).
+    """Serves one policy to one robot at a time, in openpi's protocol.
+
+    What our own client sends is in `policy.remote.wire`, what openpi's sends in `policy.remote.openpi_request`.
 
     Metadata come first; then each request is answered with a chunk, or with a traceback as a text frame, after which
     the connection is closed with code 1011. ``GET /healthz`` answers ``OK``. A second client is turned away: a policy
@@ -64,16 +68,19 @@ class PolicyServer:
         host: Address to bind; ``0.0.0.0`` for every network.
         port: 0 takes a free one.
         name: What the metadata call it.
+        keys: Names of the inputs of openpi's clients; those of its LIBERO example if not given.
 
     Raises:
         OSError: If the address cannot be bound.
     """
 
-    def __init__(self, policy: Policy, *, host: str = LOOPBACK, port: int = PORT, name: str = "") -> None:
+    def __init__(
+        self, policy: Policy, *, host: str = LOOPBACK, port: int = PORT, name: str = "", keys: KeyMap = LIBERO
+    ) -> None:
         from websockets.sync.server import serve
 
-        self.policy = policy
-        self.metadata = metadata_of(policy, name)
+        self.policy, self._openpi = policy, OpenpiRequests(policy, keys)
+        self.metadata = metadata_of(policy, name) | {"request": self._openpi.describe()}
         self._session: str | None = None
         self._guard = threading.Lock()
         self._client: ServerConnection | None = None
@@ -188,7 +195,10 @@ class PolicyServer:
         if own and not (isinstance(request["session"], str) and len(request["session"]) <= SESSION_MAX):
             raise PolicyError(f"'session' of the request is no text of at most {SESSION_MAX} characters")
         session, continues, prefix = (request.pop(key, None) for key in ("session", "continues", "prefix"))
-        observation = observation_from_map(request)
+        if own or OWN_KEY in request:
+            observation = observation_from_map(request)
+        else:
+            observation = self._openpi.observation(request, monotonic())
         prefix = None if prefix is None else prefix_from_map(prefix)
         self._begin(session if own else connection, continues is True, observation.task)
         begin = perf_counter()
@@ -202,7 +212,7 @@ class PolicyServer:
         if own:
             return {"chunk": chunk_to_map(chunk), "server_timing": timing}
         actions = encode(self.policy.spec, chunk, Anchor.measured(observation))
-        return {"actions": actions, "server_timing": timing}
+        return {self._openpi.keys.actions: actions, "server_timing": timing}
 
     def _begin(self, session: str, continues: bool, task: str) -> None:
         """Reset the policy for a session that it has not seen."""

@@ -7,7 +7,8 @@ frame     content
 ========  ==========================================================================================================
 metadata  ``protocol``: `PROTOCOL`; ``action_spec``: the layout with its hash; ``sees_robot``; ``takes_prefix``;
           ``name``; ``duration`` [s] or None
-request   the entries of an observation (`OBSERVATION`), ``images``: camera -> uint8 (height, width, 3), ``prompt``
+request   the entries of an observation (`OBSERVATION`), ``images``: camera -> uint8 (height, width, 3), ``prompt``;
+          or what openpi's clients send (`policy.remote.openpi_request`), which the metadata's ``request`` lists
 answer    ``actions``: (H, A) in the layout, seen from that observation's pelvis; ``server_timing``: ``infer_ms``
 ========  ==========================================================================================================
 
@@ -36,6 +37,8 @@ PROTOCOL = "g1-wholebody/1"
 """What our server says in its metadata."""
 OBSERVATION = ("time", "q_body", "q_lhand", "q_rhand", "T_world_base", "images", "prompt")
 """Keys of an observation."""
+OWN_KEY = "q_body"
+"""Entry that only an observation of ours has: openpi's clients send a state in a layout."""
 CAMERAS_MAX = 16
 """Most images of an observation."""
 PROMPT_MAX = 4000

@@ -19,7 +19,9 @@ SERVER = {name: base64.b64decode(text) for name, text in RECORDING["server"].ite
 REQUEST = base64.b64decode(RECORDING["request"])
 """Payload of what openpi's client sends."""
 IMAGE = (np.arange(2 * 3 * 3) * 14).astype(np.uint8).reshape(2, 3, 3)
-"""The image in that request."""
+"""The first image in that request; the second is one brighter everywhere."""
+IMAGES = {"head": IMAGE, "left_wrist": IMAGE + 1}
+"""Both, by our names of the cameras."""
 STATE = state_numbers(state_layout(builtin("wbc32")), observation()).astype(np.float32)
 """The state in it: that of the stance."""
 

@@ -12,7 +12,7 @@ import typer
 
 from wholebody.cli.console import check_places, print_verdict, progress_bar, write_json
 from wholebody.cli.crash import CRASH, ours, sentence
-from wholebody.cli.options import SOURCES, Input, JsonTo, Simulation
+from wholebody.cli.options import SOURCES, Input, JsonTo, Sampling, Simulation
 from wholebody.cli.simulated import SCENE_OF, check_times, make_checker
 from wholebody.cli.sources import expanded, length, opened
 
@@ -25,6 +25,7 @@ def check(
     inputs: Annotated[list[str], typer.Argument(help=SOURCES)],
     given: Input,
     simulation: Simulation,
+    sampling: Sampling,
     json_to: JsonTo = "",
 ) -> None:
     """Judge inputs by simulating them.
@@ -38,7 +39,8 @@ def check(
 
     def judged(name: str) -> int:
         """Exit code of one input, after printing its verdict."""
-        policy, judge = opened(name, given), checker(simulation.scene or SCENE_OF.get(name, "floor"))
+        policy = opened(name, given, **sampling.choices())
+        judge = checker(simulation.scene or SCENE_OF.get(name, "floor"))
         seconds = length(policy, given.duration)
         with progress_bar(name, quiet=quiet) as progress, ours():
             verdict, _ = judge.check(policy, name, seconds, progress=progress)

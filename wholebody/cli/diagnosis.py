@@ -94,8 +94,7 @@ def examine(
 def dry_observation(policy: LeRobotPolicy) -> Observation:
     """The nominal stance, seen by grey cameras of the sizes in training."""
     anchor, task = Anchor.nominal(), policy.checkpoint.options.task or DRY_TASK
-    seen = Observation(0.0, anchor.q_body, anchor.q_lhand, anchor.q_rhand, anchor.T_world_base)
-    return replace(seen, images=grey_images(policy.cameras), task=task)
+    return replace(anchor.observation(), images=grey_images(policy.cameras), task=task)
 
 
 def _against_dataset(checkpoint: Checkpoint, dataset: str | Path) -> list[Finding]:

@@ -17,8 +17,17 @@ SOURCES = (
 
 JsonTo = Annotated[str, Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
 CsvFps = Annotated[float, Option(help="Frames per second of motion files.")]
-AssumeSpec = Annotated[str, Option(help="Layout of chunk files that name none: built-in name or JSON file.")]
-Task = Annotated[str, Option(help="What a checkpoint is told to do.")]
+AssumeSpec = Annotated[
+    str, Option(help="Layout of files, checkpoints and servers that name none: built-in name or JSON file.")
+]
+Task = Annotated[str, Option(help="What a checkpoint or a server is told to do.")]
+RenameMap = Annotated[
+    str,
+    Option(
+        help="openpi peers: libero (default), aloha, or JSON of our names (state, prompt, actions, or a camera) and "
+        'their keys, such as \'{"head": "observation/front_image"}\'.'
+    ),
+]
 RealTimeChunking = Annotated[
     bool, Option("--real-time-chunking", help="Tell the policy what is being executed (π0, π0.5, SmolVLA).")
 ]
@@ -33,6 +42,7 @@ class Input:
     episodes: Annotated[str, Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")] = ""
     assume_spec: AssumeSpec = ""
     task: Task = ""
+    rename_map: RenameMap = ""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, Sampling
+from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, RenameMap, Sampling
 from wholebody.cli.sources import layout_named, open_source
 
 
@@ -42,9 +42,13 @@ def serve_policy(
     served: Served,
     csv_fps: CsvFps = 60.0,
     assume_spec: AssumeSpec = "",
+    rename_map: RenameMap = "",
 ) -> None:
     """Serve a policy over a websocket, in openpi's protocol, to one robot at a time. Ends with Ctrl-C."""
+    from policy.remote.openpi import KeyMap
     from policy.remote.server import LOOPBACK, PolicyServer
+
+    keys = KeyMap.named(rename_map)
 
     if Path(source).is_dir():
         from policy.lerobot.policy import LeRobotPolicy
@@ -54,10 +58,12 @@ def serve_policy(
             print(f"wholebody: {finding.sentence}", file=sys.stderr)
     else:
         policy = open_source(source, csv_fps, layout_named(assume_spec))
-    with PolicyServer(policy, host=host, port=port) as server, suppress(KeyboardInterrupt):
+    with PolicyServer(policy, host=host, port=port, keys=keys) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)
         print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
+        for key, meaning in server.metadata["request"].items():
+            print(f"  clients of openpi send '{key}', {meaning}", flush=True)
         if host not in (LOOPBACK, "localhost", "::1"):
             print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
         server.wait()

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 NO_END = "this policy has no end: say how long with --duration SECONDS"
 
 
-def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str = "", **options: Any) -> Policy:
+def open_source(
+    name: str, csv_fps: float, assume: ActionSpec | None, task: str = "", rename_map: str = "", **options: Any
+) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
 
     Cameras of a policy see grey, since the simulation takes no pictures; the policy has a warning that says so.
@@ -23,7 +25,8 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
         name: As in `expanded`.
         csv_fps: Frame rate of motion files [Hz].
         assume: Layout that the user vouches for.
-        task: What a checkpoint is told to do.
+        task: What a checkpoint or a server is told to do.
+        rename_map: Keys of an openpi server, as `policy.remote.openpi.KeyMap.named` reads them.
         **options: More of `policy.lerobot.checkpoint.LoadOptions`, for checkpoints.
 
     Raises:
@@ -34,8 +37,10 @@ def open_source(name: str, csv_fps: float, assume: ActionSpec | None, task: str 
 
     if name.startswith(("ws://", "wss://")):
         from policy.remote.client import RemotePolicy
+        from policy.remote.openpi import KeyMap
 
-        return RemotePolicy.connect(name, assume_spec=assume, placeholder_cameras=True)
+        settings = {"assume_spec": assume, "placeholder_cameras": True, "task": task}
+        return RemotePolicy.connect(name, keys=KeyMap.named(rename_map), **settings)
     folder, _, number = name.rpartition("#")
     if number.isdecimal() and is_dataset(folder):
         from policy.recorded.dataset_replay import open_episode
@@ -60,7 +65,8 @@ def opened(name: str, given: Input, **options: Any) -> Policy:
     """
     if not given.duration and is_checkpoint(name):
         raise ValueError(NO_END)
-    policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), task=given.task, **options)
+    options |= {"task": given.task, "rename_map": given.rename_map}
+    policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), **options)
     for finding in getattr(policy, "warnings", ()):
         print(f"wholebody: {name}: {finding.sentence}", file=sys.stderr)
     return policy

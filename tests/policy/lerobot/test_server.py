@@ -5,10 +5,14 @@ import sys
 
 import numpy as np
 import pytest
+from websockets.sync.client import connect
 
+from policy import Anchor, builtin, decode, encode
+from policy.action_spec.state import state_numbers
 from policy.lerobot.policy import LeRobotPolicy
 from policy.prefix import Prefix
 from policy.remote.client import RemotePolicy
+from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.server import PolicyServer
 from tests.support.tiny_policies import observation, tiny_backbones, write_checkpoint
 
@@ -84,3 +88,25 @@ def test_a_simulation_without_pictures_shows_grey_to_the_cameras_that_the_server
         policy.close()
     expected = load(checkpoint, placeholder_cameras=True).infer(observation(cameras=()))
     assert all(found.arrays()[name].tobytes() == value.tobytes() for name, value in expected.arrays().items())
+
+
+def test_openpis_client_gets_the_actions_of_the_policy_itself_for_its_images_state_and_prompt(checkpoint):
+    at, names = observation(), {"head": "image", "left_wrist": "wrist_image", "right_wrist": "right_wrist"}
+    policy = load(checkpoint)
+    expected = policy.predict(at)
+    with (
+        PolicyServer(load(checkpoint), port=0) as server,
+        connect(server.uri, compression=None, max_size=None, proxy=None) as client,
+    ):
+        client.recv(10.0)
+        request = {f"observation/{key}": at.images[camera] for camera, key in names.items()}
+        request |= {"observation/state": state_numbers(policy.state_spec, at).astype(np.float32), "prompt": at.task}
+        client.send(pack(request))
+        answer = unpack(client.recv(30.0))
+    # The state goes through a posture and back, and the actions through poses.
+    np.testing.assert_allclose(answer["actions"], as_poses(expected), atol=1e-4)
+
+
+def as_poses(actions):
+    anchor = Anchor.nominal()
+    return encode(builtin("wbc32"), decode(builtin("wbc32"), actions, anchor), anchor)

@@ -29,20 +29,19 @@ from policy.remote.channel import (
 from policy.remote.client import RemoteOptions, RemotePolicy, _cameras
 from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.openpi import ALOHA, LIBERO, KeyMap
-from tests.support.openpi_peer import IMAGE, REQUEST, SERVER, STATE, Peer, frame
+from tests.support.openpi_peer import IMAGE, IMAGES, REQUEST, SERVER, STATE, Peer, frame
 from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
 
 WBC32 = builtin("wbc32")
-KEYS = KeyMap(images={"head": "observation/images/head"})
-OPTIONS = {"assume_spec": "wbc32", "keys": KEYS, "connect_timeout": 2.0, "timeout": 0.4, "first_timeout": 0.4}
+OPTIONS = {"assume_spec": "wbc32", "connect_timeout": 2.0, "timeout": 0.4, "first_timeout": 0.4}
 SLACK = 1.6
 """What a call may take beyond its time-out: a closing handshake, and a busy machine [s]."""
 
 
 def seen(time=0.0, *, images=None, task="pick up the can"):
-    return dataclasses.replace(observation(time), images={"head": IMAGE} if images is None else images, task=task)
+    return dataclasses.replace(observation(time), images=IMAGES if images is None else images, task=task)
 
 
 def play(*frames, requests=None):
@@ -78,7 +77,8 @@ def assert_within(begin, timeout):
     assert time.monotonic() - begin < timeout + SLACK
 
 
-def test_an_answer_of_openpis_server_becomes_the_chunk_that_its_actions_mean():
+def test_openpis_server_gets_images_state_and_prompt_without_a_key_map_and_its_answer_becomes_a_chunk():
+    """What is sent is byte for byte what openpi's own client packs for its LIBERO example."""
     requests = []
     with Peer(play(SERVER["answer"], SERVER["second_answer"], requests=requests)) as peer:
         policy = connect(peer)
@@ -265,7 +265,7 @@ def test_a_server_that_stops_reading_is_given_up_in_time():
     with Peer(lambda wire: (wire.send(SERVER["metadata"]), wire.stall())) as peer:
         policy, begin = connect(peer), time.monotonic()
         with pytest.raises(RemoteTimeoutError, match=r"no answer within 0.4 s"):
-            policy.infer(seen(images={"head": big}))
+            policy.infer(seen(images={"head": big, "left_wrist": big}))
         assert_within(begin, 0.4)
 
 

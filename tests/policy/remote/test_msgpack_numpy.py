@@ -24,7 +24,8 @@ def same(a, b):
 
 
 def test_a_request_is_packed_byte_for_byte_as_openpis_client_packs_it():
-    request = {"observation/state": STATE, "observation/images/head": IMAGE, "prompt": "pick up the can"}
+    images = {"observation/image": IMAGE, "observation/wrist_image": IMAGE + 1}
+    request = {"observation/state": STATE, **images, "prompt": "pick up the can"}
     assert pack(request) == REQUEST
 
 

@@ -1,7 +1,6 @@
 """A policy served on loopback: the same chunks to the bit, one robot at a time, and no request that brings it down."""
 
 import dataclasses
-import threading
 import time
 import urllib.request
 
@@ -10,50 +9,27 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as raw_connect
 
-from policy import ActionChunk, Anchor, PolicyError, builtin, decode
+from policy import Anchor, PolicyError, builtin, encode
+from policy.action_spec.state import state_numbers
 from policy.clock import MonotonicClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.prefix import Prefix, PrefixPolicy
 from policy.remote.channel import RemoteError, RemoteServerError, RemoteTimeoutError
 from policy.remote.client import RemotePolicy
 from policy.remote.msgpack_numpy import pack, unpack
+from policy.remote.openpi import KeyMap
 from policy.remote.server import CLOSE_REASON, PolicyServer, metadata_of
 from policy.remote.wire import chunk_to_map, observation_to_map
 from policy.scripted.library import scripted_policy
+from tests.support.openpi_peer import IMAGES as OPENPI_IMAGES
+from tests.support.openpi_peer import REQUEST, STATE
 from tests.support.policy_cases import observation
+from tests.support.watching_policy import Reaching, Watching
 
 pytestmark = pytest.mark.alone
 
 OPTIONS = {"connect_timeout": 3.0, "timeout": 3.0, "first_timeout": 3.0}
 IMAGES = {"head": np.arange(27, dtype=np.uint8).reshape(3, 3, 3)}
-
-
-class Reaching:
-    """Sees the robot: its chunk holds the measured wrists, and says what it was asked."""
-
-    name, sees_robot, spec = "reaching", True, builtin("wbc32")
-
-    def __init__(self):
-        self.resets, self.asked, self.prefixes = [], [], []
-        self.gate = threading.Event()
-        self.gate.set()
-        self.raises = None
-
-    def reset(self, task=""):
-        self.resets.append(task)
-        self.seq = -1
-
-    def infer(self, observation):
-        self.asked.append(observation)
-        self.gate.wait(10.0)
-        if self.raises is not None:
-            raise self.raises
-        self.seq += 1
-        anchor = Anchor.measured(observation)
-        poses = {hand: np.tile(anchor.T_world_base @ anchor.poses[hand], (4, 1, 1)) for hand in ("lhand", "rhand")}
-        fingers = [np.tile(q, (4, 1)) for q in (anchor.q_lhand, anchor.q_rhand)]
-        where = (self.spec.id, self.seq, observation.time, 30.0)
-        return ActionChunk(*where, poses["lhand"], poses["rhand"], *fingers, notes=("one", "two"))
 
 
 class Continuing(Reaching):
@@ -133,19 +109,73 @@ def test_a_policy_that_continues_what_is_executed_can_do_so_from_afar():
         assert not isinstance(connect(server), PrefixPolicy)
 
 
-def test_a_stock_openpi_client_gets_raw_actions_in_the_layout_of_the_metadata():
-    at, layout = seen(), builtin("wbc32")
-    with PolicyServer(Reaching(), port=0) as server:
-        with raw_connect(server.uri, compression=None, max_size=None, proxy=None) as connection:
-            metadata = unpack(connection.recv(3.0))
-            assert metadata["action_spec"]["hash"] == layout.hash
-            connection.send(pack(observation_to_map(at, at.task)))
-            answer = unpack(connection.recv(3.0))
-        expected = connect(server).infer(at)
+def test_openpis_client_gets_raw_actions_for_its_images_state_and_prompt_without_a_key_map():
+    """The request is what openpi-client 0.1.2 packed under the keys of openpi's LIBERO example."""
+    served, layout = Watching(), builtin("wbc32")
+    stock = {"compression": None, "max_size": None, "proxy": None}
+    with PolicyServer(served, port=0) as server, raw_connect(server.uri, **stock) as connection:
+        metadata = unpack(connection.recv(3.0))
+        connection.send(REQUEST)
+        answer = unpack(connection.recv(3.0))
+    assert metadata["action_spec"]["hash"] == layout.hash
+    assert list(metadata["request"]) == list(unpack(REQUEST))
+    (seen,) = served.asked
+    assert seen.task == "pick up the can"
+    assert {name: image.tolist() for name, image in seen.images.items()} == {
+        name: image.tolist() for name, image in OPENPI_IMAGES.items()
+    }
+    np.testing.assert_allclose(state_numbers(layout, seen), STATE, atol=1e-5)
     assert sorted(answer) == ["actions", "server_timing"]
-    chunk = decode(layout, answer["actions"], Anchor.measured(at))
-    for name in ("T_world_lhand", "T_world_rhand", "q_lhand", "q_rhand"):
-        np.testing.assert_allclose(chunk.arrays()[name], expected.arrays()[name], atol=1e-12)
+    # The policy answers with the wrists that it saw.
+    np.testing.assert_allclose(answer["actions"], np.tile(STATE, (4, 1)), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"observation/state": np.zeros(8)}, "(8,); the 32 numbers of 'wbc32' are expected (wholebody layouts wbc32)"),
+        ({"observation/state": [0.0] * 32}, "'observation/state' of the request is list"),
+        (
+            {"observation/state": np.full(32, np.nan)},
+            "the state is none of 'wbc32': action 0 (left_wrist_x",
+        ),
+        ({"observation/state": STATE + 3.0}, "waist and arms cannot reach"),
+        ({"observation/image": np.zeros((3, 4, 4), np.uint8)}, "uint8 of shape (3, 4, 4); uint8 (height, width, 3)"),
+        ({"observation/wrist_image": None}, "'observation/wrist_image' of the request is NoneType"),
+        ({"prompt": 3}, "'prompt' of the request is int; text of at most 4000 is expected"),
+        ({"prompt": "x" * 4001}, "'prompt' of the request is 4001 characters"),
+    ],
+)
+def test_a_request_of_openpis_client_that_does_not_fit_is_answered_with_what_would(changes, complaint):
+    with PolicyServer(Watching(), port=0) as server:
+        connection = raw(server)
+        connection.send(pack(unpack(REQUEST) | changes))
+        assert complaint in connection.recv(5.0).strip().splitlines()[-1]
+
+
+def test_a_camera_that_libero_lacks_goes_by_its_own_name_and_other_keys_are_told_by_a_map():
+    served = Watching({"head": (2, 3), "torso": (2, 3)})
+    with PolicyServer(served, port=0) as server:
+        connection = raw(server)
+        connection.send(REQUEST)
+        said = connection.recv(3.0).strip().splitlines()[-1]
+        assert "the request lacks 'observation/torso'" in said
+        assert "it has observation/state, observation/image, observation/wrist_image, prompt" in said
+    keys = KeyMap.named('{"torso": "observation/wrist_image"}')
+    with PolicyServer(served, port=0, keys=keys) as server:
+        connection = raw(server)
+        connection.send(REQUEST)
+        assert "actions" in unpack(connection.recv(3.0))
+    assert sorted(served.asked[-1].images) == ["head", "torso"]
+
+
+def test_a_policy_that_does_not_see_the_robot_is_served_to_openpis_client_without_a_state():
+    with PolicyServer(scripted_policy("wave"), port=0) as server:
+        connection = raw(server)
+        connection.send(pack({"prompt": "wave"}))
+        answer = unpack(connection.recv(3.0))
+    expected = encode(builtin("wbc32"), scripted_policy("wave").infer(observation()), Anchor.nominal())
+    np.testing.assert_allclose(answer["actions"], expected, atol=1e-9)
 
 
 def test_the_server_listens_on_the_loopback_alone_unless_told_otherwise():
@@ -216,7 +246,7 @@ def test_a_traceback_is_a_text_frame_and_the_connection_is_closed_as_openpi_clos
         text = connection.recv(3.0)
         assert isinstance(text, str)
         assert text.startswith("Traceback (most recent call last):")
-        assert text.rstrip().endswith("the request lacks time, q_body, q_lhand, q_rhand, T_world_base")
+        assert text.rstrip().endswith("other keys are named with --rename-map")
         with pytest.raises(ConnectionClosed):
             connection.recv(3.0)
         assert (connection.close_code, connection.close_reason) == (1011, CLOSE_REASON)
