@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from contextlib import suppress
 from http import HTTPStatus
-from queue import SimpleQueue
 from socket import SHUT_RDWR
 from time import monotonic, perf_counter
 from traceback import format_exc
@@ -24,6 +21,7 @@ from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.openpi import LIBERO, KeyMap
 from policy.remote.openpi_request import OpenpiRequests
 from policy.remote.wire import OWN_KEY, PROTOCOL, chunk_to_map, observation_from_map, prefix_from_map
+from policy.remote.worker import PolicyFailure, PolicyWorker
 
 if TYPE_CHECKING:
     from websockets.http11 import Request, Response
@@ -42,8 +40,6 @@ PONG_TIMEOUT = 2.0
 """The same when another one wants to come in [s]: a robot that lost its network must get in again soon."""
 IDLE_MAX = 10.0
 """How long a client may be connected without a first request before it gives way to another one [s]."""
-LOOK_INTERVAL = 0.05
-"""How often to look whether the client has hung up while the policy computes [s]."""
 CLOSE_REASON = "Internal server error. Traceback included in previous frame."
 """As openpi's server says after a traceback."""
 
@@ -98,7 +94,7 @@ class PolicyServer:
             close_timeout=CLOSE_TIMEOUT,
             max_size=FRAME_MAX,
         )
-        self._worker = _Worker()
+        self._worker = PolicyWorker()
 
     @property
     def uri(self) -> str:
@@ -152,7 +148,7 @@ class PolicyServer:
                 # Whatever it is, the client is told, as openpi's server does, and the server lives on.
                 except Exception as error:  # noqa: BLE001
                     self._log(client, error)
-                    client.send(error.text if isinstance(error, _PolicyFailure) else format_exc())
+                    client.send(error.text if isinstance(error, PolicyFailure) else format_exc())
                     client.close(CloseCode.INTERNAL_ERROR, CLOSE_REASON)
                     return
                 client.send(answer)
@@ -174,7 +170,7 @@ class PolicyServer:
         return True
 
     def _log(self, client: ServerConnection, error: Exception) -> None:
-        text = error.text.rstrip().rpartition("\n")[2] if isinstance(error, _PolicyFailure) else str(error)
+        text = error.text.rstrip().rpartition("\n")[2] if isinstance(error, PolicyFailure) else str(error)
         logger.warning("refused a request of %s: %s", _address(client), printable(text, 300))
 
     def _answer(self, frame: bytes | str, client: ServerConnection) -> bytes:
@@ -239,61 +235,6 @@ def metadata_of(policy: Policy, name: str = "") -> dict[str, Any]:
         "duration": None if duration is None else float(duration),
         "cameras": {camera: list(size) for camera, size in getattr(policy, "cameras", {}).items()},
     }
-
-
-class _PolicyFailure(Exception):
-    """What a policy raised, as the text that its client gets."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self.text = text
-
-
-class _Worker:
-    """The thread that calls the policy."""
-
-    def __init__(self) -> None:
-        self._jobs: SimpleQueue[tuple[Callable[[], Any], Future] | None] = SimpleQueue()
-        self._running: tuple[Future, float] | None = None
-        threading.Thread(target=self._run, name="served policy", daemon=True).start()
-
-    def run(self, call: Callable[[], Mapping[str, Any]], wanted: Callable[[], bool]) -> Mapping[str, Any]:
-        """Result of a call.
-
-        Args:
-            call: What to call.
-            wanted: Looked at while it runs; once it is false, nobody waits any longer.
-
-        Raises:
-            PolicyError: If a call from before still runs, or the result is no longer wanted.
-            _PolicyFailure: If the call raised.
-        """
-        if self._running is not None and not self._running[0].done():
-            since = monotonic() - self._running[1]
-            raise PolicyError(
-                f"the policy is busy: it computes since {since:.1f} s for a request that nobody waits for"
-            )
-        future: Future = Future()
-        self._running = (future, monotonic())
-        self._jobs.put((call, future))
-        while True:
-            try:
-                return future.result(LOOK_INTERVAL)
-            except TimeoutError as error:
-                if not wanted():
-                    raise PolicyError("the client has hung up") from error
-
-    def close(self) -> None:
-        """End the thread after the running call; does not wait for it."""
-        self._jobs.put(None)
-
-    def _run(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            call, future = job
-            try:
-                future.set_result(call())
-            except BaseException:  # noqa: BLE001 - SystemExit of a policy too goes to the client
-                future.set_exception(_PolicyFailure(format_exc()))
 
 
 def _is_open(client: ServerConnection) -> bool:
