@@ -44,7 +44,7 @@ def convert(
     dataset: Dataset,
     json_to: JsonTo = "",
 ) -> None:
-    """Convert between chunk files and motion files, or a dataset of joints to one of wrists."""
+    """Convert chunk files, motion files, or datasets of joints. Such a dataset becomes one of wrists."""
     layout, assumed = layout_named(to) or "wbc32", layout_named(assume_spec)
     if source.suffix.lower() in (".npz", ".csv") and not source.is_dir():
         from policy.recorded.convert import convert as convert_file

@@ -16,7 +16,7 @@ def layouts(
     name: Annotated[str, Argument(help="Built-in layout or JSON file; a list of the built-in ones if not given.")] = "",
     write: Annotated[Path | None, Option(help="Write an example chunk (.npz): both hands rise by 50 mm.")] = None,
 ) -> None:
-    """Print every slot of an action layout: unit, frame, order, limits, and what it is in the stance."""
+    """Print what every number of an action layout is. For each slot: unit, frame, order, limits, stance."""
     from policy.action_spec.builtin import LAYOUTS
     from policy.action_spec.describe import lines, summary
     from policy.recorded.chunk_file import write_chunk_file

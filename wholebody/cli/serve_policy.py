@@ -44,7 +44,7 @@ def serve_policy(
     assume_spec: AssumeSpec = "",
     rename_map: RenameMap = "",
 ) -> None:
-    """Serve a policy over a websocket, in openpi's protocol, to one robot at a time. Ends with Ctrl-C."""
+    """Serve a policy over a websocket to one robot at a time. Speaks openpi's protocol; ends with Ctrl-C."""
     from policy.remote.openpi import KeyMap
     from policy.remote.server import LOOPBACK, PolicyServer
 

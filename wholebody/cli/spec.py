@@ -23,7 +23,7 @@ def spec(
     ] = None,
     fps: Annotated[float | None, Option(help="Steps a second, where there is no dataset.")] = None,
 ) -> None:
-    """Write action_spec.json and state_spec.json of a checkpoint, with its own steps a chunk and rate."""
+    """Write down what a checkpoint's numbers mean. Action and state spec have its steps and rate."""
     from policy.lerobot.fit import fit_layouts
     from policy.lerobot.spec import ACTION_SPEC_FILE, STATE_SPEC_FILE, write_specs
 

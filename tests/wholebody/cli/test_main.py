@@ -50,6 +50,11 @@ def test_the_help_names_every_script_and_leaves_no_unit_out(inside):
     assert "in kg" in text
 
 
+def test_no_command_is_cut_off_in_the_list_of_commands(inside, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert "..." not in inside("--help").stdout.partition("Commands:")[2]
+
+
 def test_scripts_that_need_a_scene_get_it():
     assert set(SCENE_OF) <= set(SCRIPTS)
     assert set(SCENE_OF.values()) <= set(SCENES)
