@@ -35,12 +35,8 @@ class PlanningError(WholebodyError, RuntimeError):
     """No plan could be computed for a chunk (a plan that is not balanced is a report, not this)."""
 
 
-class SolverError(WholebodyError, RuntimeError):
-    """No solver could be run on a problem (an infeasible problem is a status, not this)."""
-
-
 class SimulationError(WholebodyError, RuntimeError):
-    """The physics became non-finite or lost its model."""
+    """A simulation is no longer finite: which joint, and when."""
 
 
 class RenderError(WholebodyError, RuntimeError):

@@ -1,1 +1,1 @@
-"""Contacts."""
+"""Contacts: what holds the robot up, and the forces that it can give."""

@@ -1,1 +1,1 @@
-"""Limits."""
+"""Limits: rows that bound the acceleration, so that a margin, a speed or a distance is kept."""

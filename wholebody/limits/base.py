@@ -1,4 +1,4 @@
-"""A limit bounds accelerations: rows ``lower <= J dv <= upper``, each with a name."""
+"""A limit bounds accelerations: one-sided rows ``J dv <= upper``, each with a name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Rows:
 
     Attributes:
         J: Shape (k, nv).
-        upper: ``J dv <= upper``, shape (k,). One-sided by convention: a two-sided limit gives two rows.
+        upper: ``J dv <= upper``, shape (k,); a two-sided limit gives two rows.
         labels: One name a row.
     """
 
@@ -33,24 +33,28 @@ class Limit(Protocol):
         ...
 
 
-def barrier(margin: np.ndarray, rate: np.ndarray, *, brake: np.ndarray | float, dt: float) -> np.ndarray:
+def braking_bound(
+    margin: np.ndarray, rate: np.ndarray, *, brake: np.ndarray | float, time_constant: float
+) -> np.ndarray:
     r"""Largest acceleration towards a bound from which one can still stop before it.
 
-    The speed towards the bound may be at most ``sqrt(2 brake margin)``, reached within a few control periods; past the
-    bound it must turn back. Far from the bound it does not bind.
+    The speed towards the bound may be at most ``sqrt(2 brake margin)``, which is approached with a time constant; past
+    the bound it must turn back. Far from the bound it does not bind. A motion that has kept to it from afar brakes with
+    about ``brake``, and ``2.1 brake`` for a moment at the end, where the square root becomes a line.
 
     Args:
         margin: Distance to the bound, negative past it, shape (k,).
         rate: Speed towards the bound, shape (k,).
         brake: Deceleration that is always available, positive.
-        dt: Time within which the allowed speed is to be reached [s].
+        time_constant: Of the approach to the allowed speed [s].
 
     Returns:
-        Upper bound on the acceleration towards the bound, shape (k,), never below ``-2 brake`` inside the bound.
+        Upper bound on the acceleration towards the bound, shape (k,): excess of the allowed over the present speed, per
+        time constant. It has no floor: a motion that is already much too fast is asked for more than ``brake``.
     """
     inside = np.maximum(margin, 0.0)
-    # A plain square root has infinite slope at zero: below the distance covered in dt it continues as a line.
-    linear = 2.0 * brake * dt**2
-    allowed = np.where(inside > linear, np.sqrt(2.0 * brake * inside), inside / dt)
-    allowed = np.where(margin < 0.0, margin / (4.0 * dt), allowed)
-    return (allowed - rate) / dt
+    # A plain square root has infinite slope at zero: nearer than a time constant's way it continues as a line.
+    linear = 2.0 * brake * time_constant**2
+    allowed = np.where(inside > linear, np.sqrt(2.0 * brake * inside), inside / time_constant)
+    allowed = np.where(margin < 0.0, margin / (4.0 * time_constant), allowed)
+    return (allowed - rate) / time_constant

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wholebody.limits.base import Rows, barrier
+from wholebody.limits.base import Rows, braking_bound
 from wholebody.robot.state import Robot
 
 
@@ -28,7 +28,7 @@ class OrientationLimit:
         self._labels = tuple(f"{frame}.{axis}.{side}" for side in ("max", "min") for axis in axes)
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: rotation (9), rate (3) and acceleration (3)."""
+        """Read the reference from memory that the program shares: rotation (9), rate (3) and acceleration (3)."""
         self.R_world_ref, self.rate_ref, self.acceleration_ref = memory[:9].reshape(3, 3), memory[9:12], memory[12:]
 
     def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
@@ -43,7 +43,7 @@ class OrientationLimit:
         upper = []
         for sign in (1.0, -1.0):
             drift_rate = sign * (rate - self.rate_ref)
-            stop = barrier(self.angle_max - sign * angle, drift_rate, brake=self.brake, dt=self.dt)
+            stop = braking_bound(self.angle_max - sign * angle, drift_rate, brake=self.brake, time_constant=self.dt)
             stop += sign * self.acceleration_ref
             speed = (self.rate_max - sign * rate) / self.dt
             upper.append(np.minimum(stop, speed) - sign * drift)
@@ -66,7 +66,7 @@ class HeightLimit:
         self._reference: np.ndarray | None = None
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the plan from memory of somebody else: height, rate and acceleration (3,)."""
+        """Read the plan from memory that the program shares: height, rate and acceleration (3,)."""
         self._reference = memory
 
     def set_reference(self, z: float, dz: float, ddz: float) -> None:
@@ -87,6 +87,6 @@ class HeightLimit:
             rows.append((J, planned + self.band - z, away, acceleration - drift))
             rows.append((-J, z - planned + self.band, -away, drift - acceleration))
         margin, speed, extra = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
-        upper = barrier(margin, speed, brake=self.brake, dt=self.dt) + extra
+        upper = braking_bound(margin, speed, brake=self.brake, time_constant=self.dt) + extra
         labels = (f"{self.frame}.height.lowest", f"{self.frame}.height.max", f"{self.frame}.height.min")
         return Rows(np.vstack([row[0] for row in rows]), upper, labels[: len(rows)])

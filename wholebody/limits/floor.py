@@ -6,14 +6,14 @@ import numpy as np
 
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import point_rates
-from wholebody.limits.base import Rows, barrier
+from wholebody.limits.base import Rows, braking_bound
 from wholebody.robot.state import Robot
 
 
 class FloorLimit:
     """The lowest points of the bodies below the elbows do not come closer to the floor than a distance.
 
-    For a point at height z with rate ``J v``: ``-J dv <= barrier(z - distance, -J v) + drift``.
+    For a point at height z with rate ``J v``: ``-J dv <= braking_bound(z - distance, -J v) + drift``.
 
     Args:
         underside: The bodies.
@@ -45,6 +45,6 @@ class FloorLimit:
         up = np.tile([0.0, 0.0, 1.0], (len(near), 1))
         J, drift = point_rates(robot.data, self.underside.supports[near], points[near], up, robot.v)
         room = points[near, 2] - self.distance
-        upper = barrier(room, -(J @ robot.v), brake=self.brake, dt=self.dt) + drift
+        upper = braking_bound(room, -(J @ robot.v), brake=self.brake, time_constant=self.dt) + drift
         J[:, self.driven] = 0.0
         return Rows(-J, upper, tuple(self.underside.labels[k] for k in near))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.collision.proximity import Proximity
-from wholebody.limits.base import Rows, barrier
+from wholebody.limits.base import Rows, braking_bound
 from wholebody.robot.state import Robot
 
 
 class SelfCollisionLimit:
     """The nearest pairs of bodies do not come closer than their margin.
 
-    For a pair at distance d with rate ``J v``: ``-J dv <= barrier(d - margin, -J v) + drift``.
+    For a pair at distance d with rate ``J v``: ``-J dv <= braking_bound(d - margin, -J v) + drift``.
 
     Args:
         proximity: Distances of the watched pairs.
@@ -46,6 +46,6 @@ class SelfCollisionLimit:
         near = self.proximity.near(self.trigger, self.most, self.least)
         J, drift = self.proximity.rates(robot.data, near, robot.v)
         room = self.proximity.distance[near] - self.proximity.margin[near]
-        upper = barrier(room, -(J @ robot.v), brake=self.brake, dt=self.dt) + drift
+        upper = braking_bound(room, -(J @ robot.v), brake=self.brake, time_constant=self.dt) + drift
         J[:, self.driven] = 0.0
         return Rows(-J, upper, tuple(self.proximity.labels[k] for k in near))

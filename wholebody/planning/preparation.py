@@ -98,11 +98,11 @@ def _joined(
     Steps that no hand could follow are replaced by the nearest that one can. Both keep that share of the limits.
     """
     slow = limits.scaled(share)
-    path = HandPath.from_knots(times, T, q, caps=limits).joined(motion, s, caps=slow)
+    path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)
     if len(times) < 2:
         return path, 0.0
     projected = continued(times, T, q, slow, motion, s)
     if not (path.join.rough or projected.changed):
         return path, 0.0
-    path = HandPath.from_knots(projected.times, projected.T, projected.q, caps=limits).joined(motion, s, caps=slow)
+    path = HandPath.from_knots(projected.times, projected.T, projected.q, limits=limits).joined(motion, s, limits=slow)
     return path, projected.moved

@@ -33,21 +33,21 @@ class HandPath:
     Attributes:
         curve: The 14 channels of `wholebody.reference.knots` over ``s``.
         start, end: First and last knot, or the join and the last knot [s]; outside the hand starts and stops.
-        caps: What start, stop and joins keep to; the knots are met whatever they demand.
-        wild: Indices of knots whose slope was limited because the motion around them is far beyond the caps.
+        limits: What start, stop and joins keep to; the knots are met whatever they demand.
+        outliers: Indices of knots whose slope was limited because the motion around them is far beyond the limits.
         join: How the path continues an earlier motion, or None.
     """
 
     curve: PiecewiseQuintic
     start: float
     end: float
-    caps: HandLimits
-    wild: tuple[int, ...] = ()
+    limits: HandLimits
+    outliers: tuple[int, ...] = ()
     join: Join | None = None
 
     @classmethod
     def from_knots(
-        cls, times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray, *, caps: HandLimits | None = None
+        cls, times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray, *, limits: HandLimits | None = None
     ) -> HandPath:
         """Path through knots.
 
@@ -55,23 +55,23 @@ class HandPath:
             times: Parameters of the knots, increasing, shape ``(H,)``, [s].
             T_world_hand: Poses, shape ``(H, 4, 4)``.
             q_hand: Finger joints in motor order, shape ``(H, 7)``, [rad].
-            caps: Caps of the hand; `HandLimits()` if not given.
+            limits: Limits of the hand; `HandLimits()` if not given.
 
         Raises:
             InputError: If a shape is wrong, a value is not finite, times do not increase, or a rotation is none.
         """
-        caps = HandLimits() if caps is None else caps
+        limits = HandLimits() if limits is None else limits
         times, T, q = check_knots(times, T_world_hand, q_hand)
-        curve, wild = curve_through(times, T, q, caps)
-        return cls(curve, float(times[0]), float(times[-1]), caps, tuple(np.flatnonzero(wild).tolist()))
+        curve, outliers = curve_through(times, T, q, limits)
+        return cls(curve, float(times[0]), float(times[-1]), limits, tuple(np.flatnonzero(outliers).tolist()))
 
-    def joined(self, motion: HandMotion, s: float, *, caps: HandLimits | None = None) -> HandPath:
+    def joined(self, motion: HandMotion, s: float, *, limits: HandLimits | None = None) -> HandPath:
         """The path from ``s`` on, beginning with ``motion`` (position, velocity, acceleration) instead of its own.
 
         Args:
             motion: What is commanded at ``s``, one row.
             s: Parameter of the join [s]; it may lie before the first or after the last knot.
-            caps: Caps of the joining motion, half of which it uses; those of the path if not given.
+            limits: Limits of the joining motion, half of which it uses; those of the path if not given.
 
         Raises:
             InputError: If the motion is not one finite row, or ``s`` is not finite.
@@ -81,7 +81,7 @@ class HandPath:
                 f"a path joins one finite row of {ROW} values at a finite s; got shape {motion.rows.shape} at s {s}",
                 field="motion",
             )
-        curve, join = join_curve(self.curve, motion, float(s), caps or self.caps, self.caps)
+        curve, join = join_curve(self.curve, motion, float(s), limits or self.limits, self.limits)
         return replace(self, curve=curve, start=float(s), join=join)
 
     def moved(self, s: np.ndarray, T_world_hand: np.ndarray) -> HandPath:

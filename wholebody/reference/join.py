@@ -17,7 +17,7 @@ from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_
 from wholebody.reference.spline import PiecewiseQuintic, quintic, shift
 
 JOIN_SHARES = (0.25, 0.25, 0.25)
-"""Shares of the caps on speed, acceleration and jerk that the correction may use; the rest is for the path."""
+"""Shares of the limits on speed, acceleration and jerk that the correction may use; the rest is for the path."""
 HURRY = 4.0
 """By how much more a velocity is corrected than a position: the longer it lasts, the further it leads away."""
 DURATIONS = np.geomspace(0.1, 4.0, 17)
@@ -58,7 +58,7 @@ class Join:
 
 
 def join_curve(
-    curve: PiecewiseQuintic, motion: HandMotion, s: float, caps: HandLimits, most: HandLimits
+    curve: PiecewiseQuintic, motion: HandMotion, s: float, limits: HandLimits, most: HandLimits
 ) -> tuple[PiecewiseQuintic, Join]:
     """The curve from ``s`` on, corrected to begin with ``motion``, with a start from rest before it.
 
@@ -66,23 +66,23 @@ def join_curve(
         curve: Curve in the 14 channels of `knots`.
         motion: One row: what is commanded at ``s``.
         s: Parameter of the join [s].
-        caps: The correction uses `JOIN_SHARES` of them.
-        most: Caps that a way of more than `PATIENCE` may use instead.
+        limits: The correction uses `JOIN_SHARES` of them.
+        most: Limits that a way of more than `PATIENCE` may use instead.
     """
     own = np.stack(curve(np.array([s])))[:, 0]
     start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
     place, velocity, acceleration = (np.where(np.arange(3)[:, None] == k, error, 0.0) for k in range(3))
-    duration = join_duration(place, caps)
+    duration = join_duration(place, limits)
     if duration > PATIENCE:
         duration = max(PATIENCE, join_duration(place, most))
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
     rough = _excursion(velocity + acceleration, DURATIONS[0]) > 1.0
-    settling = join_duration(velocity, caps.scaled(HURRY)) if rough else DURATIONS[0]
+    settling = join_duration(velocity, limits.scaled(HURRY)) if rough else DURATIONS[0]
     # An acceleration that lasted as long would lead metres away.
     joined = _corrected(curve, np.stack([place, velocity, acceleration]), s, [duration, settling, DURATIONS[0]])
     duration = max(duration, settling)
-    before = brake_time(start, caps)
+    before = brake_time(start, limits)
     rest = np.zeros_like(start)
     rest[0] = start[0] - before * (start[1] / 2.0 - before * start[2] / 12.0)
     lead = quintic(np.array([before]), rest[:, None], start[:, None])
@@ -104,16 +104,16 @@ def commanded_jet(motion: HandMotion, near: np.ndarray) -> np.ndarray:
     return jet
 
 
-def join_duration(error: np.ndarray, caps: HandLimits) -> float:
-    """Shortest of `DURATIONS` in which the correction stays inside the caps, or the one that comes nearest, [s].
+def join_duration(error: np.ndarray, limits: HandLimits) -> float:
+    """Shortest of `DURATIONS` in which the correction stays inside the limits, or the one that comes nearest, [s].
 
     The path does not count: recordings are rough enough that no join would ever be smooth beside them. Where the
-    correction begins above a cap, that counts instead of the cap.
+    correction begins above a limit, that counts instead of the limit.
     """
     best, best_excess = DURATIONS[-1], np.inf
-    first = min(int(np.searchsorted(DURATIONS, _least_duration(error, caps))), len(DURATIONS) - 1)
+    first = min(int(np.searchsorted(DURATIONS, _least_duration(error, limits))), len(DURATIONS) - 1)
     for duration in DURATIONS[first:]:
-        excess = _join_excess(error, duration, caps)
+        excess = _join_excess(error, duration, limits)
         if excess <= 1.0:
             return float(duration)
         if excess < best_excess:
@@ -121,27 +121,27 @@ def join_duration(error: np.ndarray, caps: HandLimits) -> float:
     return float(best)
 
 
-def _least_duration(error: np.ndarray, caps: HandLimits) -> float:
+def _least_duration(error: np.ndarray, limits: HandLimits) -> float:
     """Half of what a minimum-jerk move over the distance takes from rest to rest: anything shorter is not worth trying.
 
     Its peaks are 1.875 d / T, 5.77 d / T^2 and 60 d / T^3.
     """
     least = 0.0
-    for part, cap in zip(PARTS, caps.motions, strict=True):
+    for part, limit in zip(PARTS, limits.motions, strict=True):
         d = float(part_size(error[0], part))
-        speed, acceleration, jerk = _bounds(cap)
+        speed, acceleration, jerk = _bounds(limit)
         least = max(least, 1.875 * d / speed, (5.77 * d / acceleration) ** 0.5, (60.0 * d / jerk) ** (1 / 3))
     return 0.5 * least
 
 
-def _join_excess(error: np.ndarray, duration: float, caps: HandLimits) -> float:
+def _join_excess(error: np.ndarray, duration: float, limits: HandLimits) -> float:
     """Largest ratio of speed, acceleration and jerk of the correction to what they may be."""
     scaled = error * np.array([[1.0], [duration], [duration**2]])
     worst = 0.0
     for order in (1, 2, 3):
         rates = (_BASIS[order] @ scaled) / duration**order
-        for part, cap in zip(PARTS, caps.motions, strict=True):
-            size, bound = part_size(rates, part), _bounds(cap)[order - 1]
+        for part, limit in zip(PARTS, limits.motions, strict=True):
+            size, bound = part_size(rates, part), _bounds(limit)[order - 1]
             worst = max(worst, size.max() / max(bound, size[0] if order < 3 else 0.0))
     return float(worst)
 
@@ -152,9 +152,9 @@ def _excursion(error: np.ndarray, duration: float) -> float:
     return max(float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True))
 
 
-def _bounds(cap: MotionLimits) -> tuple[float, ...]:
+def _bounds(limit: MotionLimits) -> tuple[float, ...]:
     """Speed, acceleration and jerk that a correction may have."""
-    sizes = (cap.speed, cap.acceleration, cap.jerk)
+    sizes = (limit.speed, limit.acceleration, limit.jerk)
     return tuple(share * size for share, size in zip(JOIN_SHARES, sizes, strict=True))
 
 

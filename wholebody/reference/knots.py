@@ -1,4 +1,4 @@
-"""From the knots of a chunk to one C2 curve in R^14: which knots are wild, and how the hand starts and stops.
+"""From the knots of a chunk to one C2 curve in R^14: which knots are outliers, and how the hand starts and stops.
 
 Channels: position 3 [m], quaternion xyzw 4, fingers 7 [rad].
 """
@@ -17,10 +17,10 @@ from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quint
 POSITION, ROTATION, FINGER = slice(0, 3), slice(3, 7), slice(7, 14)
 PARTS = (POSITION, ROTATION, FINGER)
 
-WILD_SPEED = 2.0
-"""Knots are wild where the hand would need more than this many times its speed cap between them."""
-WILD_ACCELERATION = 3.0
-"""A knot is wild where its second difference is more than this many times the acceleration cap."""
+OUTLIER_SPEED = 2.0
+"""Knots are outliers where the hand would need more than this many times its speed limit between them."""
+OUTLIER_ACCELERATION = 3.0
+"""A knot is an outlier where its second difference is more than this many times the acceleration limit."""
 BRAKE_MIN = 0.05
 """Shortest start from rest and shortest stop [s]."""
 ROTATION_TOLERANCE = 1e-3
@@ -78,52 +78,52 @@ def check_knots(
 
 
 def curve_through(
-    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandLimits
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, limits: HandLimits
 ) -> tuple[PiecewiseQuintic, np.ndarray]:
-    """The C2 curve through checked knots, with its start from rest and its stop; and which knots are wild, ``(H,)``."""
+    """The C2 curve through checked knots, with its start from rest and its stop; and which are outliers, ``(H,)``."""
     y = np.concatenate([T[:, :3, 3], continuous_quaternions(T[:, :3, :3]), q], axis=1)
-    wild = np.zeros(len(times), dtype=bool)
-    jets = np.stack([y, *knot_derivatives(times, y, wild)])
-    for part, cap in zip(PARTS, caps.motions, strict=True):
-        limited = wild_knots(times, y, part, cap)
-        wild |= limited
+    outliers = np.zeros(len(times), dtype=bool)
+    jets = np.stack([y, *knot_derivatives(times, y, outliers)])
+    for part, limit in zip(PARTS, limits.motions, strict=True):
+        limited = outlier_knots(times, y, part, limit)
+        outliers |= limited
         if limited.any():
             jets[1:, :, part] = knot_derivatives(times, y[:, part], limited)
-        _slow_ends(jets, part, cap)
-    times, jets = _start_and_stop(times, jets, caps)
-    return PiecewiseQuintic(times, quintic(np.diff(times), jets[:, :-1], jets[:, 1:])), wild
+        _slow_ends(jets, part, limit)
+    times, jets = _start_and_stop(times, jets, limits)
+    return PiecewiseQuintic(times, quintic(np.diff(times), jets[:, :-1], jets[:, 1:])), outliers
 
 
-def wild_knots(times: np.ndarray, y: np.ndarray, part: slice, cap: MotionLimits) -> np.ndarray:
-    """Knots next to a motion far beyond the caps, shape ``(H,)``: there a spline would ring into its neighbours."""
-    wild = np.zeros(len(times), dtype=bool)
+def outlier_knots(times: np.ndarray, y: np.ndarray, part: slice, limit: MotionLimits) -> np.ndarray:
+    """Knots next to a motion far beyond the limits, shape ``(H,)``: there a spline would ring into its neighbours."""
+    outliers = np.zeros(len(times), dtype=bool)
     h = np.diff(times)
     secant = np.diff(y, axis=0) / h[:, None]
-    fast = part_size(secant, part) > WILD_SPEED * cap.speed
-    wild[:-1] |= fast
-    wild[1:] |= fast
+    fast = part_size(secant, part) > OUTLIER_SPEED * limit.speed
+    outliers[:-1] |= fast
+    outliers[1:] |= fast
     bend = np.diff(secant, axis=0) / (0.5 * (h[1:] + h[:-1]))[:, None]
-    wild[1:-1] |= part_size(bend, part) > WILD_ACCELERATION * cap.acceleration
-    if len(wild) > 1:  # not-a-knot would carry what is wild beyond the second knot to the end
-        wild[[0, -1]] |= wild[[1, -2]]
-    return wild
+    outliers[1:-1] |= part_size(bend, part) > OUTLIER_ACCELERATION * limit.acceleration
+    if len(outliers) > 1:  # not-a-knot would carry an outlier beyond the second knot to the end
+        outliers[[0, -1]] |= outliers[[1, -2]]
+    return outliers
 
 
-def _slow_ends(jets: np.ndarray, part: slice, cap: MotionLimits) -> None:
-    """Bring velocity and acceleration of the end knots inside the caps, in place, so that start and stop are short.
+def _slow_ends(jets: np.ndarray, part: slice, limit: MotionLimits) -> None:
+    """Bring velocity and acceleration of the end knots inside the limits, in place, so that start and stop are short.
 
     Segments are quintics, so any jet at a knot leaves the curve C2.
     """
     for knot in (0, -1):
-        for order, bound in ((1, cap.speed), (2, cap.acceleration)):
+        for order, bound in ((1, limit.speed), (2, limit.acceleration)):
             size = float(part_size(jets[order, knot], part))
             if size > bound:
                 jets[order, knot, part] *= bound / size
 
 
-def _start_and_stop(times: np.ndarray, jets: np.ndarray, caps: HandLimits) -> tuple[np.ndarray, np.ndarray]:
+def _start_and_stop(times: np.ndarray, jets: np.ndarray, limits: HandLimits) -> tuple[np.ndarray, np.ndarray]:
     """Knots and jets with a knot at rest before the first and one after the last."""
-    before, after = brake_time(jets[:, 0], caps), brake_time(jets[:, -1], caps)
+    before, after = brake_time(jets[:, 0], limits), brake_time(jets[:, -1], limits)
     rest = np.zeros((3, 2, jets.shape[2]))
     rest[0, 0] = jets[0, 0] - before * (jets[1, 0] / 2.0 - before * jets[2, 0] / 12.0)
     rest[0, 1] = jets[0, -1] + after * (jets[1, -1] / 2.0 + after * jets[2, -1] / 12.0)
@@ -131,14 +131,14 @@ def _start_and_stop(times: np.ndarray, jets: np.ndarray, caps: HandLimits) -> tu
     return times, np.concatenate([rest[:, :1], jets, rest[:, 1:]], axis=1)
 
 
-def brake_time(jet: np.ndarray, caps: HandLimits) -> float:
-    """Time in which the jet ``(3, 14)`` comes to rest with a cubic velocity inside half of the caps, [s].
+def brake_time(jet: np.ndarray, limits: HandLimits) -> float:
+    """Time in which the jet ``(3, 14)`` comes to rest with a cubic velocity inside half of the limits, [s].
 
     The velocity ``v (1 - 3 s^2 + 2 s^3) + a T (s - 2 s^2 + s^3)`` has the peak acceleration ``1.5 v / T`` and the
     peak jerks ``6 v / T^2`` and ``4 a / T``. The displacement is ``v T / 2 + a T^2 / 12``.
     """
     time = BRAKE_MIN
-    for part, cap in zip(PARTS, caps.motions, strict=True):
+    for part, limit in zip(PARTS, limits.motions, strict=True):
         v, a = float(part_size(jet[1], part)), float(part_size(jet[2], part))
-        time = max(time, 3.0 * v / cap.acceleration, (12.0 * v / cap.jerk) ** 0.5, 8.0 * a / cap.jerk)
+        time = max(time, 3.0 * v / limit.acceleration, (12.0 * v / limit.jerk) ** 0.5, 8.0 * a / limit.jerk)
     return time

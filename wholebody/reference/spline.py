@@ -1,4 +1,4 @@
-"""C2 curves through knots: cubic splines in slope form, written as quintic segments so that wild knots stay C2 too.
+"""C2 curves through knots: cubic splines in slope form, written as quintic segments so that outliers stay C2 too.
 
 A segment is the quintic that takes value, first and second derivative from one knot to the next. Where those are a
 cubic spline's the quintic *is* the cubic. A knot whose slope has to be limited gets second derivative zero: the curve

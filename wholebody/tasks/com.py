@@ -23,7 +23,7 @@ class ComTask:
         self.bind(np.zeros(9))
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: position, velocity and acceleration (9,)."""
+        """Read the reference from memory that the program shares: position, velocity and acceleration (9,)."""
         self.position_ref, self.velocity_ref, self.acceleration_ref = memory[:3], memory[3:6], memory[6:]
 
     def set_reference(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> None:

@@ -39,7 +39,7 @@ class HandTask:
         self.R_world_ref[:] = np.eye(3)
 
     def bind(self, memory: np.ndarray, share: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: rotation (9), position (3), twist (6), acceleration (6).
+        """Read the reference from shared memory: rotation (9), position (3), twist (6), acceleration (6).
 
         Args:
             memory: Shape (24,).

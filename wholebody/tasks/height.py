@@ -22,7 +22,7 @@ class HeightTask:
         self._reference = np.zeros(3)
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: height, rate and acceleration (3,)."""
+        """Read the reference from memory that the program shares: height, rate and acceleration (3,)."""
         self._reference = memory
 
     def set_reference(self, z: float, dz: float, ddz: float) -> None:

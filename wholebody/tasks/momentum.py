@@ -21,7 +21,7 @@ class AngularMomentumTask:
         self.bind(np.zeros(6))
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: momentum and rate (6,)."""
+        """Read the reference from memory that the program shares: momentum and rate (6,)."""
         self.momentum_ref, self.rate_ref = memory[:3], memory[3:]
 
     def set_reference(self, momentum: np.ndarray, rate: np.ndarray) -> None:

@@ -24,7 +24,7 @@ class OrientationTask:
         self.R_world_ref[:] = np.eye(3)
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: rotation (9), rate (3) and acceleration (3)."""
+        """Read the reference from memory that the program shares: rotation (9), rate (3) and acceleration (3)."""
         self.R_world_ref, self.rate_ref, self.acceleration_ref = memory[:9].reshape(3, 3), memory[9:12], memory[12:]
 
     def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:

@@ -24,7 +24,7 @@ class PostureTask:
         self._J = np.hstack([np.zeros((n, 6)), np.eye(n)])
 
     def bind(self, memory: np.ndarray) -> None:
-        """Read the reference from memory of somebody else: rows position, velocity, acceleration (3, n_joints)."""
+        """Read the reference from shared memory: rows position, velocity, acceleration (3, n_joints)."""
         self.q_ref, self.dq_ref, self.ddq_ref = memory
 
     def set_reference(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:

@@ -99,7 +99,7 @@ def test_hand_starts_from_rest_and_brakes_to_rest_within_the_caps():
     assert np.abs(rest.twist).max() < 1e-9
     assert np.abs(rest.dq_finger).max() < 1e-9
     stop = path.sample(np.linspace(path.end, last, 200))
-    caps = path.caps.position
+    caps = path.limits.position
     assert np.linalg.norm(stop.a, axis=1).max() <= caps.acceleration
     assert np.linalg.norm(np.diff(stop.a, axis=0), axis=1).max() / (last - path.end) * 199 <= caps.jerk
     assert np.linalg.norm(stop.p[-1] - stop.p[0]) < 0.15  # v T / 2
@@ -109,7 +109,7 @@ def test_a_hand_that_leaves_the_chunk_too_fast_stops_within_a_stride():
     times, T, q = chunk(0.0)
     T[:, 0, 3] = 4.0 * times  # above the cap, not wild
     path = HandPath.from_knots(times, T, q)
-    assert path.wild == ()
+    assert path.outliers == ()
     assert path.sample(path.span[1]).p[0] - T[-1, 0, 3] < 0.55  # 2.5 m/s over 0.375 s, and the acceleration's share
     assert T[0, 0, 3] - path.sample(path.span[0]).p[0] < 0.55
 
@@ -127,7 +127,7 @@ def test_short_chunks_make_paths(count):
 def test_wild_knots_do_not_overshoot(seed):
     times, T, q = wild_knots(np.random.default_rng(seed))
     path = HandPath.from_knots(times, T, q)
-    assert len(path.wild) > 40
+    assert len(path.outliers) > 40
     motion = path.sample(np.linspace(-1.0, 3.0, 4001))
     assert np.isfinite(motion.rows).all()
     assert np.all(motion.p <= T[:, :3, 3].max(axis=0) + 0.01)
@@ -140,7 +140,7 @@ def test_one_outlier_disturbs_only_its_neighbours():
     times, T, q = chunk(0.0)
     T[25, :3, 3] += [0.0, 1.0, 0.0]
     path = HandPath.from_knots(times, T, q)
-    assert path.wild == (24, 25, 26)
+    assert path.outliers == (24, 25, 26)
     s = np.concatenate([np.linspace(0.0, times[22], 500), np.linspace(times[28], times[-1], 500)])
     assert np.linalg.norm(path.sample(s).p - lissajous_rows(s)[:, :3], axis=1).max() < 1e-3
     assert path.sample(np.linspace(0, 1.6, 2000)).p[:, 1].max() < T[25, 1, 3] + 1e-6
@@ -203,7 +203,7 @@ def test_a_join_from_rest_keeps_to_its_share_of_the_caps():
     T[:, :3, 3] = T[0, :3, 3]
     path = HandPath.from_knots(times, T, q).joined(HandMotion(rest_row(np.eye(4))), 0.1)
     motion = path.sample(np.linspace(0.1, 2.0, 2000))
-    caps = path.caps.position
+    caps = path.limits.position
     assert np.linalg.norm(motion.v, axis=1).max() <= 0.26 * caps.speed
     assert np.linalg.norm(motion.a, axis=1).max() <= 0.26 * caps.acceleration
     assert path.join.distance == pytest.approx(np.linalg.norm(T[0, :3, 3]))
@@ -298,6 +298,6 @@ def test_a_gentle_join_takes_longer_but_not_past_patience_unless_any_join_does(d
     T[:, 2, 3] = distance
     path = HandPath.from_knots(np.arange(50) / 30.0, T, np.zeros((50, 7)))
     here = HandMotion(rest_row(np.eye(4)))
-    usual, gentle = (path.joined(here, 0.0, caps=path.caps.scaled(x)).join.duration for x in (1.0, 0.6))
+    usual, gentle = (path.joined(here, 0.0, limits=path.limits.scaled(x)).join.duration for x in (1.0, 0.6))
     assert usual <= gentle <= max(PATIENCE, usual)
     assert gentle > usual or usual >= PATIENCE

@@ -258,7 +258,7 @@ def test_wild_chunks_replaced_at_any_time_stay_inside_the_caps():
     rng = np.random.default_rng(4)
     smoother, rows = ReferenceSmoother(REST[None], RANGE), []
     for _ in range(12):
-        path = HandPath.from_knots(*wild_knots(rng), caps=RANGE)
+        path = HandPath.from_knots(*wild_knots(rng), limits=RANGE)
         if rng.random() < 0.5:
             path = path.joined(HandMotion(smoother.motion.rows[0].copy()), 0.0)
         s = DT * np.arange(1, rng.integers(50, 1000))
