@@ -105,6 +105,14 @@ def test_every_module_that_is_named_exists(document):
         assert exists(name), f"{document.name} names {name}"
 
 
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_name_that_a_code_block_imports_exists(document):
+    line = r"^from ((?:models|policy|wholebody)[\w.]*) import ([\w, ]+)$"
+    for module, names in re.findall(line, document.read_text(), re.MULTILINE):
+        for name in names.split(", "):
+            assert exists(f"{module}.{name}"), f"{document.name}: from {module} import {name}"
+
+
 def test_what_modules_are_called_now_exists():
     text = (ROOT / "CHANGELOG.md").read_text()
     table = text.partition("| Module | Now |")[2].partition("\n\n")[0]
