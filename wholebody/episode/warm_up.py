@@ -14,6 +14,7 @@ from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
+from wholebody.control.controller import WholeBodyController
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import compile_follow
 from wholebody.execution.supervisor import Supervisor
@@ -21,7 +22,6 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import BodyState
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
 from wholebody.sim import plant
@@ -58,7 +58,7 @@ def compile_tick() -> None:
     program = TrajectoryProblem(RobotTables(g1(), config), config, 3)
     program.weigh(config, 1.0)
     program.step(1.0)
-    compiled_stages()
+    WholeBodyController(g1())
     compile_follow(g1().n_joints)
     plant.warm_up()
 

@@ -48,15 +48,26 @@ class Entry:
 
     def __call__(self, *arguments: object) -> object:
         """Call the compiled function."""
+        return self.native(*arguments)(*arguments)
+
+    def native(self, *arguments: object) -> Callable:
+        """The native entry, made for arguments of these kinds on first use: for who calls it too often for a detour."""
         if self._native is None:
             self._native = self.compile(*arguments)
-        return self._native(*arguments)
+        return self._native
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether there is a native entry already."""
+        return self._native is not None
 
     def compile(self, *arguments: object) -> Callable:
         """The native entry for arguments of these kinds, which are looked at only: their values do not matter."""
         import numba
 
-        types = tuple(numba.typeof(argument) for argument in arguments)
+        from wholebody.jit.packed_type import typeof
+
+        types = tuple(typeof(argument) for argument in arguments)
         modules = _register(self.function)
         compiler = numba.njit(cache=True, nogil=True, **_options(sys.modules[self.function.__module__]))
         dispatcher = compiler(_closed(self.function, _digest(modules)))
@@ -113,7 +124,8 @@ def _digest(modules: set[ModuleType]) -> int:
 
     numba's cache notices changes of the file of a function only.
     """
-    sources: dict[str, bytes] = {__name__: Path(__file__).read_bytes()}
+    here = Path(__file__)
+    sources = {name: here.with_name(f"{name}.py").read_bytes() for name in ("entry", "packed", "packed_type")}
     waiting = [module.__name__ for module in modules]
     while waiting:
         name = waiting.pop()
