@@ -63,7 +63,7 @@ def joint_bounds(tick: Packed):
 
 
 def braking_bound(margin, rate, brake, dt):
-    """`wholebody.limits.base.barrier` for one row."""
+    """`wholebody.limits.base.braking_bound` for one row."""
     if margin < 0.0:
         allowed = margin / (4.0 * dt)
     elif margin > 2.0 * brake * dt * dt:
