@@ -35,8 +35,11 @@ def test_the_ten_line_program_runs_and_the_robot_stands(capsys):
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_every_command_and_option_exists(document):
-    commands = typer.main.get_command(app).commands
+    group = typer.main.get_command(app)
+    commands, own = group.commands, {option for parameter in group.params for option in parameter.opts}
     for _, name, *arguments in typed(document.read_text(), "wholebody"):
+        if name in own:
+            continue
         assert name in commands, f"{document.name}: wholebody {name}"
         command = commands[name]
         if arguments and arguments[0] in getattr(command, "commands", {}):
