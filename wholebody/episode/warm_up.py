@@ -55,9 +55,9 @@ def compile_tick() -> None:
     That is what a plan needs last: both processes have the same amount to do, and none of it twice.
     """
     config = PlannerConfig().posture
-    program = TrajectoryProblem(RobotTables(g1(), config), config, 3)
-    program.weigh(config, 1.0)
-    program.step(1.0)
+    problem = TrajectoryProblem(RobotTables(g1(), config), config, 3)
+    problem.set_weights(config, 1.0)
+    problem.step(1.0)
     WholeBodyController(g1())
     compile_follow(g1().n_joints)
     plant.warm_up()
@@ -74,5 +74,5 @@ def compile_plan() -> None:
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
     T_world_base = robot.pose(spec.base_body).homogeneous
     chunk = scripted_policy("wave").infer(Observation(0.0, joints[: len(BODY_JOINTS)], *fingers, T_world_base))
-    planner = ChunkPlanner(spec, robot, PlannerConfig(), ControllerConfig().friction)
+    planner = ChunkPlanner(spec, robot, ControllerConfig())
     planner.plan(chunk, 0.0, BodyState.still(q, robot.nv), HandMotion(rows))

@@ -16,9 +16,8 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from hashlib import sha256
-from inspect import CO_NESTED
 from pathlib import Path
-from types import CellType, FunctionType, ModuleType
+from types import FunctionType, ModuleType
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Kernels allocate nothing, so nothing has to be reference counted. A module that calls BLAS says ``ALLOCATES = True``:
@@ -69,8 +68,11 @@ class Entry:
 
         types = tuple(typeof(argument) for argument in arguments)
         modules = _register(self.function)
+        modules |= {
+            sys.modules[type(argument).__module__] for argument in arguments if _is_ours(type(argument).__module__)
+        }
         compiler = numba.njit(cache=True, nogil=True, **_options(sys.modules[self.function.__module__]))
-        dispatcher = compiler(_closed(self.function, _digest(modules)))
+        dispatcher = compiler(_named(self.function, _digest(modules)))
         dispatcher.compile(types)
         return dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
@@ -133,12 +135,15 @@ def _digest(modules: set[ModuleType]) -> int:
         if name not in sources and file is not None:
             sources[name] = Path(file).read_bytes()
             waiting += filter(_is_ours, _IMPORT.findall(sources[name].decode()))
-    return int.from_bytes(sha256(b"".join(sources[name] for name in sorted(sources))).digest()[:7], "little")
+    return int.from_bytes(sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()[:7], "little")
 
 
-def _closed(function: Callable, version: int) -> Callable:
-    """The same function, closing over a number: numba's cache on disk looks at what a function closes over."""
-    code = function.__code__.replace(co_freevars=("version",), co_flags=function.__code__.co_flags | CO_NESTED)
-    closed = FunctionType(code, function.__globals__, function.__name__, None, (CellType(version),))
-    closed.__module__, closed.__qualname__ = function.__module__, function.__qualname__
-    return closed
+def _named(function: Callable, version: int) -> Callable:
+    """The same function under a name with a number, for which numba's cache on disk has files of its own.
+
+    It would read the files of another version before it sees that they are out of date, and fails where the class of an
+    argument has moved since.
+    """
+    named = FunctionType(function.__code__, function.__globals__, function.__name__)
+    named.__module__, named.__qualname__ = function.__module__, f"{function.__qualname__}_{version:x}"
+    return named
