@@ -66,7 +66,8 @@ class RobotTables:
         self.fingers = np.array([7 + names.index(n) - 2 for tool in spec.tools for n in tool.finger_joints], int)
         self.finger_order = np.argsort(self.fingers, kind="stable")
         self.mass = float(pin.computeTotalMass(full))
-        self.foot_load_min = 0.06
+        points = max(len(foot.points) for foot in spec.feet)
+        self.foot_load_min = points * force_min / (self.mass * float(np.linalg.norm(full.gravity.linear)))
         self.tables, self.support, self.pressure_offsets = _tables(
             spec, config, friction, model, self.q_full[self.body].copy(), self.mass, self.foot_load_min
         )

@@ -335,6 +335,16 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
     assert before - after > 0.0
 
 
+def test_the_least_load_of_a_foot_is_that_of_the_controllers_least_forces(body):
+    weight = body.mass * 9.81
+    assert body.foot_load_min == pytest.approx(4 * ControllerConfig().force_min / weight)
+    heavy = RobotTables(SPEC, TrajectoryConfig(), force_min=20.0)
+    assert heavy.foot_load_min == pytest.approx(80.0 / weight)
+    # The pressure cannot go as far to the sides, where one foot would carry everything.
+    assert (heavy.pressure_offsets <= body.pressure_offsets).all()
+    assert (body.pressure_offsets - heavy.pressure_offsets).max() > 0.01
+
+
 def forces_at(corners):
     """Wrenches per unit of load (6, n), as the rows of the motion, of the edges of the friction pyramids there."""
     mu = TrajectoryConfig().friction_share * ControllerConfig().friction / np.sqrt(2.0)
