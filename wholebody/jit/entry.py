@@ -135,7 +135,9 @@ def _digest(modules: set[ModuleType]) -> int:
         if name not in sources and file is not None:
             sources[name] = Path(file).read_bytes()
             waiting += filter(_is_ours, _IMPORT.findall(sources[name].decode()))
-    return int.from_bytes(sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()[:7], "little")
+    return int.from_bytes(
+        sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()[:7], "little"
+    )
 
 
 def _named(function: Callable, version: int) -> Callable:
