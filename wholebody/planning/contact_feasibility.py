@@ -32,6 +32,7 @@ SEPARATED, INSIDE = 1, -1
 """daqp's exit flags: a plane between wrench and cone is found; there is none."""
 
 _UNITS = np.array([1.0, 1.0, HALF_SOLE, HALF_SOLE, HALF_SOLE])
+"""Of a wrench: forces per weight; a place and a moment per weight [m], half a sole of which counts as much."""
 _EYE, _ZERO = np.eye(5), np.zeros(5)
 
 
