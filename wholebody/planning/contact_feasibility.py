@@ -52,9 +52,7 @@ class ContactFeasibility:
         x, y = (middle + (1.0 - 2.0 * body.foot_load_min) * (body.support.vertices - middle)).T
         ones = np.ones_like(x)
         edges = pyramid_slope(friction) * np.array(list(product((-1.0, 1.0), repeat=2)))
-        generators = [
-            np.stack([fx * ones, fy * ones, x, y, x * fy - y * fx], axis=1) for fx, fy in pyramid_edges(friction)
-        ]
+        generators = [np.stack([fx * ones, fy * ones, x, y, x * fy - y * fx], axis=1) for fx, fy in edges]
         self._generators = np.concatenate(generators) / _UNITS
         self._middle = np.array([0.0, 0.0, *middle, 0.0]) / _UNITS
         self._box = self._inner_box()
