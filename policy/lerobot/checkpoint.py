@@ -14,7 +14,7 @@ from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_layout
 from policy.errors import SpecError
 from policy.findings import CheckpointError, Finding, fail
-from policy.lerobot.features import camera_keys, check_features, check_relative, chunk_length
+from policy.lerobot.features import camera_keys, check_features, check_relative, check_sizes, chunk_length
 from policy.lerobot.folder import CONFIG_FILE, checkpoint_folder, whereabouts
 from policy.lerobot.prompt import check_prompt
 from policy.lerobot.spec import read_action_spec, read_state_spec
@@ -171,6 +171,7 @@ def read_config(folder: Path, options: LoadOptions) -> PreTrainedConfig:
     if config.type == "smolvla" and options.tokenizer is not None:
         config.vlm_model_name = str(options.tokenizer)
     _choose(config, options)
+    check_sizes(config)
     return config
 
 
@@ -286,6 +287,8 @@ def _device(wanted: str | None) -> str:
 
 
 def _choose(config: PreTrainedConfig, options: LoadOptions) -> None:
+    if options.seed is not None and not 0 <= options.seed < 2**63:
+        raise fail("config", f"seed is {options.seed}", "give a whole number from 0 to 9.2e18")
     if options.dtype is not None:
         if not hasattr(config, "dtype"):
             raise fail("config", f"'{config.type}' has no choice of dtype", "leave dtype out: it computes in float32")

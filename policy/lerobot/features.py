@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.spec import ActionSpec
-from policy.errors import did_you_mean
-from policy.findings import Finding
+from policy.errors import did_you_mean, printable
+from policy.findings import Finding, fail
 from policy.lerobot.stats import ACTION, STATE
+from policy.reading import HORIZON_MAX
 
 if TYPE_CHECKING:
     from lerobot.configs import PreTrainedConfig
@@ -20,6 +21,49 @@ EMPTY_CAMERA = "empty_camera_"
 """Cameras that π0, π0.5 and SmolVLA fill in by themselves, with nothing."""
 NAMED_MAX = 3
 """Numbers of another robot that a sentence names."""
+
+
+SIZES = {
+    "num_inference_steps": (1, 1000),
+    "num_steps": (1, 1000),
+    "chunk_size": (1, HORIZON_MAX),
+    "n_action_steps": (1, HORIZON_MAX),
+    "horizon": (1, HORIZON_MAX),
+    "n_obs_steps": (1, 64),
+    "num_train_timesteps": (1, 10_000),
+    "tokenizer_max_length": (1, 8192),
+    "max_state_dim": (1, 1024),
+    "max_action_dim": (1, 1024),
+    "empty_cameras": (0, 16),
+}
+"""Least and largest number of steps, frames, tokens and entries in ``config.json``."""
+SIZE_MAX = 10_000_000
+"""Largest other whole number there."""
+FEATURES_MAX, SIDE_MAX = 32, 8192
+"""Most features of a policy, and entries of each along an axis."""
+
+
+def check_sizes(config: PreTrainedConfig) -> None:
+    """Refuse numbers in ``config.json`` that ask for more memory or time than any policy takes.
+
+    Raises:
+        CheckpointError: Naming the field and its bounds.
+    """
+    cure = "give num_steps for denoising steps; else take config.json from the training run"
+    for name, value in vars(config).items():
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            continue
+        least, most = SIZES.get(name, (-SIZE_MAX, SIZE_MAX))
+        if not least <= value <= most:
+            raise fail("config", f"{name} of '{config.type}' is {value:g}; {least} to {most} is expected", cure)
+    features = {**(config.input_features or {}), **(config.output_features or {})}
+    for key, feature in list(features.items())[: FEATURES_MAX + 1]:
+        shape = tuple(feature.shape)
+        if len(shape) > 4 or not all(type(n) is int and 1 <= n <= SIDE_MAX for n in shape):
+            text = f"'{printable(key, 80)}' of '{config.type}' has the shape {printable(shape, 80)}"
+            raise fail("config", f"{text}; up to 4 lengths from 1 to {SIDE_MAX} are expected", cure)
+    if len(features) > FEATURES_MAX:
+        raise fail("config", f"'{config.type}' has {len(features)} features; at most {FEATURES_MAX} are taken", cure)
 
 
 def camera_keys(config: PreTrainedConfig) -> dict[str, str]:

@@ -88,13 +88,14 @@ def check_stats(
     pre, post = normaliser(processors[0]), normaliser(processors[1], inverse=True)
     if pre is None or post is None:
         where = "pre-processor" if pre is None else "post-processor"
-        text = f"the {where} of '{config.type}' has no normalising step of LeRobot's: its statistics are not checked"
-        return [Finding("statistics", "warning", text)]
+        text = f"the {where} of '{config.type}' has no normalising step of LeRobot's: numbers would pass as they are"
+        return [Finding("statistics", "error", text, "take both processors from the training run, unchanged")]
     findings = []
     if STATE in layouts:
         findings += _check_numbers(pre, STATE, "STATE", layouts[STATE], allow_narrow, "pre-processor")
     relative = bool(getattr(config, "use_relative_actions", False))
     findings += _check_numbers(post, ACTION, "ACTION", layouts[ACTION], allow_narrow, "post-processor", relative)
+    findings += _check_modes(config, pre, post)
     findings += _check_agreement(pre, post)
     for key in config.image_features:
         findings += _check_image(pre, key)
@@ -183,6 +184,19 @@ def _check_plausible(
         if slot.kind == "position" and slot.to_si(ends).max() > POSITION_MAX:
             text = f"{key} {slot.name} reaches {slot.to_si(ends).max():.3g} m; at most {POSITION_MAX} m can be meant"
             yield Finding("statistics", "error", text, "the data are in another unit or frame than the layout says")
+
+
+def _check_modes(config: PreTrainedConfig, pre: Any, post: Any) -> Iterator[Finding]:
+    """The same normalisation of a kind of number wherever it is named: one that is not undone is not one."""
+    cure = "take config.json and both processors from the same training run"
+    for kind, key in (("ACTION", ACTION), ("STATE", STATE)):
+        said = getattr(config, "normalization_mapping", {}).get(kind)
+        modes = {"config.json": said.value if said is not None else "IDENTITY", "the pre-processor": mode_of(pre, kind)}
+        if kind == "ACTION":
+            modes["the post-processor"] = mode_of(post, kind)
+        if len(set(modes.values())) > 1:
+            text = f"{key} is normalised by {', '.join(f'{mode} in {where}' for where, mode in modes.items())}"
+            yield Finding("statistics", "error", text, cure)
 
 
 def _check_agreement(pre: Any, post: Any) -> Iterator[Finding]:

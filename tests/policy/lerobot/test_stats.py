@@ -3,6 +3,8 @@
 Strategy: real pipelines of LeRobot, saved with damaged statistics. Each trap is shown on the pipeline itself first.
 """
 
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -206,3 +208,44 @@ def test_a_layout_of_joints_is_checked_in_its_own_units(tmp_path):
     policy = LeRobotPolicy.from_pretrained(folder, spec="joint28")
     assert policy.spec == spec
     assert policy.infer(tiny.observation()).q_larm is not None
+
+
+def edited(folder, name, change):
+    file = folder / f"{name}.json"
+    data = json.loads(file.read_text())
+    change(data)
+    file.write_text(json.dumps(data))
+    return folder
+
+
+def normalise_by(mode):
+    def change(data):
+        for step in data["steps"]:
+            if "normalizer" in step["registry_name"]:
+                step["config"]["norm_map"]["ACTION"] = mode
+
+    return change
+
+
+@pytest.mark.parametrize("name", ["policy_preprocessor", "policy_postprocessor"])
+def test_a_normalisation_that_is_not_undone_is_refused(name, act):
+    """IDENTITY on one side and MEAN_STD on the other was "the same before and after"."""
+    said = refusal(edited(act, name, normalise_by("IDENTITY")))
+    assert "action is normalised by MEAN_STD in config.json" in said
+    assert f"IDENTITY in the {'pre' if 'pre' in name else 'post'}-processor" in said
+
+
+def test_processors_that_agree_with_each_other_but_not_with_the_configuration_are_refused(act):
+    for name in ("policy_preprocessor", "policy_postprocessor"):
+        edited(act, name, normalise_by("IDENTITY"))
+    assert "MEAN_STD in config.json, IDENTITY in the pre-processor" in refusal(act)
+
+
+@pytest.mark.parametrize(("name", "where"), [("policy_preprocessor", "pre"), ("policy_postprocessor", "post")])
+def test_a_checkpoint_without_a_normaliser_is_refused(name, where, act):
+    """It was a warning, and numbers of the network went to the robot as they were."""
+
+    def without(data):
+        data["steps"] = [step for step in data["steps"] if "normalizer" not in step["registry_name"]]
+
+    assert f"the {where}-processor of 'act' has no normalising step" in refusal(edited(act, name, without))
