@@ -11,7 +11,7 @@ from itertools import pairwise
 
 from wholebody import config as config_module
 from wholebody.config import ControllerConfig
-from wholebody.errors import ConfigError
+from wholebody.errors import ConfigError, InputError
 
 Bounds = tuple[float, float]
 
@@ -51,6 +51,23 @@ OF_LAST_NAME: dict[str, Bounds] = {
 }
 """Closer bounds of settings that several groups have, by their last name; scales are divided by and have `OF_SCALE`."""
 OF_SCALE: Bounds = (1e-6, 1e6)
+OF_RUN: dict[str, tuple[float, float, str]] = {
+    "duration": (0.0, 21_600.0, "s"),
+    "settle": (0.0, 60.0, "s"),
+    "hold": (0.0, 3600.0, "s"),
+    "payload_kg": (0.0, 50.0, "kg"),
+    "replace_every": (1, 1000, "steps"),
+    "imu_bias": (0.0, 1.0, "rad"),
+    "imu_noise": (0.0, 1.0, "rad"),
+    "gyro_noise": (0.0, 100.0, "rad/s"),
+    "encoder_offset": (0.0, 1.0, "rad"),
+    "encoder_noise": (0.0, 1.0, "rad"),
+    "speed_noise": (0.0, 100.0, "rad/s"),
+    "velocity_cutoff": (0.0, 1e4, "Hz"),
+    "delay": (0.0, 1.0, "s"),
+    "seed": (0, 2**63 - 1, ""),
+}
+"""Bounds and units of what a simulated run can be told: times, loads, errors of sensors."""
 _SCALES = re.compile(r"Scale of|off the|off upright|Waist torques|Acceleration of the soles|^Accelerations|Speeds")
 _UNIT = re.compile(r"\[([^\]]+)\]")
 _ENTRIES_MAX = 16
@@ -107,6 +124,26 @@ def require_bounds(path: str, value: object, owner: type, where: str) -> None:
         if not least <= number <= most:
             said = f"{least:g} to {most:g}{f' {unit}' if unit else ''} is expected"
             raise ConfigError(f"{where}: {path} is {number:.6g}; {said}", setting=path)
+
+
+def require_run(name: str, value: float, says: str = "") -> None:
+    """Refuse a number of a simulated run outside `OF_RUN`, NaN too.
+
+    Args:
+        name: Which it is.
+        value: What it is set to.
+        says: What to call it, if not its name.
+
+    Raises:
+        InputError: Naming value, bounds and unit.
+    """
+    least, most, unit = OF_RUN[name]
+    if not least <= value <= most:
+        space = " " if unit else ""
+        text = (
+            f"{says or name} is {value:g}{space}{unit}; it must be at least {least:g} and at most {most:g}{space}{unit}"
+        )
+        raise InputError(text, field=name)
 
 
 def check_config(config: ControllerConfig, where: str = "configuration") -> None:

@@ -11,6 +11,8 @@ from policy.errors import ChunkError
 from policy.geometry.se3 import make_transform
 from policy.recorded.resample import resampled
 
+DECAY_MAX = 10.0
+"""Largest decay, either sign: beyond it all weight is on one chunk already."""
 TAPER = 0.2
 """Time over which a chunk fades out before its last step, so that the average does not jump where it ends [s]."""
 SPREAD_MAX = 0.1
@@ -35,8 +37,9 @@ class TemporalEnsemble:
     """
 
     def __init__(self, decay: float = 0.01, *, most: int = 8) -> None:
-        if not np.isfinite(decay) or most < 1:
-            raise ValueError(f"decay {decay} and most {most}: a finite number and at least 1 are expected")
+        if not abs(decay) <= DECAY_MAX or most < 1:
+            said = f"a number from {-DECAY_MAX:g} to {DECAY_MAX:g} and at least 1 are expected"
+            raise ValueError(f"decay {decay} and most {most}: {said}")
         self.decay, self.most = float(decay), int(most)
         self.reset()
 

@@ -55,6 +55,8 @@ class ExecutorConfig:
             value = getattr(self, name)
             if value is not None and not value >= (1 if name in counts else 0.0):
                 raise ValueError(f"{name} is {value}; at least {1 if name in counts else 0} is expected")
+            if value is not None and value > (HORIZON_MAX if name in counts else inf):
+                raise ValueError(f"{name} is {value}; at most {HORIZON_MAX} steps or latencies are expected")
 
 
 class Executor:

@@ -12,6 +12,8 @@ from policy.clock import Clock, SimulatedClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.worker import Job, Outcome
 
+LATENCY_MAX = 3600.0
+"""Largest latency that is drawn [s]."""
 Latency = Callable[[], float]
 """Duration of the next call of a policy [s]; ``inf`` is a call that never returns."""
 
@@ -86,5 +88,7 @@ def uniform_latency(low: float, high: float, *, seed: int = 0) -> Latency:
         raise ValueError(f"latency from {low} s to {high} s: 0 <= low <= high is expected")
     if low == high:
         return lambda: low
+    if not high <= LATENCY_MAX:
+        raise ValueError(f"latency from {low} s to {high} s: at most {LATENCY_MAX:g} s are expected")
     rng = np.random.default_rng(seed)
     return lambda: float(rng.uniform(low, high))

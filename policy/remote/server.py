@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 LOOPBACK = "127.0.0.1"
+PORT_MAX = 65535
 SESSION_MAX = 100
 """Most characters of the name of a client's episode."""
 PING_INTERVAL = 5.0
@@ -68,6 +69,7 @@ class PolicyServer:
 
     Raises:
         OSError: If the address cannot be bound.
+        ValueError: If the port is none.
     """
 
     def __init__(
@@ -75,6 +77,8 @@ class PolicyServer:
     ) -> None:
         from websockets.sync.server import serve
 
+        if not 0 <= port <= PORT_MAX:
+            raise ValueError(f"port is {port}; 0 to {PORT_MAX} is expected")
         self.policy, self._openpi = policy, OpenpiRequests(policy, keys)
         self.metadata = metadata_of(policy, name) | {"request": self._openpi.describe()}
         self._session: str | None = None

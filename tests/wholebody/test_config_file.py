@@ -1,11 +1,13 @@
 """Strategy: small YAML files as a user would write them, good and bad."""
 
 import re
+from dataclasses import fields, is_dataclass, replace
 
 import pytest
 import yaml
 
-from wholebody.config import ControllerConfig
+from wholebody.config import ControllerConfig, HandConfig
+from wholebody.config_bounds import bounds_of, check_config, meanings, unit_of
 from wholebody.config_file import config_from, dump_config, load_config
 from wholebody.errors import ConfigError
 from wholebody.resources import configs_folder
@@ -107,3 +109,78 @@ def test_every_shipped_file_loads():
 def test_the_shipped_default_is_the_default():
     stored = (configs_folder() / "default.yaml").read_text()
     assert stored == dump_config(ControllerConfig()), "make configs writes it anew"
+
+
+def walked(owner, path=()):
+    for field in fields(owner):
+        value, here = getattr(owner, field.name), (*path, field.name)
+        yield from walked(value, here) if is_dataclass(value) else [(type(owner), here, value)]
+
+
+NUMBERS = [
+    (owner, ".".join(path), value)
+    for owner, path, value in walked(ControllerConfig())
+    if not isinstance(value, str | bool)
+]
+
+
+@pytest.mark.parametrize(("owner", "path", "value"), NUMBERS, ids=[path for _, path, _ in NUMBERS])
+def test_every_setting_has_bounds_that_hold_its_default_and_are_in_the_message(owner, path, value):
+    meaning = meanings(owner)[path.rpartition(".")[2]]
+    least, most = bounds_of(path, meaning)
+    assert all(least <= number <= most for number in (value if isinstance(value, tuple) else (value,)))
+    changes = (1e300,) * len(value) if isinstance(value, tuple) else 1e300
+    for name in reversed(path.split(".")):
+        changes = {name: list(changes) if isinstance(changes, tuple) else changes}
+    with pytest.raises(ConfigError, match=re.escape(f"{path} is 1e+300; {least:g} to {most:g}")) as refusal:
+        config_from(changes)
+    assert unit_of(meaning) in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("dt: 0", "dt is 0; 0.0005 to 0.02 s is expected"),
+        ("dt: 1e-9", "dt is 1e-09; 0.0005 to 0.02 s"),
+        (f"dt: 1{'0' * 400}", "a finite number"),
+        ("dt: 2020-01-01", "a finite number"),
+        ("dt: 9999999-99-99", "a finite number"),
+        ("friction: 1e300", r"friction is 1e\+300; 0.05 to 2 is expected"),
+        ("force_max: 0", "force_max is 0; 100 to 10000 N is expected"),
+        ("planner: {slowdowns: []}", "has 0 numbers"),
+        ("planner: {slowdowns: [" + "2, " * 100 + "2]}", "has 101 numbers"),
+        ("[" * 100_000, "nested deeper than 32 levels"),
+        ("a: " * 2, "is not YAML"),
+        ("x: &a [1]\ny: *a", r"has an alias \(\*a\)"),
+        ("dt: !!python/object/apply:os.system [x]", "is not YAML of plain values"),
+        ("dt: \x07", "is not YAML"),
+        ("\ud800", "is no text"),
+        ("dt: {a: {b: 1}}", "a finite number"),
+        ("? [a]\n: 1", "is not YAML|unknown setting"),
+    ],
+)
+def test_yaml_that_would_break_its_reader_is_refused(text, says, tmp_path):
+    file = tmp_path / "c.yaml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    with pytest.raises(ConfigError, match=says) as refusal:
+        load_config(file)
+    assert str(refusal.value).isprintable()
+
+
+def test_an_alias_bomb_is_refused_before_it_is_unfolded(tmp_path):
+    rows = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9) if i else '1'}]" for i in range(12)]
+    (tmp_path / "c.yaml").write_text("\n".join(rows))
+    with pytest.raises(ConfigError, match="has an alias"):
+        load_config(tmp_path / "c.yaml")
+
+
+def test_names_in_a_file_cannot_move_the_cursor(tmp_path):
+    (tmp_path / "c.yaml").write_text('"\\e[2J\\nFEASIBLE": 1\n')
+    with pytest.raises(ConfigError, match=r"unknown setting '\\x1b\[2J\\nFEASIBLE'"):
+        load_config(tmp_path / "c.yaml")
+
+
+def test_a_configuration_made_in_python_can_be_checked():
+    check_config(ControllerConfig())
+    with pytest.raises(ConfigError, match=r"hand\.kp is nan; 0 to 1e\+06 1/s\^2 is expected"):
+        check_config(replace(ControllerConfig(), hand=HandConfig(kp=float("nan"))))

@@ -8,7 +8,12 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
+
+from policy.errors import printable
+
+LINE_MAX = 4000
+"""Most characters of a line on the terminal."""
 
 if TYPE_CHECKING:
     from wholebody.sim.recorder import Recorder
@@ -21,7 +26,10 @@ class _Sentences(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         name = record.name.partition(".")[0]
         source = "wholebody" if name in ("models", "policy", "wholebody") else record.name
-        return f"{source}: {record.getMessage()}"
+        message = record.getMessage()
+        # Only our own messages have lines of their own, and quote those of others behind a bar.
+        lines = message.split("\n") if source == "wholebody" else [message]
+        return f"{source}: " + "\n".join(printable(line) for line in lines)
 
 
 def log_to_terminal() -> None:
@@ -29,6 +37,16 @@ def log_to_terminal() -> None:
     handler = logging.StreamHandler()
     handler.setFormatter(_Sentences())
     logging.basicConfig(handlers=[handler], level=logging.WARNING)
+
+
+def say(*lines: str, to_errors: bool = False) -> None:
+    """Print lines, in which names and notes from outside can neither move the cursor nor begin another line."""
+    print("\n".join(printable(line, LINE_MAX) for line in lines), file=sys.stderr if to_errors else None, flush=True)
+
+
+def complain(text: str) -> None:
+    """A sentence on standard error, as all of ours begin."""
+    say(f"wholebody: {text}", to_errors=True)
 
 
 def check_places(
@@ -47,7 +65,7 @@ def print_verdict(verdict: Verdict) -> None:
     """The answer in words, its first line the verdict."""
     from wholebody.verdict.report import lines
 
-    print("\n".join(lines(verdict)), flush=True)
+    say(*lines(verdict))
 
 
 def print_nothing(verdict: Verdict) -> None:
@@ -59,8 +77,8 @@ def table_printer(names: list[str]) -> Callable[[Verdict], None]:
     from wholebody.verdict.report import HEADINGS, row, table_line
 
     width = max(len(Path(name).stem) for name in names)
-    print(table_line(HEADINGS, width), flush=True)
-    return lambda verdict: print(table_line(row(verdict), width), flush=True)
+    say(table_line(HEADINGS, width))
+    return lambda verdict: say(table_line(row(verdict), width))
 
 
 def waiting(text: str) -> AbstractContextManager:
@@ -69,7 +87,7 @@ def waiting(text: str) -> AbstractContextManager:
         return nullcontext()
     from rich.console import Console
 
-    return Console(stderr=True).status(text)
+    return Console(stderr=True, markup=False).status(printable(text))
 
 
 @contextmanager
@@ -79,10 +97,11 @@ def progress_bar(name: str, *, quiet: bool) -> Iterator[Callable[[float, float],
         yield None
         return
     from rich.console import Console
+    from rich.markup import escape
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(name, total=1.0)
+        task = bar.add_task(escape(printable(name, 200)), total=1.0)
         yield lambda time, end: bar.update(task, completed=time / end)
 
 
@@ -100,54 +119,17 @@ def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, r
             try:
                 with waiting(f"drawing {output}"):
                     render(file, output)
-                print(f"wrote {output}", file=sys.stderr)
+                say(f"wrote {output}", to_errors=True)
             except RenderError as error:
-                print(f"wholebody: '{output}' was not written: {error}", file=sys.stderr)
+                complain(f"'{output}' was not written: {error}")
 
 
-class JsonVerdicts:
-    """Verdicts as JSON, a line each as soon as there is one: a list, or in a file ``.jsonl`` the lines alone.
+def write_json(target: str, verdicts: list[Verdict]) -> None:
+    """All verdicts as JSON, to a file or with '-' to standard output; nothing for no target."""
+    from wholebody.verdict.report import to_json
 
-    Whatever happens in between, a list that was begun is closed.
-
-    Args:
-        target: A file, ``-`` for standard output, empty for nothing.
-
-    Raises:
-        OSError: On entering, if the file cannot be written.
-    """
-
-    def __init__(self, target: str) -> None:
-        self.target, self.begin, self.between, self.end = target, "[\n", ",\n", "\n]\n"
-        if target.endswith(".jsonl"):
-            self.begin, self.between, self.end = "", "\n", "\n"
-        self._count = 0
-
-    def __enter__(self) -> JsonVerdicts:
-        self._file: TextIO | None = None
-        if self.target:
-            self._file = sys.stdout if self.target == "-" else Path(self.target).open("w")
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._count:
-            self._write(self.end)
-        elif kind is None and self.begin:
-            self._write("[]\n")
-        if self._file not in (None, sys.stdout):
-            self._file.close()
-
-    def add(self, verdict: Verdict) -> None:
-        """Write a verdict."""
-        from wholebody.verdict.report import json_line
-
-        self._write(f"{self.between if self._count else self.begin}{json_line(verdict)}")
-        self._count += 1
-
-    def _write(self, text: str) -> None:
-        if self._file is not None:
-            self._file.write(text)
-            self._file.flush()
+    if target:
+        write_text(target, to_json(verdicts))
 
 
 def write_text(target: str, text: str) -> None:

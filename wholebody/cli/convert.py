@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from wholebody.cli.console import check_places, progress_bar, write_text
+from wholebody.cli.console import check_places, progress_bar, say, write_text
 from wholebody.cli.options import AssumeSpec, CsvFps, JsonTo
 from wholebody.cli.sources import layout_named
 
@@ -52,7 +52,7 @@ def convert(
         if target is None:
             raise ValueError("name the file to write, ending in .npz or .csv")
         convert_file(source, target, to=layout, csv_fps=csv_fps, assume=assumed)
-        print(f"wrote {target}")
+        say(f"wrote {target}")
         return
     from policy.recorded.convert import DatasetSettings, episode_numbers
 
@@ -73,6 +73,6 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
     with progress_bar(source.name, quiet=quiet) as progress:
         result = convert_dataset(source, target, settings, progress=progress)
     if not quiet:
-        print("\n".join(result.lines()))
+        say(*result.lines())
     if json_to:
         write_text(json_to, json.dumps(result.to_dict(), indent=2))

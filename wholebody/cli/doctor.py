@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from wholebody.cli.console import check_places, write_text
+from wholebody.cli.console import check_places, say, write_text
 from wholebody.cli.options import JsonTo, Network
 from wholebody.cli.sources import layout_named
 
@@ -54,7 +54,7 @@ def doctor(
         **vars(allowances),
     )
     if json_to != "-":
-        print("\n".join(diagnosis.lines()))
+        say(*diagnosis.lines())
     if json_to:
         write_text(json_to, diagnosis.to_json())
     raise typer.Exit(diagnosis.exit_code)

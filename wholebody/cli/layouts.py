@@ -8,19 +8,12 @@ from typing import Annotated
 from typer import Argument, Option
 
 from wholebody.cli.console import check_places
-from wholebody.cli.options import completed_layout
 from wholebody.cli.sources import layout_named
 
 
 def layouts(
     *,
-    name: Annotated[
-        str,
-        Argument(
-            help="Built-in layout or JSON file; a list of the built-in ones if not given.",
-            autocompletion=completed_layout,
-        ),
-    ] = "",
+    name: Annotated[str, Argument(help="Built-in layout or JSON file; a list of the built-in ones if not given.")] = "",
     write: Annotated[Path | None, Option(help="Write an example chunk (.npz): both hands rise by 50 mm.")] = None,
 ) -> None:
     """Print what every number of an action layout is. For each slot: unit, frame, order, limits, stance."""

@@ -10,7 +10,7 @@ import typer
 
 from wholebody.bench.commands import bench
 from wholebody.cli.check import check
-from wholebody.cli.console import log_to_terminal
+from wholebody.cli.console import complain, log_to_terminal
 from wholebody.cli.convert import convert
 from wholebody.cli.crash import CRASH, sentence
 from wholebody.cli.doctor import doctor
@@ -23,7 +23,9 @@ from wholebody.cli.spec import spec
 
 MISUSE = 2
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
+)
 for command in (check, run, convert, layouts, spec, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
@@ -37,12 +39,12 @@ def main() -> None:
 
     log_to_terminal()
     try:
-        app(prog_name="wholebody")
+        app()
     except (PolicyError, WholebodyError, RobotSpecError, OSError, ValueError) as error:
-        print(f"wholebody: {error}", file=sys.stderr)
+        complain(str(error))
         sys.exit(MISUSE)
     except Exception as error:  # noqa: BLE001 - whatever it is, it is a fault of ours and has its exit code
-        print(f"wholebody: {sentence(error)}", file=sys.stderr)
+        complain(sentence(error))
         sys.exit(CRASH)
 
 

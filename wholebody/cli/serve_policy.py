@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, RenameMap, Sampling, completed_script
+from wholebody.cli.console import complain, say
+from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, RenameMap, Sampling
 from wholebody.cli.sources import layout_named, open_source
 
 
@@ -36,9 +36,7 @@ class Served(Sampling):
 
 def serve_policy(
     *,
-    source: Annotated[
-        str, Argument(help=f"Folder of a LeRobot checkpoint. {SOURCES}", autocompletion=completed_script)
-    ],
+    source: Annotated[str, Argument(help=f"Folder of a LeRobot checkpoint. {SOURCES}")],
     host: Annotated[str, Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
     port: Annotated[int, Option(help="Port; 0: any free one.")] = 8000,
     served: Served,
@@ -57,15 +55,16 @@ def serve_policy(
 
         policy = LeRobotPolicy.from_pretrained(source, assume_spec=layout_named(assume_spec), **served.choices())
         for finding in policy.warnings:
-            print(f"wholebody: {finding.sentence}", file=sys.stderr)
+            complain(finding.sentence)
     else:
         policy = open_source(source, csv_fps, layout_named(assume_spec))
     with PolicyServer(policy, host=host, port=port, keys=keys) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)
-        print(f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}", flush=True)
-        for key, meaning in server.metadata["request"].items():
-            print(f"  clients of openpi send '{key}', {meaning}", flush=True)
+        say(
+            f"serving '{server.metadata['name']}' ({policy.spec.id}) at {server.uri}",
+            *(f"  clients of openpi send '{key}', {meaning}" for key, meaning in server.metadata["request"].items()),
+        )
         if host not in (LOOPBACK, "localhost", "::1"):
-            print(f"wholebody: whoever reaches {host} can use the policy: no password, no encryption", file=sys.stderr)
+            complain(f"whoever reaches {host} can use the policy: no password, no encryption")
         server.wait()

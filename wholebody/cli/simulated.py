@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite
 from typing import TYPE_CHECKING
 
 from wholebody.cli.console import waiting
+from wholebody.config_bounds import require_run
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -45,12 +45,15 @@ def make_checker(options: Simulation, scene: str) -> Checker:
 def make_executor(policy: Policy, options: Asking) -> Executor:
     """The policy beside a simulated control loop, as late as it was said to be, or as a server really is."""
     from policy.executor.executor import ExecutorConfig
-    from policy.executor.simulated import Latency, simulated_executor, uniform_latency
+    from policy.executor.simulated import LATENCY_MAX, Latency, simulated_executor, uniform_latency
     from policy.remote.client import RemotePolicy
 
     config = ExecutorConfig(
         replace_every=options.replace_every, ensemble=options.ensemble, real_time=options.real_time_chunking
     )
+    for bound in options.latency_ms or ():
+        if not 0.0 <= bound <= 1e3 * LATENCY_MAX:
+            raise ValueError(f"--latency-ms has {bound:g} ms; 0 to {1e3 * LATENCY_MAX:g} ms is expected")
     latency: Latency | float | None = None if isinstance(policy, RemotePolicy) else 0.0
     if options.latency_ms is not None:
         latency = uniform_latency(*(1e-3 * bound for bound in options.latency_ms))
@@ -58,11 +61,10 @@ def make_executor(policy: Policy, options: Asking) -> Executor:
 
 
 def check_times(duration: float, hold: float) -> None:
-    """Refuse times that are negative or no numbers [s].
+    """Refuse times that are negative, no numbers or longer than anyone waits [s].
 
     Raises:
-        ValueError: If one is.
+        InputError: If one is.
     """
-    for name, seconds, meaning in (("--duration", duration, " (0: the whole input)"), ("--hold", hold, "")):
-        if not (isfinite(seconds) and seconds >= 0.0):
-            raise ValueError(f"{name} is {seconds} s; it must be at least 0{meaning}")
+    require_run("duration", duration, "--duration")
+    require_run("hold", hold, "--hold")

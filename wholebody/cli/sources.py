@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from wholebody.cli.console import complain
+from wholebody.config_bounds import require_run
 
 if TYPE_CHECKING:
     from policy.action_spec.spec import ActionSpec
@@ -68,7 +70,7 @@ def opened(name: str, given: Input, **options: Any) -> Policy:
     options |= {"task": given.task, "rename_map": given.rename_map}
     policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), **options)
     for finding in getattr(policy, "warnings", ()):
-        print(f"wholebody: {name}: {finding.sentence}", file=sys.stderr)
+        complain(f"{name}: {finding.sentence}")
     return policy
 
 
@@ -81,6 +83,7 @@ def length(policy: Policy, duration: float) -> float:
     seconds = duration or getattr(policy, "duration", None)
     if seconds is None:
         raise ValueError(NO_END)
+    require_run("duration", seconds, "the length of the input")
     return seconds
 
 
@@ -138,7 +141,14 @@ def layout_named(text: str) -> ActionSpec | None:
     """
     from policy.action_spec.builtin import builtin
     from policy.action_spec.spec import ActionSpec
+    from policy.errors import SpecError
+    from policy.reading import SPEC_MAX, ReadingError, read_text
 
     if not text:
         return None
-    return ActionSpec.from_json(Path(text).read_text()) if text.endswith(".json") else builtin(text)
+    if not text.endswith(".json"):
+        return builtin(text)
+    try:
+        return ActionSpec.from_json(read_text(text, SPEC_MAX))
+    except ReadingError as error:
+        raise SpecError(f"{text} {error}") from error

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
 
-from wholebody.cli.options import completed_layout
+from wholebody.cli.console import complain, say
 from wholebody.cli.sources import layout_named
 
 
@@ -16,11 +15,7 @@ def spec(
     *,
     checkpoint: Annotated[Path, Argument(help="Folder of a LeRobot checkpoint, or of its training run.")],
     layout: Annotated[
-        str,
-        Option(
-            help="What its actions are: built-in name or JSON file; as --from says if not given.",
-            autocompletion=completed_layout,
-        ),
+        str, Option(help="What its actions are: built-in name or JSON file; as --from says if not given.")
     ] = "",
     state: Annotated[str, Option(help="What its state is; the layout of the actions, absolute, if not given.")] = "",
     dataset: Annotated[
@@ -34,10 +29,11 @@ def spec(
 
     fitted = fit_layouts(checkpoint, layout_named(layout), state=layout_named(state), dataset=dataset, fps=fps)
     for finding in fitted.findings:
-        print(f"wholebody: {finding.sentence}", file=sys.stderr)
+        complain(finding.sentence)
     write_specs(fitted.folder, fitted.spec, fitted.state)
     written = fitted.spec
-    print(
+    say(
         f"wrote {fitted.folder / ACTION_SPEC_FILE}: {written.id}, {written.horizon} steps of {written.dim} numbers at "
-        f"{written.fps:g} Hz\nwrote {fitted.folder / STATE_SPEC_FILE}: {fitted.state.id}, {fitted.state.dim} numbers"
+        f"{written.fps:g} Hz",
+        f"wrote {fitted.folder / STATE_SPEC_FILE}: {fitted.state.id}, {fitted.state.dim} numbers",
     )

@@ -18,6 +18,7 @@ from policy.executor.report import ExecutionReport
 from policy.executor.simulated import simulated_executor
 from policy.joints import BODY_JOINTS
 from policy.observation import Observation
+from wholebody.config_bounds import require_run
 from wholebody.episode.chunk_seams import ChunkSeam, SeamMeter, commanded_chunk
 from wholebody.episode.tracking_error import TrackingError, start_jump
 from wholebody.execution.supervisor import Supervisor
@@ -47,6 +48,10 @@ class EpisodeConfig:
     """What to do, in words."""
     cameras: Cameras | None = None
     """Called once an observation for its images."""
+
+    def __post_init__(self) -> None:
+        for name in ("settle", "hold", "replace_every"):
+            require_run(name, getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -192,7 +197,9 @@ def run_episode(
 
     Raises:
         TypeError: If an executor's clock is not a simulated one.
+        InputError: If the duration is negative or longer than six hours.
     """
+    require_run("duration", duration)
     config = config or EpisodeConfig()
     state = plant.reset()
     if sensors is not None:

@@ -9,6 +9,7 @@ from models.conversion import Conversion
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
 from models.spec import FLOOR_FRICTION, RobotSpec
+from wholebody.config_bounds import require_run
 from wholebody.errors import InputError, SimulationError
 from wholebody.jit.entry import Entry
 from wholebody.sim.kernels import motors
@@ -34,7 +35,7 @@ class MujocoPlant:
         friction: Friction coefficient of the floor.
 
     Raises:
-        InputError: If the control period is no multiple of the timestep.
+        InputError: If the control period is no multiple of the timestep, or a mass is beyond what a hand can hold.
     """
 
     def __init__(
@@ -50,6 +51,8 @@ class MujocoPlant:
         steps = round(control_dt / timestep)
         if steps < 1 or abs(steps * timestep - control_dt) > 1e-9:
             raise InputError(f"control_dt {control_dt} s is no multiple of the timestep {timestep} s")
+        for mass in payload_kg:
+            require_run("payload_kg", mass)
         self.spec, self.control_dt, self._steps = spec, control_dt, steps
         self.model = load_mujoco(spec, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
         # MuJoCo would put a robot whose state is not finite back to its first pose, at time 0, and go on.

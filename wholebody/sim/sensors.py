@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
-from wholebody.errors import InputError
+from wholebody.config_bounds import require_run
 from wholebody.types import RobotState
 
 
@@ -38,8 +38,7 @@ class SensorConfig:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"sensor setting {name} is {value}; it must be finite and at least 0", field=name)
+            require_run(name, value, f"sensor setting {name}")
 
 
 REALISTIC = SensorConfig(

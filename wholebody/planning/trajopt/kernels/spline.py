@@ -1,16 +1,16 @@
-"""The cubic B-spline of a plan, whose control points the knots are.
+"""The curve of a plan, whose control points the knots are; compiles with numba as it stands.
 
-At a knot its acceleration is the second difference of the control points, and changes linearly from there to the next.
-It begins at a given position with a given velocity, from which the first control point follows (`FIRST_RATE`).
+It is a cubic B-spline: at a knot its acceleration is the second difference of the control points, and changes linearly
+from there to the next. It begins at a given place with a given velocity, which takes the first control point away.
 """
 
 from __future__ import annotations
 
-from wholebody.planning.trajopt.layout import FIRST_RATE
+from wholebody.planning.trajopt.layout import FIRST
 
 
-def knot_rate(k, K, dt):
-    """Factor of the difference between knots k - 1 and k in the velocity between them [1/s]; 0 at both ends."""
+def pace(k, K, dt):
+    """What a difference between knots k - 1 and k counts in the velocity between them."""
     if k in (0, K):
         return 0.0
-    return FIRST_RATE / dt if k == 1 else 1.0 / dt
+    return FIRST / dt if k == 1 else 1.0 / dt
