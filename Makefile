@@ -24,7 +24,7 @@ REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest test-openpi bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest test-openpi fuzz-readers bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -64,6 +64,9 @@ test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and 
 
 test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's own client and server, in their own environment
 	OPENPI_PYTHON=$(OPENPI_VENV)/bin/python OPENPI_CHECKOUT="$(OPENPI)" $(BIN)/python $(PYTEST) -m openpi $(ARGS)
+
+fuzz-readers: $(VENV)/.all-installed ## Read 10,000 broken and hostile files under limits of memory and time
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.studies.fuzz_readers $(ARGS)
 
 bench: $(VENV)/.all-installed ## Time one controller tick
 	$(BIN)/wholebody bench tick $(ARGS)

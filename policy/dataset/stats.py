@@ -13,6 +13,7 @@ import numpy as np
 
 from policy.action_spec.slot import UNITS
 from policy.action_spec.spec import ActionSpec
+from policy.errors import DatasetError
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 """Those that LeRobot's normalisers may ask for."""
@@ -41,9 +42,15 @@ def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[s
 
     Args:
         parts: By feature and name; a feature that one part lacks is left out.
+
+    Raises:
+        DatasetError: If they are no numbers, or of different shapes.
     """
     keys = [key for key in (parts[0] if parts else {}) if all(key in part for part in parts)]
-    return {key: _merged([part[key] for part in parts]) for key in keys}
+    try:
+        return {key: _merged([part[key] for part in parts]) for key in keys}
+    except (ValueError, TypeError, KeyError, IndexError, OverflowError) as error:
+        raise DatasetError(f"the statistics of the episodes are no tables of the same shape: {error}") from error
 
 
 def narrow(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float = WIDTH_MIN) -> np.ndarray:

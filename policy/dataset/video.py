@@ -44,8 +44,10 @@ def check_video(file: Path, until: float, feature: str) -> None:
             seconds = _duration(stream, *boxes[b"moov"])
     except (FileNotFoundError, NotADirectoryError) as error:
         raise DatasetError(f"{file} does not exist; download all of the dataset's videos", feature=feature) from error
-    except (OSError, ReadingError, struct.error) as error:
+    except (OSError, ReadingError) as error:
         raise DatasetError(f"{file} {error}; download it again", feature=feature) from error
+    except (struct.error, IndexError) as error:
+        raise DatasetError(f"{file} is cut off within a box; download it again", feature=feature) from error
     if not until <= seconds + SLACK:
         text = f"{file} lasts {seconds:.3f} s, its episodes go on until {until:.3f} s"
         raise DatasetError(f"{text}: it is cut off, or of another recording; download it again", feature=feature)

@@ -27,8 +27,8 @@ DEFAULT_FPS = 60.0
 CHUNK_FPS = 30.0
 CSV_QUATERNION_TOLERANCE = 1e-2
 """Retargeted files carry three to six digits."""
-FILE_MAX = 128 * 2**20
-"""Largest file [bytes]: `STEPS_MAX` rows of 36 numbers with 18 digits."""
+FILE_MAX = 80 * 2**20
+"""Largest file [bytes]: `STEPS_MAX` rows of 36 numbers with eight digits."""
 _MAGNITUDE_MAX = 1e3
 """Neither metres nor radians of a motion come near it: such a file has another unit or is damaged."""
 
@@ -161,7 +161,7 @@ def _number(field: str, row: int, column: int, path: Path) -> float:
         return float(field)
     except ValueError as error:
         raise FileFormatError(
-            f"row {row}, column {column + 1} ({COLUMNS[column]}) is {field.strip()!r:.60}, no number; "
+            f"row {row}, column {column + 1} ({COLUMNS[column]}) is {field.strip()[:60]!r}, no number; "
             "a file without a header is expected",
             path=str(path),
         ) from error

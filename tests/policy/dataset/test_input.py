@@ -10,10 +10,11 @@ import pytest
 
 from policy.action_spec.builtin import builtin
 from policy.dataset.conversion import DatasetSettings, convert_dataset
-from policy.dataset.format import inside
+from policy.dataset.format import ROWS_MAX, inside, read_parquet
 from policy.dataset.open import open_dataset
 from policy.dataset.writer import DatasetWriter
 from policy.errors import DatasetError, SpecError
+from policy.recorded.dataset_replay import open_episode
 from tests.support.dataset_cases import IMAGE, VIDEO, write_v21, write_v30
 
 DATA = "data/chunk-000/file-000.parquet"
@@ -241,6 +242,57 @@ def test_a_line_of_an_old_dataset_without_its_keys_is_named(old):
 def test_a_missing_video_is_named(source):
     (source / f"videos/{VIDEO}/chunk-000/file-001.mp4").unlink()
     refused(source, "file-001.mp4 does not exist; download all of the dataset's videos")
+
+
+def test_a_video_that_is_cut_off_is_refused(source):
+    """It was copied in silence, and training failed days later."""
+    file = source / f"videos/{VIDEO}/chunk-000/file-001.mp4"
+    content = file.read_bytes()
+    for cut in (0, 7, 20, len(content) // 2, len(content) - 1):
+        file.write_bytes(content[:cut])
+        refused(source, "file-001.mp4 is (cut off|no whole MP4)")
+    file.write_bytes(bytes(2000))
+    refused(source, "file-001.mp4 is (cut off|no whole MP4)")
+
+
+def test_a_video_that_ends_before_its_episode_is_refused(source):
+    name = f"videos/{VIDEO}/to_timestamp"
+
+    def longer(table):
+        ends = pyarrow.array([end + 1.0 for end in table.column(name).to_pylist()])
+        return table.set_column(table.column_names.index(name), name, ends)
+
+    edit_table(source / EPISODES, longer)
+    refused(source, r"mp4 lasts 0\.\d+ s, its episodes go on until 1\.\d+ s")
+
+
+@pytest.mark.parametrize("fps", [15, 60, 29])
+def test_a_rate_that_is_not_that_of_the_timestamps_is_refused(source, fps):
+    file = source / "meta" / "info.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"fps": fps}))
+    refused(source, f"its timestamps pass at 30 Hz, meta/info.json says fps {fps}")
+    with pytest.raises(DatasetError, match="its timestamps pass at 30 Hz"):
+        open_episode(source, 0)
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["{chunk_index:9999999999d}", "{chunk_index.__class__}", "{chunk_index!r}", "{}", "{0}", "a" * 400, "\x00.parquet"],
+)
+def test_paths_that_would_fill_memory_or_reach_into_objects_are_refused(path, tmp_path):
+    with pytest.raises(DatasetError, match="path"):
+        inside(tmp_path, path, chunk_index=1, file_index=2)
+
+
+def test_tables_are_refused_by_what_they_would_unpack_to(tmp_path):
+    """Half a billion equal numbers take two kilobytes."""
+    file = tmp_path / "data.parquet"
+    schema = pyarrow.schema([("action", pyarrow.int64())])
+    with pyarrow.parquet.ParquetWriter(file, schema) as writer:
+        writer.write_table(pyarrow.table({"action": np.zeros(ROWS_MAX + 1, dtype=np.int64)}))
+    assert file.stat().st_size < 100_000
+    with pytest.raises(DatasetError, match=f"has {ROWS_MAX + 1} rows; at most {ROWS_MAX} are read"):
+        read_parquet(file)
 
 
 def test_rows_of_another_recording_are_recognised(source):
