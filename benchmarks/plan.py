@@ -27,9 +27,9 @@ from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajopt import entry_points
-from wholebody.planning.trajopt.layout import Motion
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.planning.trajopt.problem import TrajectoryProblem
+from wholebody.planning.trajopt.workspace import Motion
 from wholebody.sim.plant import MujocoPlant
 
 HEADINGS = (

@@ -17,16 +17,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 
-from models.g1 import g1
-from policy.action_spec.anchor import Anchor
-from policy.action_spec.codec import decode
+from models import g1
+from policy import Anchor, LeRobotPolicy, Observation, decode
 from policy.action_spec.state import state_numbers
 from policy.lerobot.features import camera_keys
-from policy.lerobot.policy import LeRobotPolicy
-from policy.observation import Observation
-from wholebody.episode.run import observe
-from wholebody.execution.supervisor import Supervisor
-from wholebody.sim.plant import MujocoPlant
+from wholebody import MujocoPlant, Supervisor, observe
 
 TASK = "pick up the can"
 NUM_STEPS = 10

@@ -3,7 +3,7 @@
 import numpy as np
 
 from policy import ReplayPolicy
-from wholebody.verdict.check import Checker
+from wholebody import Checker
 
 actions = np.zeros((50, 32))  # a step: left wrist 9 numbers, right wrist 9, left Dex3 7, right Dex3 7
 for wrist, y in ((0, 0.197), (9, -0.197)):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
-import sys
 import xml.etree.ElementTree as ET
 from itertools import combinations
 
 import mujoco
 import numpy as np
 
+from models.compiled_cache import compiled
 from models.scenes import add_scene
 from models.spec import FLOOR_FRICTION, PAYLOAD_AHEAD, PAYLOAD_RADIUS, FootSpec, RobotSpec, RobotSpecError
 from models.urdf import NEIGHBOUR_JOINTS, JointTree, light_urdf, parse
@@ -46,20 +45,12 @@ def load_mujoco(
         friction: Coulomb coefficient between the feet and everything they touch.
 
     Raises:
-        RobotSpecError: If the scene does not exist or a number makes no sense.
+        RobotSpecError: If the scene does not exist, a number makes no sense, or the cache cannot be written.
     """
-    model = build_mujoco(
-        spec, scene=scene, timestep=timestep, visuals=visuals, payload_kg=payload_kg, friction=friction
-    ).compile()
-    _give_memory_back()
-    return model
-
-
-def _give_memory_back() -> None:
-    """Compiling frees twice what the model takes; glibc gives it back to the system only when asked to."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
-    if trim is not None:
-        trim(0)
+    settings = {"scene": scene, "timestep": timestep, "payload_kg": payload_kg, "friction": friction}
+    if visuals:
+        return build_mujoco(spec, visuals=True, **settings).compile()
+    return compiled(spec, lambda: build_mujoco(spec, **settings), **settings)
 
 
 def build_mujoco(

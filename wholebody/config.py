@@ -182,6 +182,8 @@ class TrajectoryConfig:
     """Largest tilt of the torso from vertical [rad]."""
     height_min: float = 0.3
     """Least height of the pelvis [m]."""
+    load_min: float = 0.4
+    """Least share of the weight that stays on the floor: friction and pressure balance the robot with it."""
     friction_share: float = 0.9
     """Share of the friction that the controller counts on that the plan uses."""
     torque_share: float = 0.88

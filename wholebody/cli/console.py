@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from policy.errors import printable
 
@@ -124,12 +124,49 @@ def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, r
                 complain(f"'{output}' was not written: {error}")
 
 
-def write_json(target: str, verdicts: list[Verdict]) -> None:
-    """All verdicts as JSON, to a file or with '-' to standard output; nothing for no target."""
-    from wholebody.verdict.report import to_json
+class JsonVerdicts:
+    """Verdicts as JSON, a line each as soon as there is one: a list, or in a file ``.jsonl`` the lines alone.
 
-    if target:
-        write_text(target, to_json(verdicts))
+    Whatever happens in between, a list that was begun is closed.
+
+    Args:
+        target: A file, ``-`` for standard output, empty for nothing.
+
+    Raises:
+        OSError: On entering, if the file cannot be written.
+    """
+
+    def __init__(self, target: str) -> None:
+        self.target, self.begin, self.between, self.end = target, "[\n", ",\n", "\n]\n"
+        if target.endswith(".jsonl"):
+            self.begin, self.between, self.end = "", "\n", "\n"
+        self._count = 0
+
+    def __enter__(self) -> JsonVerdicts:
+        self._file: TextIO | None = None
+        if self.target:
+            self._file = sys.stdout if self.target == "-" else Path(self.target).open("w")
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._count:
+            self._write(self.end)
+        elif kind is None and self.begin:
+            self._write("[]\n")
+        if self._file not in (None, sys.stdout):
+            self._file.close()
+
+    def add(self, verdict: Verdict) -> None:
+        """Write a verdict."""
+        from wholebody.verdict.report import json_line
+
+        self._write(f"{self.between if self._count else self.begin}{json_line(verdict)}")
+        self._count += 1
+
+    def _write(self, text: str) -> None:
+        if self._file is not None:
+            self._file.write(text)
+            self._file.flush()
 
 
 def write_text(target: str, text: str) -> None:

@@ -7,13 +7,20 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from wholebody.cli.console import check_places
+from wholebody.cli.console import check_places, say
+from wholebody.cli.options import completed_layout
 from wholebody.cli.sources import layout_named
 
 
 def layouts(
     *,
-    name: Annotated[str, Argument(help="Built-in layout or JSON file; a list of the built-in ones if not given.")] = "",
+    name: Annotated[
+        str,
+        Argument(
+            help="Built-in layout or JSON file; a list of the built-in ones if not given.",
+            autocompletion=completed_layout,
+        ),
+    ] = "",
     write: Annotated[Path | None, Option(help="Write an example chunk (.npz): both hands rise by 50 mm.")] = None,
 ) -> None:
     """Print what every number of an action layout is. For each slot: unit, frame, order, limits, stance."""
@@ -27,9 +34,9 @@ def layouts(
     if spec is None:
         if write is not None:
             raise ValueError(f"name the layout to write '{write}' in: {', '.join(LAYOUTS)}")
-        print("\n".join([*map(summary, LAYOUTS), "", "wholebody layouts NAME says what every number is"]))
+        say(*map(summary, LAYOUTS), "", "wholebody layouts NAME says what every number is")
         return
-    print("\n".join(lines(spec)))
+    say(*lines(spec))
     if write is not None:
         write_chunk_file(write, example_file(spec))
-        print(f"\nwrote {write}: wholebody check {write} judges it")
+        say("", f"wrote {write}: wholebody check {write} judges it")

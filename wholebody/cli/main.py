@@ -23,9 +23,7 @@ from wholebody.cli.spec import spec
 
 MISUSE = 2
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
-)
+app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
 for command in (check, run, convert, layouts, spec, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
@@ -39,7 +37,7 @@ def main() -> None:
 
     log_to_terminal()
     try:
-        app()
+        app(prog_name="wholebody")
     except (PolicyError, WholebodyError, RobotSpecError, OSError, ValueError) as error:
         complain(str(error))
         sys.exit(MISUSE)

@@ -16,9 +16,33 @@ SOURCES = (
 )
 
 JsonTo = Annotated[str, Option("--json", help="Write JSON to a file, or to standard output with '-'.")]
+VerdictsTo = Annotated[
+    str,
+    Option("--json", help="Write JSON to a file, or with '-' to standard output: a verdict a line, as they come."),
+]
+
+
+def completed_script(incomplete: str) -> list[str]:
+    """Scripts that a shell offers where a source is typed; for anything else it offers files."""
+    from policy.scripted.library import SCRIPTS
+
+    return [name for name in SCRIPTS if name.startswith(incomplete)]
+
+
+def completed_layout(incomplete: str) -> list[str]:
+    """Built-in layouts that a shell offers; for anything else it offers files."""
+    from policy.action_spec.builtin import LAYOUTS
+
+    return [name for name in LAYOUTS if name.startswith(incomplete)]
+
+
 CsvFps = Annotated[float, Option(help="Frames per second of motion files.")]
 AssumeSpec = Annotated[
-    str, Option(help="Layout of files, checkpoints and servers that name none: built-in name or JSON file.")
+    str,
+    Option(
+        help="Layout of files, checkpoints and servers that name none: built-in name or JSON file.",
+        autocompletion=completed_layout,
+    ),
 ]
 Task = Annotated[str, Option(help="What a checkpoint or a server is told to do.")]
 RenameMap = Annotated[
@@ -75,6 +99,9 @@ class Asking:
         float | None, Option(help="Average chunks with ACT's weights exp(-VALUE i), oldest first (ACT: 0.01).")
     ] = None
     real_time_chunking: RealTimeChunking = False
+    strict: Annotated[bool, Option("--strict", help="Exit code 1 if a chunk was refused or came too late, too.")] = (
+        False
+    )
 
 
 @dataclass(frozen=True)

@@ -3,35 +3,47 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wholebody.cli.console import (
+    JsonVerdicts,
     check_places,
     print_nothing,
     print_verdict,
     progress_bar,
     say,
     table_printer,
-    write_json,
     write_pictures,
 )
 from wholebody.cli.crash import ours
-from wholebody.cli.options import SOURCES, Asking, Input, JsonTo, Pictures, Sampling, Simulation
+from wholebody.cli.options import (
+    SOURCES,
+    Asking,
+    Input,
+    Pictures,
+    Sampling,
+    Simulation,
+    VerdictsTo,
+    completed_script,
+)
 from wholebody.cli.simulated import SCENE_OF, check_times, make_checker, make_executor
 from wholebody.cli.sources import expanded, length, opened
+
+if TYPE_CHECKING:
+    from wholebody.verdict.verdict import Verdict
 
 
 def run(
     *,
-    source: Annotated[str, typer.Argument(help=SOURCES)] = "reach",
+    source: Annotated[str, typer.Argument(help=SOURCES, autocompletion=completed_script)] = "reach",
     motions: Annotated[Path | None, typer.Option(help="Run every motion .csv of a folder instead.")] = None,
     given: Input,
     simulation: Simulation,
     asking: Asking,
     sampling: Sampling,
-    json_to: JsonTo = "",
+    json_to: VerdictsTo = "",
     pictures: Pictures,
 ) -> None:
     """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall, or if no chunk was executed."""
@@ -45,21 +57,32 @@ def run(
     checker, verdicts = make_checker(simulation, simulation.scene or SCENE_OF.get(source, "floor")), []
     recorder = checker.recorder() if pictures.wanted() else None
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict
-    for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
-        title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
-        seconds = length(policy, given.duration)
-        with progress_bar(title, quiet=quiet) as progress, ours():
-            verdict, _ = checker.check(executor, name, seconds, progress=progress, recorder=recorder)
-        verdicts.append(verdict)
-        show(verdict)
+    with JsonVerdicts(json_to) as written:
+        for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
+            title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
+            seconds = length(policy, given.duration)
+            with progress_bar(title, quiet=quiet) as progress, ours():
+                verdict, _ = checker.check(executor, name, seconds, progress=progress, recorder=recorder)
+            verdicts.append(verdict)
+            written.add(verdict)
+            show(verdict)
     if motions and not quiet:
         from wholebody.verdict.report import table_summary
 
         say(*table_summary(verdicts).splitlines())
-    write_json(json_to, verdicts)
     if recorder is not None:
         write_pictures(recorder, pictures.video, pictures.sheet, pictures.record)
-    raise typer.Exit(1 if any(verdict.fell or not verdict.timing.chunks for verdict in verdicts) else 0)
+    raise typer.Exit(1 if any(_failed(verdict, strict=asking.strict) for verdict in verdicts) else 0)
+
+
+def _failed(verdict: Verdict, *, strict: bool) -> bool:
+    """Whether a run is no success; strictly, neither if a chunk was refused, or there was none when one was needed."""
+    from wholebody.types import Reason
+
+    lacking = verdict.timing.starvations > 0 or any(
+        violation.code in (Reason.REFUSED, Reason.STARVED) for violation in verdict.violations
+    )
+    return verdict.fell or not verdict.timing.chunks or (strict and lacking)
 
 
 def _names(source: str, motions: Path | None, given: Input, *, one: bool) -> list[str]:

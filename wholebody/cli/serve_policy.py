@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from wholebody.cli.console import complain, say
-from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, RenameMap, Sampling
+from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, RenameMap, Sampling, completed_script
 from wholebody.cli.sources import layout_named, open_source
 
 
@@ -36,7 +36,9 @@ class Served(Sampling):
 
 def serve_policy(
     *,
-    source: Annotated[str, Argument(help=f"Folder of a LeRobot checkpoint. {SOURCES}")],
+    source: Annotated[
+        str, Argument(help=f"Folder of a LeRobot checkpoint. {SOURCES}", autocompletion=completed_script)
+    ],
     host: Annotated[str, Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
     port: Annotated[int, Option(help="Port; 0: any free one.")] = 8000,
     served: Served,

@@ -8,6 +8,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from wholebody.cli.console import complain, say
+from wholebody.cli.options import completed_layout
 from wholebody.cli.sources import layout_named
 
 
@@ -15,7 +16,11 @@ def spec(
     *,
     checkpoint: Annotated[Path, Argument(help="Folder of a LeRobot checkpoint, or of its training run.")],
     layout: Annotated[
-        str, Option(help="What its actions are: built-in name or JSON file; as --from says if not given.")
+        str,
+        Option(
+            help="What its actions are: built-in name or JSON file; as --from says if not given.",
+            autocompletion=completed_layout,
+        ),
     ] = "",
     state: Annotated[str, Option(help="What its state is; the layout of the actions, absolute, if not given.")] = "",
     dataset: Annotated[

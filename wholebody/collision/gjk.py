@@ -1,4 +1,4 @@
-r"""Distance of two convex shapes; compiles with numba as it stands.
+r"""Distance of two convex shapes.
 
 The algorithm of Gilbert, Johnson and Keerthi on the difference of the two sets: a simplex of at most four of its
 points is moved towards the origin. It starts with the simplex that the same pair ended with last time, whose points are
@@ -12,10 +12,14 @@ with a radius around it.
 Source:
     Gilbert, Johnson and Keerthi 1988, "A fast procedure for computing the distance between complex objects in
     three-dimensional space", IEEE Journal of Robotics and Automation 4(2); Ericson 2005, "Real-Time Collision
-    Detection", 5.1 and 9.5 (nearest points of triangles and tetrahedra).
+    Detection", 9.5.
 """
 
+from __future__ import annotations
+
 import math
+
+from wholebody.collision.simplex import dot3, keep, nearest_of
 
 HULL, SPHERE, CYLINDER = range(3)
 KIND, FIRST, COUNT, BODY = range(4)
@@ -62,111 +66,6 @@ def support_cylinder(x, y, z, row):
     return row[0] + half * a + around * u, row[1] + half * b + around * v, row[2] + half * c + around * w
 
 
-def dot3(a, b):
-    """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def segment(W, a, b, share):
-    """Shares of the ends in the point of a segment nearest to the origin."""
-    x, y, z = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
-    along = -(x * W[a, 0] + y * W[a, 1] + z * W[a, 2])
-    size = x * x + y * y + z * z
-    t = 0.0 if along <= 0.0 or size == 0.0 else (1.0 if along >= size else along / size)
-    share[a], share[b] = 1.0 - t, t
-
-
-def triangle(W, a, b, c, share):
-    """Shares of the corners in the point of a triangle nearest to the origin."""
-    ux, uy, uz = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
-    vx, vy, vz = W[c, 0] - W[a, 0], W[c, 1] - W[a, 1], W[c, 2] - W[a, 2]
-    d1 = -(ux * W[a, 0] + uy * W[a, 1] + uz * W[a, 2])
-    d2 = -(vx * W[a, 0] + vy * W[a, 1] + vz * W[a, 2])
-    d3 = -(ux * W[b, 0] + uy * W[b, 1] + uz * W[b, 2])
-    d4 = -(vx * W[b, 0] + vy * W[b, 1] + vz * W[b, 2])
-    d5 = -(ux * W[c, 0] + uy * W[c, 1] + uz * W[c, 2])
-    d6 = -(vx * W[c, 0] + vy * W[c, 1] + vz * W[c, 2])
-    share[a] = share[b] = share[c] = 0.0
-    if d1 <= 0.0 and d2 <= 0.0:
-        share[a] = 1.0
-    elif d3 >= 0.0 and d4 <= d3:
-        share[b] = 1.0
-    elif d6 >= 0.0 and d5 <= d6:
-        share[c] = 1.0
-    else:
-        on_c, on_b, on_a = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
-        if on_c <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            share[b] = d1 / (d1 - d3)
-            share[a] = 1.0 - share[b]
-        elif on_b <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            share[c] = d2 / (d2 - d6)
-            share[a] = 1.0 - share[c]
-        elif on_a <= 0.0 and d4 >= d3 and d5 >= d6:
-            share[c] = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-            share[b] = 1.0 - share[c]
-        else:
-            share[b], share[c] = on_b / (on_a + on_b + on_c), on_c / (on_a + on_b + on_c)
-            share[a] = 1.0 - share[b] - share[c]
-
-
-def outside(W, a, b, c, d):
-    """Whether the origin may be on the other side of the plane ``abc`` than ``d``; a flat tetrahedron has no inside."""
-    ux, uy, uz = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
-    vx, vy, vz = W[c, 0] - W[a, 0], W[c, 1] - W[a, 1], W[c, 2] - W[a, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    origin = -(x * W[a, 0] + y * W[a, 1] + z * W[a, 2])
-    height = x * (W[d, 0] - W[a, 0]) + y * (W[d, 1] - W[a, 1]) + z * (W[d, 2] - W[a, 2])
-    size = math.sqrt(x * x + y * y + z * z)
-    return origin * height <= 0.0 or abs(height) <= 1e-13 * size
-
-
-def tetrahedron(W, share, trial):
-    """Shares of the corners in the nearest point of a tetrahedron; False if the origin is in it."""
-    best = math.inf
-    for out in range(4):
-        a, b, c = (out + 1) % 4, (out + 2) % 4, (out + 3) % 4
-        if outside(W, a, b, c, out):
-            triangle(W, a, b, c, trial)
-            trial[out] = 0.0
-            size = 0.0
-            for k in range(3):
-                x = trial[a] * W[a, k] + trial[b] * W[b, k] + trial[c] * W[c, k]
-                size += x * x
-            if size < best:
-                best = size
-                for i in range(4):
-                    share[i] = trial[i]
-    return best < math.inf
-
-
-def nearest_of(W, n, share, trial):
-    """Shares of the ``n`` points of a simplex in its point nearest to the origin; False if the origin is inside."""
-    if n == 1:
-        share[0] = 1.0
-    elif n == 2:
-        segment(W, 0, 1, share)
-    elif n == 3:
-        triangle(W, 0, 1, 2, share)
-    else:
-        return tetrahedron(W, share, trial)
-    return True
-
-
-def keep(W, simplex, n, share):
-    """Drop the points without a share; the number of those that are left."""
-    kept = 0
-    for i in range(n):
-        if share[i] > 0.0:
-            if kept != i:
-                share[kept] = share[i]
-                for k in range(3):
-                    W[kept, k] = W[i, k]
-                for k in range(6):
-                    simplex[kept, k] = simplex[i, k]
-            kept += 1
-    return kept
-
-
 def relative(R_a, p_a, R_b, p_b, move):
     """Placement of body b in the axes of body a, ``R`` (9) and ``p`` (3) into ``move`` (12,)."""
     x, y, z = p_b[0] - p_a[0], p_b[1] - p_a[1], p_b[2] - p_a[2]
@@ -183,15 +82,17 @@ def difference(point, move, w):
         w[i] = point[i] - b
 
 
-def begin(first, second, rounds_a, rounds_b, vertices, point, hints):
+def begin(shapes, vertices, point, hints):
     """Any point of the difference: the middle of the round shapes, the vertices of the last climb of the hulls."""
+    first, rounds_a, second, rounds_b = shapes
     for k in range(3):
         point[k] = rounds_a[k] if first[KIND] != HULL else vertices[hints[0], k]
         point[3 + k] = rounds_b[k] if second[KIND] != HULL else vertices[hints[1], k]
 
 
-def furthest(x, y, z, shape, row, at, side, vertices, start, neighbours, point):
+def furthest(x, y, z, shape, row, at, side, hulls, point):
     """Write the support point of a shape along a direction into half of ``point``; the vertex it is, if any."""
+    vertices, start, neighbours = hulls
     if shape[KIND] == CYLINDER:
         point[side], point[side + 1], point[side + 2] = support_cylinder(x, y, z, row)
         return at
@@ -201,19 +102,12 @@ def furthest(x, y, z, shape, row, at, side, vertices, start, neighbours, point):
     return at
 
 
-def approach(
-    first, second, row_a, row_b, vertices, start, neighbours, enough, move, n, simplex, hints, W, v, share, trial
-):
+def approach(shapes, hulls, enough, move, n, simplex, hints, W, v, weights, trial):
     """Move the simplex to where it is nearest to the origin.
 
     Args:
-        first: Row of ``shapes`` of the first shape.
-        second: Of the second.
-        row_a: Row of ``rounds`` of the first shape.
-        row_b: Of the second.
-        vertices: Of all shapes (any, 3).
-        start: Where the neighbours of each vertex begin in the next.
-        neighbours: Vertices at the other ends of the edges.
+        shapes: Rows of ``shapes`` and of ``rounds`` of the first shape, and those of the second, a tuple.
+        hulls: ``vertices``, ``start`` and ``neighbours`` as in `distance`, a tuple.
         enough: Distance from which on a lower bound will do [m].
         move: Placement of the second body in the first (12,).
         n: Number of points that the simplex has, 0 to 4.
@@ -221,7 +115,7 @@ def approach(
         hints: In and out, vertices from which climbing starts (2,).
         W: Scratch (4, 3).
         v: Out, nearest point of the difference (3,).
-        share: Out, shares of the points of the simplex in it (4,).
+        weights: Out, weights of the points of the simplex in it (4,).
         trial: Scratch (4,).
 
     Returns:
@@ -229,34 +123,24 @@ def approach(
         distance where that is enough, else -1.
     """
     if n == 0:
-        begin(first, second, row_a, row_b, vertices, simplex[0], hints)
+        begin(shapes, hulls[0], simplex[0], hints)
         n = 1
     for i in range(n):
         difference(simplex[i], move, W[i])
     before, gap = math.inf, math.inf
     for _ in range(STEPS):
-        if not nearest_of(W, n, share, trial):
+        if not nearest_of(W, n, weights, trial):
             return 0, -1.0
-        n = keep(W, simplex, n, share)
-        for k in range(3):
-            v[k] = 0.0
-            for i in range(n):
-                v[k] += share[i] * W[i, k]
-        size = math.sqrt(dot3(v, v))
+        n = keep(W, simplex, n, weights)
+        size = nearest_point(W, n, weights, v)
         if not size > TOUCHING:
             return 0, -1.0
         # Where no step helps any more, what the last one could have gained tells how good it is.
         if not size < before:
-            return n if gap <= GAP_ACCEPTED else 0, -1.0
+            break
         before = size
-        x, y, z = v[0], v[1], v[2]
-        u = move[0] * x + move[3] * y + move[6] * z
-        s = move[1] * x + move[4] * y + move[7] * z
-        t = move[2] * x + move[5] * y + move[8] * z
-        point = simplex[n]
-        hints[0] = furthest(-x, -y, -z, first, row_a, hints[0], 0, vertices, start, neighbours, point)
-        hints[1] = furthest(u, s, t, second, row_b, hints[1], 3, vertices, start, neighbours, point)
-        difference(point, move, W[n])
+        support_point(shapes, hulls, move, v, hints, simplex[n])
+        difference(simplex[n], move, W[n])
         least = dot3(v, W[n]) / size
         gap = size - least
         if gap <= GAP:
@@ -265,6 +149,26 @@ def approach(
         if least >= enough:
             return n, least
     return n if gap <= GAP_ACCEPTED else 0, -1.0
+
+
+def nearest_point(W, n, weights, v):
+    """``v`` (3,) by the weights of ``n`` points; its distance from the origin."""
+    for k in range(3):
+        v[k] = 0.0
+        for i in range(n):
+            v[k] += weights[i] * W[i, k]
+    return math.sqrt(dot3(v, v))
+
+
+def support_point(shapes, hulls, move, v, hints, point):
+    """Write the support point of the difference against ``v`` (3,) as a row ``a (3) b (3)``."""
+    first, row_a, second, row_b = shapes
+    x, y, z = v[0], v[1], v[2]
+    u = move[0] * x + move[3] * y + move[6] * z
+    s = move[1] * x + move[4] * y + move[7] * z
+    t = move[2] * x + move[5] * y + move[8] * z
+    hints[0] = furthest(-x, -y, -z, first, row_a, hints[0], 0, hulls, point)
+    hints[1] = furthest(u, s, t, second, row_b, hints[1], 3, hulls, point)
 
 
 def distance(
@@ -296,28 +200,13 @@ def distance(
         leaves ``out``.
     """
     move, W, v = scratch[:12], scratch[12:24].reshape((4, 3)), scratch[24:27]
-    share, trial, hints = scratch[27:31], scratch[31:35], state[1:3]
+    weights, trial, hints = scratch[27:31], scratch[31:35], state[1:3]
     relative(R_a, p_a, R_b, p_b, move)
     extra_a = row_a[RADIUS] if first[KIND] == SPHERE else 0.0
     extra_b = row_b[RADIUS] if second[KIND] == SPHERE else 0.0
-    n, least = approach(
-        first,
-        second,
-        row_a,
-        row_b,
-        vertices,
-        start,
-        neighbours,
-        enough + extra_a + extra_b,
-        move,
-        state[0],
-        simplex,
-        hints,
-        W,
-        v,
-        share,
-        trial,
-    )
+    shapes, hulls = (first, row_a, second, row_b), (vertices, start, neighbours)
+    near = enough + extra_a + extra_b
+    n, least = approach(shapes, hulls, near, move, state[0], simplex, hints, W, v, weights, trial)
     state[0] = n
     if n == 0:
         return 0.0, UNSURE
@@ -328,7 +217,7 @@ def distance(
         out[k] = -(R_a[k, 0] * v[0] + R_a[k, 1] * v[1] + R_a[k, 2] * v[2]) / size
         out[3 + k], out[6 + k] = p_a[k] + extra_a * out[k], p_b[k] - extra_b * out[k]
         for i in range(n):
-            p, c = simplex[i], share[i]
+            p, c = simplex[i], weights[i]
             out[3 + k] += c * (R_a[k, 0] * p[0] + R_a[k, 1] * p[1] + R_a[k, 2] * p[2])
             out[6 + k] += c * (R_b[k, 0] * p[3] + R_b[k, 1] * p[4] + R_b[k, 2] * p[5])
     return size - extra_a - extra_b, APART

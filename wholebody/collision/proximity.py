@@ -108,8 +108,8 @@ class Proximity:
             known[unknown] = True
             self._measure(unknown, room)
 
-    def share(self, distance: np.ndarray, bound: np.ndarray, rows: np.ndarray, joints: np.ndarray) -> None:
-        """Keep the state in memory of somebody else from now on, who may go on with it; shapes as in the attributes.
+    def keep_state_in(self, distance: np.ndarray, bound: np.ndarray, rows: np.ndarray, joints: np.ndarray) -> None:
+        """Keep the state in these arrays from now on, which compiled code updates too; shapes as in the attributes.
 
         ``joints`` (n_joints,) are the joint positions of the last `update`.
         """

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from wholebody.contacts.friction import SIDES, pyramid_slope
 from wholebody.robot.state import Robot
-
-CONE_NORMALS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-"""Directions of the inscribed friction pyramid's faces."""
 
 
 class FootContact:
@@ -42,8 +40,7 @@ class FootContact:
         self.friction, self.force_min, self.force_max = friction, force_min, force_max
         self.kp, self.kd = kp, kd
         self.T_world_ref: pin.SE3 | None = None
-        face = friction / np.sqrt(2.0)
-        block = np.hstack([CONE_NORMALS, -face * np.ones((4, 1))])
+        block = np.hstack([SIDES, np.full((len(SIDES), 1), -pyramid_slope(friction))])
         self.cone_rows = np.kron(np.eye(len(self.points)), block)
         """``cone_rows @ f <= 0``, shape (4 k, 3 k); forces in world axes."""
 

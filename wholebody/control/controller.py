@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,17 +17,20 @@ from wholebody.control.task_set import make_feet, make_tasks
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import InputError, StateError
 from wholebody.limits.balance import CapturePointLimit
+from wholebody.limits.base import Limit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.joint import viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
+from wholebody.qp.kernels.targets import DAMPING
 from wholebody.qp.problem import QPSolution, QuadraticProgram
+from wholebody.qp.program_inputs import EXTRA_ROWS, ProgramInputs
 from wholebody.qp.solvers import solve
-from wholebody.qp.workspace import ProgramInputs
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
+from wholebody.tasks.base import Task
 from wholebody.types import JointCommand, RobotState
 
 
@@ -37,15 +41,28 @@ class WholeBodyController:
     measured one, and the joints' position loops act around that: integrating from the measured state instead would
     make them useless.
 
+    Args:
+        spec: The robot.
+        config: Its configuration.
+        extra_tasks: Further tasks, beside those of `task_set.make_tasks`; they cost an update of `Robot` each tick.
+        extra_limits: Further limits: soft rows like those of the balance.
+
     Attributes:
         q_des, dq_des: Desired joint positions [rad] and speeds [rad/s], Pinocchio order, shape (n_joints,).
         tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
     """
 
-    def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
+    def __init__(
+        self,
+        spec: RobotSpec,
+        config: ControllerConfig | None = None,
+        *,
+        extra_tasks: Sequence[Task] = (),
+        extra_limits: Sequence[Limit] = (),
+    ) -> None:
         self.spec, self.config = spec, config or ControllerConfig()
-        self.robot = Robot(spec)
-        self._make_tasks()
+        self.robot, self.extra_limits = Robot(spec), tuple(extra_limits)
+        self._make_tasks(tuple(extra_tasks))
         self._make_limits()
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
         order = self.robot.motor_to_pin
@@ -67,7 +84,7 @@ class WholeBodyController:
         """Tasks and limits read their references where the program does."""
         compiled = self.compiled
         row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
-        shares = np.ones(2) if compiled is None else compiled.share
+        shares = np.ones(2) if compiled is None else compiled.trust
         memory = self._reference = ReferenceMemory(row)
         for i, palm in enumerate(self.palms):
             palm.bind(memory.palms[i], shares[i : i + 1])
@@ -102,20 +119,21 @@ class WholeBodyController:
             self_collision=self.self_collision,
             floor=self.floor,
             safety=self._safety,
-            prices=self.dynamics.regularisation,
+            penalties=self.dynamics.regularisation,
             joints=np.array([self._q_min, self._q_max, self._dq_max, self._ddq_max, self._brake]),
             horizon=self.config.safety.joint_horizon,
             dt=self.config.dt,
             leak=self.config.dt / self.config.leak,
             tau_max=self._tau_max,
             torque_share=self.config.safety.torque_share,
+            extra_rows=(EXTRA_ROWS * bool(self.extra_tasks), EXTRA_ROWS * bool(self.extra_limits)),
         )
 
-    def _make_tasks(self) -> None:
+    def _make_tasks(self, extra: tuple[Task, ...]) -> None:
         tasks = make_tasks(self.spec, self.config, self.robot)
         self.palms, self.com, self.momentum, self.posture = tasks.palms, tasks.com, tasks.momentum, tasks.posture
         self.pelvis, self.torso, self.height = tasks.pelvis, tasks.torso, tasks.height
-        self.finger_indices = tasks.fingers
+        self.finger_indices, self.extra_tasks = tasks.fingers, (*tasks.extra, *extra)
         self.body_tasks = (self.com, self.momentum, self.torso, self.pelvis, self.height, self.posture)
 
     def _make_limits(self) -> None:
@@ -132,7 +150,7 @@ class WholeBodyController:
         if not self._safety and c.bounds != "physics":
             raise InputError(f"bounds is '{c.bounds}'; it must be 'all' or 'physics'")
         limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
-        self.limits = limits if self._safety else ()
+        self.limits = (*limits, *self.extra_limits) if self._safety else self.extra_limits
         q_stance = stance_q(spec, self.robot.model)
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
         fingers = 6 + self.finger_indices
@@ -180,7 +198,7 @@ class WholeBodyController:
             robot.update(state.q, state.v)
             report = self._solve()
             return self._command(state, report.solution), report
-        robot.place(state.q, state.v)
+        self.place(state)
         for level in (TickLevel.FULL, TickLevel.NO_HANDS):
             hands = level is TickLevel.FULL
             if compiled.compute(state.q, state.v, hands=hands):
@@ -195,6 +213,16 @@ class WholeBodyController:
             if report.level is not TickLevel.FAILED:
                 break
         return self._command(state, report.solution), report
+
+    def place(self, state: RobotState) -> None:
+        """Tell the compiled program what further tasks and limits ask for at a state; without any, this is free."""
+        robot = self.robot
+        if not self.extra_tasks and not self.extra_limits:
+            robot.place(state.q, state.v)
+            return
+        robot.update(state.q, state.v)
+        objectives = [task.objective(robot) for task in self.extra_tasks]
+        self.compiled.set_extra(objectives, [limit.rows(robot) for limit in self.extra_limits])
 
     def palm_positions(self) -> np.ndarray:
         """Palm points in world at the state of the last tick, shape (2, 3), [m]."""
@@ -234,7 +262,8 @@ class WholeBodyController:
         else:
             low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self._tau_max
             slowed = self.posture.objective(robot)
-            objectives[-1] = replace(slowed, target=-10.0 * robot.v[6:])
+            objectives[-1] = replace(slowed, target=-DAMPING * robot.v[6:])
+        objectives += [task.objective(robot) for task in self.extra_tasks]
         rows = [limit.rows(robot) for limit in self.limits]
         collision = [self.floor.rows(robot), self.self_collision.rows(robot)] if self._safety else []
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)

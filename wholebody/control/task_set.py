@@ -10,6 +10,7 @@ from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
 from wholebody.robot.state import Robot
+from wholebody.tasks.base import Task
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask
@@ -20,7 +21,12 @@ from wholebody.tasks.posture import PostureTask
 
 @dataclass(frozen=True, kw_only=True)
 class BodyTasks:
-    """Every task by name; ``fingers`` are the finger joints, Pinocchio order."""
+    """Every task by name.
+
+    Attributes:
+        fingers: The finger joints, Pinocchio order.
+        extra: Tasks that no reference is read for: a new task is added here, in `make_tasks`, and nowhere else.
+    """
 
     palms: tuple[HandTask, ...]
     pelvis: OrientationTask
@@ -30,6 +36,7 @@ class BodyTasks:
     momentum: AngularMomentumTask
     posture: PostureTask
     fingers: np.ndarray
+    extra: tuple[Task, ...] = ()
 
 
 def make_tasks(spec: RobotSpec, config: ControllerConfig, robot: Robot) -> BodyTasks:

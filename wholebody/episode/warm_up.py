@@ -14,6 +14,7 @@ from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
+from wholebody.control.controller import WholeBodyController
 from wholebody.episode.run import observe
 from wholebody.execution.plan_follower import compile_follow
 from wholebody.execution.supervisor import Supervisor
@@ -21,7 +22,6 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import BodyState
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.qp.compiled import compiled_stages
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
 from wholebody.sim import plant
@@ -55,10 +55,10 @@ def compile_tick() -> None:
     That is what a plan needs last: both processes have the same amount to do, and none of it twice.
     """
     config = PlannerConfig().posture
-    program = TrajectoryProblem(RobotTables(g1(), config), config, 3)
-    program.weigh(config, 1.0)
-    program.step(1.0)
-    compiled_stages()
+    problem = TrajectoryProblem(RobotTables(g1(), config), config, 3)
+    problem.set_weights(config, 1.0)
+    problem.step(1.0)
+    WholeBodyController(g1())
     compile_follow(g1().n_joints)
     plant.warm_up()
 
@@ -74,5 +74,5 @@ def compile_plan() -> None:
     rows = np.array([rest_row(T, finger) for T, finger in zip(poses, fingers, strict=True)])
     T_world_base = robot.pose(spec.base_body).homogeneous
     chunk = scripted_policy("wave").infer(Observation(0.0, joints[: len(BODY_JOINTS)], *fingers, T_world_base))
-    planner = ChunkPlanner(spec, robot, PlannerConfig(), ControllerConfig().friction)
+    planner = ChunkPlanner(spec, robot, ControllerConfig())
     planner.plan(chunk, 0.0, BodyState.still(q, robot.nv), HandMotion(rows))

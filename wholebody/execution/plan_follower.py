@@ -14,6 +14,7 @@ from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import ReferenceSmoother
+from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
 
 NO_PATH = np.zeros(0)
 
@@ -174,7 +175,7 @@ def compile_follow(n_joints: int) -> None:
     """Compile `kernel.follow` for robots with so many joints, or load it: what its arguments hold does not matter."""
     vector, matrix, trajectory = np.zeros(1), np.zeros((1, 1)), np.zeros(1, kernel.trajectory_row(n_joints))
     plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory)
-    smoothing = kernel.Smoothing(matrix, matrix, matrix, matrix)
+    smoothing = kernel.Smoothing(np.zeros(1, HAND), matrix, np.zeros(1, LIMITS), matrix)
     body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector)
     clock = np.zeros(1, kernel.CLOCK)
     compiled_follow(n_joints).compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector)

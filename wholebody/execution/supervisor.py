@@ -46,7 +46,7 @@ class Supervisor:
         self.spec, self.config = spec, config or ControllerConfig()
         self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
-        self.planner = ChunkPlanner(spec, self.robot, self.config.planner, self.config.friction)
+        self.planner = ChunkPlanner(spec, self.robot, self.config)
         self._smoother: ReferenceSmoother | None = None
         self._follower: PlanFollower | None = None
         self._last_state: RobotState | None = None

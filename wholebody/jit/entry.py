@@ -16,9 +16,8 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from hashlib import sha256
-from inspect import CO_NESTED
 from pathlib import Path
-from types import CellType, FunctionType, ModuleType
+from types import FunctionType, ModuleType
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 """Kernels allocate nothing, so nothing has to be reference counted. A module that calls BLAS says ``ALLOCATES = True``:
@@ -48,18 +47,32 @@ class Entry:
 
     def __call__(self, *arguments: object) -> object:
         """Call the compiled function."""
+        return self.native(*arguments)(*arguments)
+
+    def native(self, *arguments: object) -> Callable:
+        """The native entry, made for arguments of these kinds on first use: for who calls it too often for a detour."""
         if self._native is None:
             self._native = self.compile(*arguments)
-        return self._native(*arguments)
+        return self._native
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether there is a native entry already."""
+        return self._native is not None
 
     def compile(self, *arguments: object) -> Callable:
         """The native entry for arguments of these kinds, which are looked at only: their values do not matter."""
         import numba
 
-        types = tuple(numba.typeof(argument) for argument in arguments)
+        from wholebody.jit.packed_type import typeof
+
+        types = tuple(typeof(argument) for argument in arguments)
         modules = _register(self.function)
+        modules |= {
+            sys.modules[type(argument).__module__] for argument in arguments if _is_ours(type(argument).__module__)
+        }
         compiler = numba.njit(cache=True, nogil=True, **_options(sys.modules[self.function.__module__]))
-        dispatcher = compiler(_closed(self.function, _digest(modules)))
+        dispatcher = compiler(_named(self.function, _digest(modules)))
         dispatcher.compile(types)
         return dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
@@ -113,7 +126,8 @@ def _digest(modules: set[ModuleType]) -> int:
 
     numba's cache notices changes of the file of a function only.
     """
-    sources: dict[str, bytes] = {__name__: Path(__file__).read_bytes()}
+    here = Path(__file__)
+    sources = {name: here.with_name(f"{name}.py").read_bytes() for name in ("entry", "packed", "packed_type")}
     waiting = [module.__name__ for module in modules]
     while waiting:
         name = waiting.pop()
@@ -121,12 +135,17 @@ def _digest(modules: set[ModuleType]) -> int:
         if name not in sources and file is not None:
             sources[name] = Path(file).read_bytes()
             waiting += filter(_is_ours, _IMPORT.findall(sources[name].decode()))
-    return int.from_bytes(sha256(b"".join(sources[name] for name in sorted(sources))).digest()[:7], "little")
+    return int.from_bytes(
+        sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()[:7], "little"
+    )
 
 
-def _closed(function: Callable, version: int) -> Callable:
-    """The same function, closing over a number: numba's cache on disk looks at what a function closes over."""
-    code = function.__code__.replace(co_freevars=("version",), co_flags=function.__code__.co_flags | CO_NESTED)
-    closed = FunctionType(code, function.__globals__, function.__name__, None, (CellType(version),))
-    closed.__module__, closed.__qualname__ = function.__module__, function.__qualname__
-    return closed
+def _named(function: Callable, version: int) -> Callable:
+    """The same function under a name with a number, for which numba's cache on disk has files of its own.
+
+    It would read the files of another version before it sees that they are out of date, and fails where the class of an
+    argument has moved since.
+    """
+    named = FunctionType(function.__code__, function.__globals__, function.__name__)
+    named.__module__, named.__qualname__ = function.__module__, f"{function.__qualname__}_{version:x}"
+    return named

@@ -1,42 +1,76 @@
-"""Flat memory divided into named blocks, for compiled code that takes it whole."""
+"""Arrays by name on one memory, for compiled code that takes all of them as one argument.
+
+A kernel says ``tick.H`` and ``tick.n_contacts``; compiled, that is a pointer and a table look-up (`packed_type`), and
+interpreted, an array of numpy::
+
+    tick = Packed({"H": (4, 4), "g": (4,), "tolerance": ()}, {"rows": (8,), "n_rows": ()})
+    tick.H[0, 0] = 1.0
+    tick.n_rows = 3
+
+One argument instead of a hundred: a call then costs no more than the arithmetic in it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import prod
 
 import numpy as np
 
+Shape = tuple[int, ...]
 
-class Arena:
-    """One array and the table of its blocks.
+TABLE_ROW = 4
+"""Numbers of the table for each field: where it begins in the memory, and up to three lengths."""
+
+
+class Packed:
+    """Fields of float64 and of int64 on one memory, zero at first.
 
     Args:
-        shapes: Shape of each block by number, (rows, columns) or (n,); numbers not named get no room.
-        count: Number of blocks.
-        dtype: Of all of them.
+        reals: Shape of each field of reals by name; ``()`` is a scalar. They follow each other without gaps.
+        ints: The same for integers.
 
     Attributes:
-        memory: The array.
-        table: ``start rows columns`` of each block, shape (count, 3).
+        memory: All of it, float64; the table of the fields first.
+        fields: Name, kind (``f`` or ``i``) and number of dimensions of each field: what compiled code is compiled for.
+
+    Raises:
+        ValueError: If a field has more than three dimensions, or a name stands twice.
     """
 
-    def __init__(self, shapes: Mapping[int, tuple[int, ...]], count: int, dtype: type) -> None:
-        self.table = np.zeros((count, 3), dtype=np.int64)
-        start = 0
-        for block in range(count):
-            shape = shapes.get(block, (0,))
-            rows, columns = shape if len(shape) == 2 else (1, shape[0])
-            self.table[block] = start, rows, columns
-            start += rows * columns
-        self._shapes = shapes
-        self.memory = np.zeros(start + 8, dtype=dtype)
+    def __init__(self, reals: Mapping[str, Shape], ints: Mapping[str, Shape]) -> None:
+        named = [(name, "f", shape) for name, shape in reals.items()] + [(n, "i", shape) for n, shape in ints.items()]
+        names = [name for name, _, _ in named]
+        twice = {name for name in names if names.count(name) > 1}
+        if twice or any(len(shape) > 3 for _, _, shape in named):
+            raise ValueError(f"fields have different names and at most three dimensions; twice: {sorted(twice)}")
+        sizes = [prod(shape) for _, _, shape in named]
+        starts = TABLE_ROW * len(named) + np.cumsum([0, *sizes])
+        memory = np.zeros(int(starts[-1]))
+        integers, views = memory.view(np.int64), {}
+        for k, ((name, kind, shape), start, size) in enumerate(zip(named, starts.tolist(), sizes, strict=False)):
+            integers[TABLE_ROW * k] = start
+            integers[TABLE_ROW * k + 1 : TABLE_ROW * k + 1 + len(shape)] = shape
+            views[name] = (memory if kind == "f" else integers)[start : start + size].reshape(shape)
+        store = self.__dict__
+        store["memory"], store["_views"] = memory, views
+        store["fields"] = tuple((name, kind, len(shape)) for name, kind, shape in named)
+        store["_starts"] = dict(zip(names, zip(starts.tolist(), starts[1:].tolist(), strict=False), strict=True))
 
-    def span(self, first: int, last: int) -> np.ndarray:
-        """Blocks from ``first`` to ``last``, which follow each other without gaps, as one vector."""
-        start, rows, columns = self.table[last]
-        return self.memory[self.table[first, 0] : start + rows * columns]
+    def __getattr__(self, name: str) -> np.ndarray | float | int:
+        """A field in its shape, sharing the memory; a scalar as a number."""
+        view = self.__dict__.get("_views", {}).get(name)
+        if view is None:
+            raise AttributeError(f"there is no field '{name}'")
+        return view if view.ndim else view.item()
 
-    def __getitem__(self, block: int) -> np.ndarray:
-        """A block in its shape, sharing the memory."""
-        start, rows, columns = self.table[block]
-        return self.memory[start : start + rows * columns].reshape(self._shapes[block])
+    def __setattr__(self, name: str, value: float) -> None:
+        """Set a scalar; arrays are written in place."""
+        view = self._views.get(name)
+        if view is None or view.ndim:
+            raise AttributeError(f"'{name}' is not a scalar field; an array is written in place, `.{name}[:] = ...`")
+        view[()] = value
+
+    def span(self, first: str, last: str) -> np.ndarray:
+        """Fields of reals from ``first`` to ``last`` in the order in which they were declared, as one vector."""
+        return self.memory[self._starts[first][0] : self._starts[last][1]]

@@ -60,7 +60,7 @@ class Attempt:
     @property
     def violation(self) -> float:
         """Largest excess over a bound, in terms of its tolerance."""
-        return float(self.knots.excess.max())
+        return float(self.knots.violation.max())
 
     def imbalance(self, config: PlannerConfig) -> float:
         """What the plan wants of the floor beyond what that gives; 1 is all that the controller makes up for."""

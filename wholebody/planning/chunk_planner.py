@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from wholebody.config import PlannerConfig
+from wholebody.config import ControllerConfig
 from wholebody.planning import strategies
 from wholebody.planning.attempt import Attempt
 from wholebody.planning.contact_feasibility import ContactFeasibility
@@ -34,7 +34,8 @@ class ChunkPlanner:
     """Plans chunks, each from where the plan before is.
 
     Args:
-        spec: The robot. robot: Its model. config: Settings. friction: Coefficient that the controller counts on.
+        spec: The robot. robot: Its model.
+        config: Of the controller, whose friction and least contact forces plans count on.
 
     Attributes:
         hand_limits: What the left and the right hand can do.
@@ -42,11 +43,11 @@ class ChunkPlanner:
         offsets: Palm points in the axes of the wrists, shape (2, 3), [m].
     """
 
-    def __init__(self, spec: RobotSpec, robot: Robot, config: PlannerConfig, friction: float) -> None:
-        self.spec, self.config = spec, config
+    def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
+        self.spec, self.config = spec, config.planner
         self.model, self.data = robot.model, robot.model.createData()
-        self.optimizer = TrajectoryOptimizer(spec, config.posture, friction)
-        self.contacts = ContactFeasibility(self.optimizer.body, friction)
+        self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
+        self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
         self._centroidal = Centroidal(self.model, [robot.frame_id(name) for name in trunk])

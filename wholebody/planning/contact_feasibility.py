@@ -11,8 +11,9 @@ from itertools import product
 import daqp
 import numpy as np
 
+from wholebody.contacts.friction import pyramid_slope
 from wholebody.planning.trajectory import COARSE, GRID, SampledTrajectory
-from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, LEVER, RobotTables
+from wholebody.planning.trajopt.robot_tables import HALF_SOLE, RobotTables
 
 EDGE_MARGIN = 0.005
 """Distance from the edge of the support at which the pressure can still be held [m]: soles are soft there."""
@@ -30,7 +31,8 @@ LIFT_MIN = 0.1
 SEPARATED, INSIDE = 1, -1
 """daqp's exit flags: a plane between wrench and cone is found; there is none."""
 
-_UNITS = np.array([1.0, 1.0, LEVER, LEVER, LEVER])
+_UNITS = np.array([1.0, 1.0, HALF_SOLE, HALF_SOLE, HALF_SOLE])
+"""Of a wrench: forces per weight; a place and a moment per weight [m], half a sole of which counts as much."""
 _EYE, _ZERO = np.eye(5), np.zeros(5)
 
 
@@ -46,10 +48,10 @@ class ContactFeasibility:
         self._normals, self._offsets = body.support.normals, body.pressure_offsets
         self._mass, self._gravity = body.mass, -float(body.tables.gravity[2])
         middle = body.support.vertices.mean(axis=0)
-        # A part of the weight stays on every point: only the rest can be moved about.
-        x, y = (middle + (1.0 - 2.0 * FOOT_LOAD_MIN) * (body.support.vertices - middle)).T
+        # Each foot keeps its least load: only the rest can be moved about.
+        x, y = (middle + (1.0 - 2.0 * body.foot_load_min) * (body.support.vertices - middle)).T
         ones = np.ones_like(x)
-        edges = friction / np.sqrt(2.0) * np.array(list(product((-1.0, 1.0), repeat=2)))
+        edges = pyramid_slope(friction) * np.array(list(product((-1.0, 1.0), repeat=2)))
         generators = [np.stack([fx * ones, fy * ones, x, y, x * fy - y * fx], axis=1) for fx, fy in edges]
         self._generators = np.concatenate(generators) / _UNITS
         self._middle = np.array([0.0, 0.0, *middle, 0.0]) / _UNITS

@@ -5,13 +5,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from wholebody.qp.compiled import compiled_stages
+from wholebody.errors import InputError
+from wholebody.jit.entry import Entry
+from wholebody.limits.base import Rows
 from wholebody.qp.formulation import WholeBodySolution
-from wholebody.qp.kernels import blocks as b
+from wholebody.qp.kernels import active_set, assemble, command, proximity, residuals, solve
 from wholebody.qp.problem import QPSolution, Residuals
-from wholebody.qp.workspace import ProgramInputs, make_memory
+from wholebody.qp.program_inputs import ProgramInputs, place_feet
+from wholebody.qp.workspace import BLOCK, make_workspace
+from wholebody.tasks.base import Objective
+
+ENTRIES = tuple(
+    Entry(kernel)
+    for kernel in (
+        assemble.move,
+        proximity.near_pairs,
+        assemble.assemble,
+        solve.search,
+        residuals.conclude,
+        command.command,
+    )
+)
+"""What a tick calls one after the other. One function around them would be optimised once more as a whole: seconds of
+compiling for a few microseconds of calling."""
 
 _NONE = np.zeros(0)
 
@@ -20,7 +40,7 @@ class CompiledAnswer:
     """A copy of one answer; its parts are taken out of it when they are asked for.
 
     Args:
-        row: The blocks from DV to DUAL of `blocks`.
+        row: The fields from ``dv`` to ``dual`` of `workspace`.
         sizes: Sizes of accelerations, forces and joints.
         ok: Whether its residuals were accepted.
     """
@@ -66,47 +86,50 @@ class CompiledProgram:
     """Builds and solves the program in compiled calls.
 
     Attributes:
+        tick: The memory, by names; see `workspace`.
         dv: Accelerations of the last answer, shape (nv,).
         forces: Point forces in world axes, shape (n_points, 3), [N].
         tau: Joint torques in Pinocchio order, shape (n_joints,), [N m].
-        slack: Of the balance and of the collision rows, shape (2,).
         dual: Multiplier of each row in the order of `constraints`, positive at the upper side.
         desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
         reference: Where the references of the tasks are read, laid out as in `wholebody.control.reference_packet`.
-        share: Trust in the hands, shape (2,).
+        trust: Trust in the hands, shape (2,).
         palms: Where the palms are, from the origin of the base in world axes, shape (2, 3), [m].
-        code: What the last call came to, one of `blocks`.
+        code: What the last call came to, one of the codes of `active_set`.
 
     All are views of memory that the next call overwrites.
     """
 
-    def __init__(self, parts: ProgramInputs) -> None:
-        self.parts = parts
-        self._reals, self._ints = make_memory(parts)
-        reals = self._reals
-        self.dv, self.forces, self.tau, self.slack = (
-            reals[b.DV], reals[b.FORCE].reshape(-1, 3), reals[b.TAU_OUT], reals[b.SLACK]
-        )  # fmt: skip
-        self.dual, self.residuals, self.desired = reals[b.DUAL], reals[b.RESIDUALS], reals[b.DESIRED]
-        self.q, self.v, self.counts = reals[b.Q_], reals[b.V_], self._ints[b.COUNTS]
-        self.reference, self.share = reals.span(b.HAND_REF, b.POSTURE_REF), reals[b.SHARE]
-        n = len(parts.feet)
-        self.palms, self._base = reals[b.FP_][n : n + 2], reals[b.Q_][:3]
-        self._answer = reals.span(b.DV, b.DUAL)
+    def __init__(self, inputs: ProgramInputs) -> None:
+        self.inputs = inputs
+        self.tick = tick = make_workspace(inputs)
+        self.dv, self.forces, self.tau = tick.dv, tick.f.reshape(-1, 3), tick.tau
+        self.dual, self.residuals, self.desired, self.q, self.v = (
+            tick.dual,
+            tick.residuals,
+            tick.desired,
+            tick.q,
+            tick.v,
+        )
+        self.reference, self.trust = tick.span("hand_ref", "posture_ref"), tick.trust
+        n = len(inputs.feet)
+        self.palms, self._base = tick.frame_p[n : n + 2], tick.q[:3]
+        self._answer = tick.span("dv", "dual")
         self._sizes = len(self.dv), self.forces.size, len(self.tau)
-        self.code = b.SOLVED
-        self._call = ((reals.memory, reals.table), (self._ints.memory, self._ints.table))
-        self._move, self._nearest, self._assemble, self._search, self._conclude, self._command = compiled_stages()
+        self.code = active_set.SOLVED
+        self._move, self._near_pairs, self._assemble, self._search, self._conclude, self._command = (
+            entry.native(tick) for entry in ENTRIES
+        )
 
     @property
     def iterations(self) -> int:
         """Changes of the working set in the last call."""
-        return int(self.counts[b.ITERATIONS])
+        return self.tick.iterations
 
     @property
     def active(self) -> int:
         """Number of rows in the working set."""
-        return int(self.counts[b.N_WORKING])
+        return self.tick.n_working
 
     def palms_in_world(self) -> np.ndarray:
         """Where the palms were in the last call, shape (2, 3), [m]."""
@@ -114,14 +137,43 @@ class CompiledProgram:
 
     def reset(self) -> None:
         """Take over where the feet and the support are; the working set is forgotten."""
-        support, reals = self.parts.balance.support if self.parts.safety else None, self._reals
-        edges = 0 if support is None else len(support.offsets)
-        if edges:
-            reals[b.EDGES][:edges] = np.column_stack([support.normals, support.offsets])
-        for row, foot in zip(reals[b.FOOT_REF], self.parts.feet, strict=True):
-            if foot.T_world_ref is not None:
-                row[:9], row[9:] = foot.T_world_ref.rotation.ravel(), foot.T_world_ref.translation
-        self.counts[b.N_EDGES], self.counts[b.N_WORKING] = edges, 0
+        support, tick = self.inputs.balance.support if self.inputs.safety else None, self.tick
+        tick.n_edges, tick.n_working = 0 if support is None else len(support.offsets), 0
+        if support is not None:
+            tick.edges[: tick.n_edges] = np.column_stack([support.normals, support.offsets])
+        place_feet(self.inputs, tick)
+
+    def set_extra(self, objectives: Sequence[Objective], limits: Sequence[Rows]) -> None:
+        """Hand over what further tasks and limits ask for in the next call.
+
+        Args:
+            objectives: Any number of rows each.
+            limits: Soft rows; they share the slack of the balance.
+
+        Raises:
+            InputError: If there are more rows than `ProgramInputs.extra_rows` has room for, or one is not finite.
+        """
+        tick, (task_room, limit_room) = self.tick, self.inputs.extra_rows
+        n, slot = len(tick.frame_body), tick.n_balance - limit_room
+        counts = sum(len(one.target) for one in objectives), sum(len(one.upper) for one in limits)
+        if counts[0] > task_room or counts[1] > limit_room:
+            raise InputError(
+                f"further tasks have {counts[0]} rows and further limits {counts[1]}; there is room for "
+                f"{task_room} and {limit_room}: see `EXTRA_ROWS`"
+            )
+        target, weight, upper = tick.target[n:].reshape(-1), tick.weight[n:].reshape(-1), tick.soft_upper[slot:]
+        weight[:], upper[:limit_room], at = 0.0, np.inf, 0
+        for one in objectives:
+            _check_finite("task", one.J, one.target, one.weight)
+            end = at + len(one.target)
+            tick.J[BLOCK * n + at : BLOCK * n + end], target[at:end], weight[at:end] = one.J, one.target, one.weight
+            at = end
+        at = 0
+        for one in limits:
+            _check_finite(f"limit {', '.join(one.labels)}", one.J, one.upper)
+            end = at + len(one.upper)
+            tick.soft_J[slot + at : slot + end], upper[at:end] = one.J, one.upper
+            at = end
 
     def compute(self, q: np.ndarray, v: np.ndarray, *, hands: bool = True) -> bool:
         """Solve at a state for the references in memory; whether the answer is accepted.
@@ -131,17 +183,17 @@ class CompiledProgram:
             v: Velocity, shape (nv,).
             hands: Without hands also the joint bounds are wide: the arms give way.
         """
-        self.q[:], self.v[:], self.counts[b.HANDS] = q, v, hands
-        reals, ints = self._call
-        self._move(reals, ints)
-        if self.parts.safety:
+        tick = self.tick
+        self.q[:], self.v[:], tick.hands = q, v, hands
+        self._move(tick)
+        if self.inputs.safety:
             self._find_pairs()
-        self.code = self._assemble(reals, ints)
-        if self.code == b.SOLVED:
-            self.code = self._search(reals, ints)
-        if self.code == b.SOLVED and self._conclude(reals, ints):
+        self.code = self._assemble(tick)
+        if self.code == active_set.SOLVED:
+            self.code = self._search(tick)
+        if self.code == active_set.SOLVED and self._conclude(tick):
             return True
-        self.counts[b.N_WORKING] = 0
+        tick.n_working = 0
         return False
 
     def answer(self, *, ok: bool = True) -> CompiledAnswer:
@@ -150,22 +202,28 @@ class CompiledProgram:
 
     def integrate(self) -> None:
         """Integrate the last answer into the desired state and the command."""
-        self._command(*self._call)
+        self._command(self.tick)
 
     def solve(self, q: np.ndarray, v: np.ndarray, *, hands: bool = True) -> QPSolution:
         """`compute`, and the answer with our judgement of it."""
         ok = self.compute(q, v, hands=hands)
-        if self.code != b.SOLVED:
+        if self.code != active_set.SOLVED:
             self.residuals[:] = np.inf
         return self.answer(ok=ok).qp()
 
     def conclude(self) -> bool:
-        """Torques, multipliers and residuals of ``dv``, ``forces`` and ``slack`` as they stand; whether accepted."""
-        return bool(self._conclude(*self._call))
+        """Torques, multipliers and residuals of ``dv``, ``forces`` and the slacks as they stand; whether accepted."""
+        return bool(self._conclude(self.tick))
 
     def _find_pairs(self) -> None:
         """Measure the near pairs at the placements that the last call computed."""
-        while self._nearest(*self._call):
+        while self._near_pairs(self.tick):
             # Bodies that touch have a depth, which only the slower algorithm finds.
-            unsure = self._ints[b.UNSURE_PAIRS][: self.counts[b.N_UNSURE]]
-            self.parts.self_collision.proximity.measure(self.q, unsure)
+            unsure = self.tick.unsure_pairs[: self.tick.n_unsure]
+            self.inputs.self_collision.proximity.measure(self.q, unsure)
+
+
+def _check_finite(owner: str, *arrays: np.ndarray) -> None:
+    """A solver would drop such a row without a word."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise InputError(f"a further {owner} asks for something that is not finite; its arrays must be, at every state")

@@ -66,8 +66,13 @@ def lines(verdict: Verdict) -> list[str]:
 
 
 def to_json(verdicts: Sequence[Verdict]) -> str:
-    """A JSON array of verdicts, as `verdict.schema.json` describes it; never with NaN or Infinity."""
-    return json.dumps([verdict.as_dict() for verdict in verdicts], indent=2, allow_nan=False)
+    """A JSON list of verdicts, one a line, as `verdict.schema.json` describes it."""
+    return "[\n" + ",\n".join(map(json_line, verdicts)) + "\n]"
+
+
+def json_line(verdict: Verdict) -> str:
+    """A verdict as one line of JSON, never with NaN or Infinity."""
+    return json.dumps(verdict.as_dict(), allow_nan=False)
 
 
 def _gist(verdict: Verdict) -> str:

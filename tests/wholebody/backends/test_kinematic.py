@@ -14,6 +14,7 @@ from models.pinocchio_model import stance_q
 from policy.scripted.library import scripted_policy
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.kinematic.formulation import gravity_torques, speed_bounds
+from wholebody.backends.kinematic.kernels import program as kernels
 from wholebody.bench.reach_script import ReachScript
 from wholebody.bench.tick import KINEMATIC, Variant, _tightened
 from wholebody.config import ControllerConfig
@@ -130,6 +131,20 @@ def test_without_an_answer_the_robot_is_told_to_stay(controller, monkeypatch):
     assert report.level == 2
     assert np.all(command.dq == 0.0)
     assert np.array_equal(controller.q, SCRIPT.q0)
+
+
+@pytest.mark.parametrize("field", ["value", "J", "g", "lam", "contact_target"])
+def test_an_answer_with_one_entry_that_is_not_a_number_is_refused(controller, field):
+    for k, *_ in follow(controller, FAR, 400):
+        if k > 100 and controller.compiled.active:
+            break
+    tick = controller.compiled.tick
+    assert kernels.conclude(tick)
+    array = getattr(tick, field)
+    kept, array.flat[0] = array.flat[0], np.nan
+    assert not kernels.conclude(tick)
+    assert np.isnan(tick.residuals).any()
+    array.flat[0] = kept
 
 
 def test_a_slow_motion_is_survived_in_simulation():

@@ -190,7 +190,7 @@ class Breaking:
 )
 def test_7_a_crash_of_ours_has_code_3_and_one_sentence_and_the_other_inputs_are_judged(inside, monkeypatch, error):
     """It used to end with code 1, that of "infeasible", a traceback, and no verdict on what came after it."""
-    monkeypatch.setattr("wholebody.cli.check.make_checker", lambda *_: Breaking(error))
+    monkeypatch.setattr("wholebody.cli.judging.make_checker", lambda *_: Breaking(error))
     Breaking.made = 0
     answer = inside("check", "reach", "wave")
     assert answer.returncode == 3
@@ -198,7 +198,7 @@ def test_7_a_crash_of_ours_has_code_3_and_one_sentence_and_the_other_inputs_are_
     assert line.startswith(
         f"wholebody: reach: this is a fault of wholebody, not of the input: {type(error).__name__}: "
     )
-    assert "(wholebody/cli/check.py:" in line
+    assert "(wholebody/cli/judging.py:" in line
     assert "report it on the project's issue tracker" in line
     assert answer.stdout.startswith("FEASIBLE  wave: ")
     assert Breaking.made == 2, "what was in the middle of something is not used again"
@@ -214,13 +214,13 @@ def test_7_a_crash_of_a_run_has_code_3_too(inside, monkeypatch):
 
 
 def test_7_a_crash_is_worse_than_a_malformed_input(inside, monkeypatch, tmp_path):
-    monkeypatch.setattr("wholebody.cli.check.make_checker", lambda *_: Breaking(KeyError("left")))
+    monkeypatch.setattr("wholebody.cli.judging.make_checker", lambda *_: Breaking(KeyError("left")))
     (tmp_path / "motion.csv").write_text("1,2\n")
     assert inside("check", "reach", str(tmp_path / "motion.csv")).returncode == 3
 
 
 def test_7_ctrl_c_stays_130(inside, monkeypatch):
-    monkeypatch.setattr("wholebody.cli.check.make_checker", lambda *_: Breaking(KeyboardInterrupt()))
+    monkeypatch.setattr("wholebody.cli.judging.make_checker", lambda *_: Breaking(KeyboardInterrupt()))
     answer = inside("check", "reach", "wave")
     assert (answer.returncode, answer.stdout) == (130, "")
 

@@ -16,7 +16,6 @@ from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.jit.entry import Entry
-from wholebody.qp.kernels import blocks as b
 from wholebody.types import RobotState
 
 DISTANCE = Entry(core.distance)
@@ -172,11 +171,11 @@ def test_the_near_pairs_of_the_compiled_tick_are_those_of_the_readable_one():
         pin.forwardKinematics(model, data, q)
         readable.update(q, data, limit.trigger, limit.least)
         near = readable.near(limit.trigger, limit.most, limit.least)
-        count = compiled_tick.counts[b.N_PAIRS]
+        count = compiled_tick.tick.n_pairs
         assert abs(count - len(near)) <= 1
         count = min(count, len(near))
         found = limit.proximity
-        chosen = compiled_tick._ints[b.PAIR_NOW][:count]
+        chosen = compiled_tick.tick.pair_now[:count]
         np.testing.assert_allclose(
             (found.distance - found.margin)[chosen], (readable.distance - readable.margin)[near[:count]], atol=COAL
         )
@@ -195,7 +194,7 @@ def test_hands_inside_the_body_have_a_depth_in_the_compiled_tick_too(table):
     for name, angle in bent.items():
         q[7 + controller.robot.joint_names.index(f"left_{name}_joint")] = angle
     controller.compiled.solve(q, np.zeros(controller.robot.nv))
-    rows = controller.compiled._reals[b.PAIRS][: controller.compiled.counts[b.N_PAIRS]]
+    rows = controller.compiled.tick.pairs[: controller.compiled.tick.n_pairs]
     measuring = Measuring((spec, controller.robot.model, controller.self_collision.proximity.geometry), table)
     depth = measuring.coal(q) - controller.self_collision.proximity.margin
     assert depth.min() < -0.02

@@ -93,3 +93,25 @@ def test_a_change_of_a_callee_in_another_file_is_noticed(chain, tmp_path):
     Entry(chain.widest)(np.zeros(3), np.zeros(3))
     (tmp_path / "wholebody_sums.py").write_text(SUMS.replace("out = 0.0", "out = 6.0"))
     assert compiled_in_another_process(tmp_path) == 4.0
+
+
+MOVED = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from wholebody.jit import entry
+entry.PACKAGES = ("wholebody_pairs", "wholebody_other", "wholebody_chain")
+import wholebody_chain as module
+from {where} import Pair
+print(entry.Entry(module.both)(Pair(1.0, 2.0)))
+"""
+
+
+def test_a_cache_from_before_the_class_of_an_argument_moved_is_not_read(chain, tmp_path):
+    """numba reads all of a function's cache before it sees that it is out of date; the class named there was gone."""
+    source = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    a: float\n    b: float\n"
+    (tmp_path / "wholebody_chain.py").write_text("def both(pair):\n    return pair.a + pair.b\n")
+    for name, other in (("wholebody_pairs", "wholebody_other"), ("wholebody_other", "wholebody_pairs")):
+        (tmp_path / f"{name}.py").write_text(source)
+        (tmp_path / f"{other}.py").write_text("")
+        command = [sys.executable, "-c", MOVED.format(where=name), str(tmp_path)]
+        assert float(subprocess.run(command, capture_output=True, text=True, check=True).stdout) == 3.0

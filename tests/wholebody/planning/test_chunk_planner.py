@@ -31,7 +31,7 @@ def setup():
     chunk = scripted_policy("reach").infer(
         Observation(0.0, joints[:29], *fingers, robot.pose(SPEC.base_body).homogeneous)
     )
-    return ChunkPlanner(SPEC, robot, config.planner, config.friction), BodyState.still(q, robot.nv), rows, chunk
+    return ChunkPlanner(SPEC, robot, config), BodyState.still(q, robot.nv), rows, chunk
 
 
 def stretched(chunk, scale, swing=0.0):

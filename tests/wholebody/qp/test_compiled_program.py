@@ -18,11 +18,11 @@ from tests.support.body_cases import standing
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PalmReference
-from wholebody.qp.kernels import blocks as mem
+from wholebody.qp.kernels.active_set import INFEASIBLE, TOO_MANY_ITERATIONS
 from wholebody.qp.presolve import prepare
+from wholebody.qp.program_inputs import ITERATION_LIMIT
 from wholebody.qp.residuals import kkt_residuals
 from wholebody.qp.solvers import solve
-from wholebody.qp.workspace import ITERATION_LIMIT
 from wholebody.types import RobotState
 
 ACTIVE = 1e-6
@@ -134,11 +134,11 @@ def multipliers(controller, z):
     """Multipliers of the compiled program in the order of the readable one: rows and bounds."""
     compiled, nv, n = controller.compiled, controller.robot.nv, controller.robot.n_joints
     points = len(compiled.forces)
-    edges, pairs = compiled.counts[mem.N_EDGES], compiled.counts[mem.N_PAIRS]
+    edges, pairs = compiled.tick.n_edges, compiled.tick.n_pairs
     soft = 2 * n + 5 * points
     trunk = soft + points
     low = len(controller.floor.underside.labels)
-    near = trunk + 15 + np.flatnonzero(compiled._reals[mem.SOFT_UPPER][points + 15 : points + 15 + low] < 1e300)
+    near = trunk + 15 + np.flatnonzero(compiled.tick.soft_upper[points + 15 : points + 15 + low] < 1e300)
     first = trunk + 15 + low
     rows = [
         *(z[n : 2 * n], z[2 * n + points : soft], z[soft : soft + edges], z[trunk : trunk + 15]),
@@ -180,9 +180,7 @@ def test_compiled_and_readable_program_have_the_same_answer(default, size, hands
         differences.append(max(difference(*part) for part in parts))
         sensitive += any(difference(value + ROUNDINGS * far, value) > TOLERANCE for _, value, far in parts)
         z, z_box = multipliers(controller, found.z)
-        edges = (
-            controller.robot.n_joints + 4 * len(solution.forces) + np.arange(controller.compiled.counts[mem.N_EDGES])
-        )
+        edges = controller.robot.n_joints + 4 * len(solution.forces) + np.arange(controller.compiled.tick.n_edges)
         assert active_set(z, edges) == active_set(expected.z, edges)
         assert active_set(z_box[:-2]) == active_set(expected.z_box[:-2])
         active += len(active_set(z)) + len(active_set(z_box[:-2]))
@@ -278,15 +276,15 @@ def test_no_answer_is_given_where_there_is_none_in_time_or_at_all(default):
     controller, q_stance = default
     compiled = controller.compiled
     q, v, reference = draw(controller, q_stance, np.random.default_rng(13), 1.0)
-    compiled.counts[mem.ITERATION_LIMIT] = 3
+    compiled.tick.iteration_limit = 3
     compiled.reset()
     assert not solved(controller, q, v, reference).ok
-    assert compiled.code == mem.TOO_MANY_ITERATIONS
-    compiled.counts[mem.ITERATION_LIMIT] = ITERATION_LIMIT
+    assert compiled.code == TOO_MANY_ITERATIONS
+    compiled.tick.iteration_limit = ITERATION_LIMIT
     fast = v.copy()
     fast[6:] = 60.0
     assert not solved(controller, q, fast, reference).ok
-    assert compiled.code == mem.INFEASIBLE
+    assert compiled.code == INFEASIBLE
     assert solved(controller, q, v, reference).ok
 
 

@@ -13,7 +13,7 @@ from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
 from wholebody.control.task_set import BodyTasks, make_feet, make_tasks
 from wholebody.control.tick_report import TickLevel, TickReport
-from wholebody.errors import StateError
+from wholebody.errors import InputError, StateError
 from wholebody.limits.balance import CapturePointLimit
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve
@@ -41,6 +41,8 @@ class KinematicController:
         self.spec, self.config = spec, config or ControllerConfig(backend="kinematic")
         self.robot = robot = Robot(spec)
         tasks = make_tasks(spec, self.config, robot)
+        if tasks.extra:
+            raise InputError("the kinematic backend knows the built-in tasks only; `backend: native` takes more")
         self.palms, self.posture, self.com = tasks.palms, tasks.posture, tasks.com
         self.tasks = (tasks.com, tasks.torso, tasks.pelvis, tasks.height, tasks.posture, *tasks.palms)
         self.finger_indices = tasks.fingers
@@ -48,7 +50,7 @@ class KinematicController:
         self.balance = CapturePointLimit(margin=safety.balance_margin, gain=safety.balance_gain)
         order = robot.motor_to_pin
         self.joints = np.array([spec.position_min[order], spec.position_max[order], spec.velocity_max[order]])
-        parts = KinematicInputs(
+        inputs = KinematicInputs(
             robot=robot,
             feet=self.feet,
             palms=tasks.palms,
@@ -61,7 +63,7 @@ class KinematicController:
             joints=self.joints,
             dt=self.config.dt,
         )
-        self.compiled = KinematicProgram(parts) if self.config.solver == "compiled" else None
+        self.compiled = KinematicProgram(inputs) if self.config.solver == "compiled" else None
         self._bind(tasks)
         self._measured = None if self.compiled is not None else Robot(spec)
         self.q, self.v, self.tau = pin.neutral(robot.model), np.zeros(robot.nv), np.zeros(robot.n_joints)
@@ -70,7 +72,7 @@ class KinematicController:
         """Tasks read their references where the program does."""
         compiled, n = self.compiled, self.robot.n_joints
         memory = ReferenceMemory(np.zeros(row_length(n)) if compiled is None else compiled.reference)
-        shares = np.ones(2) if compiled is None else compiled.share
+        shares = np.ones(2) if compiled is None else compiled.trust
         for i, palm in enumerate(tasks.palms):
             palm.bind(memory.palms[i], shares[i : i + 1])
         for name in ("com", "pelvis", "torso", "height", "posture"):

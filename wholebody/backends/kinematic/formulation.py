@@ -28,8 +28,8 @@ from wholebody.tasks.base import Objective, Task
 
 FOOT_GAIN = 50.0
 """How fast a foot that is not at its place goes back there [1/s]."""
-SPEED_PRICE = 1e-6
-"""Price of squared speeds [1/(m/s)^2, 1/(rad/s)^2]: makes the program strictly convex."""
+SPEED_PENALTY = 1e-6
+"""Penalty on squared speeds [1/(m/s)^2, 1/(rad/s)^2]: makes the program strictly convex."""
 RETREAT = 0.1
 """Largest speed that is demanded of a centre of mass outside the support [m/s]."""
 
@@ -92,7 +92,7 @@ def gravity_torques(robot: Robot, feet: Sequence[FootContact]) -> np.ndarray:
 
 
 def _cost(robot: Robot, tasks: Sequence[Task]) -> tuple[np.ndarray, np.ndarray]:
-    H, g = SPEED_PRICE * np.eye(robot.nv), np.zeros(robot.nv)
+    H, g = SPEED_PENALTY * np.eye(robot.nv), np.zeros(robot.nv)
     for task in tasks:
         wanted: Objective = task.objective(robot)
         weighted = wanted.J.T * wanted.weight

@@ -12,6 +12,7 @@ from wholebody.backends.placo.program import PlacoLimits, PlacoProgram
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.tick_report import TickLevel, TickReport
+from wholebody.errors import InputError
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, Residuals
 from wholebody.tasks.momentum import AngularMomentumTask
@@ -29,6 +30,8 @@ class PlacoController(WholeBodyController):
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         super().__init__(spec, replace(config or ControllerConfig(), solver="daqp"))
+        if self.extra_tasks:
+            raise InputError("the placo backend knows the built-in tasks only; `backend: native` takes more")
         tasks = [task for task in (*self.body_tasks, *self.palms) if not isinstance(task, AngularMomentumTask)]
         self.program = PlacoProgram(spec, self.robot, self.feet, tasks, self._placo_limits(), Regularisation())
 

@@ -23,6 +23,7 @@ from models.spec import RobotSpec
 from wholebody.backends.placo.tasks import mirror
 from wholebody.collision.proximity import watched_pairs
 from wholebody.contacts.foot import FootContact
+from wholebody.contacts.friction import pyramid_slope
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.robot.state import Robot
 from wholebody.tasks.base import Task
@@ -100,7 +101,7 @@ class PlacoProgram:
             point = self.solver.add_position_task(frame, np.zeros(3))
             point.configure(frame, "soft", 0.0)
             force = self.solver.add_unilateral_point_contact(point)
-            force.mu = contact.friction / np.sqrt(2.0)
+            force.mu = pyramid_slope(contact.friction)
             force.weight_forces = regularisation.force - regularisation.acceleration
             contacts.append(force)
         return rigid, contacts

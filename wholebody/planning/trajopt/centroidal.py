@@ -37,5 +37,5 @@ class Centroidal:
         K, frames = len(q), len(self._tables[2])
         out = np.empty((K, 3)), np.empty((K, 3)), np.empty((K, 3)), np.empty((frames, K, 3, 3))
         states = np.ascontiguousarray(q), np.ascontiguousarray(v)
-        entry_points.momenta(*self._tables, *states, *out, *self._scratch)
+        entry_points.centroidal(*self._tables, *states, *out, *self._scratch)
         return out

@@ -1,19 +1,34 @@
-"""The kernels that Python calls, each compiled on its first call, for all that it calls in turn."""
+"""The kernels that Python calls, each compiled on its first call together with all that it calls in turn."""
 
 from __future__ import annotations
 
 from wholebody.jit.entry import Entry
-from wholebody.planning.trajopt.kernels import centroidal, linearise, newton, proximity, spline_offset, warm_start
-from wholebody.planning.trajopt.kernels import cost as objective
+from wholebody.planning.trajopt.kernels import (
+    centroidal as _centroidal,
+)
+from wholebody.planning.trajopt.kernels import (
+    cost as _cost,
+)
+from wholebody.planning.trajopt.kernels import (
+    linearise,
+    newton,
+    proximity,
+)
+from wholebody.planning.trajopt.kernels import (
+    spline_offset as _spline_offset,
+)
+from wholebody.planning.trajopt.kernels import (
+    warm_start as _warm_start,
+)
 
 place = Entry(linearise.place)
 rates = Entry(linearise.rates)
 measure = Entry(proximity.measure)
 describe = Entry(proximity.describe)
-cost = Entry(objective.cost)
-assemble = Entry(objective.assemble)
+cost = Entry(_cost.cost)
+assemble = Entry(_cost.assemble)
 step = Entry(newton.step)
-follow = Entry(warm_start.follow)
-moved = Entry(warm_start.moved)
-bend = Entry(spline_offset.bend)
-momenta = Entry(centroidal.momenta)
+warm_start = Entry(_warm_start.warm_start)
+take_step = Entry(_warm_start.take_step)
+spline_offset = Entry(_spline_offset.spline_offset)
+centroidal = Entry(_centroidal.centroidal)

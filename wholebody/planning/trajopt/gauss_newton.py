@@ -1,4 +1,13 @@
-"""The search for the best motion: steps of the linearised program, damped as much as it takes."""
+"""The search for the best motion: penalty continuation outside, Levenberg-Marquardt around Gauss-Newton inside.
+
+Bounds are penalised with the square of their excess. The search begins with penalties that are 900 times too low, so
+that the way to the solution may lead through them, and raises them in rounds (`CONTINUATION`). In each round, damped
+Gauss-Newton steps are taken until one gains too little; each minimises the linearised cost with its active bounds
+(`wholebody.planning.trajopt.kernels.newton`).
+
+The constants are no settings: they trade time for accuracy of the solution, and were found by trial on the scripts and
+hostile chunks of `benchmarks/plan.py` (`docs/performance.md`).
+"""
 
 from __future__ import annotations
 
@@ -7,75 +16,76 @@ import numpy as np
 from wholebody.config import TrajectoryConfig
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 
-ROUNDS = ((30.0, 3), (5.0, 3), (1.0, 24))
-"""Softness of the bounds, and most steps with it."""
-NEAR, FIRM = 1.0, ((1.0, 1), (1.0, 24))
-"""Excess of the first motion, in terms of the room behind a bound, up to which bounds are firm at once; and the rounds
-then."""
-FEW, ALL = 4, 12
-"""How often a step guesses anew which bounds are exceeded: few times while the next linearisation gains more than the
-exact step of this one; where few no longer help, as often as it takes."""
-ENOUGH = 2e-3
+CONTINUATION = ((30.0, 3), (5.0, 3), (1.0, 24))
+"""Factor on the scales of the bounds in each round, and the most steps in it."""
+FEASIBLE, CONTINUATION_FEASIBLE = 1.0, ((1.0, 1), (1.0, 24))
+"""Violation of the first motion, in terms of tolerances, up to which penalties begin at full size; and the rounds then,
+the first of which updates the spline offset of the palms."""
+NEWTON_FEW, NEWTON_ALL = 4, 12
+"""Most Newton steps on the active set within one Gauss-Newton step: few while the next linearisation gains more than
+the exact minimum of this one, all once few no longer help."""
+GAIN_MIN = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
-NOTHING = 1e-3
-"""The same of what a step promises: one that promises less, with the exact set of exceeded bounds, is not taken."""
-SOON = 1e-2
-"""The same where bounds are soft, which only leads the way."""
-LITTLE = 0.03
-"""Cost per knot: where bounds are firm at once, a step that gains less is the last one."""
+PROMISE_MIN = 1e-3
+"""Share of the cost: a step that promises less, on the exact active set, is not taken."""
+PROMISE_MIN_SOFT = 1e-2
+"""The same in rounds with soft bounds, which need not converge."""
+KNOT_GAIN_MIN = 0.03
+"""Cost per knot: where the first motion was feasible, a step that gains less is the last one."""
 STEP_MAX = 0.4
-"""Largest step of a free direction that the linearisation is trusted for [m, rad]."""
-HOPELESS = 2.0
-"""Times that: a step that is as large after its first guess is damped more at once."""
-DAMPING, DAMPING_MIN, DAMPING_MAX = 1e-4, 1e-7, 1e6
+"""Largest entry of a step that the linearisation is trusted for [m, rad]."""
+ABANDON = 2.0
+"""Times `STEP_MAX`: where the first Newton step is as large, the damping is raised at once."""
+DAMPING, DAMPING_MIN, DAMPING_MAX, DAMPING_FACTOR = 1e-4, 1e-7, 1e6, 4.0
+"""Damping at first and its bounds, as a share of the Hessian's diagonal; by how much it is raised."""
 
 
-def optimise(program: TrajectoryProblem, config: TrajectoryConfig) -> float:
-    """Improve the present motion of the program, and answer what it costs with firm bounds."""
+def optimise(problem: TrajectoryProblem, config: TrajectoryConfig) -> float:
+    """Improve the present motion of the problem, and answer what it costs with firm bounds."""
     damping = DAMPING
-    program.linearise(program.now)
-    near = program.excess().max() <= NEAR
-    for softness, rounds in FIRM if near else ROUNDS:
-        if softness < ROUNDS[0][0]:
-            program.bend()
-        guesses = FEW
-        program.weigh(config, softness)
-        cost = program.cost(program.now)
-        program.assemble()
+    problem.linearise(problem.now)
+    feasible = problem.violation().max() <= FEASIBLE
+    for softness, rounds in CONTINUATION_FEASIBLE if feasible else CONTINUATION:
+        if softness < CONTINUATION[0][0]:
+            problem.update_offset()
+        newton_steps = NEWTON_FEW
+        problem.set_weights(config, softness)
+        cost = problem.cost(problem.now)
+        problem.assemble()
         for _ in range(rounds):
-            promise, damping, exact = _trusted_step(program, damping, guesses)
-            if promise < SOON * cost and softness > 1.0:
+            promise, damping, exact = _trusted_step(problem, damping, newton_steps)
+            if promise < PROMISE_MIN_SOFT * cost and softness > 1.0:
                 break
-            if promise < NOTHING * cost and not exact and guesses < ALL:
-                guesses = ALL
-                promise, damping, exact = _trusted_step(program, damping, guesses)
-            if promise < NOTHING * cost:
+            if promise < PROMISE_MIN * cost and not exact and newton_steps < NEWTON_ALL:
+                newton_steps = NEWTON_ALL
+                promise, damping, exact = _trusted_step(problem, damping, newton_steps)
+            if promise < PROMISE_MIN * cost:
                 break
-            program.move()
-            program.linearise(program.trial)
-            cost_new = program.cost(program.trial)
+            problem.move()
+            problem.linearise(problem.trial)
+            cost_new = problem.cost(problem.trial)
             ratio = (cost - cost_new) / max(promise, 1e-12)
             if not cost_new < cost:
-                damping, guesses = 4.0 * damping, ALL
+                damping, newton_steps = DAMPING_FACTOR * damping, NEWTON_ALL
                 continue
-            program.accept()
+            problem.accept()
             gain, cost = (cost - cost_new) / cost, cost_new
-            if near and gain * cost < LITTLE * program.K:
+            if feasible and gain * cost < KNOT_GAIN_MIN * problem.K:
                 break
-            program.assemble()
+            problem.assemble()
             # Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05.
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), DAMPING_MIN)
-            if gain < ENOUGH:
-                if guesses == ALL or softness > 1.0:
+            if gain < GAIN_MIN:
+                if newton_steps == NEWTON_ALL or softness > 1.0:
                     break
-                guesses = ALL
+                newton_steps = NEWTON_ALL
     return cost
 
 
-def _trusted_step(program: TrajectoryProblem, damping: float, guesses: int) -> tuple[float, float, bool]:
+def _trusted_step(problem: TrajectoryProblem, damping: float, newton_steps: int) -> tuple[float, float, bool]:
     while True:
         last = damping > DAMPING_MAX
-        promise, size, exact = program.step(damping, guesses, np.inf if last else HOPELESS * STEP_MAX)
+        promise, size, exact = problem.step(damping, newton_steps, np.inf if last else ABANDON * STEP_MAX)
         if size < STEP_MAX or last:
             return promise, damping, exact
-        damping *= 4.0
+        damping *= DAMPING_FACTOR

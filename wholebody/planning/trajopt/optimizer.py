@@ -41,7 +41,7 @@ class KnotTrajectory:
         v: Velocities from the knot before to each knot, shape (K, nv): halfway between them in time.
         T_palms: Palm poses that the plan has on its curve, shape (K, 2, 4, 4).
         zmp: Zero-moment point at each knot, shape (K, 2), [m].
-        excess: Largest excess over a bound at each knot, shape (K,), in terms of the room behind it.
+        violation: Largest excess over a bound at each knot, shape (K,), in terms of the bound's tolerance.
         cost: What the motion costs.
     """
 
@@ -49,7 +49,7 @@ class KnotTrajectory:
     v: np.ndarray
     T_palms: np.ndarray
     zmp: np.ndarray
-    excess: np.ndarray
+    violation: np.ndarray
     cost: float
 
 
@@ -58,20 +58,25 @@ class TrajectoryOptimizer:
 
     Args:
         spec: The robot.
-        config: Scales, limits and margins.
+        config: Weights, limits and margins.
         friction: Coefficient that the controller counts on.
+        force_min: Least normal force that the controller keeps at each contact point [N].
     """
 
     def __init__(
-        self, spec: RobotSpec, config: TrajectoryConfig | None = None, friction: float = ControllerConfig.friction
+        self,
+        spec: RobotSpec,
+        config: TrajectoryConfig | None = None,
+        friction: float = ControllerConfig.friction,
+        force_min: float = ControllerConfig.force_min,
     ) -> None:
         self.spec, self.config = spec, config or TrajectoryConfig()
-        self.body = RobotTables(spec, self.config, friction)
+        self.body = RobotTables(spec, self.config, friction, force_min)
         self.model = self.body.full
         self.support = self.body.support
         self.mass = self.body.mass
         self.q_stance = self.body.q_full.copy()
-        self._programs: dict[int, TrajectoryProblem] = {}
+        self._problems: dict[int, TrajectoryProblem] = {}
 
     def plan(
         self,
@@ -90,29 +95,29 @@ class TrajectoryOptimizer:
             T_palms: Palm poses in world, shape (K, 2, 4, 4), ``config.dt`` apart; the first one belongs to ``q``.
             q_fingers: Finger joints, left hand then right hand as `RobotSpec.tools` lists them, shape (K, n_fingers).
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.
-            config: Scales to use instead of the planner's own; step, limits and margins stay the planner's.
+            config: Weights to use instead of the planner's own; step, limits and margins stay the planner's.
         """
         body, K, config = self.body, len(T_palms), config or self.config
-        program = self._program(K)
-        program.begin(T_palms, q_fingers, v[body.columns])
-        start, known = program.now.q, 1
+        problem = self._problem(K)
+        problem.begin(T_palms, q_fingers, v[body.columns])
+        start, known = problem.now.q, 1
         start[0] = q[body.body]
         if guess is not None and len(guess):
             known = 1 + len(guess)
             start[1:known] = guess[:, body.body]
-        program.weigh(config, 1.0)
-        program.follow(known)
-        cost = optimise(program, config)
-        now = program.now
+        problem.set_weights(config, 1.0)
+        problem.warm_start(known)
+        cost = optimise(problem, config)
+        now = problem.now
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
         qs[:, body.body], qs[:, body.fingers] = now.q, q_fingers
-        vs[:, body.columns] = now.half[:-1]
-        return KnotTrajectory(qs, vs, program.palms_on_curve(), now.zmp.copy(), program.excess(), cost)
+        vs[:, body.columns] = now.v_mid[:-1]
+        return KnotTrajectory(qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost)
 
-    def _program(self, K: int) -> TrajectoryProblem:
+    def _problem(self, K: int) -> TrajectoryProblem:
         """Memory for K knots; that of the plans before, where it fits."""
-        if K not in self._programs:
-            if len(self._programs) >= SIZES_KEPT:
-                del self._programs[next(iter(self._programs))]
-            self._programs[K] = TrajectoryProblem(self.body, self.config, K)
-        return self._programs[K]
+        if K not in self._problems:
+            if len(self._problems) >= SIZES_KEPT:
+                del self._problems[next(iter(self._problems))]
+            self._problems[K] = TrajectoryProblem(self.body, self.config, K)
+        return self._problems[K]

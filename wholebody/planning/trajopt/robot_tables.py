@@ -14,18 +14,16 @@ from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import ShapeTable, shape_table
 from wholebody.config import ControllerConfig, TrajectoryConfig
+from wholebody.contacts.friction import pyramid_slope
 from wholebody.errors import InputError
-from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import PLACEMENT_P
-from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_JOINTS, N_LOW, UPPER, Shapes, Tables
+from wholebody.planning.trajopt.arrays import Shapes, Tables
+from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_FLOOR, N_JOINTS, UPPER
 from wholebody.robot.body_table import body_table
+from wholebody.robot.kernels.bodies import PLACEMENT_P
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
-LOAD_MIN = 0.4
-"""Least share of the weight that stays on the floor."""
-FOOT_LOAD_MIN = 0.06
-"""Of the weight, on each foot: the controller keeps 5 N at each of its four points."""
-LEVER = 0.1
-"""What a moment per force is compared with a force at [m]: half of a sole."""
+HALF_SOLE = 0.1
+"""Lever at which a moment counts as much as a force [m]: half of the G1's sole of 0.17 m, rounded."""
 
 
 class RobotTables:
@@ -36,6 +34,7 @@ class RobotTables:
 
     Args:
         spec: The robot. config: Limits and margins. friction: Coefficient that the controller counts on.
+        force_min: Least normal force that the controller keeps at each contact point [N].
 
     Attributes:
         model: Pinocchio's model of the body.
@@ -44,12 +43,18 @@ class RobotTables:
         fingers: Entries of the fingers in the full configuration, hand by hand.
         finger_order: Which of those the fingers are in the order of their bodies.
         support: The support polygon. pressure_offsets: How far the centre of pressure goes towards its edges [m].
-        mass: Of the robot [kg].
+        mass: Of the robot [kg]. foot_load_min: Least share of the weight on each foot.
         tables, shapes: What compiled code works on.
         proximity: Distances by coal, for shapes that touch.
     """
 
-    def __init__(self, spec: RobotSpec, config: TrajectoryConfig, friction: float = ControllerConfig.friction) -> None:
+    def __init__(
+        self,
+        spec: RobotSpec,
+        config: TrajectoryConfig,
+        friction: float = ControllerConfig.friction,
+        force_min: float = ControllerConfig.force_min,
+    ) -> None:
         full = self.full = load_pinocchio(spec)
         self.q_full = stance_q(spec, full)
         names = list(full.names)
@@ -61,8 +66,10 @@ class RobotTables:
         self.fingers = np.array([7 + names.index(n) - 2 for tool in spec.tools for n in tool.finger_joints], int)
         self.finger_order = np.argsort(self.fingers, kind="stable")
         self.mass = float(pin.computeTotalMass(full))
+        points = max(len(foot.points) for foot in spec.feet)
+        self.foot_load_min = points * force_min / (self.mass * float(np.linalg.norm(full.gravity.linear)))
         self.tables, self.support, self.pressure_offsets = _tables(
-            spec, config, friction, model, self.q_full[self.body].copy(), self.mass
+            spec, config, friction, model, self.q_full[self.body].copy(), self.mass, self.foot_load_min
         )
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
@@ -84,7 +91,7 @@ class RobotTables:
 
 
 def _tables(
-    spec: RobotSpec, c: TrajectoryConfig, friction: float, model: pin.Model, q: np.ndarray, mass: float
+    spec: RobotSpec, c: TrajectoryConfig, friction: float, model: pin.Model, q: np.ndarray, mass: float, least: float
 ) -> tuple[Tables, SupportPolygon, np.ndarray]:
     """Without fingers; the support, and how far the centre of pressure goes towards its edges."""
     bodies, parent = body_table(model)
@@ -94,7 +101,7 @@ def _tables(
     carries = _carries(model, [frame.parentJoint for frame in frames])
     if model.nv != N_BODY or carries[4:, LOWER:].any() or not carries[4:, :LOWER].any(0).all():
         raise InputError(
-            f"the posture plan needs {N_BODY} velocities, base and legs first, as the G1 has them: {spec.name} has "
+            f"the optimiser needs {N_BODY} velocities, base and legs first, as the G1 has them: {spec.name} has "
             f"{model.nv}, '{list(model.names)[2]}' first"
         )
     data = model.createData()
@@ -102,7 +109,7 @@ def _tables(
     feet = [data.oMf[i] for i in ids[4:]]
     corners = [[foot.act(np.array(x))[:2] for x in part.points] for foot, part in zip(feet, spec.feet, strict=True)]
     support = convex_polygon(np.concatenate(corners))
-    pressure = _pressure_offsets(support, *np.array(corners))
+    pressure = _pressure_offsets(support, *np.array(corners), least)
     tables = Tables(
         bodies=bodies,
         parent=parent,
@@ -116,32 +123,33 @@ def _tables(
         com_stance=pin.centerOfMass(model, data, q)[:2].copy(),
         gravity=np.array(model.gravity.linear),
         mass=mass,
-        load_min=LOAD_MIN,
+        load_min=c.load_min,
         limits=np.array([c.torso_tilt, c.pelvis_tilt, c.height_min]),
         **_limits(spec, c, list(model.names[2:])),
         normals=support.normals.copy(),
         com_offsets=support.offsets - c.com_margin,
         zmp_offsets=pressure - c.zmp_margin,
         capture_offsets=pressure - c.capture_margin,
-        cone=_cone(support, c.friction_share * friction),
+        cone=_cone(support, c.friction_share * friction, least),
         capture_time=c.capture_time,
-        sweep=c.approach_time,
+        approach_time=c.approach_time,
     )
     return tables, support, pressure
 
 
-def _pressure_offsets(support: SupportPolygon, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _pressure_offsets(support: SupportPolygon, left: np.ndarray, right: np.ndarray, least: float) -> np.ndarray:
     """How far the centre of pressure goes towards each edge while both feet, corners (k, 2), carry their least load."""
-    shares = np.array([FOOT_LOAD_MIN, 1.0 - FOOT_LOAD_MIN])[:, None]
-    ahead = [(foot @ support.normals.T).max(0) for foot in (left, right)]
-    return (shares * ahead[0] + (1.0 - shares) * ahead[1]).max(0)
+    shares = np.array([least, 1.0 - least])[:, None]
+    offsets = [(foot @ support.normals.T).max(0) for foot in (left, right)]
+    return (shares * offsets[0] + (1.0 - shares) * offsets[1]).max(0)
 
 
-def _cone(support: SupportPolygon, friction: float) -> np.ndarray:
+def _cone(support: SupportPolygon, friction: float, least: float) -> np.ndarray:
     """Sides (N_FRICTION, 6) of the cone of wrenches that soles give without sliding, the edges of the pressure aside.
 
-    Exact for a rectangle and for pyramids of friction inside the cones; the largest rectangle in the support of the
-    proportions of the box around it is taken.
+    Exact for a rectangle and the pyramid of `wholebody.contacts.friction`; the largest rectangle in the support of the
+    proportions of the box around it is taken. So it is inside the cone of `ContactFeasibility`, which has the same
+    pyramids at the corners of the whole support: an optimiser needs few sides, a judge the truth.
 
     Source:
         Caron, Pham and Nakamura 2015, "Stability of Surface Contacts for Humanoid Robots: Closed-Form Formulae of the
@@ -150,9 +158,9 @@ def _cone(support: SupportPolygon, friction: float) -> np.ndarray:
     low, high = support.vertices.min(axis=0), support.vertices.max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     room = support.offsets - support.normals @ middle
-    half = half * np.min(room / (np.abs(support.normals) @ half)) * (1.0 - 2.0 * FOOT_LOAD_MIN)
-    (x, y), mu = half, friction / np.sqrt(2.0)
-    # About the middle: moments (-MOMENT + ..., ...) as columns of the rows of the motion.
+    half = half * np.min(room / (np.abs(support.normals) @ half)) * (1.0 - 2.0 * least)
+    (x, y), mu = half, pyramid_slope(friction)
+    # Moments about the middle, as columns by ZMP_FORCE, VERTICAL, HORIZONTAL, YAW.
     turn_x, turn_y = np.array([0.0, 1.0, -middle[1], 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, middle[0], 0.0, 0.0, 0.0])
     twist = np.array([0.0, 0.0, 0.0, middle[1], -middle[0], 1.0])
     load, along, across = np.eye(6)[2:5]
@@ -161,8 +169,8 @@ def _cone(support: SupportPolygon, friction: float) -> np.ndarray:
         shears = a * (y * along + sign * mu * turn_x) + b * (x * across + sign * mu * turn_y)
         sides.append(sign * twist + shears - mu * (x + y) * load)
     sides = np.array(sides)
-    # All in terms of a force: a moment counts by what half a sole as lever makes of it.
-    size = np.linalg.norm(sides * [LEVER, LEVER, 0.0, 1.0, 1.0, LEVER], axis=1)
+    # All in terms of a force.
+    size = np.linalg.norm(sides * [HALF_SOLE, HALF_SOLE, 0.0, 1.0, 1.0, HALF_SOLE], axis=1)
     return sides / size[:, None]
 
 
@@ -198,8 +206,8 @@ def _low(
     underside: FloorClearance, table: ShapeTable, number: np.ndarray, tables: Tables, c: TrajectoryConfig
 ) -> tuple[np.ndarray, ...]:
     """What `Shapes` says of bodies that can reach the floor."""
-    if len(underside.labels) > N_LOW:
-        raise InputError(f"{len(underside.labels)} bodies below the elbows; the posture plan has room for {N_LOW}")
+    if len(underside.labels) > N_FLOOR:
+        raise InputError(f"{len(underside.labels)} bodies below the elbows; the optimiser has room for {N_FLOOR}")
     bodies = number[underside.joints - 1]
     anchor, reach = bodies.copy(), underside.reach.copy()
     while (anchor > N_JOINTS).any():

@@ -1,61 +1,68 @@
-"""What each row of the plan's program costs; a bound's weight is one over its scale squared."""
+"""Weights of the residuals, and scale and tolerance of every kind of bound."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
 from wholebody.config import TrajectoryConfig
+from wholebody.planning.trajopt.arrays import Weights
 from wholebody.planning.trajopt.layout import (  # fmt: skip
-    EDGE,
-    HOLD,
-    LIMIT,
-    LOAD,
-    LOWEST,
+    BASE_HEIGHT,
+    COM_EDGE,
+    DISTANCE,
+    N_FRICTION,
     N_JOINTS,
-    NEAR,
+    POSITION,
+    STATIC,
     TILT,
-    TORQUE,
-    ZMP,
-    Scales,
-    n_sided,
+    UPPER,
 )
 
-TILT_SCALE = 2e-3
-"""Excess of a tilt that costs as much as 1 [rad]; likewise below."""
-LOWEST_SCALE = 1e-3
-"""[m]"""
-LIMIT_SCALE = 3e-3
-"""[rad]"""
-HOLD_SCALE = 2e-2
-"""Share of the torque limit."""
-DISTANCE_SCALE = 1.5e-3
-"""[m]"""
-COM_SCALE = 1e-3
-"""[m]"""
-LOAD_SCALE = 1e-2
-"""Share of the weight."""
-TORQUE_SCALE = 2e-2
-"""Share of the torque limit."""
-ZMP_SCALE = 1e-3
-"""[m]"""
-CAPTURE_SCALE = 2e-3
-"""[m]"""
-ACCELERATION_SCALE = 2.0
-"""[m/s^2, rad/s^2]"""
-SPEED_SCALE = 0.05
-"""[m/s, rad/s]"""
-FRICTION_SCALE = 1e-2
-"""Share of the weight."""
-ROOMS = (0.01, 0.01, 0.05, 0.05, 0.012, 0.005, 0.05, 0.08, 0.02, 0.006, 30.0, 1.0, 0.3)
-"""What of the plan's margins may be used up, in the order and the units of the scales above: most bounds of the plan
-stand before those of the controller and the robot. Whether the robot balances is judged from the whole curve."""
+PER_EDGE = -1
+"""Number of bounds where there is one for each edge of the support."""
 SOFTNESS_MAX = 3.0
-"""Of the bounds on configurations: past a joint limit a leg can be straight, and nothing is linear any more."""
+"""Largest factor on the scales of bounds on configurations: past a joint limit a leg can be straight, where steps of
+the base are no longer linear in the joints."""
 
 
-def scales(c: TrajectoryConfig) -> Scales:
-    """Weights of what is wanted."""
-    return Scales(
+class Bound(NamedTuple):
+    """One kind of bound of a knot.
+
+    A scale is an excess that costs 1, far below what any margin allows for. A tolerance is less than the margin between
+    the plan's bound and that of the controller or the robot; balance is judged from the whole curve besides.
+    """
+
+    name: str
+    count: int
+    scale: float
+    tolerance: float
+    unit: str
+    on_configuration: bool
+
+
+BOUNDS = (
+    Bound("tilt of torso and pelvis", BASE_HEIGHT - TILT, 2e-3, 0.01, "rad", True),
+    Bound("pelvis height", POSITION - BASE_HEIGHT, 1e-3, 0.01, "m", True),
+    Bound("joint position", STATIC - POSITION, 3e-3, 0.05, "rad", True),
+    Bound("waist torque at rest", DISTANCE - STATIC, 2e-2, 0.05, "share of the limit", True),
+    Bound("distance to bodies and floor", COM_EDGE - DISTANCE, 1.5e-3, 0.012, "m", True),
+    Bound("centre of mass", PER_EDGE, 1e-3, 0.005, "m", True),
+    Bound("vertical force", 1, 1e-2, 0.05, "share of the weight", False),
+    Bound("torque of waist and arms", UPPER, 2e-2, 0.08, "share of the limit", False),
+    Bound("zero-moment point", PER_EDGE, 1e-3, 0.02, "m", False),
+    Bound("capture point", PER_EDGE, 2e-3, 0.006, "m", False),
+    Bound("acceleration", N_JOINTS, 2.0, 30.0, "rad/s^2", False),
+    Bound("speed", N_JOINTS, 0.05, 1.0, "rad/s", True),
+    Bound("friction", N_FRICTION, 1e-2, 0.3, "share of the weight", False),
+)
+"""In the order of `wholebody.planning.trajopt.layout`."""
+
+
+def weights(c: TrajectoryConfig) -> Weights:
+    """Weights of the residuals."""
+    return Weights(
         position=c.position,
         position_give=c.position_give,
         orientation=c.orientation,
@@ -74,26 +81,17 @@ def scales(c: TrajectoryConfig) -> Scales:
     )
 
 
-def sided(n_edges: int, softness: float) -> np.ndarray:
-    """Weights of the bounds of a knot, (n_sided,); their scales are multiplied by ``softness``."""
+def penalties(n_edges: int, softness: float) -> np.ndarray:
+    """Penalties of the bounds of a knot, (n_inequalities,); their scales are multiplied by ``softness``."""
     firm = min(softness, SOFTNESS_MAX)
-    scales = _columns(
-        n_edges, TILT_SCALE * firm, LOWEST_SCALE * firm, LIMIT_SCALE * firm, HOLD_SCALE * firm, DISTANCE_SCALE * firm,
-        COM_SCALE * firm, LOAD_SCALE * softness, TORQUE_SCALE * softness, ZMP_SCALE * softness,
-        CAPTURE_SCALE * softness, ACCELERATION_SCALE * softness, SPEED_SCALE * firm, FRICTION_SCALE * softness,
-    )  # fmt: skip
-    return scales**-2
+    return _each(n_edges, [bound.scale * (firm if bound.on_configuration else softness) for bound in BOUNDS]) ** -2
 
 
-def rooms(n_edges: int) -> np.ndarray:
-    """By how much the bounds of a knot may be exceeded before a plan cannot be followed any more, (n_sided,)."""
-    return _columns(n_edges, *ROOMS)
+def tolerances(n_edges: int) -> np.ndarray:
+    """By how much the bounds of a knot may be exceeded by a plan that is followed, (n_inequalities,)."""
+    return _each(n_edges, [bound.tolerance for bound in BOUNDS])
 
 
-def _columns(n_edges: int, *values: float) -> np.ndarray:
-    """One value for each kind of bound, in the order of the constants above, for each bound of a knot (n_sided,)."""
-    ends = np.array([
-        LOWEST, LIMIT, HOLD, NEAR, EDGE, LOAD + n_edges, TORQUE + n_edges, ZMP + n_edges, ZMP + 2 * n_edges,
-        ZMP + 3 * n_edges, ZMP + 3 * n_edges + N_JOINTS, ZMP + 3 * n_edges + 2 * N_JOINTS, n_sided(n_edges),
-    ])  # fmt: skip
-    return np.repeat(values, np.diff(ends, prepend=TILT))
+def _each(n_edges: int, values: list[float]) -> np.ndarray:
+    """One value for each kind of bound, for each bound of a knot (n_inequalities,)."""
+    return np.repeat(values, [n_edges if bound.count == PER_EDGE else bound.count for bound in BOUNDS])

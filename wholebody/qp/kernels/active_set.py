@@ -1,4 +1,4 @@
-r"""A dual active-set method for the reduced program; compiles with numba as it stands.
+r"""A dual active-set method for strictly convex programs: the search of every compiled program.
 
 With ``H = U'U`` and ``x = x_0 + U^-1 u``, ``x_0`` the free minimiser, the program is to find the shortest ``u``
 with ``m_i u <= d_i``. The rows of the working set are kept as ``[m_1 ... m_k] = Q R`` with orthonormal columns of Q, so
@@ -8,18 +8,34 @@ size, not the iterations that led there.
 
 Q is stored by rows: ``Q[k]`` is the column k above.
 
+`search` works on any memory ``tick`` with the fields of `wholebody.qp.program_inputs.search_shapes` (T is the R above),
+and with two functions of the program: ``evaluate_point(tick)`` fills ``value`` at ``u``, and ``transform(tick, row)``
+writes a row in the variables ``u`` into ``m``.
+
 Source:
     Goldfarb and Idnani 1983, "A numerically stable dual method for solving strictly convex quadratic programs",
     Mathematical Programming 27; Arnstroem, Bemporad and Axehill 2022, "A Dual Active-Set Solver for Embedded Quadratic
     Programming Using Recursive LDL' Updates", IEEE TAC 67(8).
 """
 
+from __future__ import annotations
+
 import math
 
+from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.linear_algebra import add_scaled, dot
 
+SOLVED, INFEASIBLE, TOO_MANY_ITERATIONS, NOT_CONVEX, NO_CONTACT = range(5)
+"""What a compiled program answers."""
+NO_BOUND = 1e300
+"""Bound of a side that a row does not have."""
+REFINEMENTS = 4
+"""Largest number of corrections of the answer for rounding."""
+EXACT = 2e-13
+"""Violation of a row of the working set that is taken for none [units of the rows]."""
+
 DEPENDENT = 1e-10
-"""A row whose part outside the working set is smaller than this share of it counts as dependent."""
+"""A row whose part outside the working set is smaller than this fraction of it counts as dependent."""
 
 
 def append(m, d, count, nu, Q, R, rhs, scratch):
@@ -91,10 +107,10 @@ def settle(count, nu, Q, R, rhs, lam, rows, sides, y, wanted):
         step, blocking = 1.0, -1
         for k in range(count):
             if wanted[k] < 0.0:
-                share = lam[k] / (lam[k] - wanted[k])
+                fraction = lam[k] / (lam[k] - wanted[k])
                 # Of several that block at once, the most negative one goes.
-                if share < step or (share == step and (blocking < 0 or wanted[k] < wanted[blocking])):
-                    step, blocking = share, k
+                if fraction < step or (fraction == step and (blocking < 0 or wanted[k] < wanted[blocking])):
+                    step, blocking = fraction, k
         if blocking < 0:
             for k in range(count):
                 lam[k] = wanted[k]
@@ -118,9 +134,9 @@ def exchange(count, R, lam, coefficients):
     leaving, step = -1, 0.0
     for k in range(count):
         if coefficients[k] > 1e-12:
-            share = lam[k] / coefficients[k]
-            if leaving < 0 or share < step:
-                leaving, step = k, share
+            fraction = lam[k] / coefficients[k]
+            if leaving < 0 or fraction < step:
+                leaving, step = k, fraction
     if leaving >= 0:
         for k in range(count):
             lam[k] = max(lam[k] - step * coefficients[k], 0.0)
@@ -145,11 +161,122 @@ def step_back(count, R, left, Q, u):
         add_scaled(u, -left[k], Q[k], u.shape[0])
 
 
-def worst(value, lower, upper, size, n, tolerance):
-    """Row that is violated most, measured in units of ``size``; -1 if none is violated by more than ``tolerance``."""
+def search(tick: Packed, evaluate_point, transform):
+    """Iterate to the solution, from the working set of the last time; a code.
+
+    Leaves the point, the values of the rows there, the working set and its multipliers.
+    """
+    count = start(tick, evaluate_point, transform)
+    for iteration in range(tick.iteration_limit):
+        tick.iterations = iteration + 1
+        if count > 0:
+            count = settle(
+                count, tick.u.shape[0], tick.Q, tick.T, tick.rhs, tick.lam, tick.rows, tick.sides, tick.y_dual,
+                tick.lam_boundary,
+            )  # fmt: skip
+            point_of(count, tick.u.shape[0], tick.Q, tick.y_dual, tick.u)
+            evaluate_point(tick)
+        tick.n_working = count
+        row = worst(tick, count)
+        if row < 0:
+            refine(tick, count, evaluate_point)
+            row = worst(tick, count)
+            if row < 0:
+                return SOLVED
+        count = enter_or_exchange(tick, row, count, transform)
+        if count < 0:
+            return INFEASIBLE
+    return TOO_MANY_ITERATIONS
+
+
+def start(tick: Packed, evaluate_point, transform):
+    """The working set of the last time, at the free minimiser; its size. Rows below zero are gone since."""
+    u, rows, sides, upper, count = tick.u, tick.rows, tick.sides, tick.upper, 0
+    for k in range(u.shape[0]):
+        u[k] = 0.0
+    evaluate_point(tick)
+    for k in range(tick.n_working):
+        row, side = rows[k], sides[k]
+        if row < 0 or (side > 0.0 and not upper[row] < NO_BOUND):
+            continue
+        if enter(tick, row, side, count, 0.0, transform):
+            count += 1
+    return count
+
+
+def enter(tick: Packed, row, side, count, multiplier, transform):
+    """Try to add a row to the working set of ``count`` rows; False if it depends on it. Its bound is that at ``u = 0``.
+
+    The value at ``u = 0`` is the value now less what ``u`` changed, so no second point has to be kept.
+    """
+    transform(tick, row)
+    m = tick.m
+    nu = m.shape[0]
+    limit = tick.upper[row] if side > 0.0 else -tick.lower[row]
+    now = side * (tick.value[row] - dot(m, tick.u, nu))
+    for k in range(nu):
+        m[k] *= side
+    if not append(m, limit - now, count, nu, tick.Q, tick.T, tick.rhs, tick.coefficients):
+        return False
+    tick.rows[count], tick.sides[count], tick.lam[count] = row, side, multiplier
+    return True
+
+
+def enter_or_exchange(tick: Packed, row, count, transform):
+    """Add a violated row; rows that it depends on leave. Size of the working set, -1 if no row can leave."""
+    coefficients, T, side, multiplier = tick.coefficients, tick.T, 1.0, 0.0
+    if not tick.value[row] > tick.upper[row]:
+        side = -1.0
+    while not enter(tick, row, side, count, multiplier, transform):
+        for k in range(count):
+            coefficients[k] = T[k, count]
+        leaving, step = exchange(count, T, tick.lam, coefficients)
+        if leaving < 0:
+            return -1
+        multiplier += step
+        remove(leaving, count, tick.u.shape[0], tick.Q, T, tick.rhs, tick.lam, tick.rows, tick.sides)
+        count -= 1
+    return count + 1
+
+
+def refine(tick: Packed, count, evaluate_point):
+    """Correct the boundary point for what rounding left of the violation of its rows, as long as it gets less.
+
+    The correction is added to ``u``: a large penalty makes ``y`` so large that ``Q y`` is rounded at 1e-12, and forces
+    are 300 times that.
+    """
+    left, largest = tick.coefficients, math.inf
+    for _ in range(REFINEMENTS):
+        before, largest = largest, violation(tick, count, left)
+        if not EXACT < largest < 0.5 * before:
+            return
+        step_back(count, tick.T, left, tick.Q, tick.u)
+        evaluate_point(tick)
+
+
+def violation(tick: Packed, count, left):
+    """How far the rows of the working set are beyond their sides, into ``left`` (count,); the largest amount."""
+    value, lower, upper, rows, sides, largest = tick.value, tick.lower, tick.upper, tick.rows, tick.sides, 0.0
+    for k in range(count):
+        i = rows[k]
+        left[k] = value[i] - upper[i] if sides[k] > 0.0 else lower[i] - value[i]
+        largest = max(largest, abs(left[k]))
+    return largest
+
+
+def worst(tick: Packed, count):
+    """Row that is violated most, in units of ``row_scale``; -1 if none is, or one of the working set.
+
+    What is left of the violation of a row of the working set is rounding.
+    """
+    value, lower, upper, scale, tolerance = tick.value, tick.lower, tick.upper, tick.row_scale, tick.tolerance
     row, amount = -1, 0.0
-    for i in range(n):
+    for i in range(value.shape[0]):
         over = max(value[i] - upper[i], lower[i] - value[i])
-        if over > tolerance and over * size[i] > amount:
-            row, amount = i, over * size[i]
+        if over > tolerance and over * scale[i] > amount:
+            row, amount = i, over * scale[i]
+    rows = tick.rows
+    for k in range(count):
+        if rows[k] == row:
+            return -1
     return row

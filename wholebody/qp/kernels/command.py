@@ -1,29 +1,19 @@
-"""From the answer to the joint command: the integrated desired state; compiles with numba as it stands."""
+"""From the answer to the joint command: the integrated desired state."""
 
-from wholebody.qp.kernels import blocks as mem
+from __future__ import annotations
+
+from wholebody.jit.packed import Packed
 
 
-def command(reals, ints):
+def command(tick: Packed):
     """Integrate the accelerations into the desired state, and write the command in motor order.
 
     The desired state leaks towards the measured one and stays inside the joint limits; that of the fingers is their
     reference, since they press on what they hold.
     """
-    q, v, dv, tau = (
-        mem.vector(reals, mem.Q_),
-        mem.vector(reals, mem.V_),
-        mem.vector(reals, mem.DV),
-        mem.vector(reals, mem.TAU_OUT),
-    )
-    desired, out, joints = (
-        mem.matrix(reals, mem.DESIRED),
-        mem.matrix(reals, mem.COMMAND),
-        mem.matrix(reals, mem.JOINTS),
-    )
-    reference, step = mem.matrix(reals, mem.POSTURE_REF), mem.vector(reals, mem.STEP)
-    fingers, motors = mem.vector(ints, mem.FINGERS), mem.vector(ints, mem.MOTORS)
-    dt, leak = step[0], step[1]
-    n = tau.shape[0]
+    q, v, dv, tau, desired, out = tick.q, tick.v, tick.dv, tick.tau, tick.desired, tick.command
+    joints, reference, fingers, motors = tick.joint_limits, tick.posture_ref, tick.fingers, tick.motors
+    dt, leak, n = tick.dt, tick.leak, tau.shape[0]
     for j in range(n):
         a, x, dx = dv[6 + j], desired[0, j], desired[1, j]
         desired[0, j] = x + dt * dx + 0.5 * dt * dt * a + leak * (q[7 + j] - x)

@@ -1,49 +1,50 @@
-r"""Every inequality of the whole-body program as a numbered row; compiles with numba as it stands.
+r"""Every inequality of the whole-body program as a numbered row.
 
 Numbers, in this order, n joints, k contact points, s soft rows: acceleration of the n joints, torque of the n joints,
 normal force of the k points, four sides of the friction pyramid of each point, s soft rows, two slacks. Rows are
-two-sided, in full variables ``dv (nv), f (3 k), slack (2)``.
+two-sided, in full variables ``dv (nv), f (3 k), slack (2)``. The first ``n_balance`` soft rows share the first slack.
 """
 
+from __future__ import annotations
+
+import math
+
+from wholebody.contacts.friction import SIDES, beyond_side
+from wholebody.jit.packed import Packed
+from wholebody.qp.kernels.active_set import NO_BOUND
 from wholebody.qp.kernels.cost import reduce_row
 from wholebody.qp.kernels.linear_algebra import dot, solve_transposed
 from wholebody.robot.kernels.spatial import add_force_at, velocity_at
 
+WIDE = 1e4
+"""Bound on the accelerations of joints that may give way [rad/s^2]."""
 
-def all_bounds(low, high, tau_max, nle, contact, soft_upper, lower, upper):
-    """Bounds of all rows.
 
-    Args:
-        low: Least acceleration of the joints (n,).
-        high: Largest.
-        tau_max: Largest torques (n,).
-        nle: Forces for ``dv = 0`` (6 + n,); they move to the right-hand side.
-        contact: ``kp kd face force_min force_max`` (5,).
-        soft_upper: Of the soft rows (s,).
-        lower: Out.
-        upper: Out.
-    """
-    n, s = low.shape[0], soft_upper.shape[0]
-    points = (lower.shape[0] - 2 * n - s - 2) // 5
+def bounds(tick: Packed):
+    """Bounds ``lower`` and ``upper`` of all rows; ``nle`` moves to the right-hand side."""
+    lower, upper, soft, nle = tick.lower, tick.upper, tick.soft_upper, tick.nle
+    ddq_min, ddq_max, tau_max = tick.ddq_min, tick.ddq_max, tick.tau_max if tick.hands else tick.effort_max
+    n, k, s, hands = ddq_min.shape[0], tick.owner.shape[0], soft.shape[0], tick.hands
     for j in range(n):
-        lower[j], upper[j] = low[j], high[j]
+        lower[j], upper[j] = (ddq_min[j], ddq_max[j]) if hands else (-WIDE, WIDE)
         lower[n + j], upper[n + j] = -tau_max[j] - nle[6 + j], tau_max[j] - nle[6 + j]
     at = 2 * n
-    for i in range(points):
-        lower[at + i], upper[at + i] = contact[3], contact[4]
-    at += points
-    for i in range(4 * points):
-        lower[at + i], upper[at + i] = -1e300, 0.0
-    at += 4 * points
+    for i in range(k):
+        lower[at + i], upper[at + i] = tick.force_min, tick.force_max
+    at += k
+    for i in range(4 * k):
+        lower[at + i], upper[at + i] = -NO_BOUND, 0.0
+    at += 4 * k
     for i in range(s):
-        lower[at + i], upper[at + i] = -1e300, soft_upper[i]
+        lower[at + i], upper[at + i] = -NO_BOUND, soft[i]
     at += s
     for i in range(2):
-        lower[at + i], upper[at + i] = 0.0, 1e300
+        lower[at + i], upper[at + i] = 0.0, NO_BOUND
 
 
-def contact_wrenches(f, P, owner, wrench):
-    """Wrench about the base of the forces on each contact, (contacts, 6); ``owner`` is the contact of each point."""
+def contact_wrenches(tick: Packed):
+    """Wrench about the base of the forces on each contact, into ``wrench`` (contacts, 6)."""
+    f, P, owner, wrench = tick.f, tick.points, tick.owner, tick.wrench
     for c in range(wrench.shape[0]):
         for a in range(6):
             wrench[c, a] = 0.0
@@ -51,10 +52,12 @@ def contact_wrenches(f, P, owner, wrench):
         add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], wrench[owner[i]])
 
 
-def torque_values(dv, M, S, wrench, moves, out):
-    """``M_joints dv - J_points' f`` (n,): torque without ``nle``; ``moves`` (contacts, nv) says who moves whom."""
+def torque_values(tick: Packed, out):
+    """``M_joints dv - J_points' f`` (n,): torque without ``nle``; fills ``wrench`` on the way."""
+    dv, M, S, wrench, moves = tick.dv, tick.M, tick.S, tick.wrench, tick.moves
     nv = dv.shape[0]
     n = nv - 6
+    contact_wrenches(tick)
     for j in range(n):
         out[j] = 0.0
     for c in range(nv):
@@ -67,85 +70,69 @@ def torque_values(dv, M, S, wrench, moves, out):
                 out[j] -= dot(S[6 + j], wrench[k], 6)
 
 
-def evaluate(dv, f, slack, M, S, P, owner, moves, face, JS, soft_upper, n_balance, wrench, value):
-    """Values of all rows at a point; soft rows whose bound is infinite are left out.
-
-    Args:
-        dv: (nv,).
-        f: (3 k,).
-        slack: (2,).
-        M: Mass matrix.
-        S: Columns (nv, 6).
-        P: Offsets of the contact points (k, 3).
-        owner: Contact of each point (k,).
-        moves: Which velocity moves which contact (contacts, nv).
-        face: Slope of the friction pyramid.
-        JS: Soft rows (s, nv).
-        soft_upper: Their bounds (s,).
-        n_balance: Number of soft rows that share the first slack.
-        wrench: Scratch (contacts, 6).
-        value: Out.
-    """
-    nv, k = dv.shape[0], owner.shape[0]
+def evaluate(tick: Packed):
+    """Values of all rows at ``dv``, ``f`` and ``slack``; soft rows that are switched off are left out."""
+    dv, f, slack, value, slope = tick.dv, tick.f, tick.slack, tick.value, tick.slope
+    J, upper, n_balance = tick.soft_J, tick.soft_upper, tick.n_balance
+    nv, k = dv.shape[0], tick.owner.shape[0]
     n = nv - 6
     for j in range(n):
         value[j] = dv[6 + j]
-    contact_wrenches(f, P, owner, wrench)
-    torque_values(dv, M, S, wrench, moves, value[n:])
+    torque_values(tick, value[n:])
     at = 2 * n
     for i in range(k):
-        x, y, z = f[3 * i], f[3 * i + 1], face * f[3 * i + 2]
-        value[at + i] = f[3 * i + 2]
-        cone = at + k + 4 * i
-        value[cone], value[cone + 1], value[cone + 2], value[cone + 3] = x - z, -x - z, y - z, -y - z
+        x, y, z = f[3 * i], f[3 * i + 1], f[3 * i + 2]
+        value[at + i] = z
+        for side in range(4):
+            value[at + k + 4 * i + side] = beyond_side(side, slope, x, y, z)
     at += 5 * k
-    for i in range(soft_upper.shape[0]):
-        if soft_upper[i] < 1e300:
-            value[at + i] = dot(JS[i], dv, nv) - slack[1 if i >= n_balance else 0]
-    at += soft_upper.shape[0]
+    for i in range(upper.shape[0]):
+        if upper[i] < NO_BOUND:
+            value[at + i] = dot(J[i], dv, nv) - slack[1 if i >= n_balance else 0]
+    at += upper.shape[0]
     value[at], value[at + 1] = slack[0], slack[1]
 
 
-def describe(row, M, S, P, owner, moves, face, JS, n_balance, a_v, a_f, a_s):
-    """One row in full variables: ``a_v`` (nv,), ``a_f`` (3 k,), ``a_s`` (2,); True if it has a part in ``a_f``."""
-    nv, k, s = a_v.shape[0], owner.shape[0], JS.shape[0]
+def describe(tick: Packed, row):
+    """Write one row in full variables into ``a_dv``, ``a_f`` and ``a_slack``; True if it has a part in ``a_f``."""
+    a_dv, a_f, a_slack, J = tick.a_dv, tick.a_f, tick.a_slack, tick.soft_J
+    nv, k, s = a_dv.shape[0], tick.owner.shape[0], J.shape[0]
     n = nv - 6
     for c in range(nv):
-        a_v[c] = 0.0
+        a_dv[c] = 0.0
     for c in range(3 * k):
         a_f[c] = 0.0
-    a_s[0] = a_s[1] = 0.0
+    a_slack[0] = a_slack[1] = 0.0
     if row < n:
-        a_v[6 + row] = 1.0
+        a_dv[6 + row] = 1.0
         return False
     if row < 2 * n:
-        return describe_torque(row - n, M, S, P, owner, moves, a_v, a_f)
+        return describe_torque(tick, row - n)
     row -= 2 * n
     if row < k:
         a_f[3 * row + 2] = 1.0
         return True
     row -= k
     if row < 4 * k:
-        i, side = row // 4, row % 4
-        a_f[3 * i + side // 2] = 1.0 - 2.0 * (side % 2)
-        a_f[3 * i + 2] = -face
+        i, side = row // 4, SIDES[row % 4]
+        a_f[3 * i], a_f[3 * i + 1], a_f[3 * i + 2] = side[0], side[1], -tick.slope
         return True
     row -= 4 * k
     if row < s:
         for c in range(nv):
-            a_v[c] = JS[row, c]
-        a_s[1 if row >= n_balance else 0] = -1.0
+            a_dv[c] = J[row, c]
+        a_slack[1 if row >= tick.n_balance else 0] = -1.0
         return False
-    a_s[row - s] = 1.0
+    a_slack[row - s] = 1.0
     return False
 
 
-def describe_torque(j, M, S, P, owner, moves, a_v, a_f):
+def describe_torque(tick: Packed, j):
     """The torque row of joint ``j``; True if it moves a contact."""
-    c = 6 + j
-    for i in range(a_v.shape[0]):
-        a_v[i] = M[c, i]
-    found = False
+    a_dv, a_f, M, S, P, owner, moves = tick.a_dv, tick.a_f, tick.M, tick.S, tick.points, tick.owner, tick.moves
+    c, found = 6 + j, False
+    for i in range(a_dv.shape[0]):
+        a_dv[i] = M[c, i]
     for i in range(owner.shape[0]):
         if moves[owner[i], c] > 0.0:
             found = True
@@ -154,8 +141,8 @@ def describe_torque(j, M, S, P, owner, moves, a_v, a_f):
     return found
 
 
-def wrench_of(f, P, w):
-    """``w = G f`` (6,)."""
+def total_wrench(f, P, w):
+    """``w = G f`` (6,) of point forces (3 k,) at offsets P (k, 3)."""
     for a in range(6):
         w[a] = 0.0
     for i in range(P.shape[0]):
@@ -171,38 +158,24 @@ def add_spread(h, P, factor, f):
         f[3 * i + 2] += factor * z
 
 
-def transform(a_v, a_f, a_s, loaded, bound, free, Z, FR, W, P, U, force, slack, m, w, h):
-    """A row in the variables ``u`` of `active_set`, m (ny + 3 k + 2,).
-
-    Args:
-        a_v: Row on ``dv``.
-        a_f: Row on ``f``; left without what moves the whole robot.
-        a_s: Row on the slacks.
-        loaded: Whether ``a_f`` is not zero.
-        bound: Bound columns.
-        free: Free columns.
-        Z: Basis of the allowed accelerations.
-        FR: ``F' Z`` (6, ny).
-        W: ``(G G')^-1``.
-        P: Contact points.
-        U: Factor of the reduced Hessian.
-        force: Inverse root of the price of forces.
-        slack: Inverse root of the price of squared slacks.
-        m: Out.
-        w: Scratch (6,).
-        h: Scratch (6,).
-    """
-    ny, nf = FR.shape[1], a_f.shape[0]
-    reduce_row(a_v, bound, free, Z, m)
+def transform(tick: Packed, row):
+    """Write a row in the variables ``u`` of `active_set` into ``m`` (ny + 3 k + 2,)."""
+    m, a_f, a_slack, FZ, W, P, w, h = (
+        tick.m, tick.a_f, tick.a_slack, tick.FZ, tick.W, tick.points, tick.six_a, tick.six_b
+    )  # fmt: skip
+    ny, nf = FZ.shape[1], a_f.shape[0]
+    loaded = describe(tick, row)
+    reduce_row(tick.a_dv, tick.bound_columns, tick.free_columns, tick.Z, m)
     if loaded:
-        wrench_of(a_f, P, w)
+        # What of a_f moves the whole robot is the business of dv; what is left acts on forces that cancel.
+        total_wrench(a_f, P, w)
         for a in range(6):
             h[a] = dot(W[a], w, 6)
             for j in range(ny):
-                m[j] += h[a] * FR[a, j]
+                m[j] += h[a] * FZ[a, j]
         add_spread(h, P, -1.0, a_f)
-    solve_transposed(U, m, ny)
+    solve_transposed(tick.U, m, ny)
+    force, slack = 1.0 / math.sqrt(tick.penalty_force), 1.0 / math.sqrt(tick.penalty_slack_squared)
     for i in range(nf):
         m[ny + i] = force * a_f[i]
-    m[ny + nf] = slack * a_s[0]
-    m[ny + nf + 1] = slack * a_s[1]
+    m[ny + nf], m[ny + nf + 1] = slack * a_slack[0], slack * a_slack[1]

@@ -1,10 +1,36 @@
-"""Joint bounds and the rows of the safety limits, as in `wholebody.limits`; compiles with numba as it stands."""
+"""Joint bounds and the soft rows of the safety limits, as in `wholebody.limits`.
+
+Soft rows lie in slots: edges of the support, trunk (`TRUNK_ROWS`), rows that are computed elsewhere, one a body that
+may come near the floor, near pairs. A slot without a row has the bound `NO_BOUND`.
+"""
+
+from __future__ import annotations
 
 import math
 
+from wholebody.collision.gjk import support_vertex
+from wholebody.jit.packed import Packed
+from wholebody.qp.kernels.active_set import NO_BOUND
 from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed
 from wholebody.robot.kernels.pendulum import natural_frequency
-from wholebody.robot.kernels.rotation import rotation_between
+from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, TOTAL_MASS
+from wholebody.robot.kernels.rotation import rotate, rotation_between
+
+TRUNK_ROWS = 15
+"""Six for the orientation of the pelvis, six for that of the torso, three for the height of the pelvis."""
+
+
+def limits(tick: Packed):
+    """Bounds of the joints, and all soft rows."""
+    joint_bounds(tick)
+    if tick.trunk:
+        at, pelvis, torso = tick.edges.shape[0], tick.n_contacts + 2, tick.n_contacts + 3
+        balance_rows(tick)
+        orientation_rows(tick, tick.pelvis_ref, tick.pelvis_limit, pelvis, at)
+        orientation_rows(tick, tick.torso_ref, tick.torso_limit, torso, at + 6)
+        height_rows(tick, pelvis, at + 12)
+        floor_rows(tick, tick.n_balance)
+        pair_rows(tick, tick.n_balance + tick.floor_body.shape[0])
 
 
 def braking_acceleration(q, dq, q_max, dq_max, brake, dt):
@@ -23,18 +49,10 @@ def braking_acceleration(q, dq, q_max, dq_max, brake, dt):
     return min(by_velocity, by_position, by_viability)
 
 
-def joint_bounds(q, v, joints, dt, low, high):
-    """Acceleration bounds of every joint.
-
-    Args:
-        q: Configuration (7 + n,).
-        v: Velocity (6 + n,).
-        joints: Rows ``q_min q_max dq_max ddq_max brake`` (5, n).
-        dt: Horizon [s].
-        low: Out (n,).
-        high: Out (n,).
-    """
-    for j in range(joints.shape[1]):
+def joint_bounds(tick: Packed):
+    """Bounds ``ddq_min`` and ``ddq_max``; ``joint_limits`` (5, n) has rows ``q_min q_max dq_max ddq_max brake``."""
+    q, v, joints, low, high, dt = tick.q, tick.v, tick.joint_limits, tick.ddq_min, tick.ddq_max, tick.horizon
+    for j in range(low.shape[0]):
         x, dx, most = q[7 + j], v[6 + j], joints[3, j]
         upper = braking_acceleration(x, dx, joints[1, j], joints[2, j], joints[4, j], dt)
         lower = -braking_acceleration(-x, -dx, -joints[0, j], joints[2, j], joints[4, j], dt)
@@ -44,8 +62,8 @@ def joint_bounds(q, v, joints, dt, low, high):
         low[j], high[j] = lower, upper
 
 
-def barrier(margin, rate, brake, dt):
-    """`wholebody.limits.base.barrier` for one row."""
+def braking_bound(margin, rate, brake, dt):
+    """`wholebody.limits.base.braking_bound` for one row."""
     if margin < 0.0:
         allowed = margin / (4.0 * dt)
     elif margin > 2.0 * brake * dt * dt:
@@ -55,145 +73,129 @@ def barrier(margin, rate, brake, dt):
     return (allowed - rate) / dt
 
 
-def balance_rows(edges, n_edges, com, margin, gain, F, mass, JS, upper):
-    """Rows of `CapturePointLimit` from slot 0 on.
-
-    Args:
-        edges: Normals and offsets of the support (k, 3).
-        n_edges: Number of them in use.
-        com: Centre of mass, its velocity and drift (9,).
-        margin: [m].
-        gain: [1/s].
-        F: Force on the whole robot for unit accelerations (nv, 6).
-        mass: [kg].
-        JS: Out, rows (k, nv).
-        upper: Out (k,).
-    """
-    omega = natural_frequency(com[2])
-    for e in range(n_edges):
+def balance_rows(tick: Packed):
+    """Rows of `CapturePointLimit`, one an edge of the support."""
+    edges, n_edges, sums, F, J, upper = tick.edges, tick.n_edges, tick.sums, tick.F, tick.soft_J, tick.soft_upper
+    margin, gain, mass = tick.balance_margin, tick.balance_gain, sums[TOTAL_MASS]
+    omega = natural_frequency(sums[COM + 2])
+    for e in range(edges.shape[0]):
+        if e >= n_edges:
+            upper[e] = NO_BOUND
+            continue
         nx, ny = edges[e, 0], edges[e, 1]
-        speed = nx * com[3] + ny * com[4]
-        left = edges[e, 2] - margin - (nx * com[0] + ny * com[1] + speed / omega)
-        upper[e] = omega * (gain * left - speed) - (nx * com[6] + ny * com[7])
+        speed = nx * sums[COM_V] + ny * sums[COM_V + 1]
+        left = edges[e, 2] - margin - (nx * sums[COM] + ny * sums[COM + 1] + speed / omega)
+        upper[e] = omega * (gain * left - speed) - (nx * sums[COM_DRIFT] + ny * sums[COM_DRIFT + 1])
         for c in range(F.shape[0]):
-            JS[e, c] = (nx * F[c, 0] + ny * F[c, 1]) / mass
+            J[e, c] = (nx * F[c, 0] + ny * F[c, 1]) / mass
 
 
-def orientation_rows(plan, R, velocity, drift, J, row, limit, at, JS, upper, scratch):
+def orientation_rows(tick: Packed, plan, limit, f, at):
     """Six rows of `OrientationLimit` from slot ``at`` on.
 
     Args:
+        tick: The memory.
         plan: Planned rotation (9), rate (3) and acceleration (3), (15,).
-        R: Rotation of the body (3, 3).
-        velocity: Of the body (6,).
-        drift: Of the body (6,).
-        J: Jacobians; that of the body begins at ``row``.
-        row: See J.
         limit: ``angle_max rate_max brake dt`` (4,).
+        f: Frame of the body.
         at: First slot.
-        JS: Out, rows.
-        upper: Out.
-        scratch: (3,).
     """
-    rotation_between(plan[:9].reshape((3, 3)), R, scratch)
-    dt = limit[3]
+    J, soft_J, upper, turn = tick.J, tick.soft_J, tick.soft_upper, tick.scratch
+    velocity, drift, dt = tick.frame_V[f], tick.frame_A[f], limit[3]
+    rotation_between(plan[:9].reshape((3, 3)), tick.frame_R[f], turn)
     for k in range(3):
         for side in range(2):
-            sign = 1.0 - 2.0 * side
-            # The error is plan minus body; the limit counts body minus plan.
-            margin = limit[0] + sign * scratch[k]
+            sign, slot = 1.0 - 2.0 * side, at + 3 * side + k
+            # The turn is plan minus body; the limit counts body minus plan.
+            margin = limit[0] + sign * turn[k]
             rate = velocity[3 + k]
-            stop = barrier(margin, sign * (rate - plan[9 + k]), limit[2], dt) + sign * plan[12 + k]
-            upper[at + 3 * side + k] = min(stop, (limit[1] - sign * rate) / dt) - sign * drift[3 + k]
+            stop = braking_bound(margin, sign * (rate - plan[9 + k]), limit[2], dt) + sign * plan[12 + k]
+            upper[slot] = min(stop, (limit[1] - sign * rate) / dt) - sign * drift[3 + k]
             for c in range(J.shape[1]):
-                JS[at + 3 * side + k, c] = sign * J[row + 3 + k, c]
+                soft_J[slot, c] = sign * J[6 * f + 3 + k, c]
 
 
-def height_rows(plan, z, velocity, drift, J, row, limit, at, JS, upper):
+def height_rows(tick: Packed, f, at):
     """Three rows of `HeightLimit` from slot ``at`` on: lowest, and above and below the plan.
 
-    Args:
-        plan: Planned height, rate and acceleration (3,).
-        z: Height of the body in world [m].
-        velocity: Of the body (6,).
-        drift: Of the body (6,).
-        J: Jacobians; that of the body begins at ``row``.
-        row: See J.
-        limit: ``band lowest brake dt`` (4,).
-        at: First slot.
-        JS: Out, rows.
-        upper: Out.
+    ``height_limit`` is ``band lowest brake dt`` (4,).
     """
-    rate, away = velocity[2], velocity[2] - plan[1]
-    brake, dt = limit[2], limit[3]
-    upper[at] = barrier(z - limit[1], -rate, brake, dt) + drift[2]
-    upper[at + 1] = barrier(plan[0] + limit[0] - z, away, brake, dt) + plan[2] - drift[2]
-    upper[at + 2] = barrier(z - plan[0] + limit[0], -away, brake, dt) + drift[2] - plan[2]
+    J, soft_J, upper, plan, limit = tick.J, tick.soft_J, tick.soft_upper, tick.height_ref, tick.height_limit
+    z, rate, drift = tick.q[2] + tick.frame_p[f, 2], tick.frame_V[f, 2], tick.frame_A[f, 2]
+    away, brake, dt = rate - plan[1], limit[2], limit[3]
+    upper[at] = braking_bound(z - limit[1], -rate, brake, dt) + drift
+    upper[at + 1] = braking_bound(plan[0] + limit[0] - z, away, brake, dt) + plan[2] - drift
+    upper[at + 2] = braking_bound(z - plan[0] + limit[0], -away, brake, dt) + drift - plan[2]
     for c in range(J.shape[1]):
-        JS[at, c] = JS[at + 2, c] = -J[row + 2, c]
-        JS[at + 1, c] = J[row + 2, c]
+        soft_J[at, c] = soft_J[at + 2, c] = -J[6 * f + 2, c]
+        soft_J[at + 1, c] = J[6 * f + 2, c]
 
 
-def collision_rows(q, pairs, pair_body, n_pairs, S, parent, V, A, driven, limit, at, JS, upper, scratch):
-    """One row of `SelfCollisionLimit` a pair, from slot ``at`` on.
+def floor_rows(tick: Packed, at):
+    """Rows of `FloorLimit`, a slot for each body from ``at`` on.
 
-    Args:
-        q: Configuration; its first three entries are the origin of the base.
-        pairs: Normal, nearest points in world and room of each pair (k, 10).
-        pair_body: The two bodies of each pair, flat (2 k,).
-        n_pairs: Number of pairs.
-        S: Columns (nv, 6).
-        parent: Parent bodies.
-        V: Twists of the bodies.
-        A: Drifts of the bodies.
-        driven: Columns left out (any,).
-        limit: ``brake dt`` (2,).
-        at: First slot.
-        JS: Out, rows.
-        upper: Out.
-        scratch: (3,).
+    The lowest vertex is climbed to from the one that was lowest before.
     """
+    body, vertex, reach, R, p, upper = (
+        tick.floor_body, tick.floor_vertex, tick.floor_reach, tick.R, tick.p, tick.soft_upper
+    )  # fmt: skip
+    base, lowest, trigger, point = tick.q[2], tick.floor_distance, tick.floor_trigger, tick.scratch[:3]
+    for i in range(body.shape[0]):
+        k = body[i]
+        upper[at + i] = NO_BOUND
+        if base + p[k, 2] - reach[i] - lowest >= trigger:
+            continue
+        x, y, z = -R[k, 2, 0], -R[k, 2, 1], -R[k, 2, 2]
+        n = support_vertex(x, y, z, vertex[i], tick.vertices, tick.edge_start, tick.edge_end)
+        vertex[i], local = n, tick.vertices[n]
+        for a in range(3):
+            point[a] = p[k, a] + rotate(R[k], a, local[0], local[1], local[2])
+        room = base + point[2] - lowest
+        if room < trigger:
+            upper[at + i] = floor_row(tick, k, point, room, tick.soft_J[at + i])
+
+
+def floor_row(tick: Packed, body, point, room, row):
+    """Write the row (nv,) of the lowest point (3,) of a body; its bound."""
+    V, A, up = tick.V[body], tick.A[body], tick.scratch[3:6]
+    up[0], up[1], up[2] = 0.0, 0.0, 1.0
+    clear(row)
+    point_columns(tick.S, tick.parent, body, point, up, -1.0, row)
+    leave_out(tick.driven, row)
+    rate = point_speed(V, point, up)
+    return braking_bound(room, -rate, tick.floor_brake, tick.floor_dt) + point_drift(V, A, point, up)
+
+
+def pair_rows(tick: Packed, at):
+    """Rows of `SelfCollisionLimit`, from slot ``at`` on; ``pairs`` (k, 10) are normal, nearest points and room."""
+    q, pairs, pair_body, n_pairs, upper, V, A = (
+        tick.q, tick.pairs, tick.pair_body, tick.n_pairs, tick.soft_upper, tick.V, tick.A
+    )  # fmt: skip
+    point, brake, dt = tick.scratch[:3], tick.collision_brake, tick.collision_dt
     for i in range(n_pairs):
-        row, normal = JS[at + i], pairs[i, 0:3]
-        for c in range(row.shape[0]):
-            row[c] = 0.0
+        row, normal = tick.soft_J[at + i], pairs[i, 0:3]
+        clear(row)
         rate, drift = 0.0, 0.0
         for side in range(2):
-            sign, body = 1.0 - 2.0 * side, pair_body[2 * i + side]
+            sign, body = 1.0 - 2.0 * side, pair_body[i, side]
             for k in range(3):
-                scratch[k] = pairs[i, 3 + 3 * side + k] - q[k]
-            point_columns(S, parent, body, scratch, normal, sign, row)
-            rate -= sign * point_speed(V[body], scratch, normal)
-            drift -= sign * point_drift(V[body], A[body], scratch, normal)
-        for c in range(driven.shape[0]):
-            row[driven[c]] = 0.0
-        upper[at + i] = barrier(pairs[i, 9], -rate, limit[0], limit[1]) + drift
+                point[k] = pairs[i, 3 + 3 * side + k] - q[k]
+            point_columns(tick.S, tick.parent, body, point, normal, sign, row)
+            rate -= sign * point_speed(V[body], point, normal)
+            drift -= sign * point_drift(V[body], A[body], point, normal)
+        leave_out(tick.driven, row)
+        upper[at + i] = braking_bound(pairs[i, 9], -rate, brake, dt) + drift
+    for i in range(at + n_pairs, upper.shape[0]):
+        upper[i] = NO_BOUND
 
 
-def foot_target(ref, q, R, x, velocity, drift, kp, kd, out, scratch):
-    """Wanted acceleration of a contact frame (6,), as `FootContact.acceleration`.
-
-    Args:
-        ref: Rotation (9) and position (3) where the foot was set down, (12,).
-        q: Configuration.
-        R: Rotation of the foot (3, 3).
-        x: Its offset from the base (3,).
-        velocity: Of the foot (6,).
-        drift: Of the foot (6,).
-        kp: [1/s^2].
-        kd: [1/s].
-        out: Out (6,).
-        scratch: (3,).
-    """
-    rotation_between(ref[:9].reshape((3, 3)), R, scratch)
-    for k in range(3):
-        out[k] = -drift[k] - kd * velocity[k] + kp * (ref[9 + k] - q[k] - x[k])
-        out[3 + k] = -drift[3 + k] - kd * velocity[3 + k] + kp * scratch[k]
+def clear(row):
+    """Zeros."""
+    for c in range(row.shape[0]):
+        row[c] = 0.0
 
 
-def point_offsets(R, x, local, arms, P):
-    """Contact points of one foot from the foot's origin and from the base, world axes, (k, 3) each."""
-    for i in range(local.shape[0]):
-        for a in range(3):
-            arms[i, a] = R[a, 0] * local[i, 0] + R[a, 1] * local[i, 1] + R[a, 2] * local[i, 2]
-            P[i, a] = x[a] + arms[i, a]
+def leave_out(columns, row):
+    """Zeros at some columns: velocities whose acceleration is not the program's to choose."""
+    for c in range(columns.shape[0]):
+        row[columns[c]] = 0.0

@@ -1,124 +1,99 @@
-"""The near pairs of bodies, as `wholebody.collision.proximity` finds them; compiles with numba as it stands."""
+"""The near pairs of bodies, as `wholebody.collision.proximity` finds them."""
+
+from __future__ import annotations
 
 import math
 
 from wholebody.collision.gjk import APART, BEYOND, BODY, distance
-from wholebody.qp.kernels import blocks as mem
+from wholebody.jit.packed import Packed
 
 SLACK = 0.01
 """Distance beyond what matters at which a lower bound will do: a pair that is just out of it would be back soon [m]."""
 
 
-def nearest(reals, ints):
-    """Measure the pairs that may be near, and list the nearest in PAIRS.
+def near_pairs(tick: Packed):
+    """Measure the pairs that may be near, and list the nearest in ``pairs``.
 
     The nearest of the last time are measured first: whatever is further away than those need not be known exactly.
 
     Returns:
-        Number of pairs, listed in UNSURE_PAIRS, that somebody else has to measure before this is called again; zero if
-        all is done.
+        Number of pairs, listed in ``unsure_pairs``, that another algorithm has to measure before this is called again;
+        zero if all is done.
     """
-    counts, known = mem.vector(ints, mem.COUNTS), mem.vector(ints, mem.KNOWN)
-    room, bound, keep = mem.vector(reals, mem.ROOM), mem.vector(reals, mem.BOUND_), mem.vector(reals, mem.KEEP)
-    trigger, chosen = mem.vector(reals, mem.TRIGGER)[0], mem.vector(ints, mem.NEAREST)
-    n, far = room.shape[0], trigger
-    if counts[mem.N_UNSURE] == 0:
-        shrink(reals, ints)
-        for k in range(n):
-            known[k] = 0
-    counts[mem.N_UNSURE] = 0
+    room, bound, margin, chosen = tick.room, tick.distance_bound, tick.margin, tick.nearest
+    trigger, n = tick.pair_trigger, tick.room.shape[0]
+    if tick.n_unsure == 0:
+        shrink(tick)
+    tick.n_unsure = 0
     for k in range(n):
-        room[k] = bound[k] - keep[k]
-    least = min(counts[mem.LEAST_PAIRS], n)
-    if counts[mem.N_PAIRS] < least:
+        room[k] = bound[k] - margin[k]
+    least = min(tick.n_pairs_least, n)
+    if tick.n_pairs < least:
         choose(room, n, least, chosen)
-        counts[mem.N_PAIRS] = least
-    for i in range(counts[mem.N_PAIRS]):
-        measure(chosen[i], math.inf, reals, ints)
+        tick.n_pairs = least
+    for i in range(tick.n_pairs):
+        measure(tick, chosen[i], math.inf)
     # The last of as many pairs as there have to be is at least as far as those will be.
+    far, inside = trigger, 0
     for i in range(least):
         far = max(far, room[chosen[i]])
-    inside = 0
     for k in range(n):
         if room[k] < far:
-            measure(k, far + SLACK, reals, ints)
+            measure(tick, k, far + SLACK)
             if room[k] < trigger:
                 inside += 1
-    if counts[mem.N_UNSURE] == 0:
+    if tick.n_unsure == 0:
         count = min(max(inside, least), chosen.shape[0])
         choose(room, n, count, chosen)
-        describe_pairs(count, reals, ints)
-    return counts[mem.N_UNSURE]
+        describe_pairs(tick, count)
+    return tick.n_unsure
 
 
-def shrink(reals, ints):
+def shrink(tick: Packed):
     """Take from the bound of each pair how far the joints between its bodies may have moved them since."""
-    q, turned = mem.vector(reals, mem.Q_), mem.vector(reals, mem.TURNED)
-    start, joint = mem.vector(ints, mem.CHAIN_START), mem.vector(ints, mem.CHAIN_JOINT)
-    reach, suffix = mem.vector(reals, mem.REACH), mem.vector(reals, mem.SUFFIX)
-    level, bound = mem.matrix(ints, mem.PAIR_LEVEL), mem.vector(reals, mem.BOUND_)
+    q, before, start, joint = tick.q, tick.q_before, tick.chain_start, tick.chain_joint
+    reach, suffix, level, bound, known = tick.reach, tick.suffix, tick.pair_level, tick.distance_bound, tick.known
     for s in range(start.shape[0] - 1):
         # An entry is the way of the shape for all joints from that one on; the last is none.
         total = 0.0
         suffix[start[s + 1] - 1] = 0.0
         for i in range(start[s + 1] - 2, start[s] - 1, -1):
-            total += reach[i] * abs(q[7 + joint[i]] - turned[joint[i]])
+            total += reach[i] * abs(q[7 + joint[i]] - before[joint[i]])
             suffix[i] = total
-    for j in range(turned.shape[0]):
-        turned[j] = q[7 + j]
+    for j in range(before.shape[0]):
+        before[j] = q[7 + j]
     for k in range(bound.shape[0]):
         bound[k] -= suffix[level[k, 0]] + suffix[level[k, 1]]
+        known[k] = 0
 
 
-def measure(k, enough, reals, ints):
+def measure(tick: Packed, k, enough):
     """Distance of pair ``k`` now, if it is not known; a lower bound will do for a room of ``enough``.
 
     Where it stays unsure, the pair is listed as such.
     """
-    known, keep = mem.vector(ints, mem.KNOWN), mem.vector(reals, mem.KEEP)[k]
-    if known[k]:
+    if tick.known[k]:
         return
-    counts, q, p = mem.vector(ints, mem.COUNTS), mem.vector(reals, mem.Q_), mem.matrix(reals, mem.P_)
-    pairs, shapes, R = mem.matrix(ints, mem.PAIR_SHAPES), mem.matrix(ints, mem.SHAPES), mem.cube(reals, mem.R_)
-    rounds, simplex, state = (
-        mem.matrix(reals, mem.ROUNDS),
-        mem.matrix(reals, mem.SIMPLEX),
-        mem.matrix(ints, mem.GJK_STATE),
-    )
-    first, second, out = pairs[k, 0], pairs[k, 1], mem.matrix(reals, mem.MEASURED)[k]
+    q, shapes, rounds, R, p, out, margin = (
+        tick.q, tick.shapes, tick.rounds, tick.R, tick.p, tick.measured[k], tick.margin[k]
+    )  # fmt: skip
+    first, second = tick.pair_shapes[k, 0], tick.pair_shapes[k, 1]
     a, b = shapes[first, BODY], shapes[second, BODY]
     found, code = distance(
-        shapes[first],
-        shapes[second],
-        rounds[first],
-        rounds[second],
-        mem.matrix(reals, mem.VERTICES),
-        mem.vector(ints, mem.EDGE_START),
-        mem.vector(ints, mem.EDGE_END),
-        enough + keep,
-        R[a],
-        p[a],
-        R[b],
-        p[b],
-        simplex[4 * k : 4 * k + 4],
-        state[k],
-        mem.vector(reals, mem.GJK),
-        out,
-    )
-    if code == BEYOND:
-        mem.vector(reals, mem.BOUND_)[k] = found
-        mem.vector(reals, mem.ROOM)[k] = found - keep
-        return
-    known[k] = 1
-    if code != APART:
-        mem.vector(ints, mem.UNSURE_PAIRS)[counts[mem.N_UNSURE]] = k
-        counts[mem.N_UNSURE] += 1
-        return
-    for i in range(3):
-        out[3 + i] += q[i]
-        out[6 + i] += q[i]
-    mem.vector(reals, mem.DISTANCE_)[k] = mem.vector(reals, mem.BOUND_)[k] = found
-    mem.vector(reals, mem.ROOM)[k] = found - keep
+        shapes[first], shapes[second], rounds[first], rounds[second], tick.vertices, tick.edge_start, tick.edge_end,
+        enough + margin, R[a], p[a], R[b], p[b], tick.simplex[k], tick.gjk_state[k], tick.gjk_scratch, out,
+    )  # fmt: skip
+    if code != BEYOND:
+        tick.known[k] = 1
+        if code != APART:
+            tick.unsure_pairs[tick.n_unsure] = k
+            tick.n_unsure += 1
+            return
+        tick.distance[k] = found
+        for i in range(3):
+            out[3 + i] += q[i]
+            out[6 + i] += q[i]
+    tick.distance_bound[k], tick.room[k] = found, found - margin
 
 
 def choose(room, n, count, chosen):
@@ -136,16 +111,15 @@ def choose(room, n, count, chosen):
         chosen[i] = k
 
 
-def describe_pairs(count, reals, ints):
+def describe_pairs(tick: Packed, count):
     """What the rows of the chosen pairs are made of: normal, points and room, and the two bodies."""
-    chosen, now, body = mem.vector(ints, mem.NEAREST), mem.vector(ints, mem.PAIR_NOW), mem.vector(ints, mem.PAIR_BODY)
-    pairs, shapes = mem.matrix(ints, mem.PAIR_SHAPES), mem.matrix(ints, mem.SHAPES)
-    rows, measured, room = mem.matrix(reals, mem.PAIRS), mem.matrix(reals, mem.MEASURED), mem.vector(reals, mem.ROOM)
+    chosen, now, body, shapes, pairs = tick.nearest, tick.pair_now, tick.pair_body, tick.shapes, tick.pair_shapes
+    rows, measured, room = tick.pairs, tick.measured, tick.room
     for i in range(count):
         k = chosen[i]
         now[i] = k
         for c in range(9):
             rows[i, c] = measured[k, c]
         rows[i, 9] = room[k]
-        body[2 * i], body[2 * i + 1] = shapes[pairs[k, 0], BODY], shapes[pairs[k, 1], BODY]
-    mem.vector(ints, mem.COUNTS)[mem.N_PAIRS] = count
+        body[i, 0], body[i, 1] = shapes[pairs[k, 0], BODY], shapes[pairs[k, 1], BODY]
+    tick.n_pairs = count

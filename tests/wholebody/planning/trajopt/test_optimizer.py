@@ -1,5 +1,5 @@
 """Strategy: the real planner on slow, fast and impossible paths; Pinocchio's inverse dynamics judges what it says, and
-its derivatives (`posture_reference.py`) judge those of the compiled program on random motions."""
+the readable specification (`formulation.py`) judges values and derivatives of the kernels on random motions."""
 
 from itertools import product
 
@@ -10,21 +10,28 @@ from scipy.optimize import nnls
 
 from models.g1 import g1
 from policy.scripted.library import lissajous, reach, two_hand_lift, wave
-from tests.support.trajopt_reference import Reference, bounds, free_directions
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt import gauss_newton as optimiser
-from wholebody.planning.trajopt import layout as tables
-from wholebody.planning.trajopt import optimizer as posture_plan
-from wholebody.planning.trajopt import problem as program_module
+from wholebody.planning.trajopt import layout, weights
+from wholebody.planning.trajopt import optimizer as optimizer_module
+from wholebody.planning.trajopt import problem as problem_module
 from wholebody.planning.trajopt.centroidal import Centroidal
+from wholebody.planning.trajopt.formulation import (
+    Formulation,
+    bounds,
+    configuration_cost,
+    dense,
+    motion_cost,
+    reduced,
+)
 from wholebody.planning.trajopt.kernels.inequalities import derivative
 from wholebody.planning.trajopt.layout import N_BODY
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.planning.trajopt.problem import TrajectoryProblem
-from wholebody.planning.trajopt.robot_tables import FOOT_LOAD_MIN, RobotTables
-from wholebody.planning.trajopt.weights import DISTANCE_SCALE
+from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.planning.trajopt.weights import BOUNDS
 
 SPEC = g1()
 
@@ -73,7 +80,7 @@ def inverse_dynamics(planner, motion):
 def test_reaches_are_planned_to_millimetres_with_every_bound_kept(planner, x, z):
     T, motion = plan(planner, reach(x, z), 4.0)
     assert np.linalg.norm(motion.T_palms[-1, :, :3, 3] - T[-1, :, :3, 3], axis=1).max() < 3e-3
-    assert motion.excess.max() < 0.5
+    assert motion.violation.max() < 0.5
 
 
 @pytest.mark.parametrize(("policy", "end"), [(two_hand_lift(), 4.0), (lissajous(), 4.0)])
@@ -134,7 +141,8 @@ def test_hands_sent_into_the_floor_fingers_first_stay_above_it(planner, height, 
         pin.forwardKinematics(planner.model, data, q)
         least = min(least, underside.lowest(data)[:, 2].min())
     # As for every bound, three times its scale is accepted.
-    assert planner.config.floor_distance - 3.0 * DISTANCE_SCALE < least < 0.04
+    scale = next(bound.scale for bound in BOUNDS if bound.name == "distance to bodies and floor")
+    assert planner.config.floor_distance - 3.0 * scale < least < 0.04
     assert motion.T_palms[-1, :, 2, 3].min() < 0.15
 
 
@@ -162,7 +170,7 @@ def linearised(body, K, seed, speed=1.0, config=None):
     T, fingers = poses(reach(0.45, 0.60), config.dt, 0.0, (K - 0.5) * config.dt)
     T = T @ np.array([[pin.exp6(0.2 * rng.normal(size=6)).homogeneous for _ in range(2)] for _ in range(K)])
     program.begin(T, fingers, 0.3 * rng.normal(size=N_BODY))
-    program.weigh(config, 1.0)
+    program.set_weights(config, 1.0)
     q = pin.integrate(body.model, body.tables.q_stance, 0.15 * rng.normal(size=N_BODY))
     for k in range(K):
         program.now.q[k] = q
@@ -179,25 +187,41 @@ def near(found, expected):
 @pytest.mark.parametrize("seed", range(12))
 def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
     program, T = linearised(body, 6, seed, speed=[0.1, 1.0, 4.0][seed % 3])
-    m, dt, judge = program.now, TrajectoryConfig().dt, Reference(body, SPEC)
-    half, back, forth = judge.half_steps(m.q, m.half[0], dt)
-    assert near(m.half, half)
-    N, E = free_directions(m), len(body.tables.normals)
-    kept = np.r_[: tables.NEAR, tables.EDGE : tables.n_sided(E)]
+    m, dt, judge = program.now, TrajectoryConfig().dt, Formulation(body, SPEC)
+    v_mid, back, forth = judge.mid_velocities(m.q, m.v_mid[0], dt)
+    assert near(m.v_mid, v_mid)
+    N, E = dense(m.free), len(body.tables.normals)
+    kept = np.r_[: layout.DISTANCE, layout.COM_EDGE : layout.n_inequalities(E)]
     for k in range(1, 6):
-        v, a = 0.5 * (half[k] + half[k + 1]), (half[k + 1] - half[k]) / dt
+        v, a = 0.5 * (v_mid[k] + v_mid[k + 1]), (v_mid[k + 1] - v_mid[k]) / dt
         r, J = judge.configuration(m.q[k], T[k])
-        rows, D = judge.motion(m.q[k], v, a)
+        rows, D = judge.dynamics(m.q[k], v, a)
         assert near(m.r[k], r)
         assert near(m.J[k], J @ N[k])
-        assert near(m.m[k], rows)
-        assert near(m.J_m[k], judge.reduced(k, D, back, forth, N, dt))
-        still, capture = judge.still(m.q[k]), judge.capture(m.q[k], v, rows)
-        assert near(m.over[k][kept], bounds(body.tables, r, m.q[k], half[k], a, rows, still, capture))
+        assert near(m.dynamics[k], rows)
+        assert near(m.J_dynamics[k], reduced(k, D, back, forth, N, dt))
+        still, capture = judge.static_torque(m.q[k]), judge.capture_point(m.q[k], v, rows)
+        assert near(m.violation[k][kept], bounds(body.tables, r, m.q[k], v_mid[k], a, rows, still, capture))
         assert near(m.zmp[k], rows[:2] / max(rows[2], 0.05))
-    rows, D = judge.motion(m.q[0], half[0], 2.0 * (half[1] - half[0]) / dt)
-    assert near(m.m[0], rows)
-    assert near(m.J_m[0, :, 46:], judge.reduced(0, D, back, forth, N, dt)[:, 46:])
+    rows, D = judge.dynamics(m.q[0], v_mid[0], 2.0 * (v_mid[1] - v_mid[0]) / dt)
+    assert near(m.dynamics[0], rows)
+    assert near(m.J_dynamics[0, :, 46:], reduced(0, D, back, forth, N, dt)[:, 46:])
+
+
+def test_the_compiled_cost_is_that_of_the_formulation(body):
+    program, T = linearised(body, 6, 2, speed=0.3)
+    m, dt, judge, config = program.now, TrajectoryConfig().dt, Formulation(body, SPEC), TrajectoryConfig()
+    w, penalty = weights.weights(config), weights.penalties(len(body.tables.normals), 1.0)
+    start = layout.LOAD + len(body.tables.normals)
+    expected = sum(configuration_cost(w, judge.configuration(m.q[k], T[k])[0]) for k in range(1, 6))
+    v_mid, _, _ = judge.mid_velocities(m.q, m.v_mid[0], dt)
+    for k in range(6):
+        a = (v_mid[k + 1] - v_mid[k]) / dt * (2.0 if k == 0 else 1.0)
+        v = v_mid[0] if k == 0 else 0.5 * (v_mid[k] + v_mid[k + 1])
+        expected += motion_cost(w, v_mid[k], a, judge.dynamics(m.q[k], v, a)[0])
+        kept = slice(start if k == 0 else 0, None)
+        expected += penalty[kept] @ np.maximum(m.violation[k, kept], 0.0) ** 2
+    assert program.cost(m) == pytest.approx(expected, rel=1e-9)
 
 
 def test_palms_on_the_curve_between_control_points_are_those_of_pinocchio(body):
@@ -215,8 +239,9 @@ def test_palms_on_the_curve_between_control_points_are_those_of_pinocchio(body):
 def test_the_directions_left_free_are_orthonormal_and_leave_the_feet(body):
     program, _ = linearised(body, 3, 1)
     data = body.model.createData()
-    for q, N in zip(program.now.q, free_directions(program.now), strict=True):
+    for q, N in zip(program.now.q, dense(program.now.free), strict=True):
         assert np.allclose(N.T @ N, np.eye(N.shape[1]), atol=1e-12)
+        assert np.allclose(N @ N.T, Formulation(body, SPEC).free_directions(q), atol=1e-9)
         pin.computeJointJacobians(body.model, data, q)
         pin.updateFramePlacements(body.model, data)
         for foot, place in zip(SPEC.feet, body.tables.p_feet, strict=True):
@@ -238,10 +263,10 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
             pin.computeDistances(body.full, data, proximity.geometry, proximity.data, q)
             every = proximity.margin - np.array([result.min_distance for result in proximity.data.distanceResults])
             expected = np.sort(every[every > -TrajectoryConfig().self_trigger])[::-1][:16]
-            assert program.near.chosen[k] == len(expected)
-            approach = m.sweeps[k, : len(expected)] @ m.v[k]
+            assert program.distances.chosen[k] == len(expected)
+            approach = m.approach[k, : len(expected)] @ m.v[k]
             assert (approach >= 0.0).all()
-            found = m.over[k, tables.NEAR : tables.NEAR + len(expected)] - approach
+            found = m.violation[k, layout.DISTANCE : layout.DISTANCE + len(expected)] - approach
             assert np.allclose(found, expected, atol=4e-6)
             seen += len(expected)
     assert seen > 100
@@ -256,19 +281,19 @@ def raised():
 
 def test_heights_over_the_floor_and_their_derivatives_are_those_of_pinocchio(raised):
     body, config = raised
-    judge, seen = Reference(body, SPEC), 0
+    judge, seen = Formulation(body, SPEC), 0
     for seed in range(6):
         program, _ = linearised(body, 4, 40 + seed, speed=2.0, config=config)
-        m, pairs = program.now, program.near.chosen
-        N = free_directions(m)
+        m, pairs = program.now, program.distances.chosen
+        N = dense(m.free)
         for k in range(1, 4):
             expected, J = judge.floor(m.q[k], program.q_fingers[k], config.floor_distance, config.floor_trigger)
-            assert m.near[k] == pairs[k] + len(expected)
-            rows = slice(pairs[k], m.near[k])
+            assert m.n_near[k] == pairs[k] + len(expected)
+            rows = slice(pairs[k], m.n_near[k])
             rate = J @ m.v[k]
-            assert near(m.over[k, tables.NEAR :][rows], expected + config.approach_time * np.abs(rate))
-            assert near(m.sweeps[k, rows], config.approach_time * np.sign(rate)[:, None] * J)
-            assert near(m.J_near[k, rows], J @ N[k])
+            assert near(m.violation[k, layout.DISTANCE :][rows], expected + config.approach_time * np.abs(rate))
+            assert near(m.approach[k, rows], config.approach_time * np.sign(rate)[:, None] * J)
+            assert near(m.J_distance[k, rows], J @ N[k])
             seen += len(expected)
     assert seen > 50
 
@@ -276,25 +301,25 @@ def test_heights_over_the_floor_and_their_derivatives_are_those_of_pinocchio(rai
 def test_the_bounds_change_with_a_step_as_their_derivatives_say(raised):
     body, config = raised
     program, _ = linearised(body, 5, 3, config=config)
-    assert program.now.near[2] > program.near.chosen[2] > 0
+    assert program.now.n_near[2] > program.distances.chosen[2] > 0
     program.assemble()
     program.step(1.0)
     m, E, h = program.now, len(body.tables.normals), 1e-4
-    row, z = np.zeros(3 * tables.N_FREE), program.z.ravel()
-    smooth = [i for i in range(tables.n_sided(E)) if not tables.NEAR <= i < tables.EDGE]
-    smooth += [tables.NEAR + i for i in range(m.near[2])]
+    row, z = np.zeros(3 * layout.N_FREE), program.z.ravel()
+    smooth = [i for i in range(layout.n_inequalities(E)) if not layout.DISTANCE <= i < layout.COM_EDGE]
+    smooth += [layout.DISTANCE + i for i in range(m.n_near[2])]
     program.z[:] *= h
-    before = m.over.copy()
+    before = m.violation.copy()
     program.move()
     program.linearise(program.trial)
     for i in smooth:
         derivative(i, 2, body.tables, m, config.dt, row)
-        change = row @ z[2 * tables.N_FREE : 5 * tables.N_FREE]
+        change = row @ z[2 * layout.N_FREE : 5 * layout.N_FREE]
         # How speeds turn with the joints is left out for the capture point and the way down to the floor.
-        rough = 0.3 if tables.ZMP + 2 * E <= i < tables.ZMP + 3 * E else 0.0
-        rough = 0.1 if tables.NEAR + program.near.chosen[2] <= i < tables.EDGE else rough
+        rough = 0.3 if layout.ZMP + 2 * E <= i < layout.ZMP + 3 * E else 0.0
+        rough = 0.1 if layout.DISTANCE + program.distances.chosen[2] <= i < layout.COM_EDGE else rough
         small = 2e-6 if rough else 3e-7
-        assert program.trial.over[2, i] - before[2, i] == pytest.approx(change, abs=small, rel=rough), i
+        assert program.trial.violation[2, i] - before[2, i] == pytest.approx(change, abs=small, rel=rough), i
 
 
 def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
@@ -310,6 +335,16 @@ def test_a_step_of_the_program_lowers_the_cost_as_promised(body):
     assert before - after > 0.0
 
 
+def test_the_least_load_of_a_foot_is_that_of_the_controllers_least_forces(body):
+    weight = body.mass * 9.81
+    assert body.foot_load_min == pytest.approx(4 * ControllerConfig().force_min / weight)
+    heavy = RobotTables(SPEC, TrajectoryConfig(), force_min=20.0)
+    assert heavy.foot_load_min == pytest.approx(80.0 / weight)
+    # The pressure cannot go as far to the sides, where one foot would carry everything.
+    assert (heavy.pressure_offsets <= body.pressure_offsets).all()
+    assert (body.pressure_offsets - heavy.pressure_offsets).max() > 0.01
+
+
 def forces_at(corners):
     """Wrenches per unit of load (6, n), as the rows of the motion, of the edges of the friction pyramids there."""
     mu = TrajectoryConfig().friction_share * ControllerConfig().friction / np.sqrt(2.0)
@@ -319,14 +354,14 @@ def forces_at(corners):
 
 def test_what_is_inside_the_cone_of_friction_can_be_had_from_the_soles_and_what_is_outside_cannot(body):
     """Oracle: whether forces at the corners add up to a wrench, by non-negative least squares."""
-    rng, vertices = np.random.default_rng(2), (1.0 - 2.0 * FOOT_LOAD_MIN) * body.support.vertices
+    rng, vertices = np.random.default_rng(2), (1.0 - 2.0 * body.foot_load_min) * body.support.vertices
     box = product(*zip(vertices.min(axis=0), vertices.max(axis=0), strict=True))
-    soles, around, seen = forces_at(vertices), forces_at(box), [0, 0]
+    sole_accelerations, around, seen = forces_at(vertices), forces_at(box), [0, 0]
     for wrench in rng.uniform(-1.0, 1.0, (400, 6)) * [0.06, 0.1, 0.0, 0.4, 0.4, 0.06] + np.eye(6)[2]:
         over = (body.tables.cone @ wrench).max()
         if over < 0.0:
             seen[0] += 1
-            assert nnls(soles, wrench)[1] < 1e-9
+            assert nnls(sole_accelerations, wrench)[1] < 1e-9
         elif over > 0.02:
             seen[1] += 1
             assert nnls(around, wrench)[1] > 1e-4
@@ -344,8 +379,8 @@ def test_a_program_that_has_no_step_says_so(body):
 def test_a_motion_within_its_bounds_is_found_in_fewer_steps_and_as_good(planner, monkeypatch):
     counts, costs, linearise = [0, 0], [], TrajectoryProblem.linearise
     T, fingers = poses(wave(), planner.config.dt, 0.0, 2.0)
-    for i, near in enumerate((optimiser.NEAR, -1.0)):
-        monkeypatch.setattr(optimiser, "NEAR", near)
+    for i, feasible in enumerate((optimiser.FEASIBLE, -1.0)):
+        monkeypatch.setattr(optimiser, "FEASIBLE", feasible)
 
         def counted(self, motion, i=i):
             counts[i] += 1
@@ -368,14 +403,14 @@ def test_a_step_is_exact_once_it_exceeds_the_bounds_that_it_counts_on(body):
     assert np.array_equal(program.z, z)
 
 
-def test_a_first_motion_is_evened_out(planner, monkeypatch):
+def test_the_motion_that_a_search_begins_with_is_smoothed(planner, monkeypatch):
     """A chunk that goes on where another one was to come to rest: there the motion first tried would jerk."""
     T, fingers = poses(wave(), planner.config.dt, 0.0, 4.0)
     before = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T[:30], fingers[:30])
     first = []
-    monkeypatch.setattr(posture_plan, "optimise", lambda program, _: first.append(start_of(program)))
-    for evened in (program_module.EVENED, 0):
-        monkeypatch.setattr(program_module, "EVENED", evened)
+    monkeypatch.setattr(optimizer_module, "optimise", lambda program, _: first.append(start_of(program)))
+    for passes in (problem_module.SMOOTHING_PASSES, 0):
+        monkeypatch.setattr(problem_module, "SMOOTHING_PASSES", passes)
         planner.plan(before.q[20], before.v[20], T[20:56], fingers[20:56], before.q[21:25])
     assert first[0] < 0.1 < 2.0 < first[1]
 
@@ -383,16 +418,16 @@ def test_a_first_motion_is_evened_out(planner, monkeypatch):
 def start_of(program):
     """Largest excess over a bound of the motion that a search begins with."""
     program.linearise(program.now)
-    return program.excess().max()
+    return program.violation().max()
 
 
-def test_evening_out_keeps_the_first_configuration_and_makes_accelerations_small():
+def test_the_binomial_filter_keeps_the_first_configuration_and_makes_accelerations_small():
     rng = np.random.default_rng(3)
     q = np.tile(np.eye(36)[6], (20, 1)) + 0.1 * rng.normal(size=(20, 36))
     q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
     q[7, 3:7] *= -1.0
     even = q.copy()
-    program_module._even_out(even)
+    problem_module._smooth(even)
     assert np.array_equal(even[0], q[0])
     assert np.linalg.norm(even[:, 3:7], axis=1) == pytest.approx(1.0)
     rough, smooth = (np.abs(np.diff(x[:, 7:], 2, axis=0)).max() for x in (q, even))
@@ -400,7 +435,7 @@ def test_evening_out_keeps_the_first_configuration_and_makes_accelerations_small
     assert np.abs(np.diff(even[:, 3:7], axis=0)).max() < 0.1
 
 
-def test_momenta_along_a_motion_are_those_of_pinocchio(body):
+def test_centroidal_momentum_along_a_motion_are_those_of_pinocchio(body):
     model, rng = body.full, np.random.default_rng(5)
     frames = [model.getFrameId(name) for name in (SPEC.base_body, SPEC.torso_body)]
     q = np.array([pin.integrate(model, body.q_full, rng.normal(size=model.nv)) for _ in range(50)])

@@ -1,12 +1,14 @@
-"""Centre of mass and momentum along a motion; compiles with numba as it stands."""
+"""Centre of mass and centroidal momentum along a motion."""
 
 from __future__ import annotations
 
-from wholebody.planning.trajopt.kernels.configuration_terms import body_inertia, momentum_of
-from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import base_rotation, fixed_frame, place_body
+from wholebody.robot.kernels.bodies import base_twist, joint_column, place_body
+from wholebody.robot.kernels.frames import place_frame
+from wholebody.robot.kernels.rotation import base_rotation
+from wholebody.robot.kernels.spatial import body_inertia, momentum_of
 
 
-def momenta(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch):
+def centroidal(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch):
     """Fill centre of mass, its velocity, angular momentum about it, and turns of frames, at every row.
 
     Args:
@@ -30,16 +32,14 @@ def momenta(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, t
         base_rotation(q[k], R[0])
         for c in range(10):
             total[c] = 0.0
+        base_twist(v[k], R[0], V[0])
         for a in range(3):
-            p[0, a] = V[0, a] = V[0, 3 + a] = 0.0
-            for b in range(3):
-                V[0, a] += R[0, a, b] * v[k, b]
-                V[0, 3 + a] += R[0, a, b] * v[k, 3 + b]
+            p[0, a] = 0.0
         for i in range(table.shape[0]):
             if i > 0:
                 before, rate = parent[i], v[k, 5 + i]
                 place_body(table[i], q[k, 6 + i], R[before], p[before], R[i], p[i])
-                axis(table[i], R[i], p[i], s)
+                joint_column(table[i], R[i], p[i], s)
                 for c in range(6):
                     V[i, c] = V[before, c] + rate * s[c]
             body_inertia(table[i], R[i], p[i], inertia)
@@ -57,11 +57,4 @@ def momenta(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, t
         momentum[k, 2] = total[9] - (x * total[5] - y * total[4])
         for f in range(frame_body.shape[0]):
             body = frame_body[f]
-            fixed_frame(R[body], p[body], frame_R[f], scratch[2], turns[f, k], scratch[1])
-
-
-def axis(row, R, p, s):
-    """Column of a joint as a twist about the base."""
-    for a in range(3):
-        s[3 + a] = R[a, 0] * row[12] + R[a, 1] * row[13] + R[a, 2] * row[14]
-    s[0], s[1], s[2] = p[1] * s[5] - p[2] * s[4], p[2] * s[3] - p[0] * s[5], p[0] * s[4] - p[1] * s[3]
+            place_frame(R[body], p[body], frame_R[f], scratch[2], turns[f, k], scratch[1])

@@ -1,4 +1,4 @@
-"""The plan's cost and its quadratic part; compiles with numba as it stands.
+"""The plan's cost, and the quadratic model of it without the bounds.
 
 The Hessian is block-banded: panel ``k + 1`` (N_FREE, 3 N_FREE) holds knot k's own block and those with the next two
 knots; the panels before the first knot and after the last take what falls outside and are never read. Vectors
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from wholebody.jit.blas import outer_gram
-from wholebody.planning.trajopt.kernels.spline import pace
+from wholebody.planning.trajopt.kernels.spline import knot_rate
 from wholebody.planning.trajopt.layout import (  # fmt: skip
     FREE_LOWER,
     HEIGHT,
@@ -21,7 +21,7 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     N_FREE,
     N_POSITION,
     PELVIS,
-    SLIDE,
+    SOLE,
     TAU,
     TORSO,
     UPPER,
@@ -29,92 +29,93 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
 )
 
 
-def cost(m, scales, weights, moving):
-    """What the motion costs; ``weights`` (n_sided,) are those of the bounds, from ``moving`` on also at the start."""
+def cost(m, weights, penalties, moving):
+    """Cost of a motion; ``penalties`` (n_inequalities,) weigh its bounds, at the first knot only from ``moving`` on."""
     K, total = m.q.shape[0], 0.0
     for k in range(K):
         if k > 0:
-            total += configuration_cost(m.r[k], scales)
-        row = m.m[k]
-        total += scales.zmp * (row[0] * row[0] + row[1] * row[1])
+            total += configuration_cost(m.r[k], weights)
+        row = m.dynamics[k]
+        total += weights.zmp * (row[0] * row[0] + row[1] * row[1])
         for i in range(WAIST):
-            total += scales.waist * row[TAU + i] * row[TAU + i]
+            total += weights.waist * row[TAU + i] * row[TAU + i]
         for i in range(4):
-            total += scales.slide * row[SLIDE + i] * row[SLIDE + i]
+            total += weights.slide * row[SOLE + i] * row[SOLE + i]
         for j in range(N_BODY):
-            speed = scales.legs if 6 <= j < LOWER else scales.speed
-            total += scales.smooth * m.a[k, j] * m.a[k, j] + speed * m.half[k, j] * m.half[k, j]
-        for i in range(0 if k > 0 else moving, weights.shape[0]):
-            x = m.over[k, i]
+            speed = weights.legs if 6 <= j < LOWER else weights.speed
+            total += weights.smooth * m.a[k, j] * m.a[k, j] + speed * m.v_mid[k, j] * m.v_mid[k, j]
+        for i in range(0 if k > 0 else moving, penalties.shape[0]):
+            x = m.violation[k, i]
             if x > 0.0:
-                total += weights[i] * x * x
+                total += penalties[i] * x * x
     return total
 
 
-def configuration_cost(r, scales):
+def configuration_cost(r, weights):
     """Cost of the squares that depend on one configuration."""
     total = 0.0
     for h in range(4):
         x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
-        sigma, unit = pull(h, scales)
+        sigma, unit = palm_scale(h, weights)
         far = math.sqrt(x * x + y * y + z * z) / unit
         size = math.log1p(far * far) if h % 2 == 0 else 2.0 * (far - math.log1p(far))
         total += (unit / sigma) ** 2 * size
     for i in range(12, N_POSITION):
-        total += scale_of(i, scales) * r[i] * r[i]
+        total += scale_of(i, weights) * r[i] * r[i]
     return total
 
 
-def pull(h, scales):
-    """Scale of a palm's position (h even) or orientation, and the error at which it begins to give."""
+def palm_scale(h, weights):
+    """Scale of a palm's position (h even) or orientation, and the residual from which its pull grows no more."""
     if h % 2 == 0:
-        return scales.position, scales.position_give
-    return scales.orientation, scales.orientation_give
+        return weights.position, weights.position_give
+    return weights.orientation, weights.orientation_give
 
 
-def scale_of(i, scales):
+def scale_of(i, weights):
     """Weight of a row that depends on the configuration, palms aside."""
     if i < TORSO:
-        return scales.com
+        return weights.com
     if i < PELVIS:
-        return scales.torso
+        return weights.torso
     if i < HEIGHT:
-        return scales.pelvis
-    return scales.height if i < JOINTS else scales.posture
+        return weights.pelvis
+    return weights.height if i < JOINTS else weights.posture
 
 
-def assemble(m, task, scales, H, g, work):
+def assemble(m, task, weights, H, g, work):
     """Hessian panels (K + 2, N_FREE, 3 N_FREE) and gradient (K + 2, N_FREE) of half the cost without the bounds.
 
-    A palm pulls most where it begins to give; far from its target it pulls ever less, so that a target that jumps does
-    not tear the body along. Its orientation pulls with a force that grows no more.
+    Palm positions have a Cauchy loss: the pull is greatest at ``position_give`` and falls beyond, so that a target that
+    jumps does not take the body along. Orientations have one whose pull is bounded. Both enter the Gauss-Newton Hessian
+    with the weight of the loss at the present residual (iteratively reweighted least squares).
     """
     H[:] = 0.0
     g[:] = 0.0
     for k in range(m.q.shape[0]):
         if k > 0:
-            add_configuration(k, m, scales, H, g, work)
-        add_dense(k, m, scales, H, g, work)
-        add_lower(k, m, task.dt, scales, H, g, work)
-        add_upper(k, m, task.dt, scales, H, g)
+            add_configuration(k, m, weights, H, g, work)
+        add_dense(k, m, weights, H, g, work)
+        add_lower(k, m, task.dt, weights, H, g, work)
+        add_upper(k, m, task.dt, weights, H, g)
 
 
-def add_configuration(k, m, scales, H, g, work):
+def add_configuration(k, m, weights, H, g, work):
     """Rows that depend on one configuration."""
     B, v, r = work.frames, work.frame_values, m.r[k]
     for i in range(N_FRAME):
         if i < 12:
             h = i // 3
             x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
-            sigma, unit = pull(h, scales)
+            sigma, unit = palm_scale(h, weights)
             far = math.sqrt(x * x + y * y + z * z) / unit
             root = 1.0 / (sigma * math.sqrt(1.0 + (far * far if h % 2 == 0 else far)))
         else:
-            root = math.sqrt(scale_of(i, scales))
+            root = math.sqrt(scale_of(i, weights))
         v[i] = root * r[i]
         for j in range(N_FREE):
             B[i, j] = root * m.J[k, i, j]
-    panel, slope, w = H[k + 1], g[k + 1], scales.posture
+    panel, slope, w = H[k + 1], g[k + 1], weights.posture
     add_gram(B, 0, panel)
     for i in range(N_FRAME):
         for j in range(N_FREE):
@@ -133,15 +134,15 @@ def add_configuration(k, m, scales, H, g, work):
         slope[FREE_LOWER + u] += w * r[JOINTS + LOWER - 6 + u]
 
 
-def add_dense(k, m, scales, H, g, work):
+def add_dense(k, m, weights, H, g, work):
     """Zero-moment point and waist torques: rows that depend on everything."""
     B, slope = work.dense, g
     for i in range(2 + WAIST):
         row = i if i < 2 else TAU + i - 2
-        root = math.sqrt(scales.zmp if i < 2 else scales.waist)
-        value = root * m.m[k, row]
+        root = math.sqrt(weights.zmp if i < 2 else weights.waist)
+        value = root * m.dynamics[k, row]
         for j in range(3 * N_FREE):
-            B[i, j] = root * m.J_m[k, row, j]
+            B[i, j] = root * m.J_dynamics[k, row, j]
         for c in range(3):
             for j in range(N_FREE):
                 slope[k + c, j] += value * B[i, c * N_FREE + j]
@@ -168,27 +169,27 @@ def add_gram(B, start, panel):
             r += 1
 
 
-def add_lower(k, m, dt, scales, H, g, work):
+def add_lower(k, m, dt, weights, H, g, work):
     """Accelerations and speeds of base and legs, and the slide of the soles."""
     C, v, block, f, n = work.legs, work.leg_values, work.leg_square, FREE_LOWER, LOWER
-    smooth, slide = math.sqrt(scales.smooth), math.sqrt(scales.slide)
+    smooth, slide = math.sqrt(weights.smooth), math.sqrt(weights.slide)
     scale = 2.0 * smooth / dt if k == 0 else smooth / dt
     for r in range(f):
         for j in range(n):
-            speed = math.sqrt(scales.speed if j < 6 else scales.legs)
-            C[r, j] = scale * m.behind[k, r, j]
-            C[f + r, j] = -scale * (m.ahead[k, r, j] + m.behind[k + 1, r, j])
-            C[2 * f + r, j] = scale * m.ahead[k + 1, r, j]
-            C[r, n + j] = -speed * m.behind[k, r, j]
-            C[f + r, n + j] = speed * m.ahead[k, r, j]
+            speed = math.sqrt(weights.speed if j < 6 else weights.legs)
+            C[r, j] = scale * m.dv_dprev[k, r, j]
+            C[f + r, j] = -scale * (m.dv_dnext[k, r, j] + m.dv_dprev[k + 1, r, j])
+            C[2 * f + r, j] = scale * m.dv_dnext[k + 1, r, j]
+            C[r, n + j] = -speed * m.dv_dprev[k, r, j]
+            C[f + r, n + j] = speed * m.dv_dnext[k, r, j]
         for i in range(4):
             for c in range(3):
-                C[c * f + r, 2 * n + i] = slide * m.J_m[k, SLIDE + i, c * N_FREE + r]
+                C[c * f + r, 2 * n + i] = slide * m.J_dynamics[k, SOLE + i, c * N_FREE + r]
     for j in range(n):
         v[j] = smooth * m.a[k, j]
-        v[n + j] = math.sqrt(scales.speed if j < 6 else scales.legs) * m.half[k, j]
+        v[n + j] = math.sqrt(weights.speed if j < 6 else weights.legs) * m.v_mid[k, j]
     for i in range(4):
-        v[2 * n + i] = slide * m.m[k, SLIDE + i]
+        v[2 * n + i] = slide * m.dynamics[k, SOLE + i]
     outer_gram(C, block)
     for c in range(3):
         panel = H[k + c]
@@ -200,13 +201,13 @@ def add_lower(k, m, dt, scales, H, g, work):
                 g[k + c, i] += C[c * f + i, j] * v[j]
 
 
-def add_upper(k, m, dt, scales, H, g):
+def add_upper(k, m, dt, weights, H, g):
     """Accelerations and speeds of waist and arms."""
     f, n = FREE_LOWER, N_FREE
-    here, there = pace(k, m.q.shape[0], dt), pace(k + 1, m.q.shape[0], dt)
+    here, there = knot_rate(k, m.q.shape[0], dt), knot_rate(k + 1, m.q.shape[0], dt)
     scale = 2.0 / dt if k == 0 else 1.0 / dt
     a, b, c = scale * here, -scale * (here + there), scale * there
-    w, s = scales.smooth, scales.speed
+    w, s = weights.smooth, weights.speed
     for u in range(f, n):
         H[k, u, u] += w * a * a + s * here * here
         H[k, u, n + u] += w * a * b - s * here * here
@@ -214,7 +215,7 @@ def add_upper(k, m, dt, scales, H, g):
         H[k + 1, u, u] += w * b * b + s * here * here
         H[k + 1, u, n + u] += w * b * c
         H[k + 2, u, u] += w * c * c
-        x, y = w * m.a[k, LOWER + u - f], s * m.half[k, LOWER + u - f]
+        x, y = w * m.a[k, LOWER + u - f], s * m.v_mid[k, LOWER + u - f]
         g[k, u] += a * x - here * y
         g[k + 1, u] += b * x + here * y
         g[k + 2, u] += c * x

@@ -1,40 +1,38 @@
-"""All knots of a plan at once: their terms and derivatives; compiles with numba as it stands."""
+"""All knots of a plan at once: their terms and derivatives."""
 
 from __future__ import annotations
 
-from wholebody.planning.trajopt.kernels.capture_point import capture, sweep
-from wholebody.planning.trajopt.kernels.configuration_terms import configuration
-from wholebody.planning.trajopt.kernels.inverse_dynamics import (  # fmt: skip
-    balance,
-    bound_motion,
-    force_rates,
-    half_steps,
-    move_bodies,
-    reduce_motion,
-    soles,
-    torques,
+from wholebody.planning.trajopt.kernels.capture_point import approach_margin, capture_point
+from wholebody.planning.trajopt.kernels.configuration_terms import configuration_terms
+from wholebody.planning.trajopt.kernels.dynamics_rows import (
+    contact_wrench,
+    dynamics_violations,
+    project_dynamics,
+    sole_accelerations,
 )
-from wholebody.planning.trajopt.kernels.static_torque import hold
+from wholebody.planning.trajopt.kernels.inverse_dynamics import force_derivatives, forward_pass, torques
+from wholebody.planning.trajopt.kernels.mid_velocities import mid_velocities
+from wholebody.planning.trajopt.kernels.static_torque import static_torque
 from wholebody.planning.trajopt.layout import LOAD
 
 
 def place(robot, task, m, work, first, last):
-    """Everything that depends on the configurations of some knots, distances aside; puts the feet back."""
+    """Everything that depends on the configurations of some knots, distances aside; puts the feet back in place."""
     for k in range(first, last):
-        configuration(k, robot, task, m, work)
-        hold(k, robot, m, work)
+        configuration_terms(k, robot, task, m, work)
+        static_torque(k, robot, m, work)
 
 
 def rates(robot, task, m, work):
-    """Everything that depends on the motion."""
-    half_steps(m, task, work)
+    """Everything that depends on velocities and accelerations."""
+    mid_velocities(m, task, work)
     for k in range(m.q.shape[0]):
-        move_bodies(k, robot, m, work)
-        force_rates(k, m, work)
-        balance(k, robot, m, work)
+        forward_pass(k, robot, m, work)
+        force_derivatives(k, m, work)
+        contact_wrench(k, robot, m, work)
         torques(k, robot, m, work)
-        soles(k, robot, m, work)
-        reduce_motion(k, task, m, work)
-        bound_motion(k, robot, m, LOAD + robot.normals.shape[0])
-        sweep(k, robot, m)
-        capture(k, robot, m)
+        sole_accelerations(k, robot, m, work)
+        project_dynamics(k, task, m, work)
+        dynamics_violations(k, robot, m, LOAD + robot.normals.shape[0])
+        approach_margin(k, robot, m)
+        capture_point(k, robot, m)

@@ -1,7 +1,8 @@
-"""The step that the plan's linear program asks for; compiles with numba as it stands. Layouts as in `cost`.
+"""The step that minimises the linearised cost. Layouts as in `cost`.
 
-The program is convex and piecewise quadratic: Newton's method on the set of bounds that are exceeded, with an exact
-line search. Panels of the Cholesky factor before the first knot at which that set changes stay as they are.
+It is convex and piecewise quadratic: squares, and penalties on the bounds that are exceeded. Newton's method on that
+active set with an exact line search ends at the minimum after finitely many steps. Panels of the Cholesky factor before
+the first knot at which the active set changes stay as they are.
 """
 
 from __future__ import annotations
@@ -10,25 +11,25 @@ import math
 
 from wholebody.jit.blas import gram
 from wholebody.planning.trajopt.kernels.inequalities import add_active, changes
-from wholebody.planning.trajopt.layout import EDGE, N_FREE
+from wholebody.planning.trajopt.layout import COM_EDGE, N_FREE
 
 FULL_STEP = 0.99
-"""Share of Newton's step from which on it counts as a whole one."""
+"""Share of Newton's step from which on it counts as a whole one; the line search is exact to 1e-6."""
 
 
-def step(robot, task, m, weights, system, work, damping, limit, largest):
+def step(robot, task, m, penalties, system, work, damping, limit, largest):
     """Fill ``system.z`` with the step.
 
     Args:
-        robot: `tables.Tables`.
-        task: `tables.Task`.
-        m: `tables.Motion`.
-        weights: Of the bounds (n_sided,).
-        system: `tables.System`, assembled.
-        work: `tables.SumWork`.
+        robot: `arrays.Tables`.
+        task: `arrays.Task`.
+        m: `workspace.Motion`.
+        penalties: Of the bounds (n_inequalities,).
+        system: `workspace.System`, assembled.
+        work: `workspace.AssemblyScratch`.
         damping: Added to the Hessian, as a share of its diagonal and by itself.
-        limit: How often the set of exceeded bounds is guessed anew.
-        largest: Entry of the step above which it is not looked for any further.
+        limit: Most Newton steps, each on the active set that the one before led to.
+        largest: Entry of the step above which the search is given up: the caller damps more.
 
     Returns:
         The decrease of the cost that the linear program promises, the largest entry, -1 if it is singular, and whether
@@ -41,11 +42,11 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
     s.along[:] = 0.0
     for k in range(1, K):
         for i in range(N_FREE):
-            s.extra[k + 1, i] = damping * (s.H[k + 1, i, i] + 1.0)
+            s.damping[k + 1, i] = damping * (s.H[k + 1, i, i] + 1.0)
     find_active(robot, m, s)
     first, size, exact = 1, 0.0, False
     for _ in range(limit):
-        newton(first, robot, m, dt, weights, s, work)
+        newton(first, robot, m, dt, penalties, s, work)
         if not factor(first, K, s, work):
             return 0.0, -1.0, False
         solve(K, s)
@@ -53,20 +54,20 @@ def step(robot, task, m, weights, system, work, damping, limit, largest):
             for i in range(N_FREE):
                 s.direction[k, i] = s.y[k, i] - s.z[k, i]
         changes(robot, m, dt, s.direction, s.change, work)
-        times(K, s.H, s.extra, s.direction, s.Hd)
-        t = line_search(K, m, weights, s)
+        times(K, s.H, s.damping, s.direction, s.Hd)
+        t = line_search(K, m, penalties, s)
         size = advance(K, t, s)
         if size > largest:
             return 0.0, size, False
         for k in range(K):
-            for i in range(weights.shape[0]):
+            for i in range(penalties.shape[0]):
                 s.along[k, i] += t * s.change[k, i]
         first = find_active(robot, m, s)
         exact = first == K and t > FULL_STEP
         if exact:
             break
         first = max(1, first - 1)
-    return decrease(K, m, weights, s), size, exact
+    return decrease(K, m, penalties, s), size, exact
 
 
 def advance(K, t, s):
@@ -81,19 +82,19 @@ def advance(K, t, s):
 
 
 def find_active(robot, m, s):
-    """List the bounds that are exceeded; the first knot where the list changes, else their number."""
+    """List the bounds that are exceeded; the first knot at which the list changes, else the number of knots."""
     K, n = s.active.shape
-    start, first = EDGE + robot.normals.shape[0], K
+    start, first = COM_EDGE + robot.normals.shape[0], K
     for k in range(K):
         for i in range(0 if k > 0 else start, n):
-            now = m.over[k, i] + s.along[k, i] > 0.0
+            now = m.violation[k, i] + s.along[k, i] > 0.0
             if now != s.active[k, i]:
                 s.active[k, i] = now
                 first = min(first, k)
     return first
 
 
-def newton(first, robot, m, dt, weights, s, work):
+def newton(first, robot, m, dt, penalties, s, work):
     """Hessian and gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
     K = m.q.shape[0]
     for k in range(first + 1, K + 2):
@@ -102,10 +103,10 @@ def newton(first, robot, m, dt, weights, s, work):
             for j in range(3 * N_FREE):
                 s.panels[k, i, j] = s.H[k, i, j]
     for k in range(first - 1, K):
-        add_active(k, first + 1, robot, m, dt, weights, s.active, s.panels, s.gradient, work.row)
+        add_active(k, first + 1, robot, m, dt, penalties, s.active, s.panels, s.gradient, work.row)
     for k in range(first, K):
         for i in range(N_FREE):
-            s.panels[k + 1, i, i] += s.extra[k + 1, i]
+            s.panels[k + 1, i, i] += s.damping[k + 1, i]
 
 
 def factor(first, K, s, work):
@@ -194,15 +195,15 @@ def solve(K, s):
     for k in range(2, K + 1):
         m = min(3, K + 1 - k) * n
         for i in range(n):
-            row, ahead = s.panels[k, i, i:], flat[n * k + i :]
-            c = ahead[0] / row[0]
-            subtract(c, row, ahead, m - i)
-            ahead[0] = c
+            row, rest = s.panels[k, i, i:], flat[n * k + i :]
+            c = rest[0] / row[0]
+            subtract(c, row, rest, m - i)
+            rest[0] = c
     for k in range(K, 1, -1):
         m = min(3, K + 1 - k) * n
         for i in range(n - 1, -1, -1):
-            row, ahead = s.panels[k, i, i:], flat[n * k + i :]
-            ahead[0] = (ahead[0] - dot(row[1:], ahead[1:], m - i - 1)) / row[0]
+            row, rest = s.panels[k, i, i:], flat[n * k + i :]
+            rest[0] = (rest[0] - dot(row[1:], rest[1:], m - i - 1)) / row[0]
 
 
 def times(K, H, extra, x, out):
@@ -220,23 +221,23 @@ def times(K, H, extra, x, out):
             subtract(-c, row, there, m)
 
 
-def line_search(K, m, weights, s):
+def line_search(K, m, penalties, s):
     """Where between 0 and 1 the cost along the direction is least."""
-    slope, bend = 0.0, 0.0
+    slope, curvature = 0.0, 0.0
     for k in range(2, K + 1):
         for i in range(N_FREE):
             slope += s.direction[k, i] * (s.g[k, i] + s.Hz[k, i])
-            bend += s.direction[k, i] * s.Hd[k, i]
-    count, n = 0, weights.shape[0]
+            curvature += s.direction[k, i] * s.Hd[k, i]
+    count, n = 0, penalties.shape[0]
     for k in range(K):
         for i in range(n):
-            x, c = m.over[k, i] + s.along[k, i], s.change[k, i]
+            x, c = m.violation[k, i] + s.along[k, i], s.change[k, i]
             if c != 0.0 and (x > 0.0 or x + c > 0.0):
-                s.rows[count, 0], s.rows[count, 1], s.rows[count, 2] = x, c, weights[i] * c
+                s.rows[count, 0], s.rows[count, 1], s.rows[count, 2] = x, c, penalties[i] * c
                 count += 1
     low, high, t = 0.0, 1.0, 1.0
     for _ in range(30):
-        value, rate = slope + t * bend, bend
+        value, rate = slope + t * curvature, curvature
         for i in range(count):
             x = s.rows[i, 0] + t * s.rows[i, 1]
             if x > 0.0:
@@ -254,19 +255,19 @@ def line_search(K, m, weights, s):
     return max(low, 1e-3)
 
 
-def decrease(K, m, weights, s):
+def decrease(K, m, penalties, s):
     """By how much the cost falls at z, without the damping."""
     total = 0.0
     for k in range(2, K + 1):
         for i in range(N_FREE):
             z = s.z[k, i]
-            total -= z * (2.0 * s.g[k, i] + s.Hz[k, i] - s.extra[k, i] * z)
+            total -= z * (2.0 * s.g[k, i] + s.Hz[k, i] - s.damping[k, i] * z)
     for k in range(K):
-        for i in range(weights.shape[0]):
-            x = m.over[k, i]
+        for i in range(penalties.shape[0]):
+            x = m.violation[k, i]
             y = x + s.along[k, i]
             if x > 0.0:
-                total += weights[i] * x * x
+                total += penalties[i] * x * x
             if y > 0.0:
-                total -= weights[i] * y * y
+                total -= penalties[i] * y * y
     return total

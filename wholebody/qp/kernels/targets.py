@@ -1,0 +1,99 @@
+"""What the tasks ask for: targets and weights of frames, centre of mass, momentum and posture, as `wholebody.tasks`.
+
+``tick`` is the memory of `wholebody.qp.workspace`, here and in all kernels of this package. Frames are those of the
+contacts, of two palms, of pelvis and torso; blocks of six rows that are computed elsewhere come after them.
+"""
+
+from __future__ import annotations
+
+from wholebody.jit.packed import Packed
+from wholebody.robot.kernels.frames import shorten
+from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, MOMENTUM_DRIFT
+from wholebody.robot.kernels.rotation import rotation_between
+
+DAMPING = 10.0
+"""With which joints slow down where the program does without the hands [1/s]."""
+
+
+def targets(tick: Packed):
+    """Fill ``target``, ``weight`` and their like for the body and the joints."""
+    n = tick.n_contacts
+    for i in range(2):
+        hand_target(tick, i, n + i)
+    orientation_target(tick, tick.pelvis_ref, tick.pelvis_gain, n + 2)
+    orientation_target(tick, tick.torso_ref, tick.torso_gain, n + 3)
+    height_target(tick, n + 2)
+    whole_body_target(tick)
+    posture_target(tick)
+
+
+def hand_target(tick: Packed, i, f):
+    """Hand ``i`` at frame ``f``, as `HandTask`; its reference is rotation (9), position (3), twist and acceleration."""
+    q, ref, x, velocity, drift = tick.q, tick.hand_ref[i], tick.frame_p[f], tick.frame_V[f], tick.frame_A[f]
+    kp, kd, largest, size = tick.hand_kp, tick.hand_kd, tick.hand_feedback_max, tick.hand_weight
+    target, weight, feedback = tick.target[f], tick.weight[f], tick.scratch
+    trust = tick.trust[i] if tick.hands else 0.0
+    rotation_between(ref[:9].reshape((3, 3)), tick.frame_R[f], feedback[3:])
+    for k in range(3):
+        feedback[k] = kp * (ref[9 + k] - q[k] - x[k])
+        feedback[3 + k] *= kp
+    shorten(feedback, 0, largest[0])
+    shorten(feedback, 3, largest[1])
+    for k in range(6):
+        target[k] = ref[18 + k] + kd * (ref[12 + k] - velocity[k]) + feedback[k] - drift[k]
+        weight[k] = trust * size[k // 3]
+
+
+def orientation_target(tick: Packed, ref, gain, f):
+    """Angular rows of frame ``f``, as `OrientationTask`.
+
+    Args:
+        tick: The memory.
+        ref: Rotation (9), rate (3) and acceleration (3), (15,).
+        gain: ``kp kd feedback_max weight`` (4,).
+        f: The frame.
+    """
+    velocity, drift, target, weight = tick.frame_V[f], tick.frame_A[f], tick.target[f], tick.weight[f]
+    feedback = tick.scratch
+    rotation_between(ref[:9].reshape((3, 3)), tick.frame_R[f], feedback)
+    for k in range(3):
+        feedback[k] *= gain[0]
+    shorten(feedback, 0, gain[2])
+    for k in range(3):
+        target[3 + k] = ref[12 + k] + feedback[k] + gain[1] * (ref[9 + k] - velocity[3 + k]) - drift[3 + k]
+        weight[3 + k] = gain[3]
+
+
+def height_target(tick: Packed, f):
+    """Vertical row of frame ``f``, as `HeightTask`."""
+    ref, gain, z = tick.height_ref, tick.height_gain, tick.q[2] + tick.frame_p[f, 2]
+    feedback = min(max(gain[0] * (ref[0] - z), -gain[2]), gain[2])
+    tick.target[f, 2] = ref[2] + feedback + gain[1] * (ref[1] - tick.frame_V[f, 2]) - tick.frame_A[f, 2]
+    tick.weight[f, 2] = gain[3]
+
+
+def whole_body_target(tick: Packed):
+    """Centre of mass and angular momentum, as `ComTask` and `AngularMomentumTask`."""
+    sums, ref, target, weight, feedback = tick.sums, tick.com_ref, tick.body_target, tick.body_weight, tick.scratch
+    kp, kd, size, damping, momentum_weight = (
+        tick.com_kp, tick.com_kd, tick.com_weight, tick.momentum_kd, tick.momentum_weight
+    )  # fmt: skip
+    for k in range(3):
+        feedback[k] = kp * (ref[k] - sums[COM + k])
+    shorten(feedback, 0, tick.com_feedback_max)
+    for k in range(3):
+        target[k] = ref[6 + k] + kd * (ref[3 + k] - sums[COM_V + k]) + feedback[k] - sums[COM_DRIFT + k]
+        weight[k] = size[k]
+        target[3 + k] = ref[12 + k] + damping * (ref[9 + k] - sums[MOMENTUM + k]) - sums[MOMENTUM_DRIFT + k]
+        weight[3 + k] = momentum_weight
+
+
+def posture_target(tick: Packed):
+    """Joints, as `PostureTask`; without the hands they slow down."""
+    q, v, ref, target = tick.q, tick.v, tick.posture_ref, tick.posture_target
+    kp, kd, largest = tick.posture_kp, tick.posture_kd, tick.posture_feedback_max
+    hands = tick.hands
+    for j in range(target.shape[0]):
+        feedback = min(max(kp[j] * (ref[0, j] - q[7 + j]), -largest), largest)
+        wanted = ref[2, j] + kd[j] * (ref[1, j] - v[6 + j]) + feedback
+        target[j] = wanted if hands else -DAMPING * v[6 + j]

@@ -1,0 +1,196 @@
+"""What the whole-body program is made of, and what of it two compiled programs need alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from wholebody.contacts.foot import FootContact
+from wholebody.jit.packed import Packed, Shape
+from wholebody.limits.balance import CapturePointLimit
+from wholebody.limits.body import HeightLimit, OrientationLimit
+from wholebody.limits.floor import FloorLimit
+from wholebody.limits.self_collision import SelfCollisionLimit
+from wholebody.qp.formulation import Regularisation
+from wholebody.robot.body_table import body_table
+from wholebody.robot.state import Robot
+from wholebody.tasks.com import ComTask
+from wholebody.tasks.hand import HandTask
+from wholebody.tasks.height import HeightTask
+from wholebody.tasks.momentum import AngularMomentumTask
+from wholebody.tasks.orientation import OrientationTask
+from wholebody.tasks.posture import PostureTask
+
+ITERATION_LIMIT = 200
+"""Changes of the working set after which the readable program is asked: a dual method can cycle."""
+TOLERANCE = 1e-9
+"""Violation from which a row enters the working set [m/s^2, rad/s^2, N, N m]."""
+EXTRA_ROWS = 24
+"""Room for the rows of further tasks, and of further limits, where there are any."""
+PRIMAL_ACCEPTED, DUAL_ACCEPTED = 1e-6, 1e-6
+"""Largest accepted residuals, an order below those of the other solvers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgramInputs:
+    """What the program is made of: the readable tasks and limits, whose numbers are copied.
+
+    Attributes:
+        robot: The robot.
+        feet: Contacts, all with the same number of points, friction and force bounds.
+        palms: Tasks of the hands.
+        pelvis, torso, height, com, momentum, posture: The other tasks.
+        balance, pelvis_limit, torso_limit, height_limit, floor, self_collision: The soft limits.
+        safety: Whether the soft limits have rows.
+        penalties: Of accelerations, forces and slacks.
+        joints: Rows ``q_min q_max dq_max ddq_max brake``, Pinocchio order, shape (5, n_joints).
+        horizon: Over which joint bounds are kept viable [s].
+        dt: Control period [s].
+        leak: Part of its difference from the measured state that the desired one loses in a period.
+        tau_max: Effort limits, shape (n_joints,), [N m].
+        torque_share: Part of them that the program may plan with.
+        extra_rows: Room for rows of further tasks, and of further limits; see `CompiledProgram.set_extra`.
+    """
+
+    robot: Robot
+    feet: Sequence[FootContact]
+    palms: Sequence[HandTask]
+    pelvis: OrientationTask
+    torso: OrientationTask
+    height: HeightTask
+    com: ComTask
+    momentum: AngularMomentumTask
+    posture: PostureTask
+    balance: CapturePointLimit
+    pelvis_limit: OrientationLimit
+    torso_limit: OrientationLimit
+    height_limit: HeightLimit
+    floor: FloorLimit
+    self_collision: SelfCollisionLimit
+    safety: bool
+    penalties: Regularisation
+    joints: np.ndarray
+    horizon: float
+    dt: float
+    leak: float
+    tau_max: np.ndarray
+    torque_share: float
+    extra_rows: tuple[int, int] = (0, 0)
+
+
+class BodyInputs(Protocol):
+    """What every compiled program has."""
+
+    robot: Robot
+    feet: Sequence[FootContact]
+    palms: Sequence[HandTask]
+    pelvis: OrientationTask
+    torso: OrientationTask
+    height: HeightTask
+    com: ComTask
+    posture: PostureTask
+
+
+def body_shapes(p: BodyInputs, blocks: int) -> tuple[dict[str, Shape], dict[str, Shape]]:
+    """Fields of reals and of integers that every compiled program has.
+
+    Args:
+        p: What the program is made of.
+        blocks: Number of blocks of six rows that objectives have: frames and further ones.
+    """
+    model, feet, n_points = p.robot.model, len(p.feet), sum(len(foot.points) for foot in p.feet)
+    nv, nj, nb, frames = model.nv, model.nv - 6, model.njoints - 1, len(frame_names(p))
+    bound, m = int(contact_moves(p).any(0).sum()), 6 * feet
+    ny = nv - m
+    reals = {
+        "bodies": (nb, 25), "frame_R_local": (frames, 3, 3), "frame_p_local": (frames, 3),
+        "points_local": (n_points, 3), "foot_R_ref": (feet, 3, 3), "foot_p_ref": (feet, 3),
+        "hand_kp": (), "hand_kd": (), "hand_feedback_max": (2,), "hand_weight": (2,), "com_kp": (), "com_kd": (),
+        "com_feedback_max": (), "com_weight": (3,), "momentum_kd": (), "momentum_weight": (), "pelvis_gain": (4,),
+        "torso_gain": (4,), "height_gain": (4,), "posture_kp": (nj,), "posture_kd": (nj,), "posture_weight": (nj,),
+        "posture_feedback_max": (), "balance_margin": (), "balance_gain": (), "tolerance": (), "primal_accepted": (),
+        "dual_accepted": (), "dt": (), "q": (model.nq,), "v": (nv,), "trust": (2,), "hand_ref": (2, 24),
+        "com_ref": (15,), "pelvis_ref": (15,), "torso_ref": (15,), "height_ref": (3,), "posture_ref": (3, nj),
+        "R": (nb, 3, 3), "p": (nb, 3), "S": (nv, 6), "force": (nb, 6), "sums": (22,),
+        "frame_R": (frames, 3, 3), "frame_p": (frames, 3), "frame_V": (frames, 6), "frame_A": (frames, 6),
+        "J": (6 * blocks, nv), "target": (blocks, 6), "weight": (blocks, 6), "body_target": (6,), "body_weight": (6,),
+        "posture_target": (nj,), "points": (n_points, 3), "gram": (6, 6), "K": (6, 6), "W": (6, 6), "B": (m, bound),
+        "beta": (2, m), "Z": (bound, bound - m), "dv_p": (bound,), "contact_target": (m,), "contact_goal": (m,),
+        "block_rows": (6, ny), "block_weighted": (6, ny), "H": (ny, ny), "U": (ny, ny), "g": (ny,), "y": (ny,),
+        "y_free": (ny,), "reduced_gradient": (ny,), "a_dv": (nv,), "six_a": (6,), "six_b": (6,),
+        "scratch": (12,),
+    }  # fmt: skip
+    ints = {
+        "parent": (nb,), "frame_body": (frames,), "bound_columns": (bound,), "free_columns": (nv - bound,),
+        "n_contacts": (), "n_edges": (), "hands": (), "iterations": (), "iteration_limit": (), "n_working": (),
+    }  # fmt: skip
+    return reals, ints
+
+
+def search_shapes(nu: int, rows: int) -> tuple[dict[str, Shape], dict[str, Shape]]:
+    """Fields of the search of `active_set` for ``nu`` variables and a number of rows."""
+    reals = {
+        "Q": (nu + 1, nu), "T": (nu + 1, nu + 1), "rhs": (nu + 1,), "lam": (nu + 1,), "sides": (nu + 1,),
+        "y_dual": (nu + 1,), "lam_boundary": (nu + 1,), "coefficients": (nu + 1,), "m": (nu,), "u": (nu,),
+        "lower": (rows,), "upper": (rows,), "value": (rows,), "row_scale": (rows,),
+    }  # fmt: skip
+    return reals, {"rows": (nu + 1,)}
+
+
+def fill_body(p: BodyInputs, tick: Packed) -> None:
+    """What robot and tasks say and nothing changes."""
+    model, moves = p.robot.model, contact_moves(p)
+    tick.bodies[:], tick.parent[:] = body_table(model)
+    for i, frame in enumerate(frame_names(p)):
+        placement = model.frames[p.robot.frame_id(frame)].placement
+        tick.frame_R_local[i], tick.frame_p_local[i] = placement.rotation, placement.translation
+    tick.frame_body[:] = frame_bodies(p)
+    tick.points_local[:] = np.vstack([foot.points for foot in p.feet])
+    tick.bound_columns[:], tick.free_columns[:] = np.flatnonzero(moves.any(0)), np.flatnonzero(~moves.any(0))
+    hand, com, posture = p.palms[0], p.com, p.posture
+    tick.hand_kp, tick.hand_kd, tick.com_kp, tick.com_kd = hand.kp, hand.kd, com.kp, com.kd
+    tick.hand_feedback_max[:], tick.hand_weight[:] = hand.pull, (hand.weight[0], hand.weight[3])
+    tick.com_feedback_max, tick.com_weight[:] = com.pull, com.weight
+    for gain, task in ((tick.pelvis_gain, p.pelvis), (tick.torso_gain, p.torso), (tick.height_gain, p.height)):
+        gain[:] = task.kp, task.kd, task.pull, task.weight[0]
+    tick.posture_kp[:], tick.posture_kd[:], tick.posture_weight[:] = posture.kp, posture.kd, posture.weight
+    tick.posture_feedback_max = posture.pull
+    tick.balance_margin, tick.balance_gain, tick.dt = p.balance.margin, p.balance.gain, p.dt
+    tick.tolerance, tick.primal_accepted, tick.dual_accepted = TOLERANCE, PRIMAL_ACCEPTED, DUAL_ACCEPTED
+    tick.n_contacts, tick.hands, tick.iteration_limit = len(p.feet), 1, ITERATION_LIMIT
+    tick.trust[:] = tick.row_scale[:] = 1.0
+
+
+def place_feet(p: BodyInputs, tick: Packed) -> None:
+    """Take over where the feet were set down."""
+    for R, position, foot in zip(tick.foot_R_ref, tick.foot_p_ref, p.feet, strict=True):
+        if foot.T_world_ref is not None:
+            R[:], position[:] = foot.T_world_ref.rotation, foot.T_world_ref.translation
+
+
+def frame_names(p: BodyInputs) -> list[str]:
+    """Frames in the order of the kernels: contacts, palms, pelvis, torso."""
+    return [*(foot.frame for foot in p.feet), *(palm.frame for palm in p.palms), p.pelvis.frame, p.torso.frame]
+
+
+def frame_bodies(p: BodyInputs) -> list[int]:
+    """Body of each of those frames."""
+    model, robot = p.robot.model, p.robot
+    return [model.frames[robot.frame_id(frame)].parentJoint - 1 for frame in frame_names(p)]
+
+
+def contact_moves(p: BodyInputs) -> np.ndarray:
+    """Which velocity moves which contact, shape (n_contacts, nv), of bool."""
+    model: pin.Model = p.robot.model
+    moves = np.zeros((len(p.feet), model.nv), dtype=bool)
+    for row, body in zip(moves, frame_bodies(p), strict=False):
+        joint = body + 1
+        while joint > 0:
+            start = model.joints[joint].idx_v
+            row[start : start + model.joints[joint].nv] = True
+            joint = model.parents[joint]
+    return moves
