@@ -108,8 +108,8 @@ class Sensors:
     def _filter(self, v: np.ndarray) -> np.ndarray:
         if self.config.velocity_cutoff <= 0.0:
             return v
-        share = 1.0 - np.exp(-2.0 * np.pi * self.config.velocity_cutoff * self._dt)
-        self._filtered = v.copy() if self._filtered is None else self._filtered + share * (v - self._filtered)
+        gain = 1.0 - np.exp(-2.0 * np.pi * self.config.velocity_cutoff * self._dt)
+        self._filtered = v.copy() if self._filtered is None else self._filtered + gain * (v - self._filtered)
         return self._filtered.copy()
 
     def _middle(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
