@@ -155,14 +155,14 @@ class WholeBodyController:
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
         fingers = 6 + self.finger_indices
         self.self_collision = SelfCollisionLimit(
-            proximity, trigger=safety.self_trigger, brake=safety.self_brake, driven=fingers
+            proximity, trigger=safety.self_trigger, brake=safety.self_brake, prescribed=fingers
         )
         self.floor = FloorLimit(
             FloorClearance(self.robot.model, proximity.geometry),
             distance=safety.floor_distance,
             trigger=safety.floor_trigger,
             brake=safety.floor_brake,
-            driven=fingers,
+            prescribed=fingers,
         )
 
     def reset(self, state: RobotState) -> None:

@@ -17,11 +17,14 @@ class OrientationLimit:
         angle_max: Largest rotation from the plan about each world axis [rad].
         rate_max: Largest angular rate about each axis [rad/s].
         brake: Angular deceleration that is always available [rad/s^2].
-        dt: Time constant of the bound [s].
+        time_constant: Of the approach to the bound [s].
     """
 
-    def __init__(self, frame: str, *, angle_max: float, rate_max: float, brake: float, dt: float = 0.02) -> None:
-        self.frame, self.angle_max, self.rate_max, self.brake, self.dt = frame, angle_max, rate_max, brake, dt
+    def __init__(
+        self, frame: str, *, angle_max: float, rate_max: float, brake: float, time_constant: float = 0.02
+    ) -> None:
+        self.frame, self.angle_max, self.rate_max = frame, angle_max, rate_max
+        self.brake, self.time_constant = brake, time_constant
         self.bind(np.zeros(15))
         self.R_world_ref[:] = np.eye(3)
         axes = ("roll", "pitch", "yaw")
@@ -43,9 +46,10 @@ class OrientationLimit:
         upper = []
         for sign in (1.0, -1.0):
             drift_rate = sign * (rate - self.rate_ref)
-            stop = braking_bound(self.angle_max - sign * angle, drift_rate, brake=self.brake, time_constant=self.dt)
+            left = self.angle_max - sign * angle
+            stop = braking_bound(left, drift_rate, brake=self.brake, time_constant=self.time_constant)
             stop += sign * self.acceleration_ref
-            speed = (self.rate_max - sign * rate) / self.dt
+            speed = (self.rate_max - sign * rate) / self.time_constant
             upper.append(np.minimum(stop, speed) - sign * drift)
         return Rows(np.vstack([J, -J]), np.concatenate(upper), self._labels)
 
@@ -58,11 +62,11 @@ class HeightLimit:
         band: Largest distance from the plan, up and down [m].
         lowest: Height never gone below, whatever the plan [m].
         brake: Vertical deceleration that is always available [m/s^2].
-        dt: Time constant of the bound [s].
+        time_constant: Of the approach to the bound [s].
     """
 
-    def __init__(self, frame: str, *, band: float, lowest: float, brake: float, dt: float = 0.02) -> None:
-        self.frame, self.band, self.lowest, self.brake, self.dt = frame, band, lowest, brake, dt
+    def __init__(self, frame: str, *, band: float, lowest: float, brake: float, time_constant: float = 0.02) -> None:
+        self.frame, self.band, self.lowest, self.brake, self.time_constant = frame, band, lowest, brake, time_constant
         self._reference: np.ndarray | None = None
 
     def bind(self, memory: np.ndarray) -> None:
@@ -87,6 +91,6 @@ class HeightLimit:
             rows.append((J, planned + self.band - z, away, acceleration - drift))
             rows.append((-J, z - planned + self.band, -away, drift - acceleration))
         margin, speed, extra = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
-        upper = braking_bound(margin, speed, brake=self.brake, time_constant=self.dt) + extra
+        upper = braking_bound(margin, speed, brake=self.brake, time_constant=self.time_constant) + extra
         labels = (f"{self.frame}.height.lowest", f"{self.frame}.height.max", f"{self.frame}.height.min")
         return Rows(np.vstack([row[0] for row in rows]), upper, labels[: len(rows)])

@@ -20,9 +20,9 @@ class FloorLimit:
         distance: To be kept from the floor [m].
         trigger: Height beyond that distance from which a body counts [m].
         brake: Deceleration of falling bodies that is always available [m/s^2].
-        dt: Time constant of the bound [s].
-        driven: Velocities whose acceleration is not the program's to choose, indices into ``v``: fingers go where their
-            reference says, so the arms have to keep them up.
+        time_constant: Of the approach to the bound [s].
+        prescribed: Velocities whose acceleration is not the program's to choose, indices into ``v``: fingers go where
+            their reference says, so the arms have to keep them up.
     """
 
     def __init__(
@@ -32,11 +32,12 @@ class FloorLimit:
         distance: float,
         trigger: float,
         brake: float,
-        dt: float = 0.02,
-        driven: np.ndarray | None = None,
+        time_constant: float = 0.02,
+        prescribed: np.ndarray | None = None,
     ) -> None:
-        self.underside, self.distance, self.trigger, self.brake, self.dt = underside, distance, trigger, brake, dt
-        self.driven = np.zeros(0, dtype=int) if driven is None else driven
+        self.underside, self.distance, self.trigger = underside, distance, trigger
+        self.brake, self.time_constant = brake, time_constant
+        self.prescribed = np.zeros(0, dtype=int) if prescribed is None else prescribed
 
     def rows(self, robot: Robot) -> Rows:
         """One row for each body near the floor."""
@@ -45,6 +46,6 @@ class FloorLimit:
         up = np.tile([0.0, 0.0, 1.0], (len(near), 1))
         J, drift = point_rates(robot.data, self.underside.supports[near], points[near], up, robot.v)
         room = points[near, 2] - self.distance
-        upper = braking_bound(room, -(J @ robot.v), brake=self.brake, time_constant=self.dt) + drift
-        J[:, self.driven] = 0.0
+        upper = braking_bound(room, -(J @ robot.v), brake=self.brake, time_constant=self.time_constant) + drift
+        J[:, self.prescribed] = 0.0
         return Rows(-J, upper, tuple(self.underside.labels[k] for k in near))

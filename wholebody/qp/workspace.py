@@ -76,8 +76,8 @@ def _shapes(p: ProgramInputs, real_tables: Fields, int_tables: Fields) -> tuple[
     }  # fmt: skip
     ints = {
         **body_ints, **search_ints, **{name: values.shape for name, values in int_tables.items()}, **changing[1],
-        "owner": (n_points,), "driven": (len(p.self_collision.driven),), "motors": (nj,),
-        "fingers": (len(p.self_collision.driven),), "trunk": (), "n_balance": (),
+        "owner": (n_points,), "driven": (len(p.self_collision.prescribed),), "motors": (nj,),
+        "fingers": (len(p.self_collision.prescribed),), "trunk": (), "n_balance": (),
     }  # fmt: skip
     return reals, ints
 
@@ -99,17 +99,17 @@ def _fill_limits(p: ProgramInputs, tick: Packed) -> None:
     tick.foot_kp, tick.foot_kd, tick.slope = foot.kp, foot.kd, pyramid_slope(foot.friction)
     tick.force_min, tick.force_max = foot.force_min, foot.force_max
     for values, bound in ((tick.pelvis_limit, p.pelvis_limit), (tick.torso_limit, p.torso_limit)):
-        values[:] = bound.angle_max, bound.rate_max, bound.brake, bound.dt
-    tick.height_limit[:] = band.band, band.lowest, band.brake, band.dt
-    tick.collision_brake, tick.collision_dt = limit.brake, limit.dt
-    tick.driven[:], tick.fingers[:] = limit.driven, limit.driven - 6
+        values[:] = bound.angle_max, bound.rate_max, bound.brake, bound.time_constant
+    tick.height_limit[:] = band.band, band.lowest, band.brake, band.time_constant
+    tick.collision_brake, tick.collision_dt = limit.brake, limit.time_constant
+    tick.driven[:], tick.fingers[:] = limit.prescribed, limit.prescribed - 6
     tick.soft_upper[:] = np.inf
     tick.trunk, tick.n_balance = p.safety, len(tick.edges) + TRUNK_ROWS * p.safety + p.extra_rows[1]
     if p.safety:
         limit.proximity.keep_state_in(tick.distance, tick.distance_bound, tick.measured, tick.q_before)
         tick.pair_trigger, tick.n_pairs_least = limit.trigger, limit.least
         tick.floor_distance, tick.floor_trigger = floor.distance, floor.trigger
-        tick.floor_brake, tick.floor_dt = floor.brake, floor.dt
+        tick.floor_brake, tick.floor_dt = floor.brake, floor.time_constant
 
 
 def _row_scales(p: ProgramInputs, rows: int) -> np.ndarray:
