@@ -2,6 +2,7 @@
 
 import ast
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ SOURCES = sorted((ROOT / "wholebody/planning").rglob("*.py"))
 def constants(tree):
     """Names that a module gives to numbers, and the text below each."""
     body = [*tree.body, None]
-    for node, after in zip(body, body[1:], strict=False):
+    for node, after in pairwise(body):
         if isinstance(node, ast.Assign):
             numbers = [x for x in ast.walk(node.value) if isinstance(x, ast.Constant) and isinstance(x.value, float)]
             text = after.value if isinstance(after, ast.Expr) else None
