@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from wholebody.cli.console import complain, log_to_terminal, progress_bar
 from wholebody.cli.crash import CRASH, ours, sentence
-from wholebody.cli.simulated import SCENE_OF, make_checker
+from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker
 from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
@@ -78,8 +78,12 @@ class Judge:
             policy = opened(name, self.given, **self.sampling.choices())
             checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
             seconds = length(policy, self.given.duration)
-            with progress_bar(name, quiet=self.quiet) as progress, ours():
-                verdict, _ = checker.check(policy, name, seconds, progress=progress)
+            with (
+                cameras_of(policy, checker, self.given.images) as cameras,
+                progress_bar(name, quiet=self.quiet) as progress,
+                ours(),
+            ):
+                verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
         return Answer(INFEASIBLE if verdict.verdict == "infeasible" else FEASIBLE, verdict)

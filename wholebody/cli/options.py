@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 from typer import Option
 
@@ -67,6 +67,10 @@ class Input:
     assume_spec: AssumeSpec = ""
     task: Task = ""
     rename_map: RenameMap = ""
+    images: Annotated[
+        Literal["grey", "rendered"],
+        Option(help="What a policy's cameras see: grey, or what MuJoCo draws."),
+    ] = "grey"
 
 
 @dataclass(frozen=True)

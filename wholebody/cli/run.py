@@ -28,7 +28,7 @@ from wholebody.cli.options import (
     VerdictsTo,
     completed_script,
 )
-from wholebody.cli.simulated import SCENE_OF, check_times, make_checker, make_executor
+from wholebody.cli.simulated import SCENE_OF, cameras_of, check_times, make_checker, make_executor
 from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
@@ -61,8 +61,13 @@ def run(
         for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
             title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
             seconds = length(policy, given.duration)
-            with progress_bar(title, quiet=quiet) as progress, ours():
-                verdict, _ = checker.check(executor, name, seconds, progress=progress, recorder=recorder)
+            with (
+                cameras_of(policy, checker, given.images) as cameras,
+                progress_bar(title, quiet=quiet) as progress,
+                ours(),
+            ):
+                shown = {"cameras": cameras, "progress": progress, "recorder": recorder}
+                verdict, _ = checker.check(executor, name, seconds, **shown)
             verdicts.append(verdict)
             written.add(verdict)
             show(verdict)

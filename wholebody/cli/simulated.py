@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
     from policy.base import Policy
     from policy.executor.executor import Executor
     from wholebody.cli.options import Asking, Simulation
+    from wholebody.episode.run import Cameras
     from wholebody.verdict.check import Checker
 
 SCENE_OF = {"grasp": "table_cylinder"}
@@ -58,6 +61,23 @@ def make_executor(policy: Policy, options: Asking) -> Executor:
     if options.latency_ms is not None:
         latency = uniform_latency(*(1e-3 * bound for bound in options.latency_ms))
     return simulated_executor(policy, latency=latency, config=config)
+
+
+@contextmanager
+def cameras_of(policy: Policy, checker: Checker, images: str) -> Iterator[Cameras | None]:
+    """What a policy's cameras see while it runs: pictures of the checker's robot and scene, or nothing.
+
+    Raises:
+        RenderError: If pictures are wanted, and there is no OpenGL.
+    """
+    from wholebody.sim.cameras import MOUNTS, RenderedCameras
+
+    sizes = {name: size for name, size in getattr(policy, "cameras", {}).items() if name in MOUNTS}
+    if images != "rendered" or not sizes:
+        yield None
+        return
+    with RenderedCameras(checker.plant, checker.scene, sizes) as cameras:
+        yield cameras
 
 
 def check_times(duration: float, hold: float) -> None:

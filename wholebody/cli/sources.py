@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from wholebody.config_bounds import require_run
 if TYPE_CHECKING:
     from policy.action_spec.spec import ActionSpec
     from policy.base import Policy
+    from policy.findings import Finding
     from wholebody.cli.options import Input
 
 NO_END = "this policy has no end: say how long with --duration SECONDS"
@@ -69,9 +71,22 @@ def opened(name: str, given: Input, **options: Any) -> Policy:
         raise ValueError(NO_END)
     options |= {"task": given.task, "rename_map": given.rename_map}
     policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), **options)
-    for finding in getattr(policy, "warnings", ()):
+    for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")
     return policy
+
+
+def _warnings(policy: Policy, images: str) -> Iterator[Finding]:
+    """A policy's warnings; of its cameras, only those that nobody draws see grey."""
+    from policy.placeholder_cameras import blind
+    from wholebody.sim.cameras import MOUNTS
+
+    drawn = MOUNTS if images == "rendered" else ()
+    for finding in getattr(policy, "warnings", ()):
+        if finding.check != "cameras":
+            yield finding
+        elif grey := [camera for camera in policy.cameras if camera not in drawn]:
+            yield blind(grey)
 
 
 def length(policy: Policy, duration: float) -> float:

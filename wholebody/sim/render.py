@@ -105,7 +105,7 @@ def _frames(columns: dict[str, np.ndarray], rows: np.ndarray) -> Iterator[np.nda
 
     spec = g1(hands=any("_hand_" in name for name in columns["joint_names"]))
     pin_model = load_pinocchio(spec)
-    model = _lit(build_mujoco(spec, scene=str(columns["scene"]), visuals=True)).compile()
+    model = lit(build_mujoco(spec, scene=str(columns["scene"]), visuals=True)).compile()
     data, conversion = mujoco.MjData(model), Conversion(spec, pin_model, model)
     loose = [int(model.jnt_qposadr[j]) for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)][1:]
     camera = mujoco.MjvCamera()
@@ -125,7 +125,7 @@ def _frames(columns: dict[str, np.ndarray], rows: np.ndarray) -> Iterator[np.nda
             yield _labelled(renderer.render(), f"{columns['time'][row]:.2f} s  {columns['status'][row]}")
 
 
-def _lit(mj: mujoco.MjSpec) -> mujoco.MjSpec:
+def lit(mj: mujoco.MjSpec) -> mujoco.MjSpec:
     """A bright sky and light from the camera, for looking at; physics does not change."""
     import mujoco
 

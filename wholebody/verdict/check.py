@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import cattrs
 
@@ -11,7 +12,7 @@ from models.spec import FLOOR_FRICTION
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
-from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
+from wholebody.episode.run import Cameras, EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
@@ -62,6 +63,7 @@ class Checker:
         name: str,
         duration: float,
         *,
+        cameras: Cameras | None = None,
         progress: Callable[[float, float], None] | None = None,
         recorder: Recorder | None = None,
     ) -> tuple[Verdict, EpisodeResult]:
@@ -71,6 +73,7 @@ class Checker:
             policy: Source of the chunks: a policy, or an executor that says how late it is.
             name: What to call the input.
             duration: How long to run it [s].
+            cameras: What the policy's cameras see, such as `wholebody.sim.cameras.RenderedCameras`; nothing if None.
             progress: See `run_episode`.
             recorder: See `run_episode`.
         """
@@ -79,7 +82,7 @@ class Checker:
             self.supervisor,
             self.plant,
             duration=duration,
-            config=self.episode,
+            config=self.episode if cameras is None else replace(self.episode, cameras=cameras),
             sensors=self.sensors,
             recorder=recorder,
             progress=progress,
