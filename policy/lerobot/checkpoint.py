@@ -182,6 +182,7 @@ def read_processors(folder: Path, config: PreTrainedConfig, options: LoadOptions
         CheckpointError: If one is missing or does not load.
     """
     from lerobot.policies.factory import make_pre_post_processors
+    from safetensors import SafetensorError
 
     from policy.lerobot.steps import G1WristsToJointsStep, pair
 
@@ -200,7 +201,7 @@ def read_processors(folder: Path, config: PreTrainedConfig, options: LoadOptions
             processors = make_pre_post_processors(
                 config, str(folder), preprocessor_overrides=overrides, postprocessor_overrides={}
             )
-    except (OSError, ValueError, KeyError, TypeError, ImportError, RuntimeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, ImportError, RuntimeError, SafetensorError) as error:
         # LeRobot wraps what the hub raises, and says which step it was.
         cure = TOKENIZER_CURE if "tokenizer_processor" in str(error) else "save them again"
         raise fail("processors", f"the processors of {folder} do not load: {error}", cure) from error

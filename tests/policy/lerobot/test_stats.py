@@ -249,3 +249,10 @@ def test_a_checkpoint_without_a_normaliser_is_refused(name, where, act):
         data["steps"] = [step for step in data["steps"] if "normalizer" not in step["registry_name"]]
 
     assert f"the {where}-processor of 'act' has no normalising step" in refusal(edited(act, name, without))
+
+
+@pytest.mark.parametrize("content", [b"", b"x" * 8, (2**40).to_bytes(8, "little") + b"{}", b"\x02" + bytes(7) + b"{}x"])
+def test_numbers_of_a_step_that_are_damaged_are_refused(content, act):
+    (act / NORMALISER).write_bytes(content)
+    with pytest.raises(CheckpointError, match="do not load"):
+        LeRobotPolicy.from_pretrained(act)
