@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import radians
 
+from wholebody.verdict_config import VerdictConfig
+
 START_MAX = (0.3, radians(60.0))
 """Distance of the hands from a chunk's present step from which it is no continuation of their motion [m, rad]: further
 than a hand moves between two chunks, half of its reach. The verdict reports such starts."""
@@ -298,6 +300,7 @@ class ControllerConfig:
     body: BodyConfig = field(default_factory=BodyConfig)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
+    verdict: VerdictConfig = field(default_factory=VerdictConfig)
     leak: float = 0.3
     """Time constant with which the desired state forgets its difference from the measured one [s]."""
     friction: float = 0.6

@@ -9,7 +9,6 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 
-from wholebody import config as config_module
 from wholebody.config import ControllerConfig
 from wholebody.errors import ConfigError, InputError
 
@@ -167,10 +166,9 @@ def _check(owner: object, path: tuple[str, ...], where: str) -> None:
 @cache
 def meanings(owner: type) -> dict[str, str]:
     """The text below each field of a configuration class."""
-    tree = ast.parse(inspect.getsource(config_module))
-    (body,) = [node.body for node in tree.body if isinstance(node, ast.ClassDef) and node.name == owner.__name__]
+    (definition,) = ast.parse(inspect.getsource(owner)).body
     found = {}
-    for field, text in pairwise(body):
+    for field, text in pairwise(definition.body):
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
             found[field.target.id] = str(text.value.value)
     return found

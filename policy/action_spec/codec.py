@@ -22,7 +22,7 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.frame_guess import world_guess
-from policy.action_spec.hands import closing_of, grasp_posture
+from policy.action_spec.hands import closing_of, finger_range, grasp_posture
 from policy.action_spec.slot import TARGETS, Slot
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.wrist_codec import decode_wrist, encode_wrist
@@ -38,6 +38,9 @@ NUMBER_MAX = 1e6
 """Largest number of an action that can be meant, in whatever unit: a kilometre in millimetres."""
 HINT_TOLERANCE = 1e-4
 """Metres and radians within which given arm joints must reach the given pose to be used in `encode`."""
+
+FINGER_TOLERANCE = 1e-3
+"""How far a finger may be asked past its range without a word: the rounding of files and networks [rad, 1]."""
 
 _SIDES = (("left", "lhand"), ("right", "rhand"))
 _ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
@@ -70,7 +73,8 @@ def decode(
             wrists[hand] = decode_wrist(spec, side, actions, anchor)
         else:
             wrists[hand] = anchor.T_world_base @ _reached(anchor, side, hand, arms[side], waist)
-        fingers[hand] = _decode_fingers(spec, side, actions, anchor)
+        fingers[hand], said = _decode_fingers(spec, side, actions, anchor)
+        notes += said
     height, velocity = (spec.slot(name) for name in ("base_height", "base_velocity"))
     chunk = ActionChunk(
         spec_id=spec.id,
@@ -199,14 +203,29 @@ def _ordered_as(slot: Slot, q: np.ndarray) -> np.ndarray:
     return q[..., permutation(TARGETS[slot.name][1], slot.joint_names)]
 
 
-def _decode_fingers(spec: ActionSpec, side: str, actions: np.ndarray, anchor: Anchor) -> np.ndarray:
-    grasp = spec.slot(f"{side}_grasp")
+def _decode_fingers(
+    spec: ActionSpec, side: str, actions: np.ndarray, anchor: Anchor
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Finger joints (H, 7) in motor order [rad] as they were given, and a note on those out of range."""
+    grasp, hand = spec.slot(f"{side}_grasp"), spec.slot(f"{side}_hand")
     if grasp:
-        return grasp_posture(side, _resolved(grasp, actions, anchor)[:, 0])
-    fingers = _joint_values(spec.slot(f"{side}_hand"), actions, anchor)
+        closing = _resolved(grasp, actions, anchor)[:, 0]
+        return grasp_posture(side, closing), _beyond(grasp, closing, (0.0, 1.0), "of 0 open to 1 closed")
+    fingers = _joint_values(hand, actions, anchor)
     if fingers is None:
-        fingers = np.tile(anchor.q_lhand if side == "left" else anchor.q_rhand, (len(actions), 1))
-    return fingers
+        return np.tile(anchor.q_lhand if side == "left" else anchor.q_rhand, (len(actions), 1)), ()
+    return fingers, _beyond(hand, fingers, finger_range(side), "rad")
+
+
+def _beyond(
+    slot: Slot, values: np.ndarray, bounds: tuple[np.ndarray | float, np.ndarray | float], unit: str
+) -> tuple[str, ...]:
+    """What to say of values past what fingers can do, if any are; the end of the range is commanded for them."""
+    excess = np.abs(values - np.clip(values, *bounds))
+    count = int((excess > FINGER_TOLERANCE).sum())
+    if not count:
+        return ()
+    return (f"{slot.name}: {count} numbers out of the fingers' range, by up to {excess.max():.3g} {unit}",)
 
 
 def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray, waist: np.ndarray | None) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from models.g1 import g1
+from policy.joints import LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS
 
 Side = Literal["left", "right"]
 
@@ -32,6 +33,14 @@ def closing_of(side: Side, q_hand: np.ndarray) -> np.ndarray:
     is_open, closed = _ends(side)
     span = closed - is_open
     return np.clip((np.asarray(q_hand, dtype=float) - is_open) @ span / (span @ span), 0.0, 1.0)
+
+
+@lru_cache(maxsize=2)
+def finger_range(side: Side) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest angle of each finger joint in motor order, two of shape (7,), [rad]."""
+    spec = g1()
+    where = spec.indices(LEFT_HAND_JOINTS if side == "left" else RIGHT_HAND_JOINTS)
+    return spec.position_min[where], spec.position_max[where]
 
 
 @lru_cache(maxsize=2)

@@ -21,6 +21,7 @@ from policy.joints import (
 Kind = Literal["position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "scalar", "velocity"]
 Mode = Literal["absolute", "relative_se3", "relative_add", "delta"]
 Frame = Literal["pelvis", "pelvis_yaw", "torso", "world"]
+Orientation = Literal["given", "free"]
 
 ROTATIONS: tuple[Kind, ...] = ("rot6d", "quaternion", "rotvec", "rpy")
 SIZES: dict[Kind, int] = {"position": 3, "rot6d": 6, "quaternion": 4, "rotvec": 3, "rpy": 3, "scalar": 1, "velocity": 3}
@@ -95,6 +96,8 @@ class Slot:
         mode: What the numbers are relative to; see `policy.action_spec.codec`.
         joint_names: Joints in the order of the numbers; needed for joints, forbidden elsewhere.
         limits: (least, largest) of each number as given, in its unit; None where unlimited. Values are clipped.
+        orientation: Of a wrist's rotation: ``given``, or ``free`` where the task does not depend on it, so that what
+            is lost of it is no fault. A spec without a free one has the JSON and the hash that it had before.
     """
 
     name: str
@@ -109,11 +112,13 @@ class Slot:
     mode: Mode = "absolute"
     joint_names: tuple[str, ...] = ()
     limits: tuple[tuple[float, float], ...] | None = None
+    orientation: Orientation = "given"
 
     def __post_init__(self) -> None:
         for name, allowed in {"name": TARGETS, "kind": get_args(Kind), "frame": get_args(Frame)}.items():
             one_of(f"slot '{self.name}': {name}", getattr(self, name), allowed)
         one_of(f"slot '{self.name}': mode", self.mode, get_args(Mode))
+        one_of(f"slot '{self.name}': orientation", self.orientation, get_args(Orientation))
         kinds, joints = TARGETS[self.name]
         one_of(f"slot '{self.name}': kind", self.kind, kinds)
         units = UNITS[self.kind]
@@ -182,6 +187,8 @@ class Slot:
             raise SpecError(f"slot '{self.name}': tcp_offset {self.tcp_offset} m; at most {TCP_OFFSET_MAX} m are taken")
         if any(self.tcp_offset) and self.kind != "position":
             raise SpecError(f"slot '{self.name}': tcp_offset only goes with a position")
+        if self.orientation == "free" and self.kind not in ROTATIONS:
+            raise SpecError(f"slot '{self.name}': orientation only goes with a rotation, not with '{self.kind}'")
         if self.mode == "relative_se3" and self.kind != "position" and self.kind not in ROTATIONS:
             raise SpecError(
                 f"slot '{self.name}': mode relative_se3 is for poses; use relative_add for the kind '{self.kind}'"

@@ -92,9 +92,30 @@ class ActionSpec:
         """The slot that drives something, or None."""
         return self._slots.get(name)
 
+    @property
+    def orientation_free(self) -> tuple[bool, bool]:
+        """Whether the left and the right wrist may be turned as is convenient; also where no slot says how."""
+        sides = ("left", "right")
+        rotations = (self.slot(f"{side}_wrist_rotation") for side in sides)
+        free = (slot is None or slot.orientation == "free" for slot in rotations)
+        return tuple(f and not self.slot(f"{side}_arm") for f, side in zip(free, sides, strict=True))
+
+    def with_free_orientation(self) -> ActionSpec:
+        """The same layout for tasks that do not depend on the orientations of the wrists."""
+        slots = (
+            dataclasses.replace(slot, orientation="free") if slot.name.endswith("_wrist_rotation") else slot
+            for slot in self.slots
+        )
+        return dataclasses.replace(self, slots=tuple(slots))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `from_dict` gives the same spec back."""
-        return json.loads(json.dumps(dataclasses.asdict(self)))
+        data = json.loads(json.dumps(dataclasses.asdict(self)))
+        for slot in data["slots"]:
+            # Specs from before there were free orientations keep their JSON and their hash.
+            if slot["orientation"] == "given":
+                del slot["orientation"]
+        return data
 
     def to_json(self) -> str:
         """JSON text, indented, with the hash beside the content so that an edited file is noticed."""

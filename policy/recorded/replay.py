@@ -78,7 +78,8 @@ class ReplayPolicy:
         steps = np.minimum(first + np.arange(self.horizon), len(self.episode) - 1)
         t_obs = observation.time - elapsed + first / self.episode.fps
         window = {name: value[steps] for name, value in self.episode.arrays().items()}
-        return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, **window)
+        notes = () if seq else self.episode.notes  # they are about the whole recording
+        return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window)
 
 
 def open_recording(

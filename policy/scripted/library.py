@@ -67,7 +67,7 @@ def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
 
 
 def reach(x: float = 0.45, z: float = 0.60, *, y: float = 0.16) -> ScriptedPolicy:
-    """Both palms to (x, ±y, z): 3 s minimum-jerk from the stance, 4 s hold, orientation of the stance.
+    """Both palms to (x, ±y, z): 3 s minimum-jerk from the stance, 4 s hold, orientation of the stance, but free.
 
     Args:
         x: Ahead of the sole midpoint [m].
@@ -75,7 +75,8 @@ def reach(x: float = 0.45, z: float = 0.60, *, y: float = 0.16) -> ScriptedPolic
         y: To either side [m].
     """
     left = np.array([x, y, z])
-    return waypoint_policy("reach", [Waypoint(3.0, left, left * MIRROR_Y), Waypoint(7.0)])
+    points = [Waypoint(3.0, left, left * MIRROR_Y), Waypoint(7.0)]
+    return waypoint_policy("reach", points, orientation_free=True)
 
 
 def two_hand_lift(*, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift: float = 0.25) -> ScriptedPolicy:
@@ -111,7 +112,8 @@ def pick(level: Literal["low", "high"] = "low", *, side: Side = "right") -> Scri
     """One hand fetches something from knee height or from above the head; the other stays.
 
     Args:
-        level: ``low`` is palm height 0.40 m, ``high`` is 1.40 m: well inside the measured reach of 0.10 to 1.50 m.
+        level: ``low`` is palm height 0.40 m, ``high`` is 1.40 m, orientation free: well inside the measured reach of
+            0.10 to 1.50 m.
         side: Which hand.
     """
     if level not in ("low", "high"):
@@ -129,6 +131,7 @@ def pick(level: Literal["low", "high"] = "low", *, side: Side = "right") -> Scri
             _one(side, 8.0, _home()[side == "right"], 1.0),
             _one(side, 9.0, None, 1.0),
         ],
+        orientation_free=level == "high",
     )
 
 

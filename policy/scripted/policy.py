@@ -51,13 +51,23 @@ class ScriptedPolicy:
         duration: When the script has arrived [s].
         fps: Steps per second of the chunks [Hz].
         horizon: Steps per chunk.
+        orientation_free: Whether the task does not depend on how the hands are turned.
     """
 
     sees_robot = False
 
-    def __init__(self, name: str, script: Script, duration: float, *, fps: float = 30.0, horizon: int = 50) -> None:
+    def __init__(
+        self,
+        name: str,
+        script: Script,
+        duration: float,
+        *,
+        fps: float = 30.0,
+        horizon: int = 50,
+        orientation_free: bool = False,
+    ) -> None:
         self.name, self.script, self.duration = name, script, duration
-        self.spec = builtin("wbc32")
+        self.spec = builtin("wbc32").with_free_orientation() if orientation_free else builtin("wbc32")
         self.fps, self.horizon = fps, horizon
         self._clock = EpisodeClock()
 

@@ -34,8 +34,13 @@ class Waypoint:
     rgrasp: float | None = None
 
 
-def waypoint_policy(name: str, waypoints: Sequence[Waypoint]) -> ScriptedPolicy:
+def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_free: bool = False) -> ScriptedPolicy:
     """A scripted policy from the stance through waypoints; it stays at the last one.
+
+    Args:
+        name: What it is called.
+        waypoints: In order.
+        orientation_free: Whether the task does not depend on how the hands are turned.
 
     Raises:
         PolicyError: If the times do not increase from above 0.
@@ -59,7 +64,7 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint]) -> ScriptedPolicy:
             turned[field] = R[low] @ rotvec_to_matrix(blend * turns[low])
         return ScriptedMotion(**straight, **turned)
 
-    return ScriptedPolicy(name, script, float(times[-1]))
+    return ScriptedPolicy(name, script, float(times[-1]), orientation_free=orientation_free)
 
 
 def _knots(waypoints: Sequence[Waypoint], stance: StancePose) -> dict[str, np.ndarray]:

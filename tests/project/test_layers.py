@@ -21,6 +21,7 @@ PACKAGES = ("models", "policy", "wholebody")
 # Rooms from the ground up. A room imports from earlier floors only; on one floor none imports another.
 FLOORS = (
     {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
+    {"wholebody.verdict_config"},
     {"policy", "wholebody.config", "wholebody.types", "wholebody.collision"},
     {"wholebody.config_bounds", "wholebody.robot"},
     {

@@ -20,7 +20,7 @@ from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from wholebody.config_bounds import require_run
 from wholebody.episode.chunk_seams import ChunkSeam, SeamMeter, commanded_chunk
-from wholebody.episode.tracking_error import TrackingError, start_jump
+from wholebody.episode.tracking_error import PalmErrors, TrackingError, start_jump
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.standing import pelvis_tilt
 from wholebody.sim.fall import Fall, detect_fall
@@ -79,11 +79,9 @@ class EpisodeResult:
         fall: Time and cause, or None.
         seconds: Time spent per status name [s].
         reasons: Time spent per reason code [s].
-        times: When each chunk step was due, shape (n,), [s].
-        errors: Palm errors against the chunks at their own times, shape (n, 2), [m].
-        turns: Angles of the palms' orientations to those asked for, shape (n, 2), [rad].
-        lags: Distances of the palms from where they were commanded to be, shape (n, 2), [m].
-        demandable: Whether the step could be asked for, shape (n, 2): see `tracking_error.demandable`.
+        first_reasons: When each reason was there first [s], and what was said then.
+        palms: Palms at the steps of the chunks: asked, commanded and measured.
+        orientation_free: Whether nothing is asked of the left and the right palm's orientation.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time at which two bodies of the robot touched, by pair [s].
         scene_contacts: First time at which the robot touched something else, feet on the floor left out [s].
@@ -95,7 +93,6 @@ class EpisodeResult:
         tilt: Largest pelvis tilt [rad].
         refusals: Chunks that were refused or never came.
         notes: What decoding changed in the chunks or found odd.
-        clamped: Largest distance that a target was moved [m], of which hand, and when that target was due [s].
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
         start: When the first chunk was asked for [s].
         start_jump: How far the first chunk began from where the hands were: distance [m] and angle [rad].
@@ -107,11 +104,9 @@ class EpisodeResult:
     fall: Fall | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     reasons: dict[str, float] = field(default_factory=dict)
-    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    errors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    turns: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    lags: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
-    demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
+    first_reasons: dict[Reason, tuple[float, str]] = field(default_factory=dict)
+    palms: PalmErrors = field(default_factory=PalmErrors)
+    orientation_free: tuple[bool, bool] = (False, False)
     time_factor: float = 1.0
     contacts: dict[tuple[str, str], float] = field(default_factory=dict)
     scene_contacts: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -123,9 +118,6 @@ class EpisodeResult:
     tilt: float = 0.0
     refusals: list[Refusal] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
-    clamped: float = 0.0
-    clamped_hand: str = ""
-    clamped_time: float = 0.0
     slowdown: float = 1.0
     slowed_time: float = 0.0
     start: float = 0.0
@@ -133,6 +125,21 @@ class EpisodeResult:
     fps: float = 0.0
     stitches: list[ChunkSeam] = field(default_factory=list)
     execution: ExecutionReport | None = None
+
+    @property
+    def times(self) -> np.ndarray:
+        """When each chunk step was due, shape (n,), [s]."""
+        return self.palms.times
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Palm errors against the chunks at their own times, shape (n, 2), [m]."""
+        return self.palms.errors
+
+    @property
+    def turns(self) -> np.ndarray:
+        """Angles of the palms' orientations to those asked for, shape (n, 2), [rad]."""
+        return self.palms.turns
 
     @property
     def rms(self) -> float:
@@ -209,6 +216,7 @@ def run_episode(
     supervisor.reset(measured)
     executor = _executor(policy, config)
     meters = _Meters(supervisor, plant, executor, config.settle)
+    asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
 
     def seen() -> Observation:
         images = config.cameras() if config.cameras is not None else {}
@@ -216,7 +224,7 @@ def run_episode(
 
     end, tick = config.settle + duration + config.hold, 0
     while state.time < end - 1e-9 and meters.result.fall is None:
-        if config.settle - 1e-9 <= state.time < config.settle + duration - 1e-9:
+        if config.settle - 1e-9 <= state.time < asking - 1e-9:
             executor.clock.set(max(state.time, executor.clock.now()))
             chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
             if chunk is not None and _offer(chunk, supervisor, meters.score, meters.result, executor):
@@ -238,7 +246,9 @@ class _Meters:
     """What is measured in an episode."""
 
     def __init__(self, supervisor: Supervisor, plant: MujocoPlant, executor: Executor, start: float) -> None:
-        self.result, self.score = EpisodeResult(start=start, execution=executor.report), TrackingError(supervisor)
+        free = executor.policy.spec.orientation_free
+        self.result = EpisodeResult(start=start, execution=executor.report, orientation_free=free)
+        self.score = TrackingError(supervisor)
         self.seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
 
     def before(self, supervisor: Supervisor) -> dict[str, np.ndarray]:
@@ -254,14 +264,13 @@ class _Meters:
         """Take note of the state that it led to."""
         self._limits.look(state.time)
         _count(self.result, supervisor, plant, state)
-        self.score.measure(state, palms)
+        self.score.measure(state, palms, supervisor.status.reason)
 
     def finish(self, supervisor: Supervisor) -> EpisodeResult:
         """The result with what was collected along the way."""
         result, score, limits = self.result, self.score, self._limits
         result.time_factor, result.stitches = supervisor.time_factor, self.seams.stitches
-        result.times, result.errors, result.demandable = score.table()
-        result.turns, result.lags = score.turns(), score.lags()
+        result.palms = score.result()
         result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
         result.margin, result.creep = limits.margin, limits.creep
         faults = (event for event in result.execution.events if event.code != Reason.STARVED)
@@ -295,11 +304,6 @@ def _offer(
     report = supervisor.plan_report
     if score.empty:
         result.start_jump = start_jump(chunk, chunk.t_obs + float(report.steps[0]), poses, supervisor.spec)
-    if report.clamped.max() > result.clamped:
-        step, side = np.unravel_index(report.clamped.argmax(), report.clamped.shape)
-        result.clamped, result.clamped_hand = float(report.clamped.max()), ("left", "right")[int(side)]
-        # The plan goes on after the last step, until the hands are at rest.
-        result.clamped_time = min(chunk.t_obs + float(report.steps[step]), float(chunk.times[-1]))
     if report.slowdown > result.slowdown:
         result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
     return True
@@ -310,6 +314,8 @@ def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, st
     for counts, key in ((result.seconds, status.status.value), (result.reasons, status.reason)):
         if key:
             counts[key] = counts.get(key, 0.0) + plant.control_dt
+    if status.reason:
+        result.first_reasons.setdefault(status.reason, (state.time, status.detail))
     for pair in plant.contacts():
         own = all(plant.is_robot(body) for body in pair)
         (result.contacts if own else result.scene_contacts).setdefault(pair, state.time)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,31 +12,66 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.plan import PlanReport
-from wholebody.types import RobotState
+from wholebody.sim.limit_monitor import LimitExcess
+from wholebody.types import Reason, RobotState
 
 DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005
 """What a recorded motion may ask of a wrist [m/s, m/s^2], and of the posture plan [m]."""
+FINGER_TOLERANCE = 1e-3
+"""How far a finger may be asked past its range: the rounding of files [rad]."""
+
+
+@dataclass
+class PalmErrors:
+    """Of the palms at n steps of the chunks, each at its own time: what was asked, commanded and measured, compared.
+
+    Attributes:
+        times: When each step was due, shape (n,), [s].
+        errors, turns: Measured against asked: distances [m] and angles [rad], shape (n, 2), left and right.
+        moved, moved_turns: Commanded against asked, likewise.
+        lags, lag_turns: Measured against commanded, likewise.
+        demandable: Whether the step could be asked for, shape (n, 2): see `demandable`.
+        reasons: Why the controller did not follow the chunk as given at that time, n reasons or None.
+        fingers: Fingers asked past their range, by joint [rad].
+    """
+
+    times: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    errors: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    turns: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    moved: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    moved_turns: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    lags: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    lag_turns: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
+    demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
+    reasons: list[Reason | None] = field(default_factory=list)
+    fingers: dict[str, LimitExcess] = field(default_factory=dict)
 
 
 class TrackingError:
-    """Errors of the palms at the steps of the chunks, each step against the last chunk that had come when it was due.
+    """Compares the palms at the steps of the chunks, each step of the last chunk that had come when it was due.
 
-    Steps fall between control ticks; where the palms were at a step is interpolated between the two states around it.
+    Steps fall between control ticks; where the palms were at a step, commanded and measured, is interpolated between
+    the two ticks around it.
     """
 
     def __init__(self, supervisor: Supervisor) -> None:
-        robot = supervisor.robot
+        robot, spec = supervisor.robot, supervisor.spec
         self._model, self._data = robot.model, robot.model.createData()
         self._palms = supervisor.planner.palm_ids
-        self._offsets = [np.array(tool.palm_offset) for tool in supervisor.spec.tools]
+        self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
+        fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
+        self._ranges = [
+            (tool.finger_joints, spec.position_min[i], spec.position_max[i])
+            for tool, i in zip(spec.tools, fingers, strict=True)
+        ]
         self._chunk: ActionChunk | None = None
-        self._before: RobotState | None = None
+        self._before: tuple[RobotState, list[pin.SE3]] | None = None
         self._next = 0
         self._times: list[float] = []
-        self._errors: list[list[float]] = []
-        self._turns: list[list[float]] = []
-        self._lags: list[list[float]] = []
+        self._off: list[np.ndarray] = []
         self._demandable: list[np.ndarray] = []
+        self._reasons: list[Reason | None] = []
+        self._fingers: dict[str, LimitExcess] = {}
 
     def follow(self, chunk: ActionChunk | None, report: PlanReport | None) -> None:
         """The chunk that is being followed; where it is another one than before, it counts from now on."""
@@ -50,14 +86,16 @@ class TrackingError:
         self._next = int(np.searchsorted(self._due, since + 1e-6))
         self._fair = demandable(chunk, report)
 
-    def measure(self, state: RobotState, commanded: Mapping[str, np.ndarray]) -> None:
+    def measure(self, state: RobotState, commanded: Mapping[str, np.ndarray], reason: Reason | None = None) -> None:
         """Score the step that has become due since the last state, if one has.
 
         Args:
             state: True state.
             commanded: Palm poses (4, 4) that led to it, by side.
+            reason: Why the chunk was not followed as given, if it was not.
         """
-        before, self._before = self._before or state, state
+        now = state, [pin.SE3(commanded[side]) for side in ("left", "right")]
+        (before, led_before), self._before = self._before or now, now
         chunk, k = self._chunk, self._next
         if chunk is None or k >= len(chunk) or state.time < self._due[k] - 1e-6:
             return
@@ -65,15 +103,13 @@ class TrackingError:
         time = float(self._due[k])
         since = (time - before.time) / max(state.time - before.time, 1e-9)
         share = min(max(since, 0.0), 1.0)
-        wanted = zip(self._wanted(k), self._reached(before), self._reached(state), strict=True)
-        errors = [goal.actInv(pin.SE3.Interpolate(first, second, share)) for goal, first, second in wanted]
+        asked, measured = self._wanted(k), _between(self._reached(before), self._reached(state), share)
+        led = _between(led_before, now[1], share)
         self._times.append(time)
-        self._errors.append([float(np.linalg.norm(error.translation)) for error in errors])
-        self._turns.append([float(np.linalg.norm(pin.log3(error.rotation))) for error in errors])
+        self._off.append(np.array([_off(asked, measured), _off(asked, led), _off(led, measured)]))
         self._demandable.append(self._fair[k])
-        goals = (commanded[side][:3, 3] for side in ("left", "right"))
-        lags = [goal - palm.translation for goal, palm in zip(goals, self._reached(state), strict=True)]
-        self._lags.append([float(np.linalg.norm(lag)) for lag in lags])
+        self._reasons.append(reason)
+        self._look_at_fingers(k, time)
 
     def _wanted(self, k: int) -> list[pin.SE3]:
         """Palm poses in world that a step asks for, left first."""
@@ -84,23 +120,46 @@ class TrackingError:
         pin.framesForwardKinematics(self._model, self._data, state.q)
         return [self._data.oMf[frame].copy() for frame in self._palms]
 
+    def _look_at_fingers(self, k: int, time: float) -> None:
+        """Take note of fingers that a step asks past their range."""
+        for q, (names, low, high) in zip((self._chunk.q_lhand[k], self._chunk.q_rhand[k]), self._ranges, strict=True):
+            for i in np.flatnonzero(np.abs(q - np.clip(q, low, high)) > FINGER_TOLERANCE) if names else ():
+                bound, value, period = float(np.clip(q[i], low[i], high[i])), float(q[i]), 1.0 / self._chunk.fps
+                old = self._fingers.get(names[i], LimitExcess(time, 0.0, bound, bound))
+                if abs(value - bound) > abs(old.worst - old.bound):
+                    old = replace(old, worst=value, bound=bound)
+                self._fingers[names[i]] = replace(old, seconds=old.seconds + period)
+
     @property
     def empty(self) -> bool:
         """Whether no chunk has been added yet."""
         return self._chunk is None
 
-    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (n,), errors (n, 2) and demandable (n, 2)."""
-        fair = np.array(self._demandable, dtype=bool).reshape(-1, 2)
-        return np.array(self._times), np.array(self._errors).reshape(-1, 2), fair
+    def result(self) -> PalmErrors:
+        """All steps so far."""
+        off = np.array(self._off).reshape(-1, 3, 2, 2)
+        return PalmErrors(
+            times=np.array(self._times),
+            errors=off[:, 0, :, 0],
+            turns=off[:, 0, :, 1],
+            moved=off[:, 1, :, 0],
+            moved_turns=off[:, 1, :, 1],
+            lags=off[:, 2, :, 0],
+            lag_turns=off[:, 2, :, 1],
+            demandable=np.array(self._demandable, dtype=bool).reshape(-1, 2),
+            reasons=list(self._reasons),
+            fingers=dict(self._fingers),
+        )
 
-    def turns(self) -> np.ndarray:
-        """Angles between the palms' orientations and those asked for, shape (n, 2), [rad]."""
-        return np.array(self._turns).reshape(-1, 2)
 
-    def lags(self) -> np.ndarray:
-        """Distances of the palms from where they were commanded to be, shape (n, 2), [m]."""
-        return np.array(self._lags).reshape(-1, 2)
+def _between(first: Sequence[pin.SE3], second: Sequence[pin.SE3], share: float) -> list[pin.SE3]:
+    return [pin.SE3.Interpolate(a, b, share) for a, b in zip(first, second, strict=True)]
+
+
+def _off(these: Sequence[pin.SE3], those: Sequence[pin.SE3]) -> np.ndarray:
+    """Distances [m] and angles [rad] between the poses of both hands, shape (2, 2), a row a hand."""
+    off = [a.actInv(b) for a, b in zip(these, those, strict=True)]
+    return np.array([[np.linalg.norm(T.translation), np.linalg.norm(pin.log3(T.rotation))] for T in off])
 
 
 def start_jump(

@@ -255,11 +255,11 @@ class Supervisor:
             self._report_plan()
 
     def _report_plan(self) -> StatusReport:
-        report = self._plan.report
+        report = self._plan.report.at(self._follower.s)
         if self._refused is not None:
             self.status = self._refused
-        elif report.lift > 0.0:
-            detail = f"the hands were to go into the floor: targets lifted by up to {report.lift:.3f} m"
+        elif report.lift.any():
+            detail = f"the hands were to go into the floor: targets lifted by {report.lift.max():.3f} m"
             self.status = StatusReport(Status.SLOWED, Reason.INTO_FLOOR, detail)
         elif report.implausible or (report.smoothed and not report.reasons):
             detail = f"steps scatter: followed the curve through them in {', '.join(report.smoothed)}"

@@ -109,7 +109,8 @@ class ChunkPlanner:
             violation=chosen.violation,
             safe=safe,
             projected=chosen.projected,
-            lift=prepared.lift,
+            lift=prepared.lift_at(chosen.steps),
+            out_of_reach=moved.max(axis=1) > self.config.clamp_tolerance,
             smoothed=prepared.smoothed,
             implausible=prepared.implausible,
         )

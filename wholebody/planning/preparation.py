@@ -26,14 +26,14 @@ class PreparedChunk:
     Attributes:
         chunk: With the hands out of the floor and without noise.
         limits: Of the left and the right hand.
-        lift: Largest distance by which a hand was lifted out of the floor [m].
+        lift: How far a hand was lifted out of the floor at each step, shape (H,), [m].
         smoothed: Names of the parts of the chunk that scattered and were smoothed.
         moved: Largest distance by which smoothing moved a hand [m].
     """
 
     chunk: ActionChunk
     limits: tuple[HandLimits, ...]
-    lift: float
+    lift: np.ndarray
     smoothed: tuple[str, ...]
     moved: float
 
@@ -41,6 +41,11 @@ class PreparedChunk:
     def implausible(self) -> bool:
         """Whether its scatter is wider than any motion: what it means is a guess, and there is no hurry."""
         return self.moved > JUMP
+
+    def lift_at(self, s: np.ndarray) -> np.ndarray:
+        """The lift of the step nearest to each of these parameters [s]; past the end that of the last one."""
+        steps = np.round(s * self.chunk.fps).astype(int)
+        return self.lift[np.clip(steps, 0, len(self.chunk) - 1)]
 
     def begins_elsewhere(self, now: float, commanded: HandMotion) -> bool:
         """Whether a hand would have to jump to where the chunk has it now."""
@@ -83,10 +88,12 @@ def prepare(chunk: ActionChunk, limits: tuple[HandLimits, ...]) -> PreparedChunk
         chunk: A valid chunk.
         limits: Of the left and the right hand.
     """
-    lifted, lift = above_floor(chunk)
+    lifted, _ = above_floor(chunk)
     smooth, names = denoised(lifted, limits)
     pairs = ((lifted.T_world_lhand, smooth.T_world_lhand), (lifted.T_world_rhand, smooth.T_world_rhand))
     moved = max(float(np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()) for a, b in pairs)
+    pairs = ((chunk.T_world_lhand, lifted.T_world_lhand), (chunk.T_world_rhand, lifted.T_world_rhand))
+    lift = np.max([after[:, 2, 3] - before[:, 2, 3] for before, after in pairs], axis=0)
     return PreparedChunk(smooth, limits, lift, names, moved)
 
 

@@ -87,4 +87,5 @@ class Checker:
             recorder=recorder,
             progress=progress,
         )
-        return judge(name, result, cattrs.unstructure(self.supervisor.config)), result
+        config = self.supervisor.config
+        return judge(name, result, cattrs.unstructure(config), bounds=config.verdict), result

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from wholebody.types import Reason
-from wholebody.verdict.verdict import BEND_MAX, Verdict, Violation
+from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.violations import MOVING, Severity, Violation
 
 FOR_PEOPLE = {
     "m": (1e3, " mm"),
@@ -20,32 +21,47 @@ FOR_PEOPLE = {
 }
 """Factor and unit in which people read a value, by its SI unit."""
 
+_MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
-    Reason.OUT_OF_REACH: "target of the {subject} moved by {value} (bound {bound})",
+    **dict.fromkeys((*MOVING, Reason.MOVED), _MOVED),
+    Reason.TURNED: "{subject} commanded {value} from how it was asked to be turned (bound {bound})",
     Reason.NOT_FOLLOWED: "{subject} {value} from where it was commanded to be (bound {bound})",
     Reason.TOO_FAST_FOR_BALANCE: "{subject} {value} (bound {bound})",
+    Reason.TRACKING: "{subject} {value} (bound {bound})",
     Reason.FAR_START: "{subject} {value} from where the hands were (bound {bound})",
+    Reason.START_OFFSET: "{subject} {value} from where the hands were (bound {bound})",
     Reason.TRACKING_ERROR: "{subject} {value} from where it was asked to be (bound {bound})",
+    Reason.FINGER_LIMIT: "{subject} asked to be at {value} (bound {bound})",
     Reason.BALANCE_EDGE: "{subject} {value} inside the soles (bound {bound})",
     Reason.TORQUE_LIMIT: "{subject} asked for {value} (bound {bound})",
     Reason.JOINT_LIMIT: "{subject} at {value} (bound {bound})",
 }
-"""What a violation with a number says; the others are their subject alone."""
+"""What a violation with a number and a bound says; one in seconds says how long, the others are their subject alone."""
 
 WHY_NOT = {
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
-    Reason.OUT_OF_REACH: f"a hand would have to be moved by more than {1e3 * BEND_MAX:.0f} mm",
+    Reason.NO_CHUNK: "nothing of it was executed",
+    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand would have to be moved by {value}, which is another motion"),
+    Reason.INTO_FLOOR: "a hand would go into the floor, and was kept out of it by {value}",
+    Reason.TURNED: "a hand would have to be turned by {value}, which is another motion",
     Reason.NOT_FOLLOWED: "the hands lose the motion",
 }
 CHANGES = {
     Reason.TOO_FAST_FOR_BALANCE: "slowed down",
-    Reason.OUT_OF_REACH: "a hand moved",
+    Reason.TRACKING: "slowed down",
+    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand moved"),
+    Reason.TURNED: "a hand turned",
+    Reason.FAR_START: "it begins elsewhere",
     Reason.TRACKING_ERROR: "not everywhere on time",
+    Reason.STARVED: "it waited for chunks",
+    Reason.FINGER_LIMIT: "fingers only to the end of their range",
     Reason.SELF_CONTACT: "the robot touches itself",
     Reason.TORQUE_LIMIT: "at a motor's limit",
+    Reason.HANDS_DROPPED: "the hands gave way to balance",
+    Reason.QP_FAILED: "the torques were held for a while",
 }
-"""In words, what a reason code did to the input."""
+"""In words, what a violation did to the input."""
 
 
 def lines(verdict: Verdict) -> list[str]:
@@ -76,14 +92,14 @@ def json_line(verdict: Verdict) -> str:
 
 
 def _gist(verdict: Verdict) -> str:
-    codes = [violation.code for violation in verdict.violations]
     if verdict.verdict == "feasible":
         return "done as given"
-    words = WHY_NOT if verdict.verdict == "infeasible" else CHANGES
-    said = dict.fromkeys(words[code] for code in codes if code in words)
+    worst = [violation for violation in verdict.violations if violation.severity is not Severity.NOTE]
     if verdict.verdict == "infeasible":
-        return next(iter(said), "it cannot be done")
-    return "done, but " + (", ".join(said) or "slower than asked")
+        said = (WHY_NOT[one.code].format(value=_quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
+        return next(said, "it cannot be done")
+    said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
+    return "done, but " + (", ".join(said) or "not as given")
 
 
 def _durations(verdict: Verdict) -> str:
@@ -94,6 +110,8 @@ def _violation(violation: Violation) -> str:
     when = "" if violation.time is None else f" at {violation.time:.2f} s"
     if violation.step is not None:
         when += f" (step {violation.step})"
+    if violation.unit == "s":
+        return f"{violation.code}: {violation.subject}, for {_quantity(violation.value, 's')}{when}"
     if violation.code not in PHRASES:
         return f"{violation.code}: {violation.subject}{when}"
     value, bound = (_quantity(number, violation.unit) for number in (violation.value, violation.bound))
@@ -106,7 +124,7 @@ def _quantity(value: float, unit: str) -> str:
     if unit == "m" and abs(value) >= 1.0:
         return f"{value:.2f} m"
     factor, name = FOR_PEOPLE[unit]
-    return f"{factor * value:.3g}{name}"
+    return f"{factor * value:.{3 if unit else 4}g}{name}"
 
 
 HEADINGS = ("motion", "fell", "demandable", "within 20 mm", "RMS mm", "max mm", "time factor", "seconds in")

@@ -16,6 +16,7 @@ from policy import LAYOUTS, ActionSpec, Anchor, ChunkError, builtin, decode, enc
 from policy.action_spec.builtin import joints, stack
 from policy.action_spec.codec import HINT_TOLERANCE
 from policy.action_spec.hands import closing_of, grasp_posture
+from policy.action_spec.state import state_numbers
 from policy.geometry.rotations import angle_between, matrix_to_rot6d, rotvec_to_matrix
 from policy.geometry.se3 import inverse, make_transform, yaw_frame
 from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST
@@ -261,7 +262,7 @@ def test_limits_clip_and_say_so():
     actions[2, 18] = 0.9
     chunk = decode(spec, actions, ANCHOR)
     assert chunk.q_lhand[2, 0] == 0.4
-    assert chunk.notes == ("left_hand: 1 numbers clipped to their limits, by up to 0.5 rad",)
+    assert chunk.notes[0] == "left_hand: 1 numbers clipped to their limits, by up to 0.5 rad"
 
 
 def test_rows_read_as_columns_is_a_large_error_without_an_exception():
@@ -339,3 +340,15 @@ def test_rounding_in_the_measured_rotation_does_not_reach_the_chunk():
     noisy = dataclasses.replace(seen, T_world_base=seen.T_world_base + 1e-7 * np.diag([1.0, -1.0, 1.0, 0.0]))
     anchor = Anchor.measured(noisy)
     decode(builtin("wbc32"), encode(builtin("wbc32"), wandering_chunk(anchor), anchor), anchor)
+
+
+@pytest.mark.parametrize(("layout", "number"), [("wbc32", 5.0), ("wbc32", 1e4), ("wbc27", 1.5)])
+def test_4_decoding_tells_of_fingers_out_of_range(layout, number):
+    spec = builtin(layout)
+    spec = dataclasses.replace(spec, slots=tuple(dataclasses.replace(slot, limits=None) for slot in spec.slots))
+    actions = np.tile(state_numbers(spec, observation()), (4, 1))
+    anchor, slot = Anchor.measured(observation()), spec.slot("left_hand") or spec.slot("left_grasp")
+    assert decode(spec, actions, anchor).notes == ()
+    actions[2, slot.start] = number
+    (note,) = decode(spec, actions, anchor).notes
+    assert note.startswith(f"{slot.name}: 1 numbers out of the fingers' range, by up to ")

@@ -104,6 +104,7 @@ def test_permutation_goes_by_name():
         ("left_wrist_position", {"mode": "delta"}),
         ("right_hand", {"joint_names": tuple(sorted(RIGHT_HAND_JOINTS))}),
         ("right_hand", {"limits": ((-1.0, 1.0),) * 7}),
+        ("left_wrist_rotation", {"orientation": "free"}),
     ],
 )
 def test_every_convention_changes_the_hash_but_not_the_dimension(slot, change):
@@ -113,6 +114,21 @@ def test_every_convention_changes_the_hash_but_not_the_dimension(slot, change):
         require_same(mine, theirs)
     with pytest.raises(SpecError, match="layouts differ"):
         require_same(mine, theirs.hash)
+
+
+def test_3_a_free_orientation_is_in_the_json_and_the_hash_and_a_given_one_leaves_both_as_they_were():
+    spec, free = builtin("wbc32"), builtin("wbc32").with_free_orientation()
+    assert (spec.orientation_free, free.orientation_free) == ((False, False), (True, True))
+    assert "orientation" not in spec.to_json().replace("_orientation", "")
+    assert ActionSpec.from_json(free.to_json()) == free
+    assert free.hash != spec.hash
+    old = spec.to_dict() | {"hash": spec.hash}
+    assert ActionSpec.from_dict(old) == spec
+    one = changed(spec, "left_wrist_rotation", orientation="free")
+    assert one.orientation_free == (True, False)
+    with pytest.raises(SpecError, match="orientation only goes with a rotation"):
+        changed(spec, "left_wrist_position", orientation="free")
+    assert builtin("joint28").orientation_free == (False, False), "arm joints say how the hands are turned"
 
 
 def test_fps_horizon_and_version_are_part_of_the_contract_and_the_name_is_not():

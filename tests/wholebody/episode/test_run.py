@@ -197,7 +197,8 @@ def test_a_policy_that_scatters_by_a_millimetre_a_step_is_followed_through_the_s
     assert result.rms < 2.5e-3  # the scatter itself is 1.7 mm
     assert result.tilt < np.deg2rad(2.0)
     assert result.reasons["noisy_chunk"] > 1.0
-    assert result.clamped == 0.0
+    assert result.palms.moved.max() < 6e-3  # of 1 mm in each axis
+    assert Reason.OUT_OF_REACH not in result.reasons
 
 
 def test_a_policy_is_told_the_task_and_shown_the_images(robot):
@@ -218,7 +219,7 @@ def test_what_decoding_notes_of_a_chunk_reaches_the_verdict(robot):
     policy = scripted_policy("wave")
     answer = policy.infer
     policy.infer = lambda observation: dataclasses.replace(answer(observation), notes=("left_hand: 2 numbers clipped",))
-    result = run_episode(policy, *robot, duration=0.02, config=EpisodeConfig(settle=0.1, hold=0.0))
+    result = run_episode(policy, *robot, duration=0.05, config=EpisodeConfig(settle=0.1, hold=0.0))
     (violation,) = judge("wave", result).violations
     assert (violation.code, violation.subject) == (Reason.CHUNK_NOTE, "left_hand: 2 numbers clipped")
     assert violation.time == pytest.approx(0.1)

@@ -13,7 +13,7 @@ from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.scripted.policy import stance_pose
 from wholebody.episode.tracking_error import DEMANDABLE_DISTANCE, TrackingError, demandable, start_jump
-from wholebody.types import RobotState
+from wholebody.types import Reason, RobotState
 
 SPEC = g1()
 MODEL = load_pinocchio(SPEC)
@@ -35,7 +35,7 @@ def chunk(*, moved=(0.0, 0.0, 0.0), turned=(0.0, 0.0, 0.0), t_obs=0.0):
 def report(missed=0.0):
     """A plan that starts at the chunk's first step and ends past its last, everywhere as far from it."""
     steps = np.arange(0.0, 0.5, 1.0 / 60.0)
-    return SimpleNamespace(steps=steps, missed=np.full((len(steps), 2), missed))
+    return SimpleNamespace(steps=steps, tracking_error=np.full((len(steps), 2), missed))
 
 
 def score():
@@ -65,19 +65,26 @@ def still(meter, start=0.0, end=0.4):
 def test_every_step_is_scored_once_against_what_was_asked():
     meter = score()
     meter.add(chunk(moved=(0.03, 0.0, 0.04)), report())
-    times, errors, _ = still(meter).table()
+    palms = still(meter).result()
+    times, errors = palms.times, palms.errors
     assert np.allclose(times, np.arange(1, STEPS) / FPS)  # the first was due as the chunk came
     assert np.allclose(errors[:, 0], 0.05, atol=1e-9)
     assert np.allclose(errors[:, 1], 0.0, atol=1e-9)
-    assert np.allclose(meter.turns(), 0.0, atol=1e-6)
-    assert np.allclose(meter.lags(), 0.02, atol=1e-9)
+    assert np.allclose(palms.turns, 0.0, atol=1e-6)
+    assert np.allclose(palms.lags, 0.02, atol=1e-9)
+    assert np.allclose(palms.moved[:, 1], 0.02, atol=1e-9)
+    assert np.allclose(palms.moved[:, 0], np.hypot(0.03 - 0.02, 0.04), atol=1e-9)
 
 
 def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
     meter = score()
     meter.add(chunk(turned=(0.0, 0.0, 0.1)), report())
-    _, errors, _ = still(meter).table()
-    assert np.allclose(meter.turns()[:, 0], 0.1)
+    palms = still(meter).result()
+    errors = palms.errors
+    for turns in (palms.turns, palms.moved_turns):
+        assert np.allclose(turns[:, 0], 0.1)
+        assert np.allclose(turns[:, 1], 0.0, atol=1e-6)
+    assert np.allclose(palms.lag_turns, 0.0, atol=1e-6)
     lever = np.hypot(*SPEC.tools[0].palm_offset[:2])
     assert np.allclose(errors[:, 0], 2.0 * lever * np.sin(0.05), rtol=1e-6)
 
@@ -90,8 +97,32 @@ def test_errors_are_taken_at_the_steps_not_at_the_ticks():
         moved = q.copy()
         moved[0] += 0.003 * tick
         meter.measure(RobotState(0.003 * tick, moved, np.zeros(MODEL.nv)), commanded())
-    times, errors, _ = meter.table()
+    times, errors = meter.result().times, meter.result().errors
     assert np.allclose(errors[:, 1], times, atol=1e-9)
+
+
+def test_2_what_was_commanded_is_taken_at_the_steps_too_with_the_reason_of_that_time():
+    """A command that moves on at 1 m/s is compared between the ticks, and not a tick too late."""
+    meter, q = score(), stance_q(SPEC, MODEL)
+    meter.add(chunk(), report())
+    for tick in range(200):
+        reason = Reason.OUT_OF_REACH if tick * 0.003 > 0.2 else None
+        meter.measure(RobotState(0.003 * tick, q, np.zeros(MODEL.nv)), commanded(ahead=0.003 * tick), reason)
+    palms = meter.result()
+    assert np.allclose(palms.moved[:, 1], palms.times, atol=1e-9)
+    assert np.allclose(palms.lags, palms.times[:, None], atol=1e-9)
+    assert palms.reasons == [None] * 5 + [Reason.OUT_OF_REACH] * 4
+
+
+def test_4_fingers_past_their_range_are_told_by_joint_with_the_worst_value():
+    one = chunk()
+    one.q_lhand[2:4, 0] = [5.0, -7.0]
+    meter = score()
+    meter.add(one, report())
+    (excess,) = (fingers := still(meter).result().fingers).values()
+    assert list(fingers) == ["left_hand_thumb_0_joint"]
+    assert (excess.worst, excess.bound) == (-7.0, pytest.approx(-1.0472, abs=1e-3))
+    assert (excess.first, excess.seconds) == (pytest.approx(2.0 / FPS), pytest.approx(2.0 / FPS))
 
 
 def test_a_later_chunk_replaces_the_rest_of_the_one_before():
@@ -99,7 +130,8 @@ def test_a_later_chunk_replaces_the_rest_of_the_one_before():
     meter.add(chunk(moved=(0.1, 0.0, 0.0)), report())
     still(meter, end=0.11)
     meter.add(chunk(t_obs=0.11), report())
-    times, errors, _ = still(meter, 0.11, 0.5).table()
+    palms = still(meter, 0.11, 0.5).result()
+    times, errors = palms.times, palms.errors
     assert np.allclose(times[:4], [1.0 / 30.0, 2.0 / 30.0, 0.1, 0.11 + 1.0 / 30.0])
     assert np.allclose(errors[:3, 0], 0.1, atol=1e-9)
     assert np.allclose(errors[3:, 0], 0.0, atol=1e-9)
@@ -113,8 +145,7 @@ def test_a_step_that_two_chunks_have_in_common_is_scored_once():
     second = report()
     second.steps = second.steps - 0.002
     meter.add(chunk(t_obs=0.1), second)
-    times, _, _ = still(meter, 0.1, 0.3).table()
-    assert np.allclose(times, np.arange(1, 10) / FPS)
+    assert np.allclose(still(meter, 0.1, 0.3).result().times, np.arange(1, 10) / FPS)
 
 
 def test_a_first_chunk_far_from_the_hands_is_measured_where_it_is_joined():

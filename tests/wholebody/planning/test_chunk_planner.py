@@ -12,9 +12,11 @@ from policy import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
+from wholebody.planning.plan import PlanReport
 from wholebody.planning.trajectory import GRID, BodyState
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
+from wholebody.types import Reason
 
 SPEC = g1()
 
@@ -87,3 +89,23 @@ def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_whe
         assert np.allclose(path.sample(plan.start).p, row[:3], atol=1e-9)
         s = plan.start + np.arange(0.0, 0.2, GRID)
         assert np.linalg.norm(path.sample(s).a, axis=1).max() < 20.0
+
+
+def test_6_a_report_at_an_instant_leaves_out_what_is_moved_elsewhere_on_the_path():
+    clamped = np.zeros((5, 2))
+    clamped[2, 0], clamped[3, 0] = 0.2, 0.003
+    report = PlanReport(
+        steps=0.1 * np.arange(5),
+        tracking_error=clamped,
+        clamped=clamped,
+        slowdown=1.0,
+        zmp_margin=np.ones(5),
+        reasons=(Reason.OUT_OF_REACH, Reason.FAR_START),
+        lift=np.array([0.0, 0.0, 0.0, 0.0, 0.1]),
+        out_of_reach=clamped.max(axis=1) > 0.008,
+    )
+    assert report.at(0.21).reasons == (Reason.OUT_OF_REACH, Reason.FAR_START)
+    assert report.at(0.21).clamped.max() == 0.2
+    for s in (-1.0, 0.0, 0.1, 0.3, 0.4, 9.0):
+        assert report.at(s).reasons == (Reason.FAR_START,)
+    assert [float(report.at(s).lift.max()) for s in (0.0, 0.34, 0.4, 9.0)] == [0.0, 0.0, 0.1, 0.1]

@@ -7,23 +7,36 @@ import jsonschema
 import numpy as np
 import pytest
 
+from policy.executor.report import ExecutionReport
+from wholebody.config_file import config_from
 from wholebody.episode.run import EpisodeResult, Note, Refusal
+from wholebody.episode.tracking_error import PalmErrors
+from wholebody.errors import ConfigError
 from wholebody.resources import verdict_schema
 from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import LimitExcess
+from wholebody.types import Reason
 from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json
 from wholebody.verdict.verdict import judge
+from wholebody.verdict_config import VerdictConfig
 
 
-def result(*, errors=0.001, lags=0.001, **changes):
+def result(*, errors=0.001, lags=0.001, moved=0.001, reasons=(None,) * 10, **changes):
     """Ten steps at 30 Hz from second 1, all with the same error; the left hand may be asked for the first eight."""
-    table = np.full((10, 2), errors)
-    changes = {"lags": np.full((10, 2), lags), "turns": np.full((10, 2), 0.002)} | changes
     fair = np.ones((10, 2), dtype=bool)
     fair[8:, 0] = False
-    times = 1.0 + np.arange(10) / 30.0
-    settings = {"seconds": {"tracking": 3.0}, "margin": 0.04, "start": 1.0, "fps": 30.0} | changes
-    return EpisodeResult(times=times, errors=table, demandable=fair, **settings)
+    distances = {"errors": errors, "lags": lags, "moved": moved}
+    angles = {name: changes.pop(name, 0.002) for name in ("turns", "lag_turns", "moved_turns")}
+    palms = PalmErrors(
+        times=1.0 + np.arange(10) / 30.0,
+        demandable=fair,
+        reasons=list(reasons),
+        fingers=changes.pop("fingers", {}),
+        **{name: np.broadcast_to(value, (10, 2)).copy() for name, value in (distances | angles).items()},
+    )
+    seconds = {} if reasons[0] is None else {reasons[0]: 1.0}
+    settings = {"seconds": {"tracking": 3.0}, "reasons": seconds, "margin": 0.04, "start": 1.0, "fps": 30.0}
+    return EpisodeResult(palms=palms, **settings | changes)
 
 
 def codes(verdict):
@@ -44,8 +57,15 @@ def test_what_is_followed_as_given_is_feasible():
     ("changes", "code"),
     [
         ({"slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
-        ({"clamped": 0.03, "clamped_hand": "left", "clamped_time": 1.5}, "out_of_reach"),
+        ({"moved": 0.03, "reasons": (Reason.OUT_OF_REACH,) * 10}, "out_of_reach"),
+        ({"moved": 0.03}, "moved"),
+        ({"moved_turns": np.deg2rad(20.0)}, "turned"),
         ({"errors": 0.03}, "tracking_error"),
+        ({"turns": np.deg2rad(20.0)}, "tracking_error"),
+        ({"time_factor": 1.2}, "tracking"),
+        ({"reasons": (Reason.HANDS_DROPPED,) * 10}, "hands_dropped"),
+        ({"fingers": {"left_hand_thumb_0_joint": LimitExcess(1.1, 0.2, 5.0, 1.05)}}, "finger_limit"),
+        ({"start_jump": (0.4, 0.0)}, "far_start"),
         ({"errors": 0.2, "slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
         ({"contacts": {("left_elbow_link", "torso_link"): 1.2}}, "self_contact"),
         ({"torques": {"waist_pitch_joint": LimitExcess(1.1, 0.2, 41.0, 35.0)}}, "torque_limit"),
@@ -63,8 +83,11 @@ def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
     [
         ({"fall": Fall(2.5, "pelvis at 0.19 m")}, "fall"),
         ({"refusals": [Refusal(1.0, "chunk_invalid", "T_world_lhand has NaN at step 7")]}, "refused"),
-        ({"clamped": 0.3, "clamped_hand": "right", "clamped_time": 1.5}, "out_of_reach"),
+        ({"moved": 0.3, "errors": 0.3, "reasons": (Reason.INTO_FLOOR,) * 10}, "into_floor"),
+        ({"moved": 0.3, "errors": 0.3}, "moved"),
+        ({"moved_turns": 1.5, "turns": 1.5}, "turned"),
         ({"lags": 0.1, "errors": 0.1}, "not_followed"),
+        ({"lag_turns": 1.5, "turns": 1.5}, "not_followed"),
     ],
 )
 def test_what_falls_is_refused_lost_or_becomes_another_motion_is_infeasible(changes, code):
@@ -79,20 +102,23 @@ def test_marks_that_change_nothing_leave_it_feasible():
         "torques": {"left_knee_joint": LimitExcess(1.1, 0.004, 150.0, 139.0)},
         "edge": LimitExcess(1.2, 0.01, 0.0005, 0.001),
         "positions": {"left_knee_joint": LimitExcess(1.2, 0.01, 2.9, 2.88)},
-        "start_jump": (0.4, 0.5),
+        "start_jump": (0.2, 0.5),
+        "moved": 0.01,
+        "reasons": (Reason.NOISY_CHUNK,) * 10,
     }
     verdict = judge("grasp", result(**marks))
     assert verdict.verdict == "feasible"
-    assert codes(verdict) == ["far_start", "balance_edge", "joint_limit", "scene_contact"]
+    assert codes(verdict) == [
+        "start_offset", "start_offset", "balance_edge", "joint_limit", "scene_contact", "noisy_chunk"
+    ]  # fmt: skip
 
 
 def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
     everything = {
         "errors": 0.2,
         "fall": Fall(1.3, "pelvis at 0.19 m"),
-        "clamped": 0.12,
-        "clamped_hand": "right",
-        "clamped_time": 1.2,
+        "moved": np.array([[0.0, 0.12 if k == 6 else 0.0] for k in range(10)]),
+        "reasons": (Reason.OUT_OF_REACH,) * 10,
         "torques": {
             "left_knee_joint": LimitExcess(1.1, 0.2, 140.0, 139.0),
             "waist_pitch_joint": LimitExcess(1.1, 0.2, 48.0, 35.0),
@@ -106,7 +132,7 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
     assert text[:5] == [
         "INFEASIBLE  motion: the robot falls",
         "  fall: pelvis at 0.19 m at 1.30 s (step 9)",
-        "  out_of_reach: target of the right hand moved by 120 mm (bound 50 mm) at 1.20 s (step 6)",
+        "  out_of_reach: right palm commanded 120 mm from where it was asked to be (bound 50 mm) at 1.20 s (step 6)",
         "  tracking_error: left palm 200 mm from where it was asked to be (bound 20 mm) at 1.00 s (step 0)",
         "  torque_limit: waist_pitch_joint asked for 48 N m (bound 35 N m) at 1.10 s (step 3)",
     ]
@@ -149,10 +175,88 @@ def test_a_verdict_names_the_configuration_and_the_versions_it_was_made_with():
     assert re.match(r"\d", verdict.versions["mujoco"])
 
 
-def test_an_empty_episode_has_a_verdict_too():
+def test_1_an_episode_of_which_nothing_was_executed_is_not_feasible():
     verdict = judge("nothing", EpisodeResult())
-    assert verdict.verdict == "feasible"
+    assert (verdict.verdict, codes(verdict)) == ("infeasible", ["no_chunk"])
+    assert lines(verdict)[0] == "INFEASIBLE  nothing: nothing of it was executed"
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
+
+
+@pytest.mark.parametrize(
+    ("millimetres", "answer"),
+    [(19.9, "feasible"), (20.1, "feasible_after_repair"), (49.9, "feasible_after_repair"), (50.1, "infeasible")],
+)
+@pytest.mark.parametrize(
+    "reason",
+    [None, Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.TOO_FAST_FOR_BALANCE],
+)
+def test_2_a_hand_that_was_moved_is_judged_by_how_far_whoever_moved_it(reason, millimetres, answer):
+    verdict = judge("motion", result(moved=1e-3 * millimetres, reasons=(reason,) * 10))
+    assert verdict.verdict == answer
+    assert verdict.moved_max_m == pytest.approx(1e-3 * millimetres)
+    assert reason is None or reason in codes(verdict)
+
+
+def test_2_every_reason_that_the_controller_had_is_a_violation():
+    seconds = {reason: 0.5 for reason in Reason if reason.status is not None}
+    first = {Reason.HANDS_DROPPED: (2.0, "balance needs everything: hands give way")}
+    found = result()
+    found.reasons, found.first_reasons = seconds, first
+    verdict = judge("motion", found)
+    assert set(codes(verdict)) == set(seconds) - {Reason.NO_CHUNK, Reason.STARVED}
+    assert verdict.verdict == "infeasible", "standing is lost"
+    assert "  hands_dropped: balance needs everything: hands give way, for 0.5 s at 2.00 s (step 30)" in lines(verdict)
+    jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "answer"),
+    [(9.9, "feasible"), (10.1, "feasible_after_repair"), (24.9, "feasible_after_repair"), (25.1, "infeasible")],
+)
+def test_3_orientation_has_bounds_of_its_own_unless_it_is_free(degrees, answer):
+    turned = {"moved_turns": np.deg2rad(degrees), "turns": np.deg2rad(degrees)}
+    assert judge("motion", result(**turned)).verdict == answer
+    free = judge("motion", result(**turned, orientation_free=(True, True)))
+    assert (free.verdict, free.violations) == ("feasible", [])
+    assert free.moved_turn_max_rad == pytest.approx(np.deg2rad(degrees)), "told, and not judged"
+    one = judge("motion", result(**turned, orientation_free=(True, False)))
+    assert one.verdict == answer
+
+
+def test_3_all_four_bounds_are_settings():
+    strict = VerdictConfig(palm_feasible=0.001, palm_repair=0.002, turn_feasible=0.01, turn_repair=0.02)
+    assert judge("a", result(moved=0.0015), bounds=strict).verdict == "feasible_after_repair"
+    assert judge("a", result(moved=0.0025), bounds=strict).verdict == "infeasible"
+    assert judge("a", result(moved_turns=0.015), bounds=strict).verdict == "feasible_after_repair"
+    assert judge("a", result(moved_turns=0.025), bounds=strict).verdict == "infeasible"
+    changed = config_from({"verdict": {"palm_repair": "0.1"}}).verdict
+    assert changed == VerdictConfig(palm_repair=0.1)
+    with pytest.raises(ConfigError, match=r"verdict.palm_feasible is 0.2 m; it must be at most verdict.palm_repair"):
+        config_from({"verdict": {"palm_feasible": "0.2"}})
+
+
+@pytest.mark.parametrize(
+    ("jump", "steps", "answer"), [(0.2, 6, "feasible"), (0.0, 6, "infeasible"), (0.2, 10, "infeasible")]
+)
+def test_4_the_way_to_a_start_elsewhere_is_a_note_unless_it_never_ends(jump, steps, answer):
+    """Without an end, or from where the hands were, it is a hand that was moved."""
+    way = np.zeros((10, 2))
+    way[:steps, 0] = 0.2
+    verdict = judge("motion", result(moved=way, errors=way, start_jump=(jump, 0.0)))
+    assert verdict.verdict == answer
+    assert ("start_offset" in codes(verdict)) == (jump > 0.0)
+    assert verdict.approach_s == pytest.approx(steps / 30.0 if answer == "feasible" else 0.0)
+
+
+def test_5_a_robot_that_waited_for_chunks_did_not_do_it_as_given():
+    report = ExecutionReport(starved=0.8, starvations=3)
+    report.add(1.3, "starved", "the last chunk ended at 1.300 s")
+    verdict = judge("wave", result(execution=report))
+    assert (verdict.verdict, codes(verdict)) == ("feasible_after_repair", ["starved"])
+    assert lines(verdict)[:2] == [
+        "FEASIBLE AFTER REPAIR  wave: done, but it waited for chunks",
+        "  starved: chunks were over before the next ones came, for 0.8 s at 1.30 s (step 9)",
+    ]
 
 
 def test_a_row_of_the_table_stands_below_its_headings():

@@ -1,0 +1,158 @@
+"""Strategy: inputs to which the answer was wrong once, made here, through planner, controller and MuJoCo to the
+verdict; what needs no simulation is in `test_verdict.py`. Numbers in names are those of the list of wrong answers.
+"""
+
+import numpy as np
+import pytest
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.action_spec.codec import encode
+from policy.chunk import ActionChunk
+from policy.executor.executor import ExecutorConfig
+from policy.executor.simulated import simulated_executor
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.recorded.chunk_file import ChunkFile
+from policy.recorded.replay import ReplayPolicy
+from policy.scripted.library import lissajous, reach, wave
+from policy.scripted.policy import minimum_jerk
+from wholebody.episode.run import EpisodeConfig
+from wholebody.types import Reason
+from wholebody.verdict.check import Checker
+
+FPS = 30.0
+STANCE = Anchor.nominal()
+
+
+@pytest.fixture(scope="module")
+def checker():
+    return Checker(episode=EpisodeConfig(settle=0.1, hold=0.3))
+
+
+def chunk_file(steps, *, to=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), jump=(0.0, 0.0, 0.0), time=1.0, free=False):
+    """The left hand goes from the stance by ``to`` [m] and turns by ``turn`` [rad] within a time [s]; all is moved by
+    ``jump`` [m]. The right hand stays.
+    """
+    share = minimum_jerk(np.arange(steps) / FPS / time)[:, None]
+    T = [np.tile(STANCE.T_world_base @ STANCE.poses[hand], (steps, 1, 1)) for hand in ("lhand", "rhand")]
+    T[0][:, :3, 3] += share * np.asarray(to) + jump
+    T[0][:, :3, :3] = rotvec_to_matrix(share * np.asarray(turn)) @ T[0][:, :3, :3]
+    fingers = [np.tile(q, (steps, 1)) for q in (STANCE.q_lhand, STANCE.q_rhand)]
+    spec = builtin("wbc32").with_free_orientation() if free else builtin("wbc32")
+    return ChunkFile(spec, encode(spec, ActionChunk(spec.id, 0, 0.0, FPS, *T, *fingers), STANCE), FPS)
+
+
+def replay(file):
+    return ReplayPolicy(file.chunk(), spec=file.spec)
+
+
+def judged(checker, policy, duration=None):
+    source = getattr(policy, "policy", policy)
+    verdict, result = checker.check(policy, "input", source.duration if duration is None else duration)
+    return verdict, {violation.code: violation for violation in reversed(verdict.violations)}, result
+
+
+def test_1_a_single_step_three_metres_away_is_infeasible(checker):
+    """It was "done as given", with no chunk executed: an input of one step is over as soon as it begins."""
+    verdict, found, result = judged(checker, replay(chunk_file(1, jump=(3.0, 0.0, 0.0))))
+    assert verdict.verdict == "infeasible"
+    assert found[Reason.MOVED].value > 2.9
+    assert found[Reason.FAR_START].value == pytest.approx(3.0, abs=0.01)
+    assert len(result.execution.deliveries) == 1
+
+
+@pytest.mark.parametrize(("latency", "code"), [(1.0, Reason.NO_CHUNK), (0.4, Reason.REFUSED)])
+def test_1_a_run_whose_every_chunk_came_too_late_is_infeasible(checker, latency, code):
+    """An answer after the end of the run, and answers after the end of their own ten steps."""
+    policy = wave()
+    policy.horizon = 10
+    verdict, found, _ = judged(checker, simulated_executor(policy, latency=latency), 0.9)
+    assert (verdict.verdict, verdict.timing.chunks) == ("infeasible", 0)
+    assert found[code].severity == found[Reason.NO_CHUNK].severity == "infeasible"
+
+
+def test_2_a_hand_kept_out_of_the_floor_did_not_do_what_was_asked(checker):
+    """17 cm into the floor was "feasible after repair", and only the JSON knew why the palm ended 210 mm off."""
+    verdict, found, _ = judged(checker, replay(chunk_file(45, to=(0.05, 0.05, -0.95), time=1.4)))
+    assert verdict.verdict == "infeasible"
+    assert found[Reason.INTO_FLOOR].value > 0.15
+    assert found[Reason.INTO_FLOOR].severity == "infeasible"
+    assert verdict.moved_max_m == pytest.approx(verdict.max_m, abs=0.01)
+
+
+def test_2_a_jump_that_no_hand_does_is_another_motion(checker):
+    file = chunk_file(40)
+    file.actions[20:, 0] += 0.2
+    verdict, found, _ = judged(checker, replay(file))
+    assert verdict.verdict == "infeasible"
+    assert found[Reason.STEPS_JUMP].value > 0.05
+
+
+@pytest.mark.parametrize(("size", "answer"), [(1e-3, "feasible"), (0.06, "infeasible")])
+def test_2_what_the_noise_filter_takes_out_is_moved(checker, size, answer):
+    file = chunk_file(40)
+    file.actions[1:, :3] += size * np.random.default_rng(0).normal(size=(39, 3))
+    verdict, found, _ = judged(checker, replay(file))
+    assert verdict.verdict == answer
+    assert found[Reason.NOISY_CHUNK].severity == ("note" if answer == "feasible" else "infeasible")
+
+
+@pytest.mark.parametrize(("free", "answer"), [(False, "infeasible"), (True, "feasible")])
+def test_3_a_hand_that_cannot_turn_as_asked_is_infeasible_unless_that_is_free(checker, free, answer):
+    """74 degrees off was "done as given": the palm is where it was asked to be."""
+    file = chunk_file(40, to=(0.1, 0.1, 0.65), turn=(0.0, 2.6, 0.0), free=free)
+    verdict, found, _ = judged(checker, replay(file))
+    assert verdict.verdict == answer
+    assert verdict.max_m < 0.02
+    assert verdict.moved_turn_max_rad > 1.0
+    assert (Reason.TURNED in found) != free
+
+
+@pytest.mark.parametrize("angle", [5.0, 1e4])
+def test_4_fingers_out_of_range_are_told(checker, angle):
+    file = chunk_file(20)
+    file.actions[:, 18] = angle
+    verdict, found, _ = judged(checker, replay(file))
+    assert verdict.verdict != "feasible"
+    limit = found[Reason.FINGER_LIMIT]
+    assert (limit.subject, limit.value) == ("left_hand_thumb_0_joint", angle)
+    assert found[Reason.CHUNK_NOTE].subject.startswith("left_hand: 20 numbers out of the fingers' range, by up to ")
+
+
+@pytest.mark.parametrize("jump", [(0.1, 0.0, 0.0), (0.2, 0.0, 0.15)])
+def test_4_a_start_100_or_250_mm_away_is_a_note(checker, jump):
+    verdict, found, _ = judged(checker, replay(chunk_file(45, jump=jump)))
+    assert (verdict.verdict, list(found)) == ("feasible", [Reason.START_OFFSET])
+    assert verdict.start_m == pytest.approx(np.linalg.norm(jump), abs=1e-3)
+    assert 0.1 < verdict.approach_s < 1.0
+
+
+def test_5_a_policy_with_ten_steps_a_chunk_is_done_as_given(checker):
+    """Asked every 25 steps, it stood still for more than half of the time."""
+    policy = wave()
+    policy.horizon = 10
+    verdict, _, _ = judged(checker, simulated_executor(policy, latency=0.05), 1.2)
+    assert (verdict.verdict, verdict.timing.starved_s) == ("feasible", 0.0)
+
+
+def test_5_what_a_policy_does_not_cover_is_told(checker):
+    policy = wave()
+    policy.horizon = 10
+    settings = ExecutorConfig(hang_after=5.0)
+    verdict, found, _ = judged(checker, simulated_executor(policy, latency=0.25, config=settings), 1.2)
+    assert verdict.verdict == "feasible_after_repair"
+    assert found[Reason.STARVED].value == pytest.approx(verdict.timing.starved_s)
+
+
+def test_6_steps_that_a_short_run_never_reaches_do_not_count(checker):
+    """The plan of the first chunk ends half a metre short of a target that this run is far from."""
+    verdict, found, _ = judged(checker, reach(0.9, 0.6), 0.4)
+    assert (verdict.verdict, found) == ("feasible", {})
+    assert verdict.moved_max_m < 0.01
+
+
+def test_6_a_lissajous_that_is_followed_as_given_is_not_called_slowed(checker):
+    """A target moved by 3 mm, half a second later in the chunk, made it `out_of_reach` for 3 of 7 seconds."""
+    verdict, found, _ = judged(checker, lissajous(), 7.0)
+    assert verdict.seconds.keys() == {"hold", "tracking"}
+    assert (verdict.verdict, found, verdict.time_factor) == ("feasible", {}, pytest.approx(1.0, abs=1e-3))

@@ -1,0 +1,251 @@
+"""What speaks against an input, each with what it makes of the answer: from an episode to violations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from wholebody.config import START_MAX
+from wholebody.episode.run import EpisodeResult
+from wholebody.sim.limit_monitor import LimitExcess
+from wholebody.types import Reason, Status
+from wholebody.verdict.approach import approach_steps
+from wholebody.verdict_config import VerdictConfig
+
+SLOWDOWN_FEASIBLE = 1.01
+"""Time factor up to which a motion counts as unslowed."""
+TORQUE_TIME = 0.05
+"""How long a motor may be asked for more than its limit; less is a position loop's answer to a jolt [s]."""
+LISTED = 5
+"""Violations of one kind that are listed: the worst."""
+MOVING = (Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE)
+"""Reasons for which a hand is commanded elsewhere than it was asked to be."""
+PALMS = ("left palm", "right palm")
+
+
+class Severity(StrEnum):
+    """What a violation makes of the answer; the worst one counts."""
+
+    NOTE = "note"
+    """Nothing: it is told."""
+    REPAIR = "repair"
+    """Done, but not as given."""
+    INFEASIBLE = "infeasible"
+    """Not done, or another motion was."""
+
+
+REASON_SEVERITY = {
+    None: Severity.NOTE,
+    Status.TRACKING: Severity.NOTE,
+    # What a slowed status does to the hands is measured.
+    Status.SLOWED: Severity.NOTE,
+    Status.HOLD: Severity.REPAIR,
+    Status.STOP: Severity.REPAIR,
+    Status.DAMPING: Severity.INFEASIBLE,
+}
+"""Of reasons that the controller had for a while, by the status that goes with them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Violation:
+    """One reason against an input.
+
+    Attributes:
+        code: Stable reason code.
+        severity: What it makes of the answer.
+        subject: Joint, body, hand or message that it is about.
+        time: When first, or when worst, in simulated time [s]; None if it has no instant.
+        step: The same in steps of the input, from 0.
+        value, bound: In SI units.
+        unit: ``m``, ``rad``, ``N m``, ``s`` or empty.
+    """
+
+    code: Reason
+    severity: Severity
+    subject: str
+    time: float | None = None
+    step: int | None = None
+    value: float = 0.0
+    bound: float = 0.0
+    unit: str = ""
+
+    @property
+    def margin(self) -> float:
+        """Distance to the bound: negative, how far it was passed."""
+        return -abs(self.value - self.bound)
+
+
+def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
+    """All of an episode, the worst first, else in the order of `Reason`."""
+    found = [
+        *_ends(result),
+        *_moved(result, bounds),
+        *_lost(result, bounds),
+        *_slowed(result),
+        *_start(result, bounds),
+        *_limits(result),
+        *_contacts(result),
+        *_notes(result),
+    ]
+    told = {violation.code for violation in found} | {refusal.reason for refusal in result.refusals}
+    found += _reasons(result, told)
+    worst, order = list(reversed(Severity)), list(Reason)
+    found.sort(key=lambda one: (worst.index(one.severity), order.index(one.code)))
+    return [_with_step(violation, result) for violation in found]
+
+
+def _ends(result: EpisodeResult) -> Iterator[Violation]:
+    """Falls, refusals, and an input of which nothing was executed."""
+    if result.fall is not None:
+        subject, time = result.fall.cause, result.fall.time
+        yield Violation(code=Reason.FALL, severity=Severity.INFEASIBLE, subject=subject, time=time)
+    for first, times in _first_of_each((refusal.reason, refusal) for refusal in result.refusals):
+        subject = f"{first.reason}{times}: {first.detail}"
+        yield Violation(code=Reason.REFUSED, severity=Severity.INFEASIBLE, subject=subject, time=first.time)
+    if not result.times.size:
+        said = "no step of the input was executed"
+        yield Violation(code=Reason.NO_CHUNK, severity=Severity.INFEASIBLE, subject=said, time=result.start)
+    if result.execution is not None and result.execution.starvations:
+        report = result.execution
+        first = next((event.time for event in report.events if event.code == Reason.STARVED), None)
+        settings = {"subject": "chunks were over before the next ones came", "time": first, "value": report.starved}
+        yield Violation(code=Reason.STARVED, severity=Severity.REPAIR, **settings, unit="s")
+
+
+def _moved(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
+    """Palms commanded elsewhere than asked, or turned away, at the steps' own times: the worst of each reason."""
+    palms, first = result.palms, approach_steps(result, bounds)
+    why = [reason if reason in MOVING else Reason.MOVED for reason in palms.reasons]
+    limits = bounds.palm_feasible, bounds.palm_repair
+    for code in (*MOVING, Reason.MOVED):
+        at = np.array([k for k in range(first, len(why)) if why[k] is code], dtype=int)
+        if at.size:
+            worst = _worst(code, palms.moved[at], palms.times[at], limits, "m")
+            yield from () if code is Reason.MOVED and worst.severity is Severity.NOTE else (worst,)
+    turns = np.where(result.orientation_free, 0.0, palms.moved_turns)[first:]
+    if turns.size:
+        worst = _worst(Reason.TURNED, turns, palms.times[first:], (bounds.turn_feasible, bounds.turn_repair), "rad")
+        yield from () if worst.severity is Severity.NOTE else (worst,)
+
+
+def _worst(code: Reason, values: np.ndarray, times: np.ndarray, limits: tuple[float, float], unit: str) -> Violation:
+    """The largest of values (n, 2), with what it makes of the answer by the bounds of feasible and of repair."""
+    if not values.size:
+        return Violation(code=code, severity=Severity.NOTE, subject=PALMS[0], unit=unit)
+    step, side = np.unravel_index(values.argmax(), values.shape)
+    value, (feasible, repair) = float(values.max()), limits
+    if not value <= repair:
+        severity, bound = Severity.INFEASIBLE, repair
+    elif value > feasible:
+        severity, bound = Severity.REPAIR, feasible
+    else:
+        severity, bound = Severity.NOTE, 0.0
+    settings = {"subject": PALMS[int(side)], "time": float(times[step]), "value": value, "bound": bound}
+    return Violation(code=code, severity=severity, **settings, unit=unit)
+
+
+def _lost(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
+    """Palms measured elsewhere than commanded, and than asked."""
+    palms, first, free = result.palms, approach_steps(result, bounds), result.orientation_free
+    lag_turns, turns = (np.where(free, 0.0, x) for x in (palms.lag_turns, palms.turns))
+    followed, asked = (Reason.NOT_FOLLOWED, Severity.INFEASIBLE, 0), (Reason.TRACKING_ERROR, Severity.REPAIR, first)
+    for (code, severity, k), values, bound, unit in (
+        (followed, palms.lags, bounds.palm_repair, "m"),
+        (followed, lag_turns, bounds.turn_repair, "rad"),
+        (asked, palms.errors, bounds.palm_feasible, "m"),
+        (asked, turns, bounds.turn_feasible, "rad"),
+    ):
+        worst = _worst(code, values[k:], palms.times[k:], (bound, bound), unit)
+        if worst.severity is Severity.INFEASIBLE:
+            yield replace(worst, severity=severity)
+
+
+def _slowed(result: EpisodeResult) -> Iterator[Violation]:
+    if result.slowdown > 1.0:
+        settings = {"subject": "slow-down factor", "time": result.slowed_time, "value": result.slowdown, "bound": 1.0}
+        yield Violation(code=Reason.TOO_FAST_FOR_BALANCE, severity=Severity.REPAIR, **settings)
+    elif result.time_factor > SLOWDOWN_FEASIBLE:
+        time, _ = result.first_reasons.get(Reason.TRACKING, (None, ""))
+        settings = {"subject": "time factor", "time": time, "value": result.time_factor, "bound": SLOWDOWN_FEASIBLE}
+        yield Violation(code=Reason.TRACKING, severity=Severity.REPAIR, **settings)
+
+
+def _start(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
+    """A first step elsewhere than the hands: far, or a little."""
+    distance, angle = result.start_jump
+    turned = 0.0 if all(result.orientation_free) else angle
+    for value, far, little, unit in (
+        (distance, START_MAX[0], bounds.palm_feasible, "m"),
+        (turned, START_MAX[1], bounds.turn_feasible, "rad"),
+    ):
+        settings = {"subject": "first step", "time": result.start, "value": value, "unit": unit}
+        if value > far:
+            yield Violation(code=Reason.FAR_START, severity=Severity.REPAIR, **settings, bound=far)
+        elif value > little:
+            yield Violation(code=Reason.START_OFFSET, severity=Severity.NOTE, **settings, bound=little)
+
+
+def _limits(result: EpisodeResult) -> Iterator[Violation]:
+    yield from _excesses(Reason.FINGER_LIMIT, Severity.REPAIR, result.palms.fingers, "rad")
+    if result.edge is not None:
+        edge = {"pressure": result.edge}
+        (violation,) = _excesses(Reason.BALANCE_EDGE, Severity.NOTE, edge, "m")
+        yield replace(violation, subject="centre of pressure")
+    lasting = {joint: excess for joint, excess in result.torques.items() if excess.seconds > TORQUE_TIME}
+    yield from _excesses(Reason.TORQUE_LIMIT, Severity.REPAIR, lasting, "N m")
+    yield from _excesses(Reason.JOINT_LIMIT, Severity.NOTE, result.positions, "rad")
+
+
+def _excesses(code: Reason, severity: Severity, found: dict[str, LimitExcess], unit: str) -> Iterator[Violation]:
+    worst = sorted(found.items(), key=lambda item: -abs(item[1].worst - item[1].bound))
+    for name, e in worst[:LISTED]:
+        settings = {"subject": name, "time": e.first, "value": e.worst, "bound": e.bound}
+        yield Violation(code=code, severity=severity, **settings, unit=unit)
+
+
+def _contacts(result: EpisodeResult) -> Iterator[Violation]:
+    own = Reason.SELF_CONTACT, Severity.REPAIR, result.contacts
+    for code, severity, contacts in (own, (Reason.SCENE_CONTACT, Severity.NOTE, result.scene_contacts)):
+        for pair, time in sorted(contacts.items(), key=lambda item: item[1])[:LISTED]:
+            yield Violation(code=code, severity=severity, subject=" - ".join(pair), time=time)
+
+
+def _notes(result: EpisodeResult) -> Iterator[Violation]:
+    """The first of all notes that differ in their numbers only, with how many there were."""
+    for note, times in _first_of_each((re.sub(r"[\d.]+", "", note.text), note) for note in result.notes):
+        subject = f"{note.text}{times and f',{times}'}"
+        yield Violation(code=Reason.CHUNK_NOTE, severity=Severity.NOTE, subject=subject, time=note.time)
+
+
+def _reasons(result: EpisodeResult, told: set[Reason]) -> Iterator[Violation]:
+    """Reasons that the controller had and nothing above tells: how long, first when, and what was said then.
+
+    Before the first chunk there is nothing to follow, and after the last one nothing is starved of anything.
+    """
+    for reason, seconds in result.reasons.items():
+        if reason in told or reason in (Reason.NO_CHUNK, Reason.STARVED):
+            continue
+        time, detail = result.first_reasons.get(reason, (None, reason.sentence))
+        # What is said of a slowed status is about the whole plan.
+        detail = reason.sentence if reason.status is Status.SLOWED else detail
+        severity = REASON_SEVERITY[reason.status]
+        yield Violation(code=reason, severity=severity, subject=detail, time=time, value=seconds, unit="s")
+
+
+def _first_of_each[T](pairs: Iterable[tuple[str, T]]) -> Iterator[tuple[T, str]]:
+    """The first item of each kind, at most `LISTED`, and ``" n times"`` if there were several."""
+    kinds: dict[str, list[T]] = {}
+    for kind, item in pairs:
+        kinds.setdefault(kind, []).append(item)
+    for items in list(kinds.values())[:LISTED]:
+        yield items[0], f" {len(items)} times" if len(items) > 1 else ""
+
+
+def _with_step(violation: Violation, result: EpisodeResult) -> Violation:
+    if violation.time is None or result.fps <= 0.0 or violation.time < result.start:
+        return violation
+    return replace(violation, step=round((violation.time - result.start) * result.fps))
