@@ -18,6 +18,7 @@ from policy.lerobot.folder import checkpoint_folder
 from policy.lerobot.spec import read_action_spec, read_state_spec
 from policy.lerobot.stats import ACTION, STATE
 from policy.lerobot.training_data import TrainingData
+from policy.lerobot.trust import check_steps
 
 if TYPE_CHECKING:
     from lerobot.configs import PreTrainedConfig
@@ -106,5 +107,5 @@ def _against_names(
 
 def _converts(folder: Path) -> bool:
     """Whether the numbers between the processors are others than outside, by our own steps."""
-    files = (folder / f"{name}.json" for name in PROCESSORS)
-    return any(file.is_file() and '"g1_wrists_to_joints"' in file.read_text() for file in files)
+    files = [file for name in PROCESSORS if (file := folder / f"{name}.json").is_file()]
+    return any(step["registry_name"] == "g1_wrists_to_joints" for file in files for step in check_steps(file))

@@ -13,6 +13,7 @@ from lerobot.policies.pi05.modeling_pi05 import PI05Policy
 from policy.action_spec.builtin import builtin
 from policy.action_spec.state import state_layout
 from policy.findings import CheckpointError
+from policy.lerobot.checkpoint import LoadOptions, read_config
 from policy.lerobot.features import camera_keys, check_features, chunk_length, compare_names
 from policy.lerobot.policy import LeRobotPolicy
 from policy.lerobot.spec import write_specs
@@ -180,3 +181,32 @@ def test_a_folder_that_is_no_checkpoint_is_named(tmp_path):
     (tmp_path / "config.json").write_text("{")
     with pytest.raises(CheckpointError, match="is no configuration"):
         LeRobotPolicy.from_pretrained(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("num_inference_steps", 0, "num_inference_steps of 'diffusion' is 0; 1 to 1000 is expected"),
+        ("num_inference_steps", 10**9, "num_inference_steps of 'diffusion' is 1e\\+09; 1 to 1000"),
+        ("n_obs_steps", 10**6, "n_obs_steps of 'diffusion' is 1e\\+06; 1 to 64"),
+        ("horizon", 10**6, "horizon of 'diffusion' is 1e\\+06; 1 to 1000"),
+        ("diffusion_step_embed_dim", 10**9, "is 1e\\+09; -10000000 to 10000000"),
+    ],
+)
+def test_sizes_that_no_policy_has_are_refused_before_a_network_is_built(name, value, said, tmp_path, tmp_path_factory):
+    folder = tiny.copied("diffusion", tmp_path_factory, tmp_path)
+    file = folder / "config.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {name: value}))
+    with pytest.raises(CheckpointError, match=said):
+        read_config(folder, LoadOptions(device="cpu"))
+
+
+def test_denoising_steps_and_seeds_of_the_user_have_bounds_too(tmp_path_factory):
+    folder = tiny.saved("diffusion", tmp_path_factory)
+    for options, said in (
+        ({"num_steps": 10**9}, "1 to 1000"),
+        ({"num_steps": -1}, "num_steps -1"),
+        ({"seed": -1}, "seed"),
+    ):
+        with pytest.raises(CheckpointError, match=said):
+            read_config(folder, LoadOptions(device="cpu", **options))
