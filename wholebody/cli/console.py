@@ -5,15 +5,19 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Event, Thread
+from time import monotonic
 from typing import TYPE_CHECKING, TextIO
 
 from policy.errors import printable
 
 LINE_MAX = 4000
 """Most characters of a line on the terminal."""
+HEARTBEAT = 4.0
+"""How often something that takes long says so in a pipe [s]; nobody waits for more than 5 s without a word."""
 
 if TYPE_CHECKING:
     from wholebody.sim.recorder import Recorder
@@ -81,28 +85,62 @@ def table_printer(names: list[str]) -> Callable[[Verdict], None]:
     return lambda verdict: say(table_line(row(verdict), width))
 
 
-def waiting(text: str) -> AbstractContextManager:
-    """A note on a terminal for as long as something takes."""
-    if not sys.stderr.isatty():
-        return nullcontext()
-    from rich.console import Console
+@contextmanager
+def waiting(text: str, quiet: bool = False) -> Iterator[None]:
+    """A note for as long as something takes: moving on a terminal, in a pipe a plain line every few seconds."""
+    if quiet:
+        yield
+    elif sys.stderr.isatty():
+        from rich.console import Console
 
-    return Console(stderr=True, markup=False).status(printable(text))
+        with Console(stderr=True, markup=False).status(printable(text)):
+            yield
+    else:
+        with _heartbeat(lambda seconds: f"{text} ({seconds:.0f} s)"):
+            yield
 
 
 @contextmanager
 def progress_bar(name: str, *, quiet: bool) -> Iterator[Callable[[float, float], None] | None]:
-    """A progress bar on a terminal, nothing elsewhere."""
-    if quiet or not sys.stderr.isatty():
+    """How far a simulation is: a bar on a terminal, in a pipe a plain line every few seconds."""
+    if quiet:
         yield None
-        return
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import Progress
+    elif sys.stderr.isatty():
+        from rich.console import Console
+        from rich.markup import escape
+        from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(printable(name, 200)), total=1.0)
-        yield lambda time, end: bar.update(task, completed=time / end)
+        columns = (SpinnerColumn(), *Progress.get_default_columns()[:-1], TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(f"{escape(printable(name, 200))}, compiling if it is the first time", total=1.0)
+            yield lambda time, end: bar.update(task, completed=time / end, description=escape(printable(name, 200)))
+    else:
+        at: list[str] = []
+
+        def line(seconds: float) -> str:
+            done = at[-1] if at else "compiling the controller if it is the first time, about a minute"
+            return f"{name}: {done} ({seconds:.0f} s)"
+
+        with _heartbeat(line):
+            yield lambda time, end: at.__setitem__(slice(None), [f"{time:.1f} of {end:.1f} s simulated"])
+
+
+@contextmanager
+def _heartbeat(line: Callable[[float], str]) -> Iterator[None]:
+    """A line on standard error every `HEARTBEAT` seconds, made of the seconds since the beginning."""
+    begin, over = monotonic(), Event()
+
+    def beat() -> None:
+        while not over.wait(HEARTBEAT):
+            complain(line(monotonic() - begin))
+
+    thread = Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, record: Path | None) -> None:

@@ -15,7 +15,7 @@ from multiprocessing import get_context
 from signal import SIG_DFL, SIGINT, signal
 from typing import TYPE_CHECKING
 
-from wholebody.cli.console import complain, log_to_terminal, progress_bar
+from wholebody.cli.console import complain, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, ours, sentence
 from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker
 from wholebody.cli.sources import expanded, length, opened
@@ -58,7 +58,7 @@ class Judge:
 
     def __init__(self, given: Input, simulation: Simulation, sampling: Sampling, *, quiet: bool = False) -> None:
         self.given, self.simulation, self.sampling, self.quiet = given, simulation, sampling, quiet
-        self._checker = cache(lambda scene: make_checker(simulation, scene))
+        self._checker = cache(lambda scene: make_checker(simulation, scene, quiet))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
         """What is to be judged, an episode each of a dataset, or the answer about what cannot be read."""
@@ -124,14 +124,15 @@ def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
     try:
         waiting = [(name, pool.submit(_judge_apart, name) if isinstance(name, str) else name) for name in names]
         for name, answer in waiting:
-            yield _come(name, answer) if isinstance(answer, Future) else answer
+            yield _come(name, answer, judge.quiet) if isinstance(answer, Future) else answer
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _come(name: str, future: Future[Answer]) -> Answer:
+def _come(name: str, future: Future[Answer], quiet: bool) -> Answer:
     try:
-        answer = future.result()
+        with waiting(f"judging {name} and those after it", quiet):
+            answer = future.result()
     except BrokenProcessPool:
         return _told(name, BROKEN, CRASH)
     sys.stderr.write(answer.said)

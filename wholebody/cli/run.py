@@ -54,7 +54,7 @@ def run(
     choices = sampling.choices() | {"rtc": asking.real_time_chunking}
     policies = [opened(name, given, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
-    checker, verdicts = make_checker(simulation, simulation.scene or SCENE_OF.get(source, "floor")), []
+    checker, verdicts = make_checker(simulation, simulation.scene or SCENE_OF.get(source, "floor"), quiet), []
     recorder = checker.recorder() if pictures.wanted() else None
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict
     with JsonVerdicts(json_to) as written:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from wholebody.cli.console import say, waiting
 
 
 def config() -> None:
@@ -17,5 +17,8 @@ def warmup() -> None:
     """Compile the control tick once, for all later runs."""
     from wholebody.episode.warm_up import warm_up
 
-    print("compiling the control tick and the plan: about a minute, once", file=sys.stderr)
-    print(f"ready after {warm_up():.0f} s", file=sys.stderr)
+    text = "compiling the control tick and the plan: about a minute, once"
+    say(text, to_errors=True)
+    with waiting(text):
+        seconds = warm_up()
+    say(f"ready after {seconds:.0f} s; later runs load what was compiled", to_errors=True)

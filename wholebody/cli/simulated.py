@@ -21,8 +21,8 @@ SCENE_OF = {"grasp": "table_cylinder"}
 """Scenes of scripted policies that need more than the floor."""
 
 
-def make_checker(options: Simulation, scene: str) -> Checker:
-    """What runs policies in a scene and judges them.
+def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checker:
+    """What runs policies in a scene and judges them; says that it takes a while unless quiet.
 
     Raises:
         ConfigError: If the settings file is malformed.
@@ -35,7 +35,7 @@ def make_checker(options: Simulation, scene: str) -> Checker:
 
     settings = load_config(options.config) if options.config else None
     sensors = replace(REALISTIC if options.realistic else SensorConfig(), delay=1e-3 * options.delay_ms)
-    with waiting("loading the robot; the first time takes longest"):
+    with waiting("loading the robot; the first time takes longest", quiet):
         return Checker(
             scene,
             settings,

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,7 @@ COLUMNS = ("time", "q", "T_world_palms", "status", "objects", "joint_names", "sc
 
 
 def render(recording: str | Path, output: str | Path, *, timeout: float = 600.0) -> None:
-    """Draw a recording as a video (.mp4) or as a sheet of six frames (.png).
+    """Draw a recording as a video (.mp4) or as a sheet of six frames (.png); broken off, it leaves no file.
 
     Args:
         recording: File written by `Recorder.save`.
@@ -45,12 +46,16 @@ def render(recording: str | Path, output: str | Path, *, timeout: float = 600.0)
     check_output(output)
     if not Path(recording).is_file():
         raise InputError(f"there is no recording '{recording}'")
-    reasons = []
-    for backend, packages in LIBRARIES.items():
-        reason = _child(backend, recording, output, timeout)
-        if reason is None:
-            return
-        reasons.append(f"{backend} (Debian packages: {packages}): {reason}")
+    reasons, output = [], Path(output)
+    # Beside its place: a file system renames only within itself.
+    with TemporaryDirectory(prefix=".drawing-", dir=output.absolute().parent) as folder:
+        for backend, packages in LIBRARIES.items():
+            drawn = Path(folder) / output.name
+            reason = _child(backend, recording, drawn, timeout)
+            if reason is None:
+                drawn.replace(output)
+                return
+            reasons.append(f"{backend} (Debian packages: {packages}): {reason}")
     raise RenderError("no OpenGL here to render with; install one of: " + "; ".join(reasons))
 
 

@@ -1,10 +1,13 @@
 """What the library logs reaches a person's terminal as one line that says whose it is."""
 
 import logging
+import time
 
 import pytest
 
+from wholebody.cli import console
 from wholebody.cli.console import log_to_terminal
+from wholebody.cli.settings import warmup
 
 
 @pytest.mark.parametrize(
@@ -29,3 +32,52 @@ def test_logging_that_is_configured_already_stays_as_it_is(monkeypatch):
     monkeypatch.setattr(logging.root, "handlers", [own])
     log_to_terminal()
     assert logging.root.handlers == [own]
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(console, "HEARTBEAT", 0.02)
+
+
+def until(said, capsys):
+    """Wait for a line on standard error."""
+    text, end = "", time.monotonic() + 5.0
+    while said not in text:
+        assert time.monotonic() < end, text
+        time.sleep(0.01)
+        text += capsys.readouterr().err
+    return text
+
+
+def test_in_a_pipe_what_takes_long_says_so_in_plain_lines_again_and_again(quick, capsys):
+    assert console.HEARTBEAT < 5.0
+    with console.waiting("loading the robot"):
+        for _ in range(2):
+            assert set(until("loading", capsys).splitlines()) == {"wholebody: loading the robot (0 s)"}
+    time.sleep(0.1)
+    capsys.readouterr()
+    time.sleep(0.1)
+    assert capsys.readouterr().err == ""
+
+
+def test_in_a_pipe_a_first_run_says_that_it_compiles_and_then_how_far_it_is(quick, capsys):
+    with console.progress_bar("wave", quiet=False) as progress:
+        assert "wholebody: wave: compiling the controller if it is the first time" in until("compiling", capsys)
+        progress(1.0, 7.0)
+        assert "wholebody: wave: 1.0 of 7.0 s simulated (0 s)\n" in until("simulated", capsys)
+
+
+def test_nothing_is_said_beside_json_on_standard_output(quick, capsys):
+    with console.progress_bar("wave", quiet=True) as progress, console.waiting("loading", quiet=True):
+        time.sleep(0.1)
+    assert progress is None
+    assert capsys.readouterr() == ("", "")
+
+
+def test_warming_up_says_in_a_pipe_what_it_does(monkeypatch, capsys):
+    monkeypatch.setattr("wholebody.episode.warm_up.warm_up", lambda: 61.0)
+    warmup()
+    assert capsys.readouterr().err.splitlines() == [
+        "compiling the control tick and the plan: about a minute, once",
+        "ready after 61 s; later runs load what was compiled",
+    ]

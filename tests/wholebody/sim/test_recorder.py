@@ -1,5 +1,7 @@
 """Strategy: a short run on hand-made commands is recorded, read back without pickle, and drawn where OpenGL is."""
 
+from pathlib import Path
+
 import imageio.v3 as iio
 import numpy as np
 import pytest
@@ -86,6 +88,24 @@ def test_without_any_opengl_the_packages_to_install_are_named(recording, tmp_pat
 def test_a_child_that_takes_too_long_is_given_up(recording, tmp_path):
     with pytest.raises(RenderError, match="took longer than"):
         render(recording, tmp_path / "sheet.png", timeout=0.01)
+
+
+@pytest.mark.parametrize("name", ["run.mp4", "sheet.png"])
+def test_ctrl_c_in_mid_video_leaves_the_whole_file_from_before_or_none(recording, tmp_path, monkeypatch, name):
+    def broken_off(backend, recording, output, timeout):
+        Path(output).write_bytes(b"half of it")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rendering, "_child", broken_off)
+    output = tmp_path / "pictures" / name
+    output.parent.mkdir()
+    for before in (None, b"whole"):
+        if before:
+            output.write_bytes(before)
+        with pytest.raises(KeyboardInterrupt):
+            render(recording, output)
+        assert [path.name for path in output.parent.iterdir()] == ([name] if before else [])
+    assert output.read_bytes() == b"whole"
 
 
 @pytest.mark.parametrize("name", ["run.gif", "run"])
