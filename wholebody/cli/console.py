@@ -16,8 +16,8 @@ from policy.errors import printable
 
 LINE_MAX = 4000
 """Most characters of a line on the terminal."""
-HEARTBEAT = 4.0
-"""How often something that takes long says so in a pipe [s]; nobody waits for more than 5 s without a word."""
+FIRST_BEAT, HEARTBEAT = 1.0, 4.0
+"""When something that takes long says so in a pipe first, and then how often [s]: nobody waits 5 s without a word."""
 
 if TYPE_CHECKING:
     from wholebody.sim.recorder import Recorder
@@ -115,14 +115,24 @@ def progress_bar(name: str, *, quiet: bool) -> Iterator[Callable[[float, float],
             task = bar.add_task(f"{escape(printable(name, 200))}, compiling if it is the first time", total=1.0)
             yield lambda time, end: bar.update(task, completed=time / end, description=escape(printable(name, 200)))
     else:
-        at: list[str] = []
+        lines = _ProgressLines(name)
+        with _heartbeat(lines.line):
+            yield lines.update
 
-        def line(seconds: float) -> str:
-            done = at[-1] if at else "compiling the controller if it is the first time, about a minute"
-            return f"{name}: {done} ({seconds:.0f} s)"
 
-        with _heartbeat(line):
-            yield lambda time, end: at.__setitem__(slice(None), [f"{time:.1f} of {end:.1f} s simulated"])
+class _ProgressLines:
+    """How far a simulation is, and why it does not get on: its parts are compiled when they are first used."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.now, self.told = name, "0 s simulated", ""
+
+    def update(self, time: float, end: float) -> None:
+        self.now = f"{time:.1f} of {end:.1f} s simulated"
+
+    def line(self, seconds: float) -> str:
+        why = ", compiling if it is the first time" if self.now == self.told else ""
+        self.told = self.now
+        return f"{self.name}: {self.now}{why} ({seconds:.0f} s)"
 
 
 @contextmanager
@@ -131,8 +141,10 @@ def _heartbeat(line: Callable[[float], str]) -> Iterator[None]:
     begin, over = monotonic(), Event()
 
     def beat() -> None:
-        while not over.wait(HEARTBEAT):
+        pause = FIRST_BEAT
+        while not over.wait(pause):
             complain(line(monotonic() - begin))
+            pause = HEARTBEAT
 
     thread = Thread(target=beat, daemon=True)
     thread.start()

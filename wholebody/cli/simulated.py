@@ -35,7 +35,7 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
 
     settings = load_config(options.config) if options.config else None
     sensors = replace(REALISTIC if options.realistic else SensorConfig(), delay=1e-3 * options.delay_ms)
-    with waiting("loading the robot; the first time takes longest", quiet):
+    with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
         return Checker(
             scene,
             settings,
