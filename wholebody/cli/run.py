@@ -84,9 +84,7 @@ def _failed(verdict: Verdict, *, strict: bool) -> bool:
     """Whether a run is no success; strictly, neither if a chunk was refused, or there was none when one was needed."""
     from wholebody.types import Reason
 
-    lacking = verdict.timing.starvations > 0 or any(
-        violation.code in (Reason.REFUSED, Reason.STARVED) for violation in verdict.violations
-    )
+    lacking = any(violation.code in (Reason.REFUSED, Reason.STARVED) for violation in verdict.violations)
     return verdict.fell or not verdict.timing.chunks or (strict and lacking)
 
 

@@ -4,6 +4,7 @@ import json
 import sys
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jsonschema
@@ -20,7 +21,9 @@ from wholebody.cli.console import JsonVerdicts
 from wholebody.cli.options import Input, Sampling, Simulation
 from wholebody.episode.timing import Timing
 from wholebody.resources import verdict_schema
-from wholebody.verdict.verdict import Verdict, Violation
+from wholebody.types import Reason
+from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.violations import Severity, Violation
 
 FEASIBLE = Verdict(name="wave", verdict="feasible", fell=False, timing=Timing(chunks=3))
 
@@ -99,16 +102,10 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_simulated(insi
     assert str(tmp_path) in answer.stderr
 
 
-@pytest.mark.parametrize(
-    ("changes", "code"),
-    [
-        ({}, 0),
-        ({"violations": [Violation(code="refused", subject="policy_raised: KeyError")]}, 1),
-        ({"timing": Timing(chunks=3, starvations=1, starved_s=0.2)}, 1),
-    ],
-)
-def test_a_strict_run_ends_with_1_for_a_refused_or_starved_input(inside, monkeypatch, changes, code):
-    verdict = Verdict(**{**vars(FEASIBLE), **changes})
+@pytest.mark.parametrize(("reason", "code"), [(Reason.REFUSED, 1), (Reason.STARVED, 1), (Reason.SELF_CONTACT, 0)])
+def test_a_strict_run_ends_with_1_for_a_refused_or_starved_input(inside, monkeypatch, reason, code):
+    found = Violation(code=reason, severity=Severity.REPAIR, subject="the first of them")
+    verdict = replace(FEASIBLE, verdict="feasible_after_repair", violations=[found])
     made = SimpleNamespace(check=lambda *_, **__: (verdict, None))
     monkeypatch.setattr("wholebody.cli.run.make_checker", lambda *_: made)
     assert inside("run", "wave").returncode == 0
