@@ -145,6 +145,17 @@ def require_run(name: str, value: float, says: str = "") -> None:
         raise InputError(text, field=name)
 
 
+def require_all(owner: object) -> None:
+    """`require_run` for every field of a dataclass that is in `OF_RUN`.
+
+    Raises:
+        InputError: As `require_run`.
+    """
+    for name, value in vars(owner).items():
+        if name in OF_RUN:
+            require_run(name, value)
+
+
 def check_config(config: ControllerConfig, where: str = "configuration") -> None:
     """Refuse a configuration with a number outside its bounds.
 

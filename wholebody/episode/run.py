@@ -18,7 +18,7 @@ from policy.executor.report import ExecutionReport
 from policy.executor.simulated import simulated_executor
 from policy.joints import BODY_JOINTS
 from policy.observation import Observation
-from wholebody.config_bounds import require_run
+from wholebody.config_bounds import require_all
 from wholebody.episode.chunk_seams import ChunkSeam, SeamMeter, commanded_chunk
 from wholebody.episode.tracking_error import PalmErrors, TrackingError, start_jump
 from wholebody.execution.supervisor import Supervisor
@@ -50,8 +50,7 @@ class EpisodeConfig:
     """Called once an observation for its images."""
 
     def __post_init__(self) -> None:
-        for name in ("settle", "hold", "replace_every"):
-            require_run(name, getattr(self, name))
+        require_all(self)
 
 
 @dataclass(frozen=True)
@@ -204,9 +203,7 @@ def run_episode(
 
     Raises:
         TypeError: If an executor's clock is not a simulated one.
-        InputError: If the duration is negative or longer than six hours.
     """
-    require_run("duration", duration)
     config = config or EpisodeConfig()
     state = plant.reset()
     if sensors is not None:

@@ -12,6 +12,7 @@ from models.spec import FLOOR_FRICTION
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
+from wholebody.config_bounds import require_run
 from wholebody.episode.run import Cameras, EpisodeConfig, EpisodeResult, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -76,7 +77,11 @@ class Checker:
             cameras: What the policy's cameras see, such as `wholebody.sim.cameras.RenderedCameras`; nothing if None.
             progress: See `run_episode`.
             recorder: See `run_episode`.
+
+        Raises:
+            InputError: If the duration is negative or longer than six hours.
         """
+        require_run("duration", duration)
         result = run_episode(
             policy,
             self.supervisor,
