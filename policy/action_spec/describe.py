@@ -77,6 +77,8 @@ def _heading(slot: Slot) -> str:
         parts.append("motor of a Dex1 gripper, 0 closed" if slot.unit == "dex1 rad" else "0 open, 1 closed")
     if slot.mode in MODES:
         parts.append(MODES[slot.mode])
+    if slot.orientation == "free":
+        parts.append("free: what is lost of it is no fault")
     return ", ".join(parts)
 
 

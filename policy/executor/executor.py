@@ -33,7 +33,7 @@ class ExecutorConfig:
     replace_every: int = 25
     """Steps of a chunk after which the next one is asked for; earlier where the chunk is over sooner."""
     lead: float = 0.0
-    """Time that the controller takes to plan a chunk: it is there so much earlier [s]."""
+    """Time that the controller takes to plan a chunk, which has to be there so much earlier [s]; see `Executor`."""
     age_max: float | None = None
     """Oldest observation that a chunk may answer when it arrives [s]; None: any, until its last step is over."""
     hang_after: float = 1.0
@@ -73,6 +73,10 @@ class Executor:
         config: How chunks are asked for and judged.
         worker: Who runs the policy; a thread if None.
 
+    Attributes:
+        lead: Time that the controller takes to plan a chunk [s]; that of the settings until whoever drives the loop
+            knows better.
+
     Raises:
         PolicyError: If real-time chunking is wanted from a policy that cannot do it.
     """
@@ -86,6 +90,7 @@ class Executor:
                 f"real-time chunking needs a policy with infer_after(observation, prefix); {type(policy).__name__} has "
                 "none: switch real_time off, or average chunks with ensemble"
             )
+        self.lead = self.config.lead
         self.worker = ThreadWorker(policy, clock) if worker is None else worker
         self._ensemble = None if self.config.ensemble is None else TemporalEnsemble(self.config.ensemble)
         self._episode = -1
@@ -167,7 +172,7 @@ class Executor:
     def _asked_after(self, chunk: ActionChunk) -> float:
         """Age of a chunk at which the next one is asked for, so that it is there before the last step [s]."""
         step, expected = 1.0 / chunk.fps, max(self._latencies, default=0.0)
-        covered = step * (len(chunk) - 1) - expected - self.config.lead
+        covered = step * (len(chunk) - 1) - expected - self.lead
         return max(step, min(step * self.config.replace_every, step * (len(chunk) // 2), covered))
 
     def _ask(self, now: float, observation: Observation, executing: Executing | None) -> None:

@@ -33,6 +33,8 @@ class PalmErrors:
         demandable: Whether the step could be asked for, shape (n, 2): see `demandable`.
         reasons: Why the controller did not follow the chunk as given at that time, n reasons or None.
         fingers: Fingers asked past their range, by joint [rad].
+        uncovered: Time between the last step of a chunk and the first one that was followed of the next, less a step,
+            when it was first [s] and how much in all [s].
     """
 
     times: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -45,6 +47,7 @@ class PalmErrors:
     demandable: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=bool))
     reasons: list[Reason | None] = field(default_factory=list)
     fingers: dict[str, LimitExcess] = field(default_factory=dict)
+    uncovered: tuple[float, float] = (0.0, 0.0)
 
 
 class TrackingError:
@@ -72,6 +75,7 @@ class TrackingError:
         self._demandable: list[np.ndarray] = []
         self._reasons: list[Reason | None] = []
         self._fingers: dict[str, LimitExcess] = {}
+        self._uncovered = (0.0, 0.0)
 
     def follow(self, chunk: ActionChunk | None, report: PlanReport | None) -> None:
         """The chunk that is being followed; where it is another one than before, it counts from now on."""
@@ -81,7 +85,13 @@ class TrackingError:
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
         # Steps that were due before it came, or as it came, were the business of the chunk before.
-        since = max([float(chunk.t_obs + max(report.steps[0], 0.0)), *self._times[-1:]])
+        begin = float(chunk.t_obs + max(report.steps[0], 0.0))
+        since = max([begin, *self._times[-1:]])
+        if self._chunk is not None:
+            over, (first, lost) = float(self._due[-1]), self._uncovered
+            gap = begin - over - 1.0 / chunk.fps
+            if gap > 1e-6:
+                self._uncovered = (first or over, lost + gap)
         self._chunk, self._due = chunk, chunk.times
         self._next = int(np.searchsorted(self._due, since + 1e-6))
         self._fair = demandable(chunk, report)
@@ -149,6 +159,7 @@ class TrackingError:
             demandable=np.array(self._demandable, dtype=bool).reshape(-1, 2),
             reasons=list(self._reasons),
             fingers=dict(self._fingers),
+            uncovered=self._uncovered,
         )
 
 

@@ -109,10 +109,17 @@ def _ends(result: EpisodeResult) -> Iterator[Violation]:
     if not result.times.size:
         said = "no step of the input was executed"
         yield Violation(code=Reason.NO_CHUNK, severity=Severity.INFEASIBLE, subject=said, time=result.start)
-    if result.execution is not None and result.execution.starvations:
-        report = result.execution
+    yield from _starved(result)
+
+
+def _starved(result: EpisodeResult) -> Iterator[Violation]:
+    """Time between chunks in which there was nothing to follow: none had come, or it was still being planned."""
+    report, (first, seconds) = result.execution, result.palms.uncovered
+    if report is not None and report.starved > seconds:
         first = next((event.time for event in report.events if event.code == Reason.STARVED), None)
-        settings = {"subject": "chunks were over before the next ones came", "time": first, "value": report.starved}
+        seconds = report.starved
+    if seconds > 0.0:
+        settings = {"subject": "chunks were over before the next ones came", "time": first, "value": seconds}
         yield Violation(code=Reason.STARVED, severity=Severity.REPAIR, **settings, unit="s")
 
 

@@ -70,3 +70,9 @@ def test_a_tool_point_is_said():
 
 def test_a_summary_is_one_line():
     assert summary("wbc32").startswith("wbc32      Two wrist poses and all fingers: 32 numbers")
+
+
+def test_an_orientation_that_is_free_is_said():
+    said = [line for line in lines(builtin("wbc32").with_free_orientation()) if "free: " in line]
+    assert [line.split(":")[0] for line in said] == ["left_wrist_rotation", "right_wrist_rotation"]
+    assert not [line for line in lines(builtin("wbc32")) if "free: " in line]

@@ -137,6 +137,18 @@ def test_a_later_chunk_replaces_the_rest_of_the_one_before():
     assert np.allclose(errors[3:, 0], 0.0, atol=1e-9)
 
 
+def test_5_time_between_chunks_that_is_in_neither_is_told():
+    """A chunk may come in time, and be planned only after the last step of the one before."""
+    meter = score()
+    meter.add(chunk(), report())
+    meter.add(chunk(t_obs=STEPS / FPS), report())
+    assert meter.result().uncovered == (0.0, 0.0)
+    late = report()
+    late.steps = late.steps + 0.1
+    meter.add(chunk(t_obs=2 * STEPS / FPS), late)
+    assert meter.result().uncovered == pytest.approx(((2 * STEPS - 1) / FPS, 0.1))
+
+
 def test_a_step_that_two_chunks_have_in_common_is_scored_once():
     """A plan begins with the state that it was made from, one tick before the chunk is taken over."""
     meter = score()
