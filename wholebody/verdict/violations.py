@@ -24,6 +24,8 @@ LISTED = 5
 """Violations of one kind that are listed: the worst."""
 MOVING = (Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE)
 """Reasons for which a hand is commanded elsewhere than it was asked to be."""
+ORDER = tuple(dict.fromkeys((Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *MOVING, *Reason)))
+"""Of violations that are equally severe: causes before what came of them."""
 PALMS = ("left palm", "right palm")
 
 
@@ -80,7 +82,7 @@ class Violation:
 
 
 def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
-    """All of an episode, the worst first, else in the order of `Reason`."""
+    """All of an episode, the worst first, else in `ORDER`."""
     found = [
         *_ends(result),
         *_moved(result, bounds),
@@ -93,8 +95,8 @@ def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
     ]
     told = {violation.code for violation in found} | {refusal.reason for refusal in result.refusals}
     found += _reasons(result, told)
-    worst, order = list(reversed(Severity)), list(Reason)
-    found.sort(key=lambda one: (worst.index(one.severity), order.index(one.code)))
+    worst = list(reversed(Severity))
+    found.sort(key=lambda one: (worst.index(one.severity), ORDER.index(one.code)))
     return [_with_step(violation, result) for violation in found]
 
 

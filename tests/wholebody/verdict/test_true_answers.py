@@ -19,6 +19,7 @@ from policy.scripted.policy import minimum_jerk
 from wholebody.episode.run import EpisodeConfig
 from wholebody.types import Reason
 from wholebody.verdict.check import Checker
+from wholebody.verdict.report import lines
 
 FPS = 30.0
 STANCE = Anchor.nominal()
@@ -78,6 +79,9 @@ def test_2_a_hand_kept_out_of_the_floor_did_not_do_what_was_asked(checker):
     assert found[Reason.INTO_FLOOR].value > 0.15
     assert found[Reason.INTO_FLOOR].severity == "infeasible"
     assert verdict.moved_max_m == pytest.approx(verdict.max_m, abs=0.01)
+    assert lines(verdict)[0].startswith(
+        "INFEASIBLE  input: a hand would go into the floor, and was kept out of it by 2"
+    )
 
 
 def test_2_a_jump_that_no_hand_does_is_another_motion(checker):

@@ -109,7 +109,7 @@ def test_marks_that_change_nothing_leave_it_feasible():
     verdict = judge("grasp", result(**marks))
     assert verdict.verdict == "feasible"
     assert codes(verdict) == [
-        "start_offset", "start_offset", "balance_edge", "joint_limit", "scene_contact", "noisy_chunk"
+        "noisy_chunk", "start_offset", "start_offset", "balance_edge", "joint_limit", "scene_contact"
     ]  # fmt: skip
 
 
