@@ -22,7 +22,7 @@ def check(
     simulation: Simulation,
     sampling: Sampling,
     jobs: Annotated[
-        int, typer.Option("--jobs", "-j", help="Inputs judged side by side, each in about 0.5 GB of memory.")
+        int, typer.Option("--jobs", "-j", help="Inputs judged side by side, each in about 0.4 GB of memory.")
     ] = 1,
     json_to: VerdictsTo = "",
 ) -> None:

@@ -59,7 +59,8 @@ def run(
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict
     with JsonVerdicts(json_to) as written:
         for i, (name, policy, executor) in enumerate(zip(names, policies, executors, strict=True)):
-            title = Path(name).stem if len(names) == 1 else f"{Path(name).stem} ({i + 1} of {len(names)})"
+            short = name if "://" in name else Path(name).stem
+            title = short if len(names) == 1 else f"{short} ({i + 1} of {len(names)})"
             seconds = length(policy, given.duration)
             with (
                 cameras_of(policy, checker, given.images) as cameras,
