@@ -175,7 +175,7 @@ class Supervisor:
         self.plan_report = plan.report
         self._chunk_end = float(chunk.times[-1])
         self._follower.begin(plan, self._chunk_end - chunk.t_obs)
-        return self._report_plan()
+        return self._report_plan(plan.report)
 
     def _is_safe_ahead(self) -> bool:
         """Whether the present plan is balanced, not over, and near enough to come back to."""
@@ -252,10 +252,10 @@ class Supervisor:
         elif self._follower.s > self._plan.end or self._last_state.time > self._chunk_end + 0.5:
             self.status = self._refused or STARVED
         else:
-            self._report_plan()
+            self._report_plan(self._plan.report.at(self._follower.s))
 
-    def _report_plan(self) -> StatusReport:
-        report = self._plan.report.at(self._follower.s)
+    def _report_plan(self, report: PlanReport) -> StatusReport:
+        """Status while a plan is followed: of a chunk that was taken all that it needs, of a tick what is done then."""
         if self._refused is not None:
             self.status = self._refused
         elif report.lift.any():
