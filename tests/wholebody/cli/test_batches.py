@@ -55,12 +55,14 @@ def completed(inside, monkeypatch):
     return call
 
 
-def test_the_shell_completes_commands_options_scripts_and_layouts(completed, inside):
+def test_the_shell_completes_commands_options_scripts_and_layouts(completed, inside, monkeypatch):
     assert {"run", "check", "layouts", "spec", "serve-policy"} <= set(completed("wholebody "))
     assert set(completed("wholebody run ")) == set(SCRIPTS)
     assert completed("wholebody layouts wbc") == [name for name in LAYOUTS if name.startswith("wbc")]
     assert "--strict" in completed("wholebody run --str")
-    assert "complete -o default" in inside("--show-completion", "bash").stdout
+    assert "--install-completion" in inside("--help").stdout
+    monkeypatch.setenv("_WHOLEBODY_COMPLETE", "source_bash")
+    assert "complete -o default" in inside().stdout
 
 
 def test_json_is_a_list_that_grows_by_a_line_a_verdict_as_they_come(tmp_path):
