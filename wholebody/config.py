@@ -93,7 +93,7 @@ class SafetyConfig:
     posture_stop: float = 0.45
     """Distance at which they have given way [rad]."""
     posture_lost: float = 0.15
-    """Distance of a body joint from the posture plan at which the next plan begins where the robot is [rad]."""
+    """Distance of a body joint from where it was to stand off the plan up to which a plan from there is taken [rad]."""
     balance_slow: float = 0.02
     """Distance of the capture point from the edge below which the chunk is slowed [m]."""
     trunk_rate: float = 3.0
@@ -223,18 +223,6 @@ WEIGHTS_UNREACHABLE = replace(WEIGHTS_FALLBACK, position_give=0.1)
 WEIGHTS_STOP = replace(WEIGHTS_FALLBACK, position=10.0, orientation=10.0)
 """For states from which no motion follows the hands safely: come to rest."""
 
-RENAMED = {
-    "gentle": "weights_fallback",
-    "calm": "weights_unreachable",
-    "brake": "weights_stop",
-    "turning": "orientation_relaxed",
-    "loss_max": "tracking_error_max",
-    "error_max": "mean_error_max",
-    "excess_max": "violation_max",
-    "sweep": "approach_time",
-}
-"""Settings of the planner by names that they had before, for messages."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
@@ -283,6 +271,20 @@ class PlannerConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlanningConfig:
+    """When a plan is asked for, and how long it takes in simulation, where time goes on meanwhile."""
+
+    lead: float = 0.1
+    """Time from asking for a plan to the instant at which it takes over [s]; 0: at once, the robot waits."""
+    lead_max: float = 0.8
+    """Longest lead; a plan that comes too late is asked for again with twice the lead [s]."""
+    latency: str = "fixed"
+    """Of a simulated planner: 'fixed' takes `lead` times `factor`, 'measured' the CPU time used times `factor`."""
+    factor: float = 1.0
+    """How many times longer than that it takes."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControllerConfig:
     """The whole-body controller."""
 
@@ -301,6 +303,7 @@ class ControllerConfig:
     safety: SafetyConfig = field(default_factory=SafetyConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     verdict: VerdictConfig = field(default_factory=VerdictConfig)
+    planning: PlanningConfig = field(default_factory=PlanningConfig)
     leak: float = 0.3
     """Time constant with which the desired state forgets its difference from the measured one [s]."""
     friction: float = 0.6

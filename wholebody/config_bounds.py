@@ -55,6 +55,8 @@ OF_RUN: dict[str, tuple[float, float, str]] = {
     "settle": (0.0, 60.0, "s"),
     "hold": (0.0, 3600.0, "s"),
     "payload_kg": (0.0, 50.0, "kg"),
+    "planning_ms": (0.0, 10_000.0, "ms"),
+    "planning_times": (0.0, 1000.0, ""),
     "replace_every": (1, 1000, "steps"),
     "imu_bias": (0.0, 1.0, "rad"),
     "imu_noise": (0.0, 1.0, "rad"),

@@ -14,7 +14,7 @@ import yaml
 
 from policy.errors import printable
 from policy.reading import DEPTH_MAX, ReadingError, read_text
-from wholebody.config import RENAMED, ControllerConfig
+from wholebody.config import ControllerConfig
 from wholebody.config_bounds import meanings, require_bounds
 from wholebody.errors import ConfigError
 
@@ -24,6 +24,18 @@ FILE_MAX = 256 * 2**10
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 Place = Callable[[tuple[str, ...]], str]
 """Where in a file a setting is, for messages."""
+
+RENAMED = {
+    "gentle": "weights_fallback",
+    "calm": "weights_unreachable",
+    "brake": "weights_stop",
+    "turning": "orientation_relaxed",
+    "loss_max": "tracking_error_max",
+    "error_max": "mean_error_max",
+    "excess_max": "violation_max",
+    "sweep": "approach_time",
+}
+"""Settings of the planner by names that they had before, for messages."""
 
 
 def load_config(path: str | Path) -> ControllerConfig:

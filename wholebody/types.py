@@ -114,7 +114,10 @@ class Reason(StrEnum):
     # There is nothing to follow, or it cannot be used.
     NO_CHUNK = "no_chunk", Status.HOLD, "no chunk has come yet: the stance is held"
     STARVED = "starved", Status.HOLD, "the chunk is over and there is no new one: its end is held"
-    STATE_INVALID = "state_invalid", Status.HOLD, "the measured state is not finite: the last command is held"
+    STATE_INVALID = "state_invalid", Status.HOLD, "the measured state is not finite: it is predicted along the plan"
+    STATE_STALE = "state_stale", Status.HOLD, "no new state has come: it is predicted along the plan"
+    STATE_FROZEN = "state_frozen", Status.HOLD, "a moving state repeats itself: it is predicted along the plan"
+    STATE_OUT_OF_ORDER = "state_out_of_order", Status.HOLD, "an older state came later: it is predicted along the plan"
     CHUNK_INVALID = "chunk_invalid", Status.HOLD, "a chunk is malformed, not finite, or comes out of order"
     CHUNK_STALE = "chunk_stale", Status.HOLD, "a chunk was over, or its observation too old, when it came"
     CHUNK_FROM_FUTURE = "chunk_from_future", Status.HOLD, "a chunk's observation is later than the present"
@@ -122,6 +125,11 @@ class Reason(StrEnum):
     NOT_JOINED = "not_joined", Status.HOLD, "no balanced motion leads to the chunk yet: the one before is followed on"
 
     # Balance needs everything, or is lost.
+    OFF_PLAN = (
+        "off_plan",
+        Status.STOP,
+        "the robot left its plan: it stands, hands let go of, until one from there comes",
+    )
     HANDS_DROPPED = "hands_dropped", Status.STOP, "the whole-body program has a solution only without the hands"
     QP_FAILED = "qp_failed", Status.STOP, "the whole-body program has no solution: the last torques are held"
     STANDING_LOST = "standing_lost", Status.DAMPING, "the pelvis is tilted or low: the joints are damped"

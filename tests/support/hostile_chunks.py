@@ -1,6 +1,7 @@
 """Hostile chunks by the hundred: seeded families, each episode with one feasible chunk in the middle.
 
-``python tests/support/hostile_chunks.py FIRST LAST`` runs the cases FIRST to LAST - 1 and prints one line each.
+``python tests/support/hostile_chunks.py FIRST LAST [LEAD [edge]]`` runs the cases FIRST to LAST - 1, planned with that
+simulated latency and lead [s], and prints one line each; ``edge`` those of `EdgeEpisode`.
 """
 
 import sys
@@ -15,7 +16,8 @@ from models.g1 import g1
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.scripted.library import reach
-from policy.scripted.policy import stance_pose, to_chunk
+from policy.scripted.policy import minimum_jerk, stance_pose, to_chunk
+from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
@@ -181,8 +183,52 @@ class Episode:
             self.fall = detect_fall(self.plant, self.state, self.supervisor.status.status)
 
 
+EDGE_MIDDLE = np.array([0.30, 0.20, 0.95])
+"""Middle of the left wrist's workspace; the right one is mirrored in y [m]."""
+EDGE_SWING, EDGE_RATE, EDGE_TURN = (0.20, 0.35), (0.4, 1.2), 0.2
+"""Amplitude [m] and rate [rad/s] of each axis, and amplitude of the turn about each [rad]: at most 0.42 m/s an axis."""
+EDGE_SECONDS = 8.0
+
+
+class EdgeEpisode(Episode):
+    """Slow, smooth wrist paths that pass the limit of reach while turning; chunks are pieces of them, then the end."""
+
+    def __init__(self, supervisor, plant, seed):
+        super().__init__(supervisor, plant, seed)
+        rng, self.kind, self.start = np.random.default_rng(10_000 + seed), "edge", "stand"
+        self.swing = rng.uniform(*EDGE_SWING, (2, 3)) * rng.choice([-1.0, 1.0], (2, 3))
+        self.turn = rng.uniform(-EDGE_TURN, EDGE_TURN, (2, 3))
+        self.rates, self.phases = rng.uniform(*EDGE_RATE, (2, 2, 3)), rng.uniform(0.0, 2.0 * np.pi, (2, 2, 3))
+        self.replace = rng.uniform(0.3, 1.2, 40)
+
+    def chunk(self, time):
+        """The path from a time on [s]; it begins at the stance and is blended in over two seconds."""
+        stance, t = stance_pose(), time + np.arange(STEPS) / FPS
+        share = minimum_jerk((t - 0.2) / 2.0)[:, None]
+        T = np.tile(np.eye(4), (2, STEPS, 1, 1))
+        starts = (stance.p_world_lpalm, stance.R_world_lhand), (stance.p_world_rpalm, stance.R_world_rhand)
+        for i, (p, R) in enumerate(starts):
+            waves = [np.sin(self.rates[k, i] * t[:, None] + self.phases[k, i]) for k in (0, 1)]
+            middle = EDGE_MIDDLE * [1.0, 1.0 - 2.0 * i, 1.0]
+            T[i, :, :3, 3] = p + share * (middle + self.swing[i] * waves[0] - p)
+            T[i, :, :3, :3] = R @ rotvec_to_matrix(share * self.turn[i] * waves[1])
+        fingers = [np.tile(q, (STEPS, 1)) for q in (stance.q_lhand, stance.q_rhand)]
+        return ActionChunk("wbc32", self.seq, time, FPS, T[0], T[1], *fingers)
+
+    def run(self):
+        self.step(0.2)
+        for pause in self.replace:
+            if self.state.time < EDGE_SECONDS:
+                self.offer(self.chunk(self.state.time))
+                self.step(pause)
+        self.step(HOLD)
+        covered = self.supervisor.time_factor
+        return FuzzResult(self.kind, self.start, self.fall, self.tilt, 0.0, 1.0 / covered, self.refused)
+
+
 if __name__ == "__main__":
-    spec = g1()
-    robot = Supervisor(spec), MujocoPlant(spec)
+    spec, lead = g1(), float(sys.argv[3]) if len(sys.argv) > 3 else PlanningConfig().lead
+    robot = Supervisor(spec, ControllerConfig(planning=PlanningConfig(lead=lead))), MujocoPlant(spec)
+    case = EdgeEpisode if "edge" in sys.argv else Episode
     for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-        print(seed, Episode(*robot, seed).run(), flush=True)
+        print(seed, case(*robot, seed).run(), flush=True)

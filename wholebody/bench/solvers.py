@@ -11,7 +11,8 @@ from models.spec import RobotSpec
 from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
 from wholebody.config import ControllerConfig
 from wholebody.control.tick_report import TickLevel
-from wholebody.episode.run import EpisodeConfig, EpisodeResult, run_episode
+from wholebody.episode.result import EpisodeResult
+from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import JointCommand, RobotState

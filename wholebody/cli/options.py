@@ -88,6 +88,12 @@ class Simulation:
     payload_kg: Annotated[
         tuple[float, float], Option(help="Mass in the left and right hand in kg, unknown to the controller.")
     ] = (0.0, 0.0)
+    planning_ms: Annotated[
+        float | None, Option(help="Simulated time that planning takes and that plans are asked for ahead, in ms [100].")
+    ] = None
+    planning_times: Annotated[
+        float | None, Option(help="Let planning take its own CPU time, so many times, instead of a fixed time.")
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from policy.base import Policy
     from policy.executor.executor import Executor
     from wholebody.cli.options import Asking, Simulation
+    from wholebody.config import PlanningConfig
     from wholebody.episode.run import Cameras
     from wholebody.verdict.check import Checker
 
@@ -28,12 +29,14 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
         ConfigError: If the settings file is malformed.
         ValueError: If there is no such scene.
     """
+    from wholebody.config import ControllerConfig
     from wholebody.config_file import load_config
     from wholebody.episode.run import EpisodeConfig
     from wholebody.sim.sensors import REALISTIC, SensorConfig
     from wholebody.verdict.check import Checker
 
-    settings = load_config(options.config) if options.config else None
+    settings = load_config(options.config) if options.config else ControllerConfig()
+    settings = replace(settings, planning=planning(settings.planning, options))
     sensors = replace(REALISTIC if options.realistic else SensorConfig(), delay=1e-3 * options.delay_ms)
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
         return Checker(
@@ -43,6 +46,23 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
             sensors=sensors if options.realistic or options.delay_ms else None,
             payload_kg=options.payload_kg,
         )
+
+
+def planning(config: PlanningConfig, options: Simulation) -> PlanningConfig:
+    """How long planning takes in simulation, and how far ahead plans are asked for.
+
+    Raises:
+        ValueError: If a time or a factor is out of its bounds, or both are given.
+    """
+    fixed, times = options.planning_ms, options.planning_times
+    for name, value in (("planning_ms", fixed), ("planning_times", times)):
+        if value is not None:
+            require_run(name, value, f"--{name.replace('_', '-')}")
+    if fixed is not None and times is not None:
+        raise ValueError("--planning-ms says how long planning takes, --planning-times measures it; give one of them")
+    if fixed is not None:
+        return replace(config, lead=1e-3 * fixed, latency="fixed", factor=1.0)
+    return config if times is None else replace(config, latency="measured", factor=times)
 
 
 def make_executor(policy: Policy, options: Asking) -> Executor:

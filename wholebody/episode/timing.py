@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wholebody.episode.run import EpisodeResult
+from wholebody.episode.result import EpisodeResult
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -13,13 +14,34 @@ from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
-from wholebody.reference import ReferenceSmoother
+from wholebody.reference import HandMotion, ReferenceSmoother
 from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
 
 NO_PATH = np.zeros(0)
 
 WRIST_WEIGHT = 1.0 / 3.0
 """How much the distance of a wrist joint from the plan counts: little weight hangs on it."""
+
+
+ELAPSED_MAX = 1.0
+"""Longest time that is followed in one tick [s]; what lies further back is left out."""
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What will be followed at a time to come, if the robot tracks until then as it does now.
+
+    Attributes:
+        s: Parameter of the plan [s].
+        rate: Its derivative; 0 while there is no plan.
+        body: What the trajectory asks for.
+        hands: What both hands will be commanded to do, rows (2, 40).
+    """
+
+    s: float
+    rate: float
+    body: BodyState
+    hands: HandMotion
 
 
 class PlanFollower:
@@ -54,7 +76,7 @@ class PlanFollower:
         settings.dt, settings.grid_step = config.dt, GRID
         for name in ("error_slow", "error_stop", "balance_slow", "posture_slow", "posture_stop"):
             settings[name] = getattr(safety, name)
-        clock.rate = clock.trust = 1.0
+        clock.rate = clock.share = clock.trust = 1.0
         self.row = np.zeros(row_length(robot.n_joints))
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
         offsets = np.array([tool.palm_offset for tool in spec.tools])
@@ -67,7 +89,9 @@ class PlanFollower:
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
             weights=np.array([_weight(name) for name in robot.joint_names]),
         )
-        self._follow = kernel.follow if interpret else compiled_follow(robot.n_joints)
+        compiled = kernel.follow, kernel.foresee
+        self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
+        self._dt, self._standing = config.dt, False
 
     @property
     def s(self) -> float:
@@ -84,21 +108,25 @@ class PlanFollower:
         """How far the hands are trusted, 1 as long as the body is near its plan."""
         return float(self._clock["trust"][0])
 
-    @property
-    def planned(self) -> BodyState:
-        """What the trajectory asks for now."""
-        settings, clock, rows = self._settings[0], self._clock[0], self._plan.trajectory
-        row = rows[kernel.nearest(settings, clock.s, len(rows))]
-        rate = clock.rate if settings.moving > 0.0 else 0.0
-        return BodyState(row.q.copy(), rate * row.v)
+    def foreseen(self, ticks: int) -> Foreseen:
+        """What will be followed so many control periods from now; 0 for now."""
+        clock, smoothing = self._clock.copy(), self._smoothing
+        smoothing = smoothing._replace(state=smoothing.state.copy(), target=smoothing.target.copy())
+        self._foresee(self._plan, clock, smoothing, ticks)
+        settings, now, rows = self._settings[0], clock[0], self._plan.trajectory
+        row = rows[kernel.nearest(settings, now.s, len(rows))]
+        rate = float(now.rate) if settings.moving > 0.0 else 0.0
+        body = BodyState(row.q.copy(), rate * row.v)
+        return Foreseen(float(now.s), rate, body, HandMotion(smoothing.state["motion"]))
 
-    def distance(self, q: np.ndarray) -> float:
-        """How far a configuration (nq,) is from what was planned for the last tick [rad].
+    def distance(self, q: np.ndarray, planned: np.ndarray | None = None) -> float:
+        """How far a configuration (nq,) is from another one, or from what was planned for the last tick [rad].
 
         That of the furthest joint; wrists count less, fingers not at all.
         """
         weights = self._body.weights
-        return float(np.max(weights * np.abs(q[7:] - self.row[POSTURE : POSTURE + len(weights)])))
+        other = self.row[POSTURE : POSTURE + len(weights)] if planned is None else planned[7:]
+        return float(np.max(weights * np.abs(q[7:] - other)))
 
     @property
     def time_factor(self) -> float:
@@ -115,34 +143,51 @@ class PlanFollower:
         T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = rows[:, :9].reshape(2, 3, 3), rows[:, 9:12], 1.0
         return T
 
-    def begin(self, plan: ChunkPlan, last: float) -> None:
-        """Follow a plan from its start on.
+    def begin(self, plan: ChunkPlan, last: float, *, beyond: float = 0.0, share: float = 1.0) -> None:
+        """Follow a plan from now on.
 
         Args:
             plan: The plan.
             last: Parameter of the chunk's last step [s].
+            beyond: How far past its start it is taken over [s].
+            share: Of its speed at which it is taken over, 0 to 1.
         """
         left, right = plan.paths
         self._plan = kernel.Plan(self._settings, left.flat, right.flat, records(plan.trajectory))
         settings, clock = self._settings[0], self._clock[0]
         settings.moving, settings.plan_rate, settings.grid_start = 1.0, plan.rate, plan.trajectory.start
         settings.last_step = last
-        clock.s, clock.rate, clock.change = plan.start, plan.rate, 0.0
+        clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * share, 0.0
+        self._standing = False
 
-    def reference(self, q: np.ndarray) -> PackedReference:
+    def stand(self, trajectory: SampledTrajectory, rows: np.ndarray) -> None:
+        """Follow no plan: hold the one row of a trajectory, the hands let go of.
+
+        Args:
+            trajectory: One row.
+            rows: Where the hands come to rest, (2, 40).
+        """
+        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
+        self._settings[0].moving = 0.0
+        self._smoothing.target[:] = rows
+        self._standing = True
+
+    def reference(self, q: np.ndarray, elapsed: float | None = None, *, allowed: float = 1.0) -> PackedReference:
         """What to follow in this tick, and how far the hands are trusted in it.
 
         Args:
             q: Configuration now, shape (nq,).
+            elapsed: Time since the last tick [s], at most `ELAPSED_MAX`; the control period if not given.
+            allowed: Largest share of the planned speed, 0 to 1.
         """
         q = np.ascontiguousarray(q, dtype=float)
-        controller = self._controller
+        controller, elapsed = self._controller, self._dt if elapsed is None else min(elapsed, ELAPSED_MAX)
         robot = controller.robot
         self._follow(
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity,
-            controller.palm_positions(), self.row,
+            controller.palm_positions(), self.row, float(elapsed), float(allowed),
         )  # fmt: skip
-        controller.trust_hands(self.trust)
+        controller.trust_hands(kernel.TRUST_MIN if self._standing else self.trust)
         return PackedReference(self.row)
 
 
@@ -166,16 +211,17 @@ def records(trajectory: SampledTrajectory) -> np.ndarray:
 
 
 @cache
-def compiled_follow(n_joints: int) -> Entry:
-    """The compiled `kernel.follow` for robots with so many joints, compiled when first called."""
-    return Entry(kernel.follow)
+def compiled_follow(n_joints: int) -> tuple[Entry, Entry]:
+    """The compiled `kernel.follow` and `kernel.foresee` for robots with so many joints, compiled when first called."""
+    return Entry(kernel.follow), Entry(kernel.foresee)
 
 
 def compile_follow(n_joints: int) -> None:
-    """Compile `kernel.follow` for robots with so many joints, or load it: what its arguments hold does not matter."""
+    """Compile both for robots with so many joints, or load them: what their arguments hold does not matter."""
     vector, matrix, trajectory = np.zeros(1), np.zeros((1, 1)), np.zeros(1, kernel.trajectory_row(n_joints))
     plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory)
-    smoothing = kernel.Smoothing(np.zeros(1, HAND), matrix, np.zeros(1, LIMITS), matrix)
+    smoothing = kernel.Smoothing(np.zeros(2, HAND), matrix, np.zeros(2, LIMITS), matrix)
     body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector)
-    clock = np.zeros(1, kernel.CLOCK)
-    compiled_follow(n_joints).compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector)
+    clock, (follow, foresee) = np.zeros(1, kernel.CLOCK), compiled_follow(n_joints)
+    follow.compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector, 0.0, 0.0)
+    foresee.compile(plan, clock, smoothing, 0)

@@ -1,4 +1,4 @@
-"""Stay as the robot is: hands at rest where they are, the centre of mass over the soles."""
+"""Stand where the robot is, off any plan: hands let go of, the capture point over the soles."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from policy.geometry.rotations import matrix_to_quaternion
-from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.reference import HandMotion, HandPath, rest_row
+from wholebody.reference import HandMotion, rest_row
+from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import SupportPolygon
 
-STOP_TIME = 1.0 / 3.0
-"""Distance of the two knots between which a hand comes to rest [s]."""
+PROJECTIONS = 4
+"""Times that a point is projected on all edges: one each, and again for what that moved over another."""
 
 
 def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -37,24 +38,34 @@ def hands_as_measured(robot: Robot, commanded: np.ndarray) -> np.ndarray:
     return rows
 
 
-def standing_plan(plan: ChunkPlan, robot: Robot, q: np.ndarray, middle: np.ndarray, hands: np.ndarray) -> ChunkPlan:
-    """A plan that stays as the robot is, in place of one that is not balanced.
+def resting_posture(q: np.ndarray, v: np.ndarray, kd: float) -> np.ndarray:
+    """Where joints that are only damped come to rest: configuration (nq,), the base as it is; ``kd`` [1/s]."""
+    rest = q.copy()
+    rest[7:] += v[6:] / kd
+    return rest
 
-    Pulled along by a motion that cannot be had, the robot would lose what balance is left.
+
+def standing_trajectory(robot: Robot, q: np.ndarray, support: SupportPolygon, margin: float) -> SampledTrajectory:
+    """One row at rest: a posture, the trunk as it is, the centre of mass where the robot tips over least.
+
+    That is its capture point, to which a pendulum comes by itself, moved inside the support where it is not.
 
     Args:
-        plan: That cannot be followed.
-        robot: At its present configuration.
-        q: That configuration, shape (nq,).
-        middle: Where the centre of mass belongs, shape (2,), [m].
-        hands: Motions of the hands as they are, rows (2, 40).
+        robot: In its present state.
+        q: The posture, shape (nq,).
+        support: Of both soles.
+        margin: Distance of the centre of mass from its edge [m].
     """
     still = SampledTrajectory.still(robot, q)
     com = still.com.copy()
-    com[0, :, :2] = middle
-    knots, rest = plan.start + np.array([0.0, STOP_TIME]), []
-    for row in hands:
-        hand = HandMotion(row)
-        here = HandPath.from_knots(knots, np.stack([hand.T_world_hand] * 2), np.stack([hand.q_finger] * 2))
-        rest.append(here.joined(hand, plan.start))
-    return replace(plan, paths=tuple(rest), trajectory=replace(still, com=com, start=plan.start))
+    com[0, :, :2] = inside(support, robot.com[:2] + robot.com_velocity[:2] / natural_frequency(robot.com[2]), margin)
+    return replace(still, com=com)
+
+
+def inside(support: SupportPolygon, point: np.ndarray, margin: float) -> np.ndarray:
+    """A point (2,) near the given one that is that far inside a support [m], by projection on edge after edge."""
+    point = np.array(point)
+    for _ in range(PROJECTIONS):
+        for normal, offset in zip(support.normals, support.offsets - margin, strict=True):
+            point -= max(normal @ point - offset, 0.0) * normal
+    return point

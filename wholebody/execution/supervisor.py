@@ -1,35 +1,35 @@
-"""Between chunk and joint command: refuse, contain, slow down, hold, and stay on one's feet."""
+"""Between chunk and joint command: refuse, contain, slow down, hold, and keep the balance."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from policy.errors import ChunkError
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.tick_report import TickLevel, TickReport
-from wholebody.errors import InputError, PlanningError, StateError
-from wholebody.execution.fallback import damping_command, held_command, standing_command
+from wholebody.errors import StateError
+from wholebody.execution import statuses
+from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
+from wholebody.execution.fallback import damping_command
+from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
 from wholebody.execution.plan_follower import PlanFollower
-from wholebody.execution.standing import hands_as_measured, hands_at_rest, standing_plan
+from wholebody.execution.standing import hands_as_measured, hands_at_rest, resting_posture, standing_trajectory
+from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother
 from wholebody.robot.standing import has_lost_standing
-from wholebody.types import JointCommand, Reason, RobotState, Status, StatusReport, check_state
+from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
 
 RETRY = 0.2
-"""Time from one attempt to join a chunk to the next [s]."""
-
-TRACKING = StatusReport(Status.TRACKING)
-"""Nothing to say."""
-NO_CHUNK = StatusReport(Status.HOLD, Reason.NO_CHUNK, "no chunk yet: holding the stance")
-STARVED = StatusReport(Status.HOLD, Reason.STARVED, "the chunk is over: holding its end")
+"""Time from one attempt to join a chunk, or to stand off the plan, to the next [s]."""
 
 logger = logging.getLogger(__name__)
 
@@ -38,57 +38,72 @@ class Supervisor:
     """Owns planner and controller; the only thing a runtime talks to.
 
     `accept` takes chunks as they come, `step` answers every control period. Neither raises on bad input: a chunk that
-    cannot be used is refused with a reason code and the robot goes on, or holds. Both raise `StateError` before the
-    first `reset`.
+    cannot be used is refused with a reason and the robot goes on, or holds. A plan is computed beside the control loop,
+    from where the present one will be when it takes over; the present one ends balanced and at rest.
+
+    Args:
+        spec: The robot.
+        config: Settings; the defaults if not given.
+        planner: Makes who plans beside the loop from a function that plans; simulated if not given.
     """
 
-    def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
+    def __init__(
+        self,
+        spec: RobotSpec,
+        config: ControllerConfig | None = None,
+        *,
+        planner: Callable[[Compute], BackgroundPlanner] | None = None,
+    ) -> None:
         self.spec, self.config = spec, config or ControllerConfig()
         self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config)
+        planning = self.config.planning
+        beside = SimulatedPlanner(self._compute, planning) if planner is None else planner(self._compute)
+        self._handover = Handover(beside, planning, self.config.dt)
+        self._monitor = StateMonitor(self.robot)
         self._smoother: ReferenceSmoother | None = None
         self._follower: PlanFollower | None = None
         self._last_state: RobotState | None = None
-        self._last_command: JointCommand | None = None
-        self._forget()
+        self._forget(0.0)
 
-    def _forget(self) -> None:
+    def _forget(self, now: float) -> None:
         """Nothing is planned, refused or waiting."""
-        self.status = NO_CHUNK
+        self.status = statuses.NO_CHUNK
         self.plan_report: PlanReport | None = None
         self.last_tick: TickReport | None = None
+        self._now = now
         self._plan: ChunkPlan | None = None
         self._chunk: ActionChunk | None = None
+        self._newest: ActionChunk | None = None
         self._chunk_end = 0.0
-        self._fallen = False
+        self._fallen = self._standing = False
         self._refused: StatusReport | None = None
+        self._refusal: StatusReport | None = None
         self._waiting: ActionChunk | None = None
-        self._retry = 0.0
+        self._retry = now
+        self._handover.reset()
 
     def reset(self, state: RobotState) -> None:
-        """Start an episode from a measured state of standing.
-
-        Raises:
-            InputError: If the state is not a finite state of this robot.
-        """
+        """Start an episode from a measured state of standing; `InputError` if it is no finite state of this robot."""
         check_state(state, self.robot.n_joints)
         self.controller.reset(state)
+        self._monitor.reset(state)
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
-        self._last_state, self._last_command = state, standing_command(self.spec, self.robot, state)
-        self._forget()
+        self._last_state = state
+        self._forget(state.time)
 
     def _following(self) -> PlanFollower:
-        """The follower of this episode.
-
-        Raises:
-            StateError: Before the first episode.
-        """
+        """The follower of this episode; a `StateError` before the first one."""
         if self._follower is None:
             raise StateError("the supervisor has no state yet: call `reset` with a measured state of standing first")
         return self._follower
+
+    def _compute(self, request: PlanRequest) -> ChunkPlan:
+        start = request.start
+        return self.planner.plan(request.chunk, request.due, start.body, start.hands, request.before)
 
     @property
     def time_factor(self) -> float:
@@ -97,8 +112,13 @@ class Supervisor:
 
     @property
     def chunk(self) -> ActionChunk | None:
-        """The chunk that was accepted last."""
+        """The chunk that is being followed."""
         return self._chunk
+
+    @property
+    def late_plans(self) -> int:
+        """How many plans came too late, and were asked for again, since the reset."""
+        return self._handover.late
 
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
@@ -112,169 +132,184 @@ class Supervisor:
             times: Shape (n,), [s]; past the end of the plan its last pose is held.
 
         Returns:
-            Rows (n, 40) a hand, derivatives with respect to the path; None before the first chunk.
+            Rows (n, 40) a hand, derivatives with respect to the path; None while no chunk is followed.
         """
         if self._plan is None:
             return None
         follower = self._follower
-        s = follower.s + follower.rate * (np.asarray(times) - self._last_state.time)
+        s = follower.s + follower.rate * (np.asarray(times) - self._now)
         left, right = (path.sample(np.clip(s, self._plan.start, self._plan.end)) for path in self._plan.paths)
         return left, right
 
-    def accept(self, chunk: ActionChunk) -> StatusReport:
+    def accept(self, chunk: ActionChunk, now: float | None = None) -> StatusReport:
         """Take a chunk, or refuse it with a reason; a refused chunk changes nothing.
 
-        A chunk that cannot be joined yet is tried again until it is, is over, or another one comes.
+        Its plan is computed beside the loop; what then speaks against the chunk is in `take_refusal`. A chunk that
+        cannot be joined yet is tried again until it is, is over, or another one comes.
+
+        Args:
+            chunk: What the hands are to do.
+            now: Present time on the clock of its observation [s]; that of the last `step` if not given.
 
         Raises:
             StateError: Before the first `reset`.
         """
         self._following()
-        now, self._waiting = self._last_state.time, None
-        try:
-            chunk.validate(after=self._chunk)
-        except (ChunkError, ValueError) as error:
-            return self._refuse(Reason.CHUNK_INVALID, str(error))
-        if chunk.times[-1] <= now:
-            age = now - chunk.t_obs
-            return self._refuse(Reason.CHUNK_STALE, f"the chunk's last step is over: it is {age:.2f} s old")
-        if chunk.t_obs > now + 1.0 / chunk.fps:
-            return self._refuse(Reason.CHUNK_FROM_FUTURE, f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
-        return self._join(chunk)
+        now = self._now if now is None else now
+        fault = statuses.chunk_fault(chunk, self._newest, now)
+        if fault is not None:
+            return self._refuse(fault)
+        self._newest, self._refusal = chunk, None
+        self._waiting, self._retry = chunk, self._now
+        self._try_waiting(self._now)
+        if self._handover.busy or self._plan is None:
+            return self.take_refusal() or statuses.TRACKING
+        return self.take_refusal() or statuses.plan_status(self._plan.report, self._follower.rate)
 
-    def _join(self, chunk: ActionChunk) -> StatusReport:
-        """Follow a valid chunk from here on, if that is safe; what cannot be joined yet waits."""
-        now, self._waiting = self._last_state.time, None
-        self._retry, reference = now + RETRY, self._smoother.state.copy()
+    def take_refusal(self) -> StatusReport | None:
+        """Why the chunk that was accepted last is not followed after all, said once; None if there is nothing."""
+        refusal, self._refusal = self._refusal, None
+        return refusal
+
+    def _try_waiting(self, now: float) -> None:
+        """Ask for a plan of the chunk that is waiting, unless it is over or another plan is on its way."""
+        chunk = self._waiting
+        if chunk is None or self._handover.busy or now < self._retry:
+            return
+        self._waiting = None
+        if chunk.times[-1] > now:
+            self._ask(chunk)
+
+    def _ask(self, chunk: ActionChunk) -> None:
+        """Have a chunk planned from where the robot will be on its plan once the lead is over."""
+        self._retry, ticks = self._now + RETRY, self._handover.ticks
+        if self._standing:
+            self._smoother.reset(hands_as_measured(self.robot, self._smoother.motion.rows))
+        start, due = self._follower.foreseen(ticks), self._now + ticks * self.config.dt
+        if self._standing:
+            start = replace(start, body=self._resting())
         # On its plan, the robot only asks whether there is a quicker one by now.
-        again = chunk is self._chunk and self._is_safe_ahead() and self._follower.trust == 1.0
-        try:
-            start, before = self._start()
-            commanded = HandMotion(self._smoother.motion.rows.copy())
-            plan = self.planner.plan(chunk, now, start, commanded, before)
-        except (InputError, PlanningError) as error:
-            logger.warning("no plan for chunk %d at %.3f s", chunk.seq, now, exc_info=True)
-            self._smoother.state[:] = reference
-            return self._refuse(Reason.PLANNING_FAILED, str(error))
-        if not plan.report.safe or plan.report.hindered:
-            self._waiting = chunk
-        if again and not plan.report.quicker(self.plan_report):
-            self._smoother.state[:] = reference
-            return self.status
-        if not plan.report.safe and self._is_safe_ahead():
-            self._smoother.state[:] = reference
-            return self._refuse(
-                Reason.NOT_JOINED,
-                "no balanced motion leads from here to the chunk yet, so the one before is followed to its end: "
-                "a chunk that begins nearer to the hands, or slower, would be joined at once",
-            )
-        if not plan.report.safe and self._lost():
-            middle, hands = self.planner.optimizer.body.tables.com_stance, self._measured_hands()
-            plan = standing_plan(plan, self.robot, self._last_state.q, middle, hands)
-        self._plan, self._chunk, self._refused = plan, chunk, None
-        self.plan_report = plan.report
-        self._chunk_end = float(chunk.times[-1])
-        self._follower.begin(plan, self._chunk_end - chunk.t_obs)
-        return self._report_plan(plan.report)
+        ahead = self._plan is not None and self._follower.s < self._plan.end
+        again = ahead and chunk is self._chunk and self._follower.trust == 1.0
+        knot = self.config.planner.posture.dt
+        before = None if self._plan is None else rest_of_plan(self._plan, start, knot)
+        self._handover.ask(PlanRequest(chunk, self._now, due, start, before, again))
+        self._exchange(self._now)
 
-    def _is_safe_ahead(self) -> bool:
-        """Whether the present plan is balanced, not over, and near enough to come back to."""
-        plan, far = self._plan, self.config.safety.posture_stop
-        near = self._follower.distance(self._last_state.q) < far
-        return plan is not None and plan.report.safe and self._follower.s < plan.end and near
+    def _exchange(self, now: float) -> None:
+        """Judge a plan that has come, and take one over that is due; a chunk whose plan came too late waits again."""
+        handover, follower = self._handover, self._follower
+        answer = handover.collect(now, self._now)
+        if answer is not None:
+            self._judge_plan(answer)
+        taken = handover.take(self._now, None if self._plan is None else follower.s, follower.rate)
+        if taken is not None:
+            self._take_over(taken)
+        dropped = handover.take_dropped()
+        if dropped is not None:
+            self._waiting, self._retry = self._waiting or dropped, self._now
 
-    def _start(self) -> tuple[BodyState, np.ndarray | None]:
-        """Where the next plan begins, and what the present one would have done from now on.
+    def _judge_plan(self, answer: PlanAnswer) -> None:
+        """Keep a plan for its time, or refuse its chunk."""
+        request, plan = answer.request, answer.plan
+        chunk = request.chunk
+        if plan is None:
+            logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=answer.error)
+            self._refuse_planned(chunk, statuses.refused(Reason.PLANNING_FAILED, str(answer.error)))
+            if self._standing:
+                self._waiting = self._waiting or chunk
+            return
+        support, margin = self.controller.balance.support, self.config.safety.balance_margin
+        balanced = plan.report.safe and ends_at_rest(plan, support, margin)
+        if not balanced or plan.report.hindered:
+            self._waiting = self._waiting or chunk
+        if request.again and not (balanced and plan.report.quicker(self.plan_report)):
+            return
+        if balanced:
+            self._handover.keep(answer)
+        else:
+            self._refuse_planned(chunk, statuses.NOT_JOINED)
 
-        A plan continues the one before, so that nothing jumps; a robot that has left its plan is planned from where it
-        is. The rest of the plan is configurations one step of the posture plan apart.
-        """
+    def _take_over(self, taken: Takeover) -> None:
+        """Follow a plan whose time has come, unless the robot, off its last one, is not where it begins."""
+        begin = taken.plan.trajectory.q[0]
+        if self._standing and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
+            self._waiting, self._retry = self._waiting or taken.chunk, self._now
+            return
+        self._plan, self._chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
+        self.plan_report, self._chunk_end = taken.plan.report, float(taken.chunk.times[-1])
+        last = self._chunk_end - taken.chunk.t_obs
+        self._follower.begin(taken.plan, last, beyond=taken.beyond, share=taken.share)
+
+    def _stand(self) -> None:
+        """Follow no plan: come to rest where the robot is, hands let go of, until there is a plan from there."""
+        support, margin = self.controller.balance.support, self.config.planner.posture.com_margin
+        trajectory = standing_trajectory(self.robot, self._resting().q, support, margin)
+        self._follower.stand(trajectory, hands_at_rest(self.robot, self._last_state.q))
+        self._handover.cancel()
+        self._plan, self._standing = None, True
+        self._waiting, self._retry = self._waiting or self._newest, self._now
+
+    def _resting(self) -> BodyState:
+        """Where the robot comes to rest off any plan."""
         state = self._last_state
-        if self._lost():
-            self._smoother.reset(self._measured_hands())
-            return BodyState(state.q.copy(), state.v.copy()), None
-        if self._plan is None:
-            return self._follower.planned, None
-        track, clock = self._plan.trajectory, self._follower
-        step = clock.rate * self.config.planner.posture.dt
-        s = clock.s + step * np.arange(1.0, 1.0 + (self._plan.end - clock.s) / max(step, 1e-3))
-        return self._follower.planned, track.q[[track.row(x) for x in s]]
+        return BodyState.still(resting_posture(state.q, state.v, self.config.body.posture_kd), self.robot.nv)
 
-    def _measured_hands(self) -> np.ndarray:
-        return hands_as_measured(self.robot, self._smoother.motion.rows)
-
-    def _lost(self) -> bool:
-        """Whether the robot has left its plan."""
-        return self._follower.distance(self._last_state.q) > self.config.safety.posture_lost
-
-    def step(self, state: RobotState) -> JointCommand:
+    def step(self, state: RobotState, now: float | None = None) -> JointCommand:
         """Command for one control period.
+
+        Args:
+            state: As measured; one that cannot be used is bridged along the plan, with the reason in `status`.
+            now: Present time on the clock of the states [s]; the state's own if not given.
 
         Raises:
             StateError: Before the first `reset`.
         """
         follower = self._following()
-        try:
-            check_state(state, self.robot.n_joints)
-        except InputError as error:
-            self.status = StatusReport(Status.HOLD, Reason.STATE_INVALID, str(error))
-            return held_command(self._last_command, self._last_state.time)
-        self._last_state = state
+        if now is None:
+            now = state.time if np.isfinite(state.time) else self._now + self.config.dt
+        elapsed = max(now - self._now, 0.0)
+        state, fault = self._monitor.usable(state, now, elapsed, self.last_tick)
         if self._fallen or has_lost_standing(state):
-            self._fallen = True
-            self.status = StatusReport(
-                Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped"
-            )
+            self._fallen, self._now, self._last_state = True, now, state
+            self._handover.cancel()
+            self.status = statuses.STANDING_LOST
             return damping_command(self.spec, self.robot, state)
-        if follower.trust < 1.0 and self._waiting is None:
-            self._waiting = self._chunk
-        if self._waiting is not None and state.time >= self._retry:
-            self._try_again()
-        self._last_command, self.last_tick = self.controller.step(state, follower.reference(state.q))
+        self._exchange(now)
+        if follower.trust < 1.0 and self._chunk is not None and not self._standing:
+            self._stand()
+        self._try_waiting(self._now)
+        self._last_state, self._now = state, max(now, self._now)
+        allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0
+        reference = follower.reference(state.q, elapsed, allowed=allowed)
+        command, self.last_tick = self.controller.step(state, reference)
         self._judge()
-        return self._last_command
-
-    def _try_again(self) -> None:
-        """Join the chunk that is waiting, unless it is over."""
-        if self._waiting.times[-1] > self._last_state.time:
-            self._join(self._waiting)
-        else:
-            self._waiting = None
+        self.status = fault or self.status
+        return command
 
     def _judge(self) -> None:
         """Status after a tick, worst first."""
         if self.last_tick.level is TickLevel.FAILED:
-            self.status = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
+            self.status = statuses.FAILED
         elif self.last_tick.level is TickLevel.NO_HANDS:
-            self.status = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
+            self.status = statuses.NO_HANDS
+        elif self._standing:
+            self.status = statuses.OFF_PLAN
         elif self._plan is None:
-            self.status = self._refused or NO_CHUNK
-        elif self._follower.s > self._plan.end or self._last_state.time > self._chunk_end + 0.5:
-            self.status = self._refused or STARVED
+            self.status = self._refused or statuses.NO_CHUNK
+        elif self._follower.s > self._plan.end or self._now > self._chunk_end + 0.5:
+            self.status = self._refused or statuses.STARVED
         else:
-            self._report_plan(self._plan.report.at(self._follower.s))
+            self.status = self._refused or statuses.plan_status(
+                self._plan.report.at(self._follower.s), self._follower.rate
+            )
 
-    def _report_plan(self, report: PlanReport) -> StatusReport:
-        """Status while a plan is followed: of a chunk that was taken all that it needs, of a tick what is done then."""
-        if self._refused is not None:
-            self.status = self._refused
-        elif report.lift.any():
-            detail = f"the hands were to go into the floor: targets lifted by {report.lift.max():.3f} m"
-            self.status = StatusReport(Status.SLOWED, Reason.INTO_FLOOR, detail)
-        elif report.implausible or (report.smoothed and not report.reasons):
-            detail = f"steps scatter: followed the curve through them in {', '.join(report.smoothed)}"
-            self.status = StatusReport(Status.SLOWED, Reason.NOISY_CHUNK, detail)
-        elif report.reasons:
-            moved = max(float(report.clamped.max()), report.projected)
-            detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
-            self.status = StatusReport(Status.SLOWED, report.reasons[0], detail)
-        elif self._follower.rate < 0.98:
-            detail = f"slowed to {self._follower.rate:.2f} of chunk speed"
-            self.status = StatusReport(Status.SLOWED, Reason.TRACKING, detail)
-        else:
-            self.status = TRACKING
-        return self.status
+    def _refuse(self, refusal: StatusReport) -> StatusReport:
+        self._refused = self.status = refusal
+        return refusal
 
-    def _refuse(self, reason: Reason, detail: str) -> StatusReport:
-        self._refused = self.status = StatusReport(Status.HOLD, reason, detail)
-        return self.status
+    def _refuse_planned(self, chunk: ActionChunk, refusal: StatusReport) -> None:
+        """Refuse a chunk that had been accepted: the one that is followed counts as the last one again."""
+        self._refuse(refusal)
+        if chunk is self._newest:
+            self._newest, self._refusal = self._chunk, refusal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.config import START_MAX
-from wholebody.episode.run import EpisodeResult
+from wholebody.episode.result import EpisodeResult
 from wholebody.verdict_config import VerdictConfig
 
 APPROACH_NEAR, APPROACH_FAR = 1.0, 2.5

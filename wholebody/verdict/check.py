@@ -13,7 +13,8 @@ from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
 from wholebody.config_bounds import require_run
-from wholebody.episode.run import Cameras, EpisodeConfig, EpisodeResult, run_episode
+from wholebody.episode.result import EpisodeResult
+from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from wholebody.episode.run import EpisodeResult
+from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.violations import Severity, Violation, violations

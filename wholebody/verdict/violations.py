@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from wholebody.config import START_MAX
-from wholebody.episode.run import EpisodeResult
+from wholebody.episode.result import EpisodeResult
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, Status
 from wholebody.verdict.approach import approach_steps

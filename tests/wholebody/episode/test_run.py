@@ -219,7 +219,7 @@ def test_what_decoding_notes_of_a_chunk_reaches_the_verdict(robot):
     policy = scripted_policy("wave")
     answer = policy.infer
     policy.infer = lambda observation: dataclasses.replace(answer(observation), notes=("left_hand: 2 numbers clipped",))
-    result = run_episode(policy, *robot, duration=0.05, config=EpisodeConfig(settle=0.1, hold=0.0))
+    result = run_episode(policy, *robot, duration=0.3, config=EpisodeConfig(settle=0.1, hold=0.0))
     (violation,) = judge("wave", result).violations
     assert (violation.code, violation.subject) == (Reason.CHUNK_NOTE, "left_hand: 2 numbers clipped")
     assert violation.time == pytest.approx(0.1)

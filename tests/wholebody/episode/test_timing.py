@@ -9,7 +9,7 @@ import pytest
 from policy.executor.report import Delivery, ExecutionReport
 from tests.support.commands import wholebody
 from wholebody.episode.chunk_seams import ChunkSeam
-from wholebody.episode.run import EpisodeResult
+from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.resources import verdict_schema
 

@@ -10,8 +10,10 @@ from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import scripted_policy
 from tests.support.reference_motions import row_at, step
+from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.episode.run import observe
+from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.trajectory import SampledTrajectory
@@ -27,7 +29,7 @@ DT = 0.002
 @pytest.fixture(scope="module")
 def planned():
     """A supervisor, the state it stands in, a plan of half a second and the parameter of the chunk's last step."""
-    supervisor = Supervisor(SPEC)
+    supervisor = Supervisor(SPEC, ControllerConfig(planning=PlanningConfig(lead=0.0)))
     state = RobotState(0.0, stance_q(SPEC, supervisor.robot.model), np.zeros(supervisor.robot.nv))
     supervisor.reset(state)
     policy = scripted_policy("wave")
@@ -157,3 +159,54 @@ def test_a_configuration_in_single_precision_is_read_as_what_it_is(planned):
     one = follower(planned)
     one.reference(planned[1].q.astype(np.float32))
     assert planned[0].controller.palms[0].share == 1.0
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_what_is_foreseen_is_what_is_followed_then(planned, interpret):
+    one, state = follower(planned, interpret=interpret), planned[1]
+    one.begin(planned[2], planned[3])
+    one.reference(state.q)
+    ticks = 5 if interpret else 50
+    foreseen = one.foreseen(ticks)
+    for _ in range(ticks):
+        one.reference(state.q)
+    reached = one.foreseen(0)
+    assert (one.rate, abs(foreseen.s - one.s) < 1e-12) == (1.0, True)
+    np.testing.assert_allclose(foreseen.hands.rows, reached.hands.rows, atol=1e-12)
+    np.testing.assert_allclose(foreseen.body.q, reached.body.q, atol=1e-12)
+    np.testing.assert_allclose(foreseen.body.v, reached.body.v, atol=1e-12)
+
+
+def test_a_plan_follows_time_and_not_ticks(planned):
+    state, one, other = planned[1], follower(planned), follower(planned)
+    for it in (one, other):
+        it.begin(planned[2], planned[3])
+    for k in range(60):
+        one.reference(state.q)
+        if k % 3 == 2:  # two ticks in three are lost
+            other.reference(state.q, 3 * DT)
+    assert abs(one.s - other.s) < 1e-3
+    assert one.reference(state.q, 0.0).row[0] == one.row[0]
+    before = one.s
+    one.reference(state.q, 0.0)
+    assert one.s == before
+
+
+def test_a_plan_is_taken_over_beyond_its_start_and_below_its_speed(planned):
+    one = follower(planned)
+    one.begin(planned[2], planned[3], beyond=0.01, share=0.5)
+    assert (one.s, one.rate) == (planned[2].start + 0.01, 0.5 * planned[2].rate)
+
+
+def test_off_any_plan_the_hands_are_let_go_of_and_one_posture_is_held(planned):
+    one, state = follower(planned), planned[1]
+    one.begin(planned[2], planned[3])
+    for _ in range(20):
+        one.reference(state.q)
+    trajectory, _, rows = beginning(planned)
+    one.stand(trajectory, rows)
+    row = one.reference(state.q).row
+    assert planned[0].controller.palms[0].share == TRUST_MIN
+    np.testing.assert_allclose(row[96:139][:29], state.q[7:36], atol=0.5)
+    assert not row[139:].reshape(2, -1)[:, :12].any(), "legs rest"
+    assert one.foreseen(10).rate == 0.0

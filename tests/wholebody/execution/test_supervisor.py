@@ -7,6 +7,7 @@ import pytest
 
 from models.g1 import g1
 from policy.scripted.library import reach, scripted_policy
+from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.errors import PlanningError, StateError
 from wholebody.execution.supervisor import RETRY, Supervisor
@@ -16,8 +17,9 @@ from wholebody.types import RobotState, Status
 
 @pytest.fixture(scope="module")
 def loop():
+    """Planned at once: what happens meanwhile is tested in `test_handover.py`."""
     spec = g1()
-    return Supervisor(spec), MujocoPlant(spec)
+    return Supervisor(spec, ControllerConfig(planning=PlanningConfig(lead=0.0))), MujocoPlant(spec)
 
 
 def start(loop):
@@ -74,7 +76,7 @@ def test_a_chunk_whose_end_has_passed_leaves_the_robot_holding_it(loop):
     assert (supervisor.status.status, supervisor.status.reason) == (Status.HOLD, "starved")
 
 
-def test_no_balanced_plan_at_all_is_said(loop, monkeypatch):
+def test_a_plan_that_is_not_balanced_is_never_taken_and_the_stance_is_held(loop, monkeypatch):
     supervisor, _, state = start(loop)
     planned = supervisor.planner.plan
 
@@ -84,7 +86,8 @@ def test_no_balanced_plan_at_all_is_said(loop, monkeypatch):
 
     monkeypatch.setattr(supervisor.planner, "plan", unsafe)
     status = supervisor.accept(chunk_at(supervisor, state))
-    assert (status.status, status.reason) == (Status.SLOWED, "posture_infeasible")
+    assert (status.status, status.reason) == (Status.HOLD, "not_joined")
+    assert supervisor.plan_report is None
 
 
 def test_a_hand_that_is_held_back_slows_the_chunk_down(loop):
@@ -234,18 +237,18 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
         raise PlanningError("no steps were found")
 
     monkeypatch.setattr(supervisor.planner, "plan", fails)
-    # A robot that is far from its plan is planned anew from where it is.
-    monkeypatch.setattr(type(supervisor._follower), "distance", lambda *_: 1.0)
-    monkeypatch.setattr(type(supervisor._follower), "trust", 0.5)
     before = supervisor._smoother.state.copy()
     status = supervisor.accept(replace(chunk, t_obs=state.time, seq=chunk.seq + 1))
     assert (status.status, status.reason) == (Status.HOLD, "planning_failed")
     assert caplog.records[0].name == "wholebody.execution.supervisor"
     assert caplog.records[0].exc_info[0] is PlanningError, "the log has the traceback"
     np.testing.assert_array_equal(supervisor._smoother.state, before)
-    for _ in range(120):
+    # A robot that is far from its plan stands, and is planned anew from where it is.
+    monkeypatch.setattr(type(supervisor._follower), "trust", 0.5)
+    for _ in range(220):
         state = plant.step(supervisor.step(state))
-    assert len(calls) == 2
+    assert supervisor.status.reason == "off_plan"
+    assert 3 <= len(calls) <= 4
 
 
 def test_an_error_in_the_arithmetic_of_planning_is_not_taken_for_a_chunk_without_a_plan(loop, monkeypatch):
@@ -274,8 +277,8 @@ def test_a_state_that_is_not_finite_at_the_first_tick_leaves_the_stance_held(loo
     supervisor, _, state = start(loop)
     command = supervisor.step(RobotState(state.time, np.full_like(state.q, np.nan), state.v))
     assert (supervisor.status.status, supervisor.status.reason) == (Status.HOLD, "state_invalid")
-    np.testing.assert_allclose(command.q, state.q[7:][supervisor.robot.pin_to_motor])
-    assert not command.dq.any()
+    np.testing.assert_allclose(command.q, state.q[7:][supervisor.robot.pin_to_motor], atol=1e-4)
+    assert np.abs(command.dq).max() < 0.05
 
 
 def test_the_way_to_a_chunk_that_begins_elsewhere_is_tried_quicker_once_the_robot_can(loop, monkeypatch):

@@ -9,6 +9,7 @@ from models.g1 import g1
 from policy.geometry.rotations import angle_between, rotvec_to_matrix
 from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
+from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.smoothing import denoised, smooth
@@ -132,7 +133,7 @@ def test_short_chunks_pass(steps):
 
 def test_a_supervisor_follows_the_curve_and_says_so():
     plant = MujocoPlant(g1())
-    supervisor = Supervisor(plant.spec)
+    supervisor = Supervisor(plant.spec, ControllerConfig(planning=PlanningConfig(lead=0.0)))
     state = plant.reset()
     supervisor.reset(state)
     policy = scripted_policy("wave")

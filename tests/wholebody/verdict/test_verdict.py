@@ -9,7 +9,7 @@ import pytest
 
 from policy.executor.report import ExecutionReport
 from wholebody.config_file import config_from
-from wholebody.episode.run import EpisodeResult, Note, Refusal
+from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import PalmErrors
 from wholebody.errors import ConfigError
 from wholebody.resources import verdict_schema

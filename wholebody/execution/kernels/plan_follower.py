@@ -35,6 +35,7 @@ SETTINGS = record(
 CLOCK = record(
     ("s",), ("rate",), ("change",),  # path parameter [s] and its derivatives [1, 1/s]
     ("elapsed",), ("travelled",),  # time spent on chunks, and chunk time covered [s]
+    ("share",),  # of the planned speed that the last tick allowed, 0 to 1
     ("trust",),  # in the hands, 0 to 1
 )  # fmt: skip
 """What goes on from tick to tick beside the smoother."""
@@ -74,7 +75,7 @@ class Body(NamedTuple):
     weights: np.ndarray  # (n_joints,) how much each joint's distance from the plan counts
 
 
-def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
+def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row, elapsed, allowed):
     """One tick: advance clock and smoother in place, and write the reference.
 
     Args:
@@ -87,26 +88,42 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row):
         com_velocity: Its velocity (3,).
         palms: Palm points in world at the last tick (2, 3).
         row: The reference of the last tick, replaced by that of this one (row_length,).
+        elapsed: Time since the last tick [s]; 0 leaves clock and smoother as they are.
+        allowed: Largest share of the planned speed, 0 to 1.
     """
-    settings, now, target = plan.settings[0], clock[0], smoothing.target
-    rate = 0.0
-    if settings.moving > 0.0:
-        share = min(tracking_share(settings, row, palms), balance_share(settings, body.edges, com, com_velocity))
-        now.s, now.rate, now.change = advanced(now.s, now.rate, now.change, settings.dt, settings.plan_rate * share)
-        path_row(plan.left, now.s, target[0])
-        path_row(plan.right, now.s, target[1])
-        for i in range(2):
-            scale(target[i], now.rate, now.change)
-        rate = now.rate
-        if now.s < settings.last_step:
-            now.elapsed += settings.dt
-            now.travelled += settings.dt * rate
-    smoother_step(smoothing.state, target, smoothing.limits, settings.dt)
+    settings, now = plan.settings[0], clock[0]
+    tracking = tracking_share(settings, row, palms)
+    now.share = min(allowed, tracking, balance_share(settings, body.edges, com, com_velocity))
+    ticks = 0 if elapsed <= 0.0 else max(round(elapsed / settings.dt), 1)
+    run(plan, now, smoothing, ticks, elapsed / max(ticks, 1))
     for i in range(2):
         palm(smoothing.state[i].motion, smoothing.offsets[i], row[PALM * i : PALM * i + PALM])
+    rate = now.rate if settings.moving > 0.0 else 0.0
     follow_trajectory(plan.trajectory[nearest(settings, now.s, plan.trajectory.shape[0])], rate, row)
     follow_fingers(smoothing.state, body.fingers, row)
     now.trust = trust(settings, q, row, body.weights)
+
+
+def foresee(plan, clock, smoothing, ticks):
+    """Advance copies of clock and smoother by control periods, as `follow` will if the speed stays allowed."""
+    run(plan, clock[0], smoothing, ticks, plan.settings[0].dt)
+
+
+def run(plan, now, smoothing, ticks, dt):
+    """Advance the clock ``now`` and the smoother by a number of steps of ``dt`` [s] each."""
+    settings, target = plan.settings[0], smoothing.target
+    for _ in range(ticks):
+        if settings.moving > 0.0:
+            wanted = settings.plan_rate * now.share
+            now.s, now.rate, now.change = advanced(now.s, now.rate, now.change, dt, wanted)
+            path_row(plan.left, now.s, target[0])
+            path_row(plan.right, now.s, target[1])
+            for i in range(2):
+                scale(target[i], now.rate, now.change)
+            if now.s < settings.last_step:
+                now.elapsed += dt
+                now.travelled += dt * now.rate
+        smoother_step(smoothing.state, target, smoothing.limits, dt)
 
 
 def tracking_share(settings, row, palms):

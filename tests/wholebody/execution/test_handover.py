@@ -1,0 +1,187 @@
+"""Strategy: the real planner, controller and plant with the default lead; time goes on while plans are computed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.g1 import g1
+from policy.scripted.library import scripted_policy
+from wholebody.config import ControllerConfig, PlanningConfig, SafetyConfig
+from wholebody.episode.run import observe
+from wholebody.errors import PlanningError
+from wholebody.execution.background_planner import PlanAnswer, PlanRequest
+from wholebody.execution.handover import Handover, ends_at_rest
+from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import Status
+
+SPEC = g1()
+LEAD = PlanningConfig().lead
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return MujocoPlant(SPEC)
+
+
+@pytest.fixture(scope="module")
+def supervisor():
+    return Supervisor(SPEC)
+
+
+def begin(supervisor, plant):
+    state = plant.reset()
+    supervisor.reset(state)
+    return state
+
+
+def wave(supervisor, state, seq=0):
+    policy = scripted_policy("wave")
+    policy.reset()
+    return replace(policy.infer(observe(SPEC, supervisor, state)), seq=seq)
+
+
+def run(supervisor, plant, state, seconds):
+    for _ in range(round(seconds / plant.control_dt)):
+        state = plant.step(supervisor.step(state))
+    return state
+
+
+def test_a_plan_takes_over_exactly_when_its_lead_is_over_and_nothing_jumps(supervisor, plant):
+    state = begin(supervisor, plant)
+    status = supervisor.accept(wave(supervisor, state), state.time)
+    assert status.status is Status.TRACKING
+    state = run(supervisor, plant, state, LEAD)
+    assert supervisor.chunk is None
+    assert supervisor.status.reason == "no_chunk"
+    before = supervisor.palm_reference()["right"]
+    state = run(supervisor, plant, state, 0.004)
+    assert supervisor.chunk.seq == 0
+    assert supervisor.plan_report.steps[0] == pytest.approx(LEAD)
+    assert np.abs(supervisor.palm_reference()["right"] - before).max() < 1e-5
+    late = replace(wave(supervisor, state, seq=1), t_obs=state.time)
+    supervisor.accept(late, state.time)
+    begun, poses = None, []
+    for _ in range(80):
+        state = run(supervisor, plant, state, 0.002)
+        poses.append(supervisor.palm_reference()["right"][:3, 3])
+        if begun is None and supervisor.chunk.seq == 1:
+            begun = len(poses)
+    assert begun == pytest.approx(LEAD / 0.002, abs=2)
+    jerks = np.diff(poses, 3, axis=0)
+    assert np.abs(jerks[begun - 5 : begun + 3]).max() < 2e-6, "400 m/s^3 are 3e-6 m in three ticks"
+
+
+def test_chunks_that_come_faster_than_plans_are_followed_all_the_same(supervisor, plant):
+    state, seen = begin(supervisor, plant), set()
+    for seq in range(8):
+        supervisor.accept(replace(wave(supervisor, state, seq), t_obs=state.time), state.time)
+        state = run(supervisor, plant, state, 0.06)
+        seen.add(None if supervisor.chunk is None else supervisor.chunk.seq)
+    assert len(seen - {None}) >= 3
+    assert supervisor.late_plans == 0
+
+
+def test_a_plan_that_is_late_is_dropped_and_asked_for_with_twice_the_lead(plant):
+    late = Supervisor(SPEC, ControllerConfig(planning=PlanningConfig(factor=1.5)))
+    state = begin(late, plant)
+    late.accept(wave(late, state), state.time)
+    state = run(late, plant, state, 0.3)
+    assert late.chunk is None
+    run(late, plant, state, 0.1)
+    assert late.late_plans == 1
+    assert late.chunk is not None
+    assert late.plan_report.steps[0] == pytest.approx(0.35, abs=0.005)
+
+
+def test_a_planner_that_is_always_late_asks_at_most_the_longest_lead_ahead(plant):
+    late = Supervisor(SPEC, ControllerConfig(planning=PlanningConfig(factor=30.0)))
+    state = begin(late, plant)
+    late.accept(wave(late, state), state.time)
+    for _ in range(5):
+        late._handover._planner._done = state.time + late._handover.lead + 0.02
+        state = run(late, plant, state, late._handover.lead + 0.03)
+    assert late._handover.lead == PlanningConfig().lead_max
+    assert late.status.status is Status.HOLD
+
+
+def test_what_speaks_against_a_chunk_once_it_is_planned_is_said_once(supervisor, plant, monkeypatch):
+    state = begin(supervisor, plant)
+
+    def fails(*_, **__):
+        raise PlanningError("no steps were found")
+
+    monkeypatch.setattr(supervisor.planner, "plan", fails)
+    supervisor.accept(wave(supervisor, state), state.time)
+    assert supervisor.take_refusal() is None
+    run(supervisor, plant, state, LEAD + 0.004)
+    refusal = supervisor.take_refusal()
+    assert (refusal.reason, refusal.detail) == ("planning_failed", "no steps were found")
+    assert supervisor.take_refusal() is None
+    assert supervisor.status.reason == "planning_failed"
+
+
+def test_a_chunk_is_judged_by_the_true_time_and_not_by_that_of_the_last_tick(supervisor, plant):
+    state = begin(supervisor, plant)
+    chunk = replace(wave(supervisor, state), t_obs=0.4)
+    assert supervisor.accept(chunk).reason == "chunk_from_future"
+    assert supervisor.accept(chunk, 0.4).status is Status.TRACKING
+
+
+def test_only_a_plan_that_ends_at_rest_and_balanced_is_taken(supervisor, plant):
+    state = begin(supervisor, plant)
+    supervisor.accept(wave(supervisor, state), state.time)
+    run(supervisor, plant, state, LEAD + 0.004)
+    plan, support = supervisor._plan, supervisor.controller.balance.support
+    assert ends_at_rest(plan, support, 0.02)
+    trajectory = plan.trajectory
+    for name, value in (("v", 0.3), ("q", np.nan), ("com", 0.2)):
+        changed = getattr(trajectory, name).copy()
+        changed[..., -1, :] += value
+        assert not ends_at_rest(replace(plan, trajectory=replace(trajectory, **{name: changed})), support, 0.02), name
+
+
+class Slow:
+    """Takes what it is given; plans in no time."""
+
+    def submit(self, request):
+        self.request = request
+
+
+def test_a_robot_that_is_slower_than_foreseen_takes_the_plan_over_where_it_begins(supervisor, plant):
+    state = begin(supervisor, plant)
+    supervisor.accept(wave(supervisor, state), state.time)
+    run(supervisor, plant, state, LEAD + 0.004)
+    handover = Handover(Slow(), PlanningConfig(), 0.002)
+    start = supervisor._follower.foreseen(50)
+    answer = PlanAnswer(PlanRequest(supervisor.chunk, 1.0, 1.1, start), supervisor._plan)
+    handover.keep(answer)
+    assert handover.take(1.05, start.s, 1.0) is None, "it is not due"
+    assert handover.take(1.1, start.s - 0.01, 0.5) is None, "the robot is not there"
+    taken = handover.take(1.12, start.s + 0.001, 0.5)
+    assert taken.share == 0.5
+    assert taken.beyond == pytest.approx(0.001)
+    handover.keep(answer)
+    assert handover.take(1.21, start.s - 0.01, 0.0) is None
+    assert handover.take_dropped() is supervisor.chunk
+    assert not handover.busy
+
+
+def test_a_robot_off_its_plan_stands_until_a_plan_from_there_comes(plant):
+    config = ControllerConfig(safety=SafetyConfig(posture_slow=0.03))
+    supervisor = Supervisor(SPEC, config)
+    state = begin(supervisor, plant)
+    supervisor.accept(wave(supervisor, state), state.time)
+    state = run(supervisor, plant, state, 0.2)
+    plant.push("torso_link", np.array([60.0, 0.0, 0.0]), start=state.time, duration=0.1)
+    seen = []
+    for _ in range(400):
+        state = run(supervisor, plant, state, 0.002)
+        reason = supervisor.status.reason
+        if not seen or seen[-1] != reason:
+            seen.append(reason)
+    assert "off_plan" in seen
+    assert supervisor.status.status is not Status.DAMPING
+    assert seen[-1] != "off_plan", "it has joined the chunk again"
+    assert abs(state.q[2] - SPEC.stance.base_position[2]) < 0.02

@@ -1,0 +1,93 @@
+"""What is measured in every control period of an episode, and where a plan is taken over."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from policy.executor.executor import Executor
+from wholebody.episode.chunk_seams import SeamMeter
+from wholebody.episode.result import EpisodeResult, Note, Refusal
+from wholebody.episode.tracking_error import TrackingError, start_jump
+from wholebody.execution.supervisor import Supervisor
+from wholebody.planning.plan import PlanReport
+from wholebody.robot.standing import pelvis_tilt
+from wholebody.sim.fall import detect_fall
+from wholebody.sim.limit_monitor import LimitMonitor
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import Reason, RobotState, Status, StatusReport
+
+
+class Meters:
+    """What is measured in an episode."""
+
+    def __init__(self, supervisor: Supervisor, plant: MujocoPlant, executor: Executor, start: float) -> None:
+        free = executor.policy.spec.orientation_free
+        self.result = EpisodeResult(start=start, execution=executor.report, orientation_free=free)
+        self._score = TrackingError(supervisor)
+        self._seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
+        self._plan: PlanReport | None = None
+        self._palms = supervisor.palm_reference()
+
+    def offered(self, chunk: ActionChunk, executor: Executor) -> None:
+        """Take note of a chunk that the supervisor gets."""
+        self.result.fps = chunk.fps
+        self.result.notes += [Note(executor.clock.now(), text) for text in chunk.notes]
+
+    def refused(self, answer: StatusReport | None, executor: Executor) -> None:
+        """Tell the executor where the supervisor does not follow its chunk."""
+        if answer is not None and answer.status is Status.HOLD and answer.reason:
+            executor.refused(answer.reason, answer.detail)
+
+    def commanded(self, supervisor: Supervisor, now: float) -> dict[str, np.ndarray]:
+        """Take note of what is commanded now [s]; the palm poses (4, 4), by side."""
+        if supervisor.plan_report is not self._plan:
+            self._plan = supervisor.plan_report
+            self._taken_over(supervisor, now)
+        self._palms = supervisor.palm_reference()
+        self._seams.add(self._palms)
+        return self._palms
+
+    def _taken_over(self, supervisor: Supervisor, now: float) -> None:
+        """A plan was taken over: what it changes in the chunk."""
+        result, chunk, report = self.result, supervisor.chunk, self._plan
+        if self._score.empty:
+            due = chunk.t_obs + float(report.steps[0])
+            result.start_jump = start_jump(chunk, due, self._palms, supervisor.spec)
+        self._seams.mark(now)
+        self._score.follow(chunk, report)
+        if report.slowdown > result.slowdown:
+            result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
+
+    def after(
+        self, supervisor: Supervisor, plant: MujocoPlant, state: RobotState, palms: dict[str, np.ndarray]
+    ) -> None:
+        """Take note of the state that it led to."""
+        self._limits.look(state.time)
+        _count(self.result, supervisor, plant, state)
+        self._score.measure(state, palms, supervisor.status.reason)
+
+    def finish(self, supervisor: Supervisor) -> EpisodeResult:
+        """The result with what was collected along the way."""
+        result, score, limits = self.result, self._score, self._limits
+        result.time_factor, result.stitches = supervisor.time_factor, self._seams.stitches
+        result.palms = score.result()
+        result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
+        result.margin, result.creep = limits.margin, limits.creep
+        faults = (event for event in result.execution.events if event.code != Reason.STARVED)
+        result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
+        return result
+
+
+def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:
+    status = supervisor.status
+    for counts, key in ((result.seconds, status.status.value), (result.reasons, status.reason)):
+        if key:
+            counts[key] = counts.get(key, 0.0) + plant.control_dt
+    if status.reason:
+        result.first_reasons.setdefault(status.reason, (state.time, status.detail))
+    for pair in plant.contacts():
+        own = all(plant.is_robot(body) for body in pair)
+        (result.contacts if own else result.scene_contacts).setdefault(pair, state.time)
+    result.tilt = max(result.tilt, pelvis_tilt(state))
+    result.fall = detect_fall(plant, state, status.status)

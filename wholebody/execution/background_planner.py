@@ -1,0 +1,155 @@
+"""Who plans beside the control loop: a simulation of it, whose plans come when simulated time says so, or a thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from queue import Empty, SimpleQueue
+from threading import Thread
+from time import thread_time
+from typing import Protocol
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from wholebody.config import PlanningConfig
+from wholebody.errors import ConfigError, InputError, PlanningError
+from wholebody.execution.plan_follower import Foreseen
+from wholebody.planning.plan import ChunkPlan
+
+EARLY = 1e-9
+"""Rounding of times that are sums of control periods [s]."""
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """A plan that is wanted.
+
+    Attributes:
+        chunk: A valid chunk.
+        asked: When it is asked for [s].
+        due: When it is to take over [s].
+        start: What will be followed then.
+        before: Configurations of the present plan from then on, one knot apart, shape (k, nq), or None.
+        again: Whether the chunk is being followed already, and only a quicker plan is of use.
+    """
+
+    chunk: ActionChunk
+    asked: float
+    due: float
+    start: Foreseen
+    before: np.ndarray | None = None
+    again: bool = False
+
+
+@dataclass(frozen=True)
+class PlanAnswer:
+    """What became of a request: a plan, or the error that there was instead."""
+
+    request: PlanRequest
+    plan: ChunkPlan | None = None
+    error: Exception | None = None
+
+
+Compute = Callable[[PlanRequest], ChunkPlan]
+"""Plans; raises `PlanningError` or `InputError` where there is no plan."""
+
+
+class BackgroundPlanner(Protocol):
+    """Takes requests, one at a time, and hands out answers without ever waiting."""
+
+    def submit(self, request: PlanRequest) -> None:
+        """Begin to plan; what was asked for before is not wanted any more."""
+
+    def poll(self, now: float) -> PlanAnswer | None:
+        """The answer to the last request, once, if it is there at this time [s]."""
+
+    def close(self) -> None:
+        """End; what is being planned is not wanted any more."""
+
+
+class SimulatedPlanner:
+    """Plans when asked, and hands the plan out after a simulated time.
+
+    Errors of arithmetic are raised where they happen: they are mistakes of ours.
+
+    Args:
+        compute: Plans.
+        config: How long it takes.
+    """
+
+    def __init__(self, compute: Compute, config: PlanningConfig) -> None:
+        if config.latency not in ("fixed", "measured"):
+            raise ConfigError(f"planning.latency is '{config.latency}'; it must be 'fixed' or 'measured'")
+        self._compute, self._config = compute, config
+        self._answer: PlanAnswer | None = None
+        self._done = inf
+
+    def submit(self, request: PlanRequest) -> None:
+        """Plan now; the answer is there once its time has passed."""
+        begin = thread_time()
+        try:
+            self._answer = PlanAnswer(request, plan=self._compute(request))
+        except (InputError, PlanningError) as error:
+            self._answer = PlanAnswer(request, error=error)
+        took = thread_time() - begin if self._config.latency == "measured" else self._config.lead
+        self._done = request.asked + self._config.factor * took
+
+    def poll(self, now: float) -> PlanAnswer | None:
+        """The answer, if its simulated time has passed."""
+        if self._answer is None or now < self._done - EARLY:
+            return None
+        answer, self._answer = self._answer, None
+        return answer
+
+    def close(self) -> None:
+        """Forget the answer."""
+        self._answer = None
+
+
+class ThreadPlanner:
+    """Plans in a thread of its own, on the wall clock. Compiled planning holds no interpreter lock, the rest does.
+
+    Whatever goes wrong there, the control loop goes on: any error is an answer.
+
+    Args:
+        compute: Plans; called by the thread only.
+    """
+
+    def __init__(self, compute: Compute) -> None:
+        self._compute = compute
+        self._requests: SimpleQueue[PlanRequest | None] = SimpleQueue()
+        self._answers: SimpleQueue[PlanAnswer] = SimpleQueue()
+        self._wanted: PlanRequest | None = None
+        self._thread = Thread(target=self._work, name="planner", daemon=True)
+        self._thread.start()
+
+    def submit(self, request: PlanRequest) -> None:
+        """Hand a request to the thread, which begins as soon as it is done with the one before."""
+        self._wanted = request
+        self._requests.put(request)
+
+    def poll(self, now: float) -> PlanAnswer | None:
+        """The answer to the last request if the thread has it; earlier ones are dropped."""
+        try:
+            while (answer := self._answers.get_nowait()).request is not self._wanted:
+                pass
+        except Empty:
+            return None
+        return answer
+
+    def close(self) -> None:
+        """Let the thread end after what it is doing."""
+        self._wanted = None
+        self._requests.put(None)
+
+    def _work(self) -> None:
+        while (request := self._requests.get()) is not None:
+            if request is not self._wanted:
+                continue
+            try:
+                answer = PlanAnswer(request, plan=self._compute(request))
+            except Exception as error:  # noqa: BLE001 - the robot must not fall because of it; the supervisor logs it
+                answer = PlanAnswer(request, error=error)
+            self._answers.put(answer)

@@ -1,0 +1,158 @@
+"""From one plan to the next: asked for ahead of time, taken over exactly when it is due, dropped if it is late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from wholebody.config import PlanningConfig
+from wholebody.execution.background_planner import BackgroundPlanner, PlanAnswer, PlanRequest
+from wholebody.execution.plan_follower import Foreseen
+from wholebody.planning.plan import ChunkPlan
+from wholebody.robot.support_polygon import SupportPolygon
+
+REST_SPEED = 0.05
+"""Speed of any joint or the base below which a plan ends at rest [rad/s, m/s]."""
+WAIT = 0.1
+"""Time for which a plan waits for a robot that is slower along the present one than was foreseen [s]."""
+RATE_MIN = 0.05
+"""Speed along a plan below which it is as good as at rest."""
+SAME = 1e-6
+"""Difference of two parameters that is rounding [s]."""
+
+
+@dataclass(frozen=True)
+class Takeover:
+    """A plan that takes over now.
+
+    Attributes:
+        chunk: What it follows.
+        plan: The plan.
+        beyond: How far past its start it is taken over [s].
+        share: Of its speed at which it is taken over: that of the foreseen speed that the robot has.
+    """
+
+    chunk: ActionChunk
+    plan: ChunkPlan
+    beyond: float
+    share: float
+
+
+class Handover:
+    """The plan that is being computed, and the one that waits for its time.
+
+    Args:
+        planner: Plans beside the control loop.
+        config: When plans are asked for.
+        dt: Control period [s].
+
+    Attributes:
+        lead: Time from asking for a plan to the instant at which it takes over [s].
+        late: How many plans came too late since the reset.
+    """
+
+    def __init__(self, planner: BackgroundPlanner, config: PlanningConfig, dt: float) -> None:
+        self._planner, self._config, self._dt = planner, config, dt
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self.lead, self.late = self._config.lead, 0
+        self.cancel()
+
+    def cancel(self) -> None:
+        """Nothing is wanted any more."""
+        self._asked: PlanRequest | None = None
+        self._ready: PlanAnswer | None = None
+        self._dropped: ActionChunk | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a plan is being computed or waits for its time."""
+        return self._asked is not None or self._ready is not None
+
+    @property
+    def ticks(self) -> int:
+        """Control periods from asking to taking over."""
+        return round(self.lead / self._dt)
+
+    def ask(self, request: PlanRequest) -> None:
+        """Have a plan computed."""
+        self._asked = request
+        self._planner.submit(request)
+
+    def collect(self, now: float, followed: float) -> PlanAnswer | None:
+        """What has come of the request. A plan that is too late is dropped and doubles the lead.
+
+        Args:
+            now: Present time [s].
+            followed: Time up to which the present plan has been followed [s].
+        """
+        answer = self._planner.poll(now)
+        if answer is None or answer.request is not self._asked:
+            return None
+        request, self._asked = self._asked, None
+        if followed > request.due + 0.5 * self._dt:
+            self.late += 1
+            self.lead = min(2.0 * max(self.lead, self._dt), self._config.lead_max)
+            self._dropped = request.chunk
+            return None
+        if now - request.asked < 0.5 * self.lead:
+            self.lead = max(0.5 * self.lead, self._config.lead)
+        return answer
+
+    def keep(self, answer: PlanAnswer) -> None:
+        """Take this plan over when it is due."""
+        self._ready = answer
+
+    def take(self, followed: float, s: float | None, rate: float) -> Takeover | None:
+        """The plan that takes over now, once: from exactly the point of the present one at which it begins.
+
+        A robot that is slower along its plan than was foreseen comes to that point later; where it does not come there
+        for `WAIT`, the plan is dropped.
+
+        Args:
+            followed: Time up to which the present plan has been followed [s].
+            s: Parameter of the present plan [s]; None if none is followed.
+            rate: Its derivative.
+        """
+        answer = self._ready
+        if answer is None or followed < answer.request.due - 0.5 * self._dt:
+            return None
+        request, plan, start = answer.request, answer.plan, answer.request.start
+        late, share = max(followed - request.due, 0.0), 1.0
+        if s is not None:
+            if s < start.s - SAME:
+                if late >= WAIT:
+                    self._ready, self._dropped = None, request.chunk
+                return None
+            late = (s - start.s) / max(rate, RATE_MIN)
+            share = min(rate / start.rate, 1.0) if start.rate > RATE_MIN else 1.0
+        self._ready = None
+        return Takeover(request.chunk, plan, max(late, 0.0) * plan.rate * share, share)
+
+    def take_dropped(self) -> ActionChunk | None:
+        """The chunk whose plan was dropped, once: it is to be planned anew."""
+        chunk, self._dropped = self._dropped, None
+        return chunk
+
+
+def rest_of_plan(plan: ChunkPlan, start: Foreseen, knot: float) -> np.ndarray:
+    """What a plan would do from a point of it on: configurations (k, nq), the time ``knot`` [s] apart."""
+    step = start.rate * knot
+    s = start.s + step * np.arange(1.0, 1.0 + (plan.end - start.s) / max(step, 1e-3))
+    return plan.trajectory.q[[plan.trajectory.row(x) for x in s]]
+
+
+def ends_at_rest(plan: ChunkPlan, support: SupportPolygon, margin: float) -> bool:
+    """Whether a plan is finite, and ends at rest with the centre of mass that far inside the support [m].
+
+    Going on with such a plan is safe for as long as nothing better comes.
+    """
+    trajectory = plan.trajectory
+    if not (np.isfinite(trajectory.q).all() and np.isfinite(trajectory.v).all() and np.isfinite(trajectory.com).all()):
+        return False
+    rests = np.abs(trajectory.v[-2:]).max() <= REST_SPEED
+    return bool(rests and support.margin(trajectory.com[0, -1, :2]) >= margin)

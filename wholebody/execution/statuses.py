@@ -1,0 +1,62 @@
+"""What the supervisor says of a chunk, and of the plan that it follows."""
+
+from __future__ import annotations
+
+from policy.chunk import ActionChunk
+from policy.errors import ChunkError
+from wholebody.planning.plan import PlanReport
+from wholebody.types import Reason, Status, StatusReport
+
+RATE_SAID = 0.98
+"""Share of its speed below which a chunk is said to be slowed."""
+
+TRACKING = StatusReport(Status.TRACKING)
+"""Nothing to say: also of a chunk whose plan is being computed."""
+NO_CHUNK = StatusReport(Status.HOLD, Reason.NO_CHUNK, "no chunk yet: holding the stance")
+STARVED = StatusReport(Status.HOLD, Reason.STARVED, "the chunk is over: holding its end")
+OFF_PLAN = StatusReport(Status.STOP, Reason.OFF_PLAN, "the robot left its plan: it stands where it is, hands let go of")
+NO_HANDS = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
+FAILED = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
+STANDING_LOST = StatusReport(Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped")
+NOT_JOINED = StatusReport(
+    Status.HOLD,
+    Reason.NOT_JOINED,
+    "no balanced motion leads from here to the chunk yet, so the one before is followed to its end: a chunk that "
+    "begins nearer to the hands, or slower, would be joined at once",
+)
+
+
+def refused(reason: Reason, detail: str) -> StatusReport:
+    """A chunk is not followed: what goes on instead is the one before."""
+    return StatusReport(Status.HOLD, reason, detail)
+
+
+def chunk_fault(chunk: ActionChunk, after: ActionChunk | None, now: float) -> StatusReport | None:
+    """Why a chunk cannot be used now [s], or None; ``after`` is the one accepted before it."""
+    try:
+        chunk.validate(after=after)
+    except (ChunkError, ValueError) as error:
+        return refused(Reason.CHUNK_INVALID, str(error))
+    if chunk.times[-1] <= now:
+        age = now - chunk.t_obs
+        return refused(Reason.CHUNK_STALE, f"the chunk's last step is over: it is {age:.2f} s old")
+    if chunk.t_obs > now + 1.0 / chunk.fps:
+        return refused(Reason.CHUNK_FROM_FUTURE, f"t_obs {chunk.t_obs:.3f} s is after now, {now:.3f} s")
+    return None
+
+
+def plan_status(report: PlanReport, rate: float) -> StatusReport:
+    """Status while a plan is followed at a rate, 1 being the chunk's own speed."""
+    if report.lift.any():
+        detail = f"the hands were to go into the floor: targets lifted by {report.lift.max():.3f} m"
+        return StatusReport(Status.SLOWED, Reason.INTO_FLOOR, detail)
+    if report.implausible or (report.smoothed and not report.reasons):
+        detail = f"steps scatter: followed the curve through them in {', '.join(report.smoothed)}"
+        return StatusReport(Status.SLOWED, Reason.NOISY_CHUNK, detail)
+    if report.reasons:
+        moved = max(float(report.clamped.max()), report.projected)
+        detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
+        return StatusReport(Status.SLOWED, report.reasons[0], detail)
+    if rate < RATE_SAID:
+        return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed")
+    return TRACKING
