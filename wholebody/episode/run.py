@@ -112,7 +112,7 @@ def run_episode(
     measure = (lambda state: state) if sensors is None else sensors.measure
     measured = measure(state)
     supervisor.reset(measured)
-    executor = _executor(policy, config)
+    executor = _executor(policy, config, supervisor.config.planning.lead)
     meters = Meters(supervisor, plant, executor, config.settle)
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
 
@@ -140,13 +140,14 @@ def run_episode(
     return meters.finish(supervisor)
 
 
-def _executor(policy: Policy | Executor, config: EpisodeConfig) -> Executor:
-    """Whatever runs the policy, ready at the end of the settling time."""
+def _executor(policy: Policy | Executor, config: EpisodeConfig, lead: float) -> Executor:
+    """Whatever runs the policy, ready at the end of the settling time; a plan of its chunks takes ``lead`` [s]."""
     executor = policy
     if not isinstance(policy, Executor):
         executor = simulated_executor(policy, config=ExecutorConfig(replace_every=config.replace_every))
     if not isinstance(executor.clock, SimulatedClock):
         raise TypeError(f"the executor has a {type(executor.clock).__name__}; MuJoCo is stepped on a SimulatedClock")
+    executor.lead = max(executor.config.lead, lead)
     executor.clock.restart(config.settle)
     executor.reset(config.task)
     return executor

@@ -139,6 +139,15 @@ def test_5_a_policy_with_ten_steps_a_chunk_is_done_as_given(checker):
     assert (verdict.verdict, verdict.timing.starved_s) == ("feasible", 0.0)
 
 
+def test_5_a_policy_is_asked_so_early_that_its_chunk_is_planned_before_the_last_step(checker):
+    """Asked at half of 30 steps, an answer after 420 ms that is planned for 100 ms would be 20 ms too late."""
+    policy = wave()
+    policy.horizon = 30
+    verdict, _, result = judged(checker, simulated_executor(policy, latency=0.42), 2.0)
+    assert result.palms.uncovered == (0.0, 0.0)
+    assert (verdict.verdict, verdict.timing.chunks) == ("feasible", 4)
+
+
 def test_5_what_a_policy_does_not_cover_is_told(checker):
     policy = wave()
     policy.horizon = 10
