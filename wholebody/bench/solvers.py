@@ -56,8 +56,8 @@ class _Watched(Supervisor):
         self.residuals: list[tuple[float, float]] = []
         self.seconds: list[float] = []
 
-    def step(self, state: RobotState) -> JointCommand:
-        command = super().step(state)
+    def step(self, state: RobotState, now: float | None = None) -> JointCommand:
+        command = super().step(state, now)
         tick = self.last_tick
         if tick is not None:
             self.levels.append(tick.level)
