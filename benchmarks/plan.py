@@ -2,7 +2,7 @@
 
     python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6]
 
-Thread CPU time. A chunk takes one posture plan, or several where it is too fast or out of reach. The second table has
+Thread CPU time. A chunk takes one trajectory, or several where it is too fast or out of reach. The second table has
 the parts of a linearisation, and the step [us a knot]. The last line is the time of one
 `pinocchio.computeRNEADerivatives` of the same robot [us], to compare machines by.
 """

@@ -89,7 +89,7 @@ class SafetyConfig:
     error_stop: float = 0.08
     """Palm error at which it is held [m]."""
     posture_slow: float = 0.2
-    """Distance of a body joint from the posture plan at which the hands begin to give way to it [rad]."""
+    """Distance of a body joint from the trajectory at which the hands begin to give way to it [rad]."""
     posture_stop: float = 0.45
     """Distance at which they have given way [rad]."""
     posture_lost: float = 0.15
@@ -107,13 +107,13 @@ class SafetyConfig:
     height_brake: float = 3.0
     """[m/s^2]"""
     self_distance: float = 0.008
-    """Least distance between bodies that are not neighbours; the posture plan keeps a little more [m]."""
+    """Least distance between bodies that are not neighbours; the trajectory keeps a little more [m]."""
     self_trigger: float = 0.05
     """Distance beyond the least one from which a pair of bodies counts [m]."""
     self_brake: float = 10.0
     """[m/s^2]"""
     floor_distance: float = 0.02
-    """Least height of hands and forearms over the floor; the posture plan keeps a little more [m]."""
+    """Least height of hands and forearms over the floor; the trajectory keeps a little more [m]."""
     floor_trigger: float = 0.1
     """Height beyond the least one from which a body counts [m]."""
     floor_brake: float = 10.0
@@ -124,7 +124,7 @@ class SafetyConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryConfig:
-    """Scales, limits and margins of the posture plan: an error as large as its scale costs 1."""
+    """Scales, limits and margins of the trajectory optimiser: an error as large as its scale costs 1."""
 
     dt: float = 1.0 / 15.0
     """Time between two knots [s]."""
@@ -263,7 +263,7 @@ class PlannerConfig:
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.008
-    """Distance between a target and what the posture plan reaches that is left to the QP [m]."""
+    """Distance between a target and what the trajectory reaches that is left to the QP [m]."""
     turn_tolerance: float = 0.05
     """The same for orientation [rad]."""
     slowdowns: tuple[float, ...] = (1.5, 2.5)

@@ -191,7 +191,7 @@ class Executor:
         if executed is None or left < 1:
             return None
         delay = ceil(max(self._latencies, default=0.0) * running.fps)
-        # A prefix that ends before the chunk arrives would leave the stitch free.
+        # A prefix that ends before the chunk arrives would leave the join free.
         horizon = min(max(self.config.execution_horizon, delay + self.config.execution_horizon // 2), left)
         return Prefix(executed, left, min(delay, horizon), horizon)
 

@@ -24,7 +24,7 @@ LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 LISSAJOUS_TURN = np.deg2rad([9.0, -27.0, -35.0])
 """Constant orientation of the left hand as roll, pitch and yaw [rad]; right: mirrored. Where the palms come to
 y = ±60 mm in front of the trunk, hands that point inwards leave room for the forearms; found by a search over
-orientations for what the posture plan can follow."""
+orientations for what the planner can follow."""
 LISSAJOUS_THUMB = np.array([-0.63, -0.58, 0.0])
 """Left thumb clear of the closed fingers and of the trunk; the fist ends 52 mm inwards of its palm point [rad]."""
 

@@ -84,10 +84,10 @@ class WholeBodyController:
         """Tasks and limits read their references where the program does."""
         compiled = self.compiled
         row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
-        shares = np.ones(2) if compiled is None else compiled.trust
+        trust = np.ones(2) if compiled is None else compiled.trust
         memory = self._reference = ReferenceMemory(row)
         for i, palm in enumerate(self.palms):
-            palm.bind(memory.palms[i], shares[i : i + 1])
+            palm.bind(memory.palms[i], trust[i : i + 1])
         for item, part in (
             (self.com, memory.com),
             (self.momentum, memory.momentum),
@@ -233,10 +233,10 @@ class WholeBodyController:
     def _palm_frames(self) -> np.ndarray:
         return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])
 
-    def trust_hands(self, share: float) -> None:
+    def trust_hands(self, trust: float) -> None:
         """Weigh both hands by this from now on, 0 to 1."""
         for palm in self.palms:
-            palm.share = share
+            palm.trust = trust
 
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
         """Hand the reference to tasks and limits."""

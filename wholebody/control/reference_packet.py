@@ -35,7 +35,7 @@ class BodyReference:
 
     Attributes:
         palms: Left and right palm.
-        q: Posture plan, shape (nq,), Pinocchio convention; the finger entries are the finger references.
+        q: Planned configuration, shape (nq,), Pinocchio convention; the finger entries are the finger references.
         dq, ddq: Joint speeds and accelerations of it, shape (n_joints,), Pinocchio order.
         pelvis, torso: Planned orientation (3, 3), angular rate (3,) and acceleration (3,), world axes.
         height: Planned height of the pelvis, its rate and acceleration [m, m/s, m/s^2].

@@ -34,8 +34,9 @@ class ChunkSeam:
 class SeamMeter:
     """Measures jumps in the commanded palm poses from nothing but the poses.
 
-    Three poses before and three after a stitch are each taken as a parabola in time, and both parabolas are compared at
-    the stitching instant. Motion within the caps of the reference (400 m/s^3) shows as up to 0.003 mm and 0.004 m/s.
+    Three poses before and three after a chunk is taken over are each taken as a parabola in time, and both parabolas
+    are compared at that instant. Motion within the limits of the reference (400 m/s^3) shows as up to 0.003 mm and
+    0.004 m/s.
 
     Args:
         dt: Control period [s].
@@ -43,7 +44,7 @@ class SeamMeter:
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
-        self.stitches: list[ChunkSeam] = []
+        self.seams: list[ChunkSeam] = []
         self._past: deque[np.ndarray] = deque(maxlen=3)
         self._pending: list[tuple[float, list[np.ndarray]]] = []
 
@@ -54,7 +55,7 @@ class SeamMeter:
         for time, samples in self._pending:
             samples.append(pose)
             if len(samples) == 6:
-                self.stitches.append(self._stitch(time, samples))
+                self.seams.append(self._seam(time, samples))
         self._pending = [entry for entry in self._pending if len(entry[1]) < 6]
 
     def mark(self, time: float) -> None:
@@ -63,7 +64,7 @@ class SeamMeter:
             first = [self._past[0]] * (3 - len(self._past))
             self._pending.append((time, [*first, *self._past]))
 
-    def _stitch(self, time: float, samples: list[np.ndarray]) -> ChunkSeam:
+    def _seam(self, time: float, samples: list[np.ndarray]) -> ChunkSeam:
         x = np.stack([_offset(pose, samples[2]) for pose in samples])
         before = (3.0 * x[2] - 4.0 * x[1] + x[0]) / (2.0 * self.dt)
         after = (-5.0 * x[3] + 8.0 * x[4] - 3.0 * x[5]) / (2.0 * self.dt)

@@ -24,7 +24,7 @@ class Meters:
     def __init__(self, supervisor: Supervisor, plant: MujocoPlant, executor: Executor, start: float) -> None:
         free = executor.policy.spec.orientation_free
         self.result = EpisodeResult(start=start, execution=executor.report, orientation_free=free)
-        self._score = TrackingError(supervisor)
+        self._tracking_error = TrackingError(supervisor)
         self._seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
         self._plan: PlanReport | None = None
         self._palms = supervisor.palm_reference()
@@ -51,11 +51,11 @@ class Meters:
     def _taken_over(self, supervisor: Supervisor, now: float) -> None:
         """A plan was taken over: what it changes in the chunk."""
         result, chunk, report = self.result, supervisor.chunk, self._plan
-        if self._score.empty:
+        if self._tracking_error.empty:
             due = chunk.t_obs + float(report.steps[0])
             result.start_jump = start_jump(chunk, due, self._palms, supervisor.spec)
         self._seams.mark(now)
-        self._score.follow(chunk, report)
+        self._tracking_error.follow(chunk, report)
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
 
@@ -65,13 +65,13 @@ class Meters:
         """Take note of the state that it led to."""
         self._limits.look(state.time)
         _count(self.result, supervisor, plant, state)
-        self._score.measure(state, palms, supervisor.status.reason)
+        self._tracking_error.measure(state, palms, supervisor.status.reason)
 
     def finish(self, supervisor: Supervisor) -> EpisodeResult:
         """The result with what was collected along the way."""
-        result, score, limits = self.result, self._score, self._limits
-        result.time_factor, result.stitches = supervisor.time_factor, self._seams.stitches
-        result.palms = score.result()
+        result, limits = self.result, self._limits
+        result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
+        result.palms = self._tracking_error.result()
         result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
         result.margin, result.creep = limits.margin, limits.creep
         faults = (event for event in result.execution.events if event.code != Reason.STARVED)

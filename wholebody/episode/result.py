@@ -57,7 +57,7 @@ class EpisodeResult:
         start: When the first chunk was asked for [s].
         start_jump: How far the first chunk began from where the hands were: distance [m] and angle [rad].
         fps: Steps per second of the chunks [Hz]; 0 before the first.
-        stitches: Jump of the commanded palms at every chunk.
+        seams: Jump of the commanded palms at every chunk.
         execution: What the executor saw.
     """
 
@@ -83,7 +83,7 @@ class EpisodeResult:
     start: float = 0.0
     start_jump: tuple[float, float] = (0.0, 0.0)
     fps: float = 0.0
-    stitches: list[ChunkSeam] = field(default_factory=list)
+    seams: list[ChunkSeam] = field(default_factory=list)
     execution: ExecutionReport | None = None
 
     @property

@@ -48,7 +48,7 @@ class Timing:
 
 def timing(result: EpisodeResult) -> Timing:
     """The numbers of an episode; those of an empty one are zero."""
-    report, stitches = result.execution, result.stitches
+    report, seams = result.execution, result.seams
     if report is None:
         return Timing()
     latencies = report.latencies if report.deliveries else np.zeros(1)
@@ -59,8 +59,8 @@ def timing(result: EpisodeResult) -> Timing:
         waited_s=report.waited,
         starved_s=report.starved,
         starvations=report.starvations,
-        seam_m=max((stitch.distance for stitch in stitches), default=0.0),
-        seam_rad=max((stitch.angle for stitch in stitches), default=0.0),
-        seam_m_s=max((stitch.velocity for stitch in stitches), default=0.0),
-        seam_rad_s=max((stitch.angular_velocity for stitch in stitches), default=0.0),
+        seam_m=max((seam.distance for seam in seams), default=0.0),
+        seam_rad=max((seam.angle for seam in seams), default=0.0),
+        seam_m_s=max((seam.velocity for seam in seams), default=0.0),
+        seam_rad_s=max((seam.angular_velocity for seam in seams), default=0.0),
     )

@@ -16,7 +16,7 @@ from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState
 
 DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005
-"""What a recorded motion may ask of a wrist [m/s, m/s^2], and of the posture plan [m]."""
+"""What a recorded motion may ask of a wrist [m/s, m/s^2], and of the trajectory [m]."""
 FINGER_TOLERANCE = 1e-3
 """How far a finger may be asked past its range: the rounding of files [rad]."""
 
@@ -201,7 +201,7 @@ def _palms(chunk: ActionChunk, k: int, offsets: Sequence[np.ndarray]) -> list[pi
 
 
 def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:
-    """Steps that a chunk may ask for: slow enough for the hands, and within reach of the posture plan.
+    """Steps that a chunk may ask for: slow enough for the hands, and within reach of the trajectory.
 
     Returns:
         Shape (H, 2): wrist speed at most `DEMANDABLE_SPEED`, acceleration at most `DEMANDABLE_ACCELERATION`, posture

@@ -90,7 +90,7 @@ class Supervisor:
         self.controller.reset(state)
         self._monitor.reset(state)
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), hands_at_rest(self.robot, state.q)
-        self._smoother = ReferenceSmoother(rows, [caps.outer for caps in self.planner.hand_limits])
+        self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
         self._last_state = state
         self._forget(state.time)

@@ -1,4 +1,4 @@
-"""Bounds on the pelvis and the torso around the posture plan: tilt, turning rate and height."""
+"""Bounds on the pelvis and the torso around the trajectory: tilt, turning rate and height."""
 
 from __future__ import annotations
 

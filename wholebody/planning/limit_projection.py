@@ -21,22 +21,22 @@ from wholebody.reference import HandLimits, HandMotion, MotionLimits
 from wholebody.reference.rotation import continuous_quaternions
 
 DEMAND = (1.0, 1.0, 1.5)
-"""Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the caps: for a hand 20 m/s^2, 600 m/s^3."""
-JUMP, CALM = 0.06, 0.25
+"""Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the limits: for a hand 20 m/s^2, 600 m/s^3."""
+JUMP, IMPLAUSIBLE_SHARE = 0.06, 0.25
 """Steps that jump by more than that [m] are no motion that anybody meant: the way there need not be fast. It keeps that
 share of the bounds."""
-PAST = 3
+N_BEFORE = 3
 """Steps of the motion so far that the new ones go on from."""
 SOFT, SOLVED = 8, (1, 2)
 """What tells daqp that a row may be exceeded where nothing else is possible; what it says of a solution."""
 
 
 @dataclass(frozen=True)
-class Tempered:
+class ProjectedSteps:
     """The steps of a chunk that are still to come, as a hand could do them.
 
     Attributes:
-        times: Of `PAST` steps of the motion so far and of the chunk's own, shape (K,), [s].
+        times: Of `N_BEFORE` steps of the motion so far and of the chunk's own, shape (K,), [s].
         T: Poses, shape (K, 4, 4).
         q: Finger joints, shape (K, 7), [rad].
         changed: Whether any of the chunk's own steps is another.
@@ -51,15 +51,15 @@ class Tempered:
 
 
 def continued(
-    times: np.ndarray, T: np.ndarray, q: np.ndarray, caps: HandLimits, motion: HandMotion, s: float
-) -> Tempered:
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, limits: HandLimits, motion: HandMotion, s: float
+) -> ProjectedSteps:
     """The nearest steps that go on from a motion, with some before them that say where it comes from.
 
     Args:
         times: Of the chunk's steps, evenly spaced, shape (H,), [s].
         T: Poses, shape (H, 4, 4).
         q: Finger joints, shape (H, 7), [rad].
-        caps: What the bounds are told in.
+        limits: What the bounds are told in.
         motion: What the hand is commanded to do at ``s``, one row.
         s: Where the chunk is joined [s].
 
@@ -68,52 +68,52 @@ def continued(
     """
     step = times[1] - times[0]
     first = min(int(np.searchsorted(times, s - 0.25 * step)), len(times) - 2)
-    past = times[first] + step * np.arange(-PAST, 0.0)
+    past = times[first] + step * np.arange(-N_BEFORE, 0.0)
     ago, there = past - s, times[first] - s
     p = T[first, :3, 3] + motion.v * (past - times[first])[:, None] + 0.5 * motion.a * (ago**2 - there**2)[:, None]
     turn = motion.w * (past - times[first])[:, None] + 0.5 * motion.alpha * (ago**2 - there**2)[:, None]
     fingers = q[first] + motion.dq_finger * (past - times[first])[:, None]
     R = rotvec_to_matrix(turn) @ T[first, :3, :3]
     T = np.concatenate([make_transform(R, p), T[first:]])
-    q = np.concatenate([np.clip(fingers, caps.finger_lower, caps.finger_upper), q[first:]])
+    q = np.concatenate([np.clip(fingers, limits.finger_lower, limits.finger_upper), q[first:]])
     quat = continuous_quaternions(T[:, :3, :3])
-    near_p, near_quat = _both(T, quat, 1.0 / step, caps)
+    near_p, near_quat = _both(T, quat, 1.0 / step, limits)
     moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
     if moved > JUMP:
-        near_p, near_quat = _both(T, quat, 1.0 / step, caps.scaled(CALM))
+        near_p, near_quat = _both(T, quat, 1.0 / step, limits.scaled(IMPLAUSIBLE_SHARE))
         moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
     changed = moved > 0.0 or not np.array_equal(near_quat, quat)
     if changed:
         T = make_transform(quaternion_to_matrix(near_quat / np.linalg.norm(near_quat, axis=1)[:, None], "xyzw"), near_p)
-    return Tempered(np.concatenate([past, times[first:]]), T, q, changed, moved)
+    return ProjectedSteps(np.concatenate([past, times[first:]]), T, q, changed, moved)
 
 
-def _both(T: np.ndarray, quat: np.ndarray, fps: float, caps: HandLimits) -> tuple[np.ndarray, np.ndarray]:
+def _both(T: np.ndarray, quat: np.ndarray, fps: float, limits: HandLimits) -> tuple[np.ndarray, np.ndarray]:
     """`nearest` positions and quaternions, whose rates are half of the angular ones."""
-    half = MotionLimits(*(0.5 * x for x in astuple(caps.orientation)))
-    return nearest(T[:, :3, 3], fps, caps.position), nearest(quat, fps, half)
+    half = MotionLimits(*(0.5 * x for x in astuple(limits.orientation)))
+    return nearest(T[:, :3, 3], fps, limits.position), nearest(quat, fps, half)
 
 
-def nearest(values: np.ndarray, fps: float, caps: MotionLimits) -> np.ndarray:
-    """The values nearest to these, in least squares, whose differences keep `DEMAND`; the first `PAST` are kept.
+def nearest(values: np.ndarray, fps: float, limits: MotionLimits) -> np.ndarray:
+    """The values nearest to these, in least squares, whose differences keep `DEMAND`; the first `N_BEFORE` are kept.
 
     Args:
-        values: One row a step, shape (H, n), H more than `PAST`.
+        values: One row a step, shape (H, n), H more than `N_BEFORE`.
         fps: Steps a second [Hz].
-        caps: What the bounds are told in.
+        limits: What the bounds are told in.
 
     Returns:
         The same array where it keeps the bounds. What begins beyond them comes back to them.
     """
     D, order = _differences(len(values))
-    bounds = (np.multiply(DEMAND, astuple(caps)) / fps ** np.arange(1, 4))[order]
+    bounds = (np.multiply(DEMAND, astuple(limits)) / fps ** np.arange(1, 4))[order]
     if np.all(np.abs(D @ values) <= bounds[:, None]):
         return values
-    out, H, free = values.copy(), np.eye(len(values) - PAST), D[:, PAST:]
+    out, H, free = values.copy(), np.eye(len(values) - N_BEFORE), D[:, N_BEFORE:]
     sense = np.full(len(D), SOFT, dtype=c_int)
     for k, column in enumerate(values.T):
-        known = D[:, :PAST] @ column[:PAST]
-        out[PAST:, k], _, flag, _ = daqp.solve(H, -column[PAST:], free, bounds - known, -bounds - known, sense)
+        known = D[:, :N_BEFORE] @ column[:N_BEFORE]
+        out[N_BEFORE:, k], _, flag, _ = daqp.solve(H, -column[N_BEFORE:], free, bounds - known, -bounds - known, sense)
         if flag not in SOLVED:
             raise PlanningError(
                 f"no steps within the bounds of a hand were found near those of the chunk (daqp says {flag}): are its "
@@ -125,5 +125,5 @@ def nearest(values: np.ndarray, fps: float, caps: MotionLimits) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _differences(steps: int) -> tuple[np.ndarray, np.ndarray]:
     """First, second and third differences of values that are not all past, as rows, and the order less one of each."""
-    rows = [np.diff(np.eye(steps), k, axis=0)[PAST - k :] for k in (1, 2, 3)]
+    rows = [np.diff(np.eye(steps), k, axis=0)[N_BEFORE - k :] for k in (1, 2, 3)]
     return np.vstack(rows), np.concatenate([np.full(len(row), k) for k, row in enumerate(rows)])

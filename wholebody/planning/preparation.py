@@ -11,7 +11,7 @@ from policy.geometry.rotations import matrix_to_rotvec, quaternion_to_matrix
 from wholebody.config import START_MAX
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP, continued
-from wholebody.planning.smoothing import denoised
+from wholebody.planning.smoothing import smoothed_chunk
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
 
 JOIN_SHARE = 0.6
@@ -89,7 +89,7 @@ def prepare(chunk: ActionChunk, limits: tuple[HandLimits, ...]) -> PreparedChunk
         limits: Of the left and the right hand.
     """
     lifted, _ = above_floor(chunk)
-    smooth, names = denoised(lifted, limits)
+    smooth, names = smoothed_chunk(lifted, limits)
     pairs = ((lifted.T_world_lhand, smooth.T_world_lhand), (lifted.T_world_rhand, smooth.T_world_rhand))
     moved = max(float(np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()) for a, b in pairs)
     pairs = ((chunk.T_world_lhand, lifted.T_world_lhand), (chunk.T_world_rhand, lifted.T_world_rhand))

@@ -22,7 +22,7 @@ from wholebody.reference import HandLimits, MotionLimits
 SCATTER_SHARE = 0.5
 """Share of a chunk's steps at which the jerk must turn round; of white noise it is 0.8, of a glitch or a jump 0.1."""
 JERK_SHARE = 0.25
-"""Share of the jerk cap below which scatter does not matter: for a hand 0.1 mm at 50 Hz, 0.5 mm at 30 Hz."""
+"""Share of the jerk limit below which scatter does not matter: for a hand 0.1 mm at 50 Hz, 0.5 mm at 30 Hz."""
 SPREAD_MIN = 0.3
 """Least second singular value of a mean of rotations; scatter of 0.5 rad leaves 0.8, one from all there are 0.2."""
 ORDER = 3
@@ -36,33 +36,33 @@ Source: Kim and Gu 2004, "Smoothing spline Gaussian regression: more scalable co
 """
 
 
-def denoised(chunk: ActionChunk, caps: Sequence[HandLimits]) -> tuple[ActionChunk, tuple[str, ...]]:
+def smoothed_chunk(chunk: ActionChunk, limits: Sequence[HandLimits]) -> tuple[ActionChunk, tuple[str, ...]]:
     """The chunk without the noise of the parts that scatter, and the names of those parts.
 
     Args:
         chunk: A valid chunk.
-        caps: Of the left and of the right hand.
+        limits: Of the left and of the right hand.
 
     Returns:
         The chunk itself and no names if nothing scatters.
     """
     changes = {}
-    for side, cap in zip(("l", "r"), caps, strict=True):
+    for side, limit in zip(("l", "r"), limits, strict=True):
         name, fingers = f"T_world_{side}hand", f"q_{side}hand"
         T, q = getattr(chunk, name), getattr(chunk, fingers)
-        smoothed = _poses(T, chunk.fps, cap)
+        smoothed = _poses(T, chunk.fps, limit)
         if smoothed is not T:
             changes[name] = smoothed
-        if _scatters(np.diff(q, axis=0), chunk.fps, cap.finger):
-            changes[fingers] = smooth(np.clip(q, cap.finger_lower, cap.finger_upper))
+        if _scatters(np.diff(q, axis=0), chunk.fps, limit.finger):
+            changes[fingers] = smooth(np.clip(q, limit.finger_lower, limit.finger_upper))
     return (dataclasses.replace(chunk, **changes) if changes else chunk), tuple(changes)
 
 
-def _poses(T: np.ndarray, fps: float, caps: HandLimits) -> np.ndarray:
+def _poses(T: np.ndarray, fps: float, limits: HandLimits) -> np.ndarray:
     """Poses (H, 4, 4), smooth where they scatter; the same array where they do not."""
     p, R = T[:, :3, 3], T[:, :3, :3]
-    moved = _scatters(np.diff(p, axis=0), fps, caps.position)
-    turned = _scatters(_turns(R), fps, caps.orientation)
+    moved = _scatters(np.diff(p, axis=0), fps, limits.position)
+    turned = _scatters(_turns(R), fps, limits.orientation)
     if not (moved or turned):
         return T
     return make_transform(_smooth_rotations(R) if turned else R, smooth(p) if moved else p)
@@ -83,8 +83,8 @@ def smooth(values: np.ndarray) -> np.ndarray:
     kept = 1.0 / (1.0 + STIFFNESS[:, None] * roughness)
     left_out = ((1.0 - kept) ** 2) @ (parts**2).sum(axis=1)
     freedom = 1.0 - CAUTION * kept.mean(axis=1)
-    score = np.where(freedom > 0.0, left_out / np.maximum(freedom, 1e-9) ** 2, np.inf)
-    return (U @ (kept[score.argmin()][:, None] * parts)).reshape(values.shape)
+    gcv = np.where(freedom > 0.0, left_out / np.maximum(freedom, 1e-9) ** 2, np.inf)
+    return (U @ (kept[gcv.argmin()][:, None] * parts)).reshape(values.shape)
 
 
 @lru_cache(maxsize=8)
@@ -100,14 +100,14 @@ def _turns(R: np.ndarray) -> np.ndarray:
     return matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2))
 
 
-def _scatters(steps: np.ndarray, fps: float, caps: MotionLimits) -> bool:
+def _scatters(steps: np.ndarray, fps: float, limits: MotionLimits) -> bool:
     """Whether the jerk of a motion with these differences between steps, shape (H - 1, n), turns round all the time."""
     jerk = np.diff(steps, ORDER - 1, axis=0) * fps**ORDER
     if len(jerk) < ORDER:
         return False
     size = np.linalg.norm(jerk, axis=1)
     back = np.einsum("ki,ki->k", jerk[1:], jerk[:-1]) < 0.0
-    matters = np.maximum(size[1:], size[:-1]) > JERK_SHARE * caps.jerk
+    matters = np.maximum(size[1:], size[:-1]) > JERK_SHARE * limits.jerk
     return bool((back & matters).mean() > SCATTER_SHARE)
 
 

@@ -1,4 +1,4 @@
-"""The posture plan as the control loop follows it: one smooth curve through its knots, sampled on a regular grid."""
+"""The trajectory as the control loop follows it: one smooth curve through its knots, sampled on a regular grid."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COARSE = 5
 
 @dataclass(frozen=True)
 class SampledTrajectory:
-    """The posture plan on a regular grid of the path parameter ``s``.
+    """The trajectory on a regular grid of the path parameter ``s``.
 
     Attributes:
         start: Parameter of the first row [s].
@@ -66,7 +66,7 @@ class SampledTrajectory:
 
 @dataclass(frozen=True)
 class BodyState:
-    """Where a posture plan is, for the next one to continue.
+    """Where a trajectory is, for the next one to continue.
 
     Attributes:
         q: Configuration, shape (nq,).
@@ -85,7 +85,7 @@ class BodyState:
 def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> CubicBSpline:
     """The cubic B-spline that begins at ``q[0]`` with velocity ``v_start`` and has q[1:] as control points.
 
-    Its acceleration changes linearly between the knots, where it is exactly the one that the posture plan judges: a
+    Its acceleration changes linearly between the knots, where it is exactly the one that the optimiser judges: a
     curve through the points would swing up to three times as much. It rests one step after the last knot.
     """
     dt, q = steps[1] - steps[0], _one_sided(q)

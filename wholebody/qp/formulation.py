@@ -11,7 +11,7 @@ Variables ``x = [dv (nv), f (3 per contact point), s (2 slacks)]``:
                 J_balance dv - s_0 <= bound                      centre of mass, tilt, height
                 J_distance dv - s_1 <= bound                     floor, self-collision
 
-The hard rows are those of physics. The slack rows are safety bounds: their price is linear and far above that of any
+The hard rows are those of physics. The slack rows are safety bounds: their penalty is linear and far above that of any
 task, so a task never buys a violation (exact penalty), while a push that has already broken a bound does not make
 the program infeasible.
 """
@@ -35,7 +35,7 @@ UNBOUNDED = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class Regularisation:
-    """Small costs that make the program strictly convex, and the prices of the slacks."""
+    """Small costs that make the program strictly convex, and the penalties of the slacks."""
 
     acceleration: float = 1e-6
     """On |dv|^2 [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
@@ -44,7 +44,7 @@ class Regularisation:
     slack_linear: float = 1e6
     """Price of a unit of slack: above the largest multiplier a task can put on a bound."""
     slack_quadratic: float = 1e3
-    """Curvature of the slack's price."""
+    """Curvature of the slack's penalty."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class InverseDynamics:
         return WholeBodySolution(dv, f.reshape(-1, 3), tau, solution.x[nv + self.n_forces :])
 
     def _cost(self, objectives: Sequence[Objective]) -> tuple[np.ndarray, np.ndarray]:
-        nv, prices = self.robot.nv, self.regularisation
+        nv, penalties = self.robot.nv, self.regularisation
         H, g = np.zeros((self.n, self.n)), np.zeros(self.n)
         J = np.vstack([objective.J for objective in objectives])
         weight = np.concatenate([objective.weight for objective in objectives])
@@ -147,10 +147,14 @@ class InverseDynamics:
         H[:nv, :nv] = weighted @ J
         g[:nv] = -weighted @ target
         diagonal = np.concatenate(
-            [np.full(nv, prices.acceleration), np.full(self.n_forces, prices.force), np.full(2, prices.slack_quadratic)]
+            [
+                np.full(nv, penalties.acceleration),
+                np.full(self.n_forces, penalties.force),
+                np.full(2, penalties.slack_quadratic),
+            ]
         )
         H[np.diag_indices(self.n)] += diagonal
-        g[-2:] = prices.slack_linear
+        g[-2:] = penalties.slack_linear
         return H, g
 
     def _contact_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,8 +1,8 @@
 r"""What a general solver needs before and after it sees one of our programs.
 
 A whole-body program has two traits that first-order and interior-point solvers stumble over: slack variables whose
-price is 10^6 times that of anything else, and variables whose curvature spans nine orders of magnitude. Both are taken
-away here, and nothing of the program is changed by it:
+penalty is 10^6 times that of anything else, and variables whose curvature spans nine orders of magnitude. Both are
+taken away here, and nothing of the program is changed by it:
 
 - The slacks stay at zero as long as the hard program has a solution (exact penalty). So they are fixed there first, and
   their multipliers follow from stationarity; only if that has no acceptable answer are they given to the solver.
@@ -49,9 +49,9 @@ class Prepared:
         kept = len(self.scale)
         x, z_box = np.zeros(n), np.zeros(n)
         x[:kept], z_box[:kept] = self.scale * x_kept, z_kept / self.scale
-        # A slack at zero carries whatever is left of its price; below zero it would rather be used.
-        price = self.original.H @ x + self.original.g + self.original.A.T @ y + self.original.C.T @ z
-        z_box[kept:] = -price[kept:]
+        # A slack at zero carries whatever is left of its penalty; below zero it would rather be used.
+        multiplier = self.original.H @ x + self.original.g + self.original.A.T @ y + self.original.C.T @ z
+        z_box[kept:] = -multiplier[kept:]
         return x, y, z, z_box
 
 

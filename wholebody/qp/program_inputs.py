@@ -153,12 +153,12 @@ def fill_body(p: BodyInputs, tick: Packed) -> None:
     tick.bound_columns[:], tick.free_columns[:] = np.flatnonzero(moves.any(0)), np.flatnonzero(~moves.any(0))
     hand, com, posture = p.palms[0], p.com, p.posture
     tick.hand_kp, tick.hand_kd, tick.com_kp, tick.com_kd = hand.kp, hand.kd, com.kp, com.kd
-    tick.hand_feedback_max[:], tick.hand_weight[:] = hand.pull, (hand.weight[0], hand.weight[3])
-    tick.com_feedback_max, tick.com_weight[:] = com.pull, com.weight
+    tick.hand_feedback_max[:], tick.hand_weight[:] = hand.feedback_max, (hand.weight[0], hand.weight[3])
+    tick.com_feedback_max, tick.com_weight[:] = com.feedback_max, com.weight
     for gain, task in ((tick.pelvis_gain, p.pelvis), (tick.torso_gain, p.torso), (tick.height_gain, p.height)):
-        gain[:] = task.kp, task.kd, task.pull, task.weight[0]
+        gain[:] = task.kp, task.kd, task.feedback_max, task.weight[0]
     tick.posture_kp[:], tick.posture_kd[:], tick.posture_weight[:] = posture.kp, posture.kd, posture.weight
-    tick.posture_feedback_max = posture.pull
+    tick.posture_feedback_max = posture.feedback_max
     tick.balance_margin, tick.balance_gain, tick.dt = p.balance.margin, p.balance.gain, p.dt
     tick.tolerance, tick.primal_accepted, tick.dual_accepted = TOLERANCE, PRIMAL_ACCEPTED, DUAL_ACCEPTED
     tick.n_contacts, tick.hands, tick.iteration_limit = len(p.feet), 1, ITERATION_LIMIT

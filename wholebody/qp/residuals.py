@@ -31,7 +31,7 @@ def kkt_residuals(qp: QuadraticProgram, x: np.ndarray, y: np.ndarray, z: np.ndar
         key=_nan_first,
     )
     gradient = qp.H @ x + qp.g + qp.A.T @ y + qp.C.T @ z + z_box
-    # The price of the slacks is no measure of what the tasks want: with it, anything would look small.
+    # The penalty of the slacks is no measure of what the tasks want: with it, anything would look small.
     wanted = qp.g[: len(qp.g) - qp.n_slack]
     stationarity = _largest(gradient, absolute=True) / (1.0 + _largest(wanted, absolute=True))
     slack = np.concatenate([_gap(rows, qp.lower, qp.upper, z), _gap(x, qp.x_min, qp.x_max, z_box)])

@@ -14,11 +14,11 @@ class ComTask:
     Args:
         kp: Stiffness [1/s^2]. kd: Damping [1/s].
         weight: Per axis x, y, z, shape (3,), [1/(m/s^2)^2].
-        pull: Largest kp * error [m/s^2].
+        feedback_max: Largest kp * error [m/s^2].
     """
 
-    def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float], pull: float = 5.0) -> None:
-        self.kp, self.kd, self.pull = kp, kd, pull
+    def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float], feedback_max: float = 5.0) -> None:
+        self.kp, self.kd, self.feedback_max = kp, kd, feedback_max
         self.weight = np.array(weight)
         self.bind(np.zeros(9))
 
@@ -32,6 +32,6 @@ class ComTask:
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""
-        pull = limited(self.kp * (self.position_ref - robot.com), self.pull)
-        wanted = self.acceleration_ref + self.kd * (self.velocity_ref - robot.com_velocity) + pull
+        feedback = limited(self.kp * (self.position_ref - robot.com), self.feedback_max)
+        wanted = self.acceleration_ref + self.kd * (self.velocity_ref - robot.com_velocity) + feedback
         return Objective(robot.J_com, wanted - robot.drift_com, self.weight)

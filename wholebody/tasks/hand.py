@@ -19,7 +19,7 @@ class HandTask:
         frame: Name of the tool frame.
         kp: Stiffness [1/s^2]. kd: Damping [1/s].
         position_weight: [1/(m/s^2)^2]. orientation_weight: [1/(rad/s^2)^2].
-        pull: Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2].
+        feedback_max: Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2].
     """
 
     def __init__(
@@ -30,32 +30,32 @@ class HandTask:
         kd: float,
         position_weight: float,
         orientation_weight: float,
-        pull: tuple[float, float] = (30.0, 60.0),
+        feedback_max: tuple[float, float] = (30.0, 60.0),
     ) -> None:
         self.frame = frame
-        self.kp, self.kd, self.pull = kp, kd, pull
+        self.kp, self.kd, self.feedback_max = kp, kd, feedback_max
         self.weight = np.array([position_weight] * 3 + [orientation_weight] * 3)
         self.bind(np.zeros(24), np.ones(1))
         self.R_world_ref[:] = np.eye(3)
 
-    def bind(self, memory: np.ndarray, share: np.ndarray) -> None:
+    def bind(self, memory: np.ndarray, trust: np.ndarray) -> None:
         """Read the reference from shared memory: rotation (9), position (3), twist (6), acceleration (6).
 
         Args:
             memory: Shape (24,).
-            share: Memory of `share`, shape (1,).
+            trust: Memory of `trust`, shape (1,).
         """
-        self.R_world_ref, self.p_world_ref, self._share = memory[:9].reshape(3, 3), memory[9:12], share
+        self.R_world_ref, self.p_world_ref, self._trust = memory[:9].reshape(3, 3), memory[9:12], trust
         self.twist_ref, self.acceleration_ref = memory[12:18], memory[18:]
 
     @property
-    def share(self) -> float:
+    def trust(self) -> float:
         """Factor on the weights, 0 to 1: how much the reference is trusted."""
-        return float(self._share[0])
+        return float(self._trust[0])
 
-    @share.setter
-    def share(self, share: float) -> None:
-        self._share[0] = share
+    @trust.setter
+    def trust(self, trust: float) -> None:
+        self._trust[0] = trust
 
     @property
     def T_world_ref(self) -> pin.SE3:
@@ -76,6 +76,8 @@ class HandTask:
     def objective(self, robot: Robot) -> Objective:
         """Objective with six rows, linear first."""
         error = self.error(robot)
-        pull = np.concatenate([limited(self.kp * error[:3], self.pull[0]), limited(self.kp * error[3:], self.pull[1])])
-        wanted = self.acceleration_ref + self.kd * (self.twist_ref - robot.velocity(self.frame)) + pull
-        return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.share * self.weight)
+        feedback = np.concatenate(
+            [limited(self.kp * error[:3], self.feedback_max[0]), limited(self.kp * error[3:], self.feedback_max[1])]
+        )
+        wanted = self.acceleration_ref + self.kd * (self.twist_ref - robot.velocity(self.frame)) + feedback
+        return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.trust * self.weight)

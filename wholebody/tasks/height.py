@@ -13,11 +13,11 @@ class HeightTask:
 
     Args:
         frame: Body frame.
-        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(m/s^2)^2]. pull: Largest |kp * error| [m/s^2].
+        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(m/s^2)^2]. feedback_max: Largest |kp * error| [m/s^2].
     """
 
-    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 5.0) -> None:
-        self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
+    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, feedback_max: float = 5.0) -> None:
+        self.frame, self.kp, self.kd, self.feedback_max = frame, kp, kd, feedback_max
         self.weight = np.array([weight])
         self._reference = np.zeros(3)
 
@@ -47,6 +47,6 @@ class HeightTask:
     def objective(self, robot: Robot) -> Objective:
         """Objective with one row."""
         error = self.z_ref - robot.pose(self.frame).translation[2]
-        pull = np.clip(self.kp * error, -self.pull, self.pull)
-        wanted = self.ddz_ref + pull + self.kd * (self.dz_ref - robot.velocity(self.frame)[2])
+        feedback = np.clip(self.kp * error, -self.feedback_max, self.feedback_max)
+        wanted = self.ddz_ref + feedback + self.kd * (self.dz_ref - robot.velocity(self.frame)[2])
         return Objective(robot.jacobian(self.frame)[2:3], np.array([wanted - robot.drift(self.frame)[2]]), self.weight)

@@ -14,11 +14,11 @@ class OrientationTask:
 
     Args:
         frame: Name of the body frame.
-        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(rad/s^2)^2]. pull: Largest kp * error [rad/s^2].
+        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(rad/s^2)^2]. feedback_max: Largest kp * error [rad/s^2].
     """
 
-    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, pull: float = 20.0) -> None:
-        self.frame, self.kp, self.kd, self.pull = frame, kp, kd, pull
+    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, feedback_max: float = 20.0) -> None:
+        self.frame, self.kp, self.kd, self.feedback_max = frame, kp, kd, feedback_max
         self.weight = np.full(3, weight)
         self.bind(np.zeros(15))
         self.R_world_ref[:] = np.eye(3)
@@ -35,5 +35,5 @@ class OrientationTask:
         """Objective with three rows."""
         error = pin.log3(self.R_world_ref @ robot.pose(self.frame).rotation.T)
         rate = robot.velocity(self.frame)[3:]
-        wanted = self.acceleration_ref + limited(self.kp * error, self.pull) + self.kd * (self.rate_ref - rate)
+        wanted = self.acceleration_ref + limited(self.kp * error, self.feedback_max) + self.kd * (self.rate_ref - rate)
         return Objective(robot.jacobian(self.frame)[3:], wanted - robot.drift(self.frame)[3:], self.weight)

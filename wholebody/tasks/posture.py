@@ -1,4 +1,4 @@
-"""Keep the joints near the posture plan."""
+"""Keep the joints near the trajectory."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ class PostureTask:
     Args:
         kp: Stiffness per joint, shape (n_joints,), [1/s^2]. kd: Damping, shape (n_joints,), [1/s].
         weight: Shape (n_joints,), [1/(rad/s^2)^2]. All in Pinocchio joint order.
-        pull: Largest |kp * error| per joint [rad/s^2].
+        feedback_max: Largest |kp * error| per joint [rad/s^2].
     """
 
-    def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray, pull: float = 100.0) -> None:
-        self.kp, self.kd, self.weight, self.pull = kp, kd, weight, pull
+    def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray, feedback_max: float = 100.0) -> None:
+        self.kp, self.kd, self.weight, self.feedback_max = kp, kd, weight, feedback_max
         n = len(weight)
         self.bind(np.zeros((3, n)))
         self._J = np.hstack([np.zeros((n, 6)), np.eye(n)])
@@ -33,5 +33,5 @@ class PostureTask:
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with one row a joint."""
-        pull = np.clip(self.kp * (self.q_ref - robot.q[7:]), -self.pull, self.pull)
-        return Objective(self._J, self.ddq_ref + self.kd * (self.dq_ref - robot.v[6:]) + pull, self.weight)
+        feedback = np.clip(self.kp * (self.q_ref - robot.q[7:]), -self.feedback_max, self.feedback_max)
+        return Objective(self._J, self.ddq_ref + self.kd * (self.dq_ref - robot.v[6:]) + feedback, self.weight)

@@ -47,7 +47,7 @@ def episode(robot, checkpoint, seconds, *, settings, **episode):
 
 
 def worst(result, field):
-    return max(getattr(stitch, field) for stitch in result.stitches)
+    return max(getattr(seam, field) for seam in result.seams)
 
 
 def require_standing(result):
@@ -62,7 +62,7 @@ def require_standing(result):
 def test_a_tiny_pi05_closes_the_loop_and_the_robot_stands(robot, checkpoint):
     result = episode(robot, checkpoint, 1.0, settings={}, settle=0.1, hold=0.0)
     require_standing(result)
-    assert len(result.stitches) == 2
+    assert len(result.seams) == 2
     assert result.reasons["noisy_chunk"] > 0.3
 
 
@@ -70,7 +70,7 @@ def test_real_time_chunking_gets_what_was_executed_and_the_robot_stands(robot, c
     settings = {"real_time": True, "replace_every": 10}
     result = episode(robot, checkpoint, 0.5, settings=settings, settle=0.1, hold=0.0)
     require_standing(result)
-    assert len(result.stitches) >= 2
+    assert len(result.seams) >= 2
 
 
 @pytest.mark.regression

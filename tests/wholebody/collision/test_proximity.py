@@ -1,6 +1,6 @@
 """Strategy: random postures around the stance and anywhere; every pair measured afresh is the truth.
 
-The set watched here is that of the posture plan; tests/wholebody/limits/test_self_collision.py takes all pairs.
+The set watched here is that of the trajectory optimiser; tests/wholebody/limits/test_self_collision.py takes all pairs.
 """
 
 import numpy as np

@@ -29,17 +29,17 @@ def measured(**change):
     meter.mark(0.0)
     for k in range(10):
         meter.add({"left": pose(DT * k), "right": pose(DT * k, **change)})
-    (stitch,) = meter.stitches
-    return stitch
+    (seam,) = meter.seams
+    return seam
 
 
 def test_a_smooth_path_has_no_seam():
-    stitch = measured()
-    assert stitch.time == 0.0
-    assert stitch.distance < 1e-6
-    assert stitch.angle < 1e-6
-    assert stitch.velocity < 1e-3
-    assert stitch.angular_velocity < 1e-3
+    seam = measured()
+    assert seam.time == 0.0
+    assert seam.distance < 1e-6
+    assert seam.angle < 1e-6
+    assert seam.velocity < 1e-3
+    assert seam.angular_velocity < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -59,28 +59,28 @@ def test_a_jump_alone_is_no_change_of_velocity():
     assert measured(jump=0.003).velocity < 1e-3
 
 
-def test_a_stitch_in_the_first_period_is_compared_with_rest():
+def test_a_seam_in_the_first_period_is_compared_with_rest():
     meter = SeamMeter(DT)
     meter.mark(0.0)
-    assert meter.stitches == []
+    assert meter.seams == []
     still = {"left": pose(0.0), "right": pose(0.0)}
     meter.add(still)
     meter.mark(DT)
     for _ in range(5):
         meter.add(still)
-    (stitch,) = meter.stitches
-    assert stitch.distance == 0.0
-    assert stitch.velocity == 0.0
+    (seam,) = meter.seams
+    assert seam.distance == 0.0
+    assert seam.velocity == 0.0
 
 
-def test_two_stitches_within_three_periods_are_both_measured():
+def test_two_seams_within_three_periods_are_both_measured():
     meter = SeamMeter(DT)
     for k in range(-10, 10):
         if k in (0, 1):
             meter.mark(DT * k)
         meter.add({side: pose(DT * k, jump=0.002 * (k >= 1)) for side in ("left", "right")})
-    assert [stitch.time for stitch in meter.stitches] == [0.0, DT]
-    assert meter.stitches[1].distance > 1e-3
+    assert [seam.time for seam in meter.seams] == [0.0, DT]
+    assert meter.seams[1].distance > 1e-3
 
 
 def test_the_commanded_chunk_is_where_the_hands_are_told_to_be_now_and_later():

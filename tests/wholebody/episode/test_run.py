@@ -50,7 +50,7 @@ def at_50_hz(policy, *, horizon=50):
 
 
 def worst(result, field):
-    return max(getattr(stitch, field) for stitch in result.stitches)
+    return max(getattr(seam, field) for seam in result.seams)
 
 
 def run_faulty(robot, fault, *, horizon, at, after, settings):
@@ -130,11 +130,11 @@ def test_a_policy_that_failed_10_s_ago_leaves_the_robot_standing(robot, stored, 
     stored.check("seam_m_s", worst(result, "velocity"), tolerance=0.01, at_most=SEAM_VELOCITY)
 
 
-def test_late_chunks_are_stitched_without_a_jump_and_lose_nothing(robot):
+def test_late_chunks_are_joined_without_a_jump_and_lose_nothing(robot):
     runner = simulated_executor(at_50_hz(scripted_policy("wave")), latency=uniform_latency(0.1, 0.4, seed=1))
     result = run_episode(runner, *robot, duration=1.7, config=EpisodeConfig(settle=0.1, hold=0.0))
     assert result.fall is None
-    assert len(result.stitches) == 3
+    assert len(result.seams) == 3
     assert worst(result, "distance") <= SEAM
     assert worst(result, "velocity") <= SEAM_VELOCITY
     assert worst(result, "angle") <= np.deg2rad(0.1)

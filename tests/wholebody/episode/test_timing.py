@@ -18,8 +18,8 @@ def result():
     report = ExecutionReport(waited=0.1, starved=0.25, starvations=2)
     for i, latency in enumerate((0.1, 0.2, 0.35)):
         report.deliveries.append(Delivery(i, float(i), i + latency, i + latency, 3))
-    stitches = [ChunkSeam(0.1, 1e-4, 2e-3, 0.01, 0.02), ChunkSeam(1.1, 3e-4, 1e-3, 0.005, 0.04)]
-    return EpisodeResult(execution=report, stitches=stitches)
+    seams = [ChunkSeam(0.1, 1e-4, 2e-3, 0.01, 0.02), ChunkSeam(1.1, 3e-4, 1e-3, 0.005, 0.04)]
+    return EpisodeResult(execution=report, seams=seams)
 
 
 def test_an_episode_is_summed_up_by_its_worst_seam_and_its_latencies():

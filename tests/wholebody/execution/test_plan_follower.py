@@ -136,7 +136,7 @@ def test_a_tick_is_that_of_the_pieces(planned, interpret):
         wanted, share = pieces.reference(q)
         got = one.reference(q).row
         assert np.abs(got - wanted).max() < 1e-10 * max(1.0, np.abs(wanted).max())
-        assert abs(planned[0].controller.palms[0].share - share) < 1e-12
+        assert abs(planned[0].controller.palms[0].trust - share) < 1e-12
         assert abs(one.s - pieces.s) < 1e-12
         assert abs(one.rate - pieces.rate) < 1e-12
         slowed, trusted = slowed or one.rate < 0.9, trusted or share < 1.0
@@ -158,7 +158,7 @@ def test_without_a_plan_the_stance_is_held(planned):
 def test_a_configuration_in_single_precision_is_read_as_what_it_is(planned):
     one = follower(planned)
     one.reference(planned[1].q.astype(np.float32))
-    assert planned[0].controller.palms[0].share == 1.0
+    assert planned[0].controller.palms[0].trust == 1.0
 
 
 @pytest.mark.parametrize("interpret", [False, True])
@@ -206,7 +206,7 @@ def test_off_any_plan_the_hands_are_let_go_of_and_one_posture_is_held(planned):
     trajectory, _, rows = beginning(planned)
     one.stand(trajectory, rows)
     row = one.reference(state.q).row
-    assert planned[0].controller.palms[0].share == TRUST_MIN
+    assert planned[0].controller.palms[0].trust == TRUST_MIN
     np.testing.assert_allclose(row[96:139][:29], state.q[7:36], atol=0.5)
     assert not row[139:].reshape(2, -1)[:, :12].any(), "legs rest"
     assert one.foreseen(10).rate == 0.0

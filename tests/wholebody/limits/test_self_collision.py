@@ -1,6 +1,6 @@
 """Strategy: every pair of the robot measured afresh is the truth for selection; differences are it for the rows.
 
-The closed loop drives hands at the trunk and at each other with the program alone, without a posture plan in the way.
+The closed loop drives hands at the trunk and at each other with the program alone, without a planner in the way.
 """
 
 import numpy as np

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.support.reference_motions import lissajous_rows
-from wholebody.planning.limit_projection import CALM, DEMAND, JUMP, PAST, continued, nearest
+from wholebody.planning.limit_projection import DEMAND, IMPLAUSIBLE_SHARE, JUMP, N_BEFORE, continued, nearest
 from wholebody.reference import HandLimits, HandMotion, rest_row
 
 CAPS = HandLimits()
@@ -19,7 +19,7 @@ def steps(t):
 
 
 def differences(values):
-    return [np.diff(values, k, axis=0)[PAST - k :] * FPS**k for k in (1, 2, 3)]
+    return [np.diff(values, k, axis=0)[N_BEFORE - k :] * FPS**k for k in (1, 2, 3)]
 
 
 def test_a_motion_within_the_bounds_is_left_as_it_is():
@@ -27,23 +27,23 @@ def test_a_motion_within_the_bounds_is_left_as_it_is():
     done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
     assert not done.changed
     assert done.moved == 0.0
-    np.testing.assert_array_equal(done.T[PAST:], T)
-    np.testing.assert_array_equal(done.times[PAST:], TIMES)
+    np.testing.assert_array_equal(done.T[N_BEFORE:], T)
+    np.testing.assert_array_equal(done.times[N_BEFORE:], TIMES)
 
 
 def test_the_steps_before_say_where_the_hand_comes_from():
     T, q = steps(TIMES + 1.0)
     done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
-    truth, _ = steps(1.0 - np.arange(PAST, 0, -1) / FPS)
+    truth, _ = steps(1.0 - np.arange(N_BEFORE, 0, -1) / FPS)
     # Position, velocity and acceleration are carried back, so it is the jerk that is missing: 60 m/s^3 for 0.1 s.
-    np.testing.assert_allclose(done.T[:PAST, :3, 3], truth[:, :3, 3], atol=0.01)
+    np.testing.assert_allclose(done.T[:N_BEFORE, :3, 3], truth[:, :3, 3], atol=0.01)
 
 
 def test_steps_that_are_over_are_left_out():
     T, q = steps(TIMES + 1.0)
     done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.5]))[0]), 0.5)
-    assert done.times[PAST] == pytest.approx(0.5)
-    np.testing.assert_array_equal(done.T[PAST:], T[15:])
+    assert done.times[N_BEFORE] == pytest.approx(0.5)
+    np.testing.assert_array_equal(done.T[N_BEFORE:], T[15:])
 
 
 def test_a_jump_is_begun_before_it_comes_and_costs_little():
@@ -60,9 +60,9 @@ def test_a_jump_is_begun_before_it_comes_and_costs_little():
 def test_the_nearest_is_nearer_than_any_other_that_keeps_the_bounds():
     rng = np.random.default_rng(3)
     values = rng.normal(size=(30, 1)) * 0.05
-    values[:PAST] = 0.0
+    values[:N_BEFORE] = 0.0
     near = nearest(values, FPS, CAPS.position)
-    smooth = np.concatenate([np.zeros((PAST, 1)), 1e-3 * np.linspace(0.0, 1.0, 27)[:, None] ** 4])
+    smooth = np.concatenate([np.zeros((N_BEFORE, 1)), 1e-3 * np.linspace(0.0, 1.0, 27)[:, None] ** 4])
     # Convexity: on the way to any other motion within the bounds the distance grows.
     for other in (np.zeros_like(values), 0.9 * near, smooth):
         towards = near + 1e-3 * (other - near)
@@ -82,9 +82,9 @@ def test_a_turn_that_jumps_is_tempered_too():
 
 def test_a_hand_that_comes_too_fast_is_brought_back_to_the_bounds():
     values = np.zeros((60, 1))
-    values[:PAST, 0] = [-0.5, -0.35, -0.2]  # 4.5 m/s
+    values[:N_BEFORE, 0] = [-0.5, -0.35, -0.2]  # 4.5 m/s
     near = nearest(values, FPS, CAPS.position)
-    np.testing.assert_array_equal(near[:PAST], values[:PAST])
+    np.testing.assert_array_equal(near[:N_BEFORE], values[:N_BEFORE])
     speed, acceleration, _ = differences(near)
     assert np.abs(speed[6:]).max() <= 2.5
     assert np.abs(acceleration[:2]).max() > 19.0
@@ -97,6 +97,6 @@ def test_steps_that_jump_far_are_not_hurried_after():
     done = continued(TIMES, T, np.zeros((50, 7)), CAPS, HandMotion(rest_row(T[0], np.zeros(7))), 0.0)
     assert done.moved > JUMP
     speed, acceleration, _ = differences(done.T[:, :3, 3])
-    assert speed.max() <= CALM * 2.5 * 1.01
-    assert np.abs(acceleration).max() <= CALM * 20.0 * 1.01
+    assert speed.max() <= IMPLAUSIBLE_SHARE * 2.5 * 1.01
+    assert np.abs(acceleration).max() <= IMPLAUSIBLE_SHARE * 20.0 * 1.01
     assert done.T[-1, 0, 3] == pytest.approx(0.6, abs=1e-3)

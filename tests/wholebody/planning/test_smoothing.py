@@ -12,7 +12,7 @@ from tests.support.policy_cases import observation
 from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import observe
 from wholebody.execution.supervisor import Supervisor
-from wholebody.planning.smoothing import denoised, smooth
+from wholebody.planning.smoothing import smooth, smoothed_chunk
 from wholebody.reference import HandLimits
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status
@@ -49,7 +49,7 @@ def jerk(values, fps):
 @pytest.mark.parametrize("name", ["lissajous", "wave", "reach"])
 def test_a_motion_that_can_be_done_is_returned_as_it_is(name):
     chunk = script(name)
-    assert denoised(chunk, CAPS) == (chunk, ())
+    assert smoothed_chunk(chunk, CAPS) == (chunk, ())
 
 
 def test_a_jump_and_a_glitch_are_not_noise():
@@ -58,13 +58,13 @@ def test_a_jump_and_a_glitch_are_not_noise():
     T[20:, 0, 3] += 0.5
     T[40, 2, 3] += 1.0
     jump = dataclasses.replace(chunk, T_world_lhand=T)
-    assert denoised(jump, CAPS)[0] is jump
+    assert smoothed_chunk(jump, CAPS)[0] is jump
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_of_20_mm_on_a_moving_hand_is_taken_out(seed):
     chunk = script()
-    clean, names = denoised(noisy(chunk, seed=seed, position=NOISE), CAPS)
+    clean, names = smoothed_chunk(noisy(chunk, seed=seed, position=NOISE), CAPS)
     assert names == ("T_world_lhand",)
     clean.validate()
     error = np.linalg.norm((clean.T_world_lhand - chunk.T_world_lhand)[:, :3, 3], axis=1)
@@ -76,12 +76,12 @@ def test_noise_of_20_mm_on_a_moving_hand_is_taken_out(seed):
 
 def test_orientations_and_fingers_are_taken_one_by_one():
     chunk = script()
-    turned, names = denoised(noisy(chunk, rotation=0.05), CAPS)
+    turned, names = smoothed_chunk(noisy(chunk, rotation=0.05), CAPS)
     assert names == ("T_world_lhand",)
     turned.validate()
     np.testing.assert_array_equal(turned.T_world_lhand[:, :3, 3], chunk.T_world_lhand[:, :3, 3])
     assert angle_between(turned.T_world_lhand[:, :3, :3], chunk.T_world_lhand[:, :3, :3]).max() < 0.06
-    closed, names = denoised(noisy(chunk, finger=0.2), CAPS)
+    closed, names = smoothed_chunk(noisy(chunk, finger=0.2), CAPS)
     assert names == ("q_lhand",)
     assert np.abs(closed.q_lhand - chunk.q_lhand).max() < 0.2
 
@@ -89,7 +89,7 @@ def test_orientations_and_fingers_are_taken_one_by_one():
 @pytest.mark.parametrize("seed", range(5))
 def test_orientations_drawn_from_all_there_are_come_to_rest_somewhere(seed):
     chunk = noisy(script(), seed=seed, rotation=2.0)
-    clean, _ = denoised(chunk, CAPS)
+    clean, _ = smoothed_chunk(chunk, CAPS)
     clean.validate()
     steps = angle_between(clean.T_world_lhand[1:, :3, :3], clean.T_world_lhand[:-1, :3, :3])
     assert np.median(steps) < 0.05
@@ -114,7 +114,7 @@ def test_white_noise_leaves_an_arc():
 def test_the_scatter_of_a_trained_policy_becomes_smaller_and_its_jerk_that_of_the_motion(scatter, fps):
     chunk = script(fps=fps)
     shaken = noisy(chunk, position=scatter)
-    clean, names = denoised(shaken, CAPS)
+    clean, names = smoothed_chunk(shaken, CAPS)
     if fps == 30.0 and scatter < 5e-4:
         assert names == ()  # not worth it: 200 m/s^3
         return
@@ -128,7 +128,7 @@ def test_short_chunks_pass(steps):
     chunk = script()
     cut = {name: value[:steps] for name, value in noisy(chunk, position=0.5).arrays().items()}
     short = dataclasses.replace(chunk, **cut)
-    denoised(short, CAPS)[0].validate()
+    smoothed_chunk(short, CAPS)[0].validate()
 
 
 def test_a_supervisor_follows_the_curve_and_says_so():

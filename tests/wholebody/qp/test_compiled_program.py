@@ -59,7 +59,7 @@ def draw(controller, q_stance, rng, size):
         for tool in controller.spec.tools
     ]
     for task in controller.palms:
-        task.share = rng.uniform(0.2, 1.0)
+        task.trust = rng.uniform(0.2, 1.0)
     dq, ddq = size * rng.normal(size=(2, robot.n_joints))
     return q, v, replace(reference, palms=tuple(palms), q=q_stance, dq=dq, ddq=ddq)
 

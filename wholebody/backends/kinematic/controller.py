@@ -72,9 +72,9 @@ class KinematicController:
         """Tasks read their references where the program does."""
         compiled, n = self.compiled, self.robot.n_joints
         memory = ReferenceMemory(np.zeros(row_length(n)) if compiled is None else compiled.reference)
-        shares = np.ones(2) if compiled is None else compiled.trust
+        trust = np.ones(2) if compiled is None else compiled.trust
         for i, palm in enumerate(tasks.palms):
-            palm.bind(memory.palms[i], shares[i : i + 1])
+            palm.bind(memory.palms[i], trust[i : i + 1])
         for name in ("com", "pelvis", "torso", "height", "posture"):
             getattr(tasks, name).bind(getattr(memory, name))
         self._reference = memory
@@ -128,10 +128,10 @@ class KinematicController:
     def _palm_frames(self) -> np.ndarray:
         return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])
 
-    def trust_hands(self, share: float) -> None:
+    def trust_hands(self, trust: float) -> None:
         """Weigh both hands by this from now on, 0 to 1."""
         for palm in self.palms:
-            palm.share = share
+            palm.trust = trust
 
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
         """Hand the reference to the tasks, without its accelerations: what is wanted is a velocity."""

@@ -78,7 +78,7 @@ class PlacoProgram:
         self.placo = load_placo(spec, contact_points=True)
         self.solver = placo.DynamicsSolver(self.placo)
         self.solver.torque_cost = 0.0
-        # placo prices all variables alike here; what forces cost more is the contacts' own price.
+        # placo regularises all variables alike here; what forces cost more is in the contacts.
         self.solver.problem.regularization = regularisation.acceleration
         added = [self._add_foot(i, regularisation) for i in range(len(self.feet))]
         self._rigid, self._contacts = [rigid for rigid, _ in added], [force for _, forces in added for force in forces]

@@ -54,12 +54,12 @@ class _HandMirror:
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, position, orientation = self.task, self.frame.position(), self.frame.orientation()
         T, error = robot.pose(task.frame), task.error(robot)
-        position.target_world = T.translation + _near(error[:3], task.kp, task.pull[0])
-        orientation.R_world_frame = pin.exp3(_near(error[3:], task.kp, task.pull[1])) @ T.rotation
+        position.target_world = T.translation + _near(error[:3], task.kp, task.feedback_max[0])
+        orientation.R_world_frame = pin.exp3(_near(error[3:], task.kp, task.feedback_max[1])) @ T.rotation
         position.dtarget_world, orientation.omega_world = task.twist_ref[:3], task.twist_ref[3:]
         position.ddtarget_world, orientation.domega_world = task.acceleration_ref[:3], task.acceleration_ref[3:]
-        share = 0.0 if relaxed else task.share
-        self.frame.configure(task.frame, "soft", share * task.weight[0], share * task.weight[3])
+        trust = 0.0 if relaxed else task.trust
+        self.frame.configure(task.frame, "soft", trust * task.weight[0], trust * task.weight[3])
 
 
 class _ComMirror:
@@ -77,7 +77,7 @@ class _ComMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task = self.task
-        target = robot.com + _near(task.position_ref - robot.com, task.kp, task.pull)
+        target = robot.com + _near(task.position_ref - robot.com, task.kp, task.feedback_max)
         for part in self.parts:
             part.target_world, part.dtarget_world, part.ddtarget_world = (
                 target,
@@ -94,7 +94,7 @@ class _OrientationMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, R = self.task, robot.pose(self.task.frame).rotation
-        self.part.R_world_frame = pin.exp3(_near(pin.log3(task.R_world_ref @ R.T), task.kp, task.pull)) @ R
+        self.part.R_world_frame = pin.exp3(_near(pin.log3(task.R_world_ref @ R.T), task.kp, task.feedback_max)) @ R
         self.part.omega_world, self.part.domega_world = task.rate_ref, task.acceleration_ref
 
 
@@ -107,7 +107,7 @@ class _HeightMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, target = self.task, robot.pose(self.task.frame).translation.copy()
-        target[2] += np.clip(task.z_ref - target[2], -task.pull / task.kp, task.pull / task.kp)
+        target[2] += np.clip(task.z_ref - target[2], -task.feedback_max / task.kp, task.feedback_max / task.kp)
         self.part.target_world = target
         self.part.dtarget_world, self.part.ddtarget_world = (
             np.array([0, 0, task.dz_ref]),
@@ -129,7 +129,7 @@ class _PostureMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, q = self.task, robot.q[7:]
-        target = q + np.clip(task.q_ref - q, -task.pull / task.kp, task.pull / task.kp)
+        target = q + np.clip(task.q_ref - q, -task.feedback_max / task.kp, task.feedback_max / task.kp)
         for part, joints, (kp, kd, _) in self.parts:
             part.kp, part.kd = (0.0, RELAXED_DAMPING) if relaxed else (kp, kd)
             for i in joints:
@@ -137,9 +137,9 @@ class _PostureMirror:
                 part.set_joint(self.names[i], float(target[i]), *rates)
 
 
-def _near(error: np.ndarray, kp: float, pull: float) -> np.ndarray:
-    """An error whose proportional part is at most the pull."""
-    return limited(error, pull / kp)
+def _near(error: np.ndarray, kp: float, feedback_max: float) -> np.ndarray:
+    """An error whose proportional part is at most ``feedback_max``."""
+    return limited(error, feedback_max / kp)
 
 
 _COUNTERPARTS = {

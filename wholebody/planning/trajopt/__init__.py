@@ -1,1 +1,1 @@
-"""The posture plan: whole-body motion along the hands' path, found for all of it at once."""
+"""The trajectory: whole-body motion along the hands' path, found for all of it at once."""

@@ -1,4 +1,4 @@
-r"""The posture plan: whole-body motion along the hands' path, optimised for all of the path at once.
+r"""The trajectory: whole-body motion along the hands' path, optimised for all of the path at once.
 
 The motion is a row of knots, 1/15 s apart, with both feet in place at each. What is wanted is a sum of squares; what
 is forbidden costs the square of its excess on a scale so fine that nothing wanted buys much of it:
