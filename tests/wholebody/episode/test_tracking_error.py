@@ -160,6 +160,17 @@ def test_a_step_that_two_chunks_have_in_common_is_scored_once():
     assert np.allclose(still(meter, 0.1, 0.3).result().times, np.arange(1, 10) / FPS)
 
 
+def test_a_step_that_the_next_chunk_has_a_millisecond_later_is_scored_once():
+    """Chunks begin at ticks, so their steps do not fall on the steps of the one before to the millisecond."""
+    meter = score()
+    meter.add(chunk(), report())
+    still(meter, end=0.104)
+    meter.add(chunk(t_obs=0.1 - 2 / FPS + 0.001), report())
+    times = still(meter, 0.104, 0.3).result().times
+    assert np.diff(times).min() > 0.5 / FPS
+    assert len(times) == 8
+
+
 def test_a_first_chunk_far_from_the_hands_is_measured_where_it_is_joined():
     far = chunk(moved=(0.0, 0.3, 0.4), turned=(0.0, 0.5, 0.0))
     distance, angle = start_jump(far, 0.0, commanded(), SPEC)
