@@ -100,15 +100,30 @@ class TrajectoryProblem:
         if first < self.K:
             _smooth(m.q[max(0, first - 1 - SMOOTHED_BEFORE) :])
 
+    def still_step(self, k: int) -> None:
+        """One step of inverse kinematics at knot ``k`` of the present motion, from the terms of `evaluate_still`."""
+        entry_points.warm_start(
+            k, self.body.tables, self.now, self._weights, self._penalties, self._system, self._scratch, self._assembly
+        )
+
+    def evaluate_still(self, *, anew: bool = False) -> None:
+        """Evaluate the configurations of the present motion without velocities; ``anew``: measure all distances."""
+        if anew:
+            self.distances.q[:] = np.inf
+        self._place(self.now)
+
     def linearise(self, m: Motion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
+        self._place(m)
+        entry_points.rates(self.body.tables, self._task, m, self._scratch)
+
+    def _place(self, m: Motion) -> None:
         body, task, scratch = self.body, self._task, self._scratch
         entry_points.place(body.tables, task, m, scratch, 0, self.K)
         touching = entry_points.measure(body.tables, body.shapes, task, m, self.distances, self._trigger)
         if touching:
             self._measure(m, self.distances.touching[:touching])
         entry_points.describe(body.tables, body.shapes, task, m, self.distances)
-        entry_points.rates(body.tables, task, m, scratch)
 
     def _measure(self, m: Motion, touching: np.ndarray) -> None:
         """Measure pairs that touch: rows of knot, pair and place in the list of the knot."""

@@ -1,0 +1,128 @@
+"""Strategy: wrist poses come from random postures inside all bounds; Pinocchio judges the answers."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wholebody
+from models.g1 import g1
+from tests.support.posture_cases import PostureCases
+from wholebody.config import ControllerConfig
+from wholebody.errors import InputError
+from wholebody.planning.posture import Constraint, PostureSolver
+
+SPEC, CONFIG = g1(), ControllerConfig()
+PAIRS = 30
+POSITION, ORIENTATION = 1e-3, np.deg2rad(0.2)
+MEDIAN = 0.1
+"""Bar for the median time of a solution on a machine that does other things too [s]; `docs/planner.md`."""
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return PostureCases(SPEC, CONFIG)
+
+
+@pytest.fixture(scope="module")
+def solver():
+    return PostureSolver(SPEC, CONFIG)
+
+
+def stance_wrists(cases):
+    return cases.wrist_poses(cases.body.q_full)
+
+
+def moved(T, offset):
+    out = T.copy()
+    out[:3, 3] += offset
+    return out
+
+
+def test_joint_targets_for_two_wrist_poses_are_balanced_and_reach_them(cases, solver):
+    generator, times, missed = np.random.default_rng(3), [], 0
+    solver.solve(*stance_wrists(cases))
+    for _ in range(PAIRS):
+        targets = cases.wrist_poses(cases.draw(generator))
+        begin = time.perf_counter()
+        found = solver.solve(*targets)
+        times.append(time.perf_counter() - begin)
+        missed += not found.reached
+        assert cases.keeps_bounds(found.q)
+        assert cases.foot_error(found.q) < 1e-5
+        assert found.reached == (not found.reasons)
+        for got, wanted, say, turn in zip(
+            cases.wrist_poses(found.q), targets, found.position_error, found.orientation_error, strict=True
+        ):
+            assert np.linalg.norm(got[:3, 3] - wanted[:3, 3]) == pytest.approx(say, abs=1e-9)
+            assert np.linalg.norm(pin.log3(got[:3, :3].T @ wanted[:3, :3])) == pytest.approx(turn, abs=1e-6)
+            assert not found.reached or (say <= POSITION and turn <= ORIENTATION)
+    assert missed <= 0.02 * PAIRS
+    assert np.median(times) < MEDIAN
+
+
+def test_torques_and_joints_are_by_name_and_those_of_the_configuration(cases, solver):
+    found = solver.solve(*stance_wrists(cases))
+    assert found.reached
+    assert list(found.joints) == list(cases.model.names)[2:]
+    assert list(found.joints.values()) == found.q[7:].tolist()
+    assert set(found.joints) == set(SPEC.joint_names)
+    gravity = pin.computeGeneralizedGravity(cases.model, cases.data, found.q)
+    for name, torque in found.torques.items():
+        assert torque == pytest.approx(gravity[cases.model.joints[cases.model.getJointId(name)].idx_v], abs=1e-6)
+    assert found.margins[Constraint.BALANCE] == pytest.approx(cases.edges(found.q), abs=1e-6)
+    assert set(found.margins) == set(Constraint) - {Constraint.NOT_FOUND}
+
+
+@pytest.mark.parametrize("offset", [(2.0, 0.0, 0.0), (0.0, 0.0, -1.5), (-0.5, 0.0, 0.0), (100.0, 0.0, 0.0)])
+def test_out_of_reach_is_the_nearest_posture_inside_the_bounds_and_says_why(cases, solver, offset):
+    left, right = stance_wrists(cases)
+    found = solver.solve(moved(left, offset), moved(right, offset))
+    assert not found.reached
+    assert found.reasons
+    assert cases.keeps_bounds(found.q)
+    assert cases.foot_error(found.q) < 1e-5
+
+
+def test_both_hands_in_one_place_are_refused_by_the_distance_between_them(cases, solver):
+    left, _ = stance_wrists(cases)
+    between = moved(left, [0.1, -left[1, 3], 0.1])
+    found = solver.solve(between, between)
+    assert Constraint.DISTANCE in found.reasons
+    assert cases.keeps_bounds(found.q)
+
+
+def test_a_solution_does_not_depend_on_those_before(cases, solver):
+    generator = np.random.default_rng(5)
+    first, second = (cases.wrist_poses(cases.draw(generator)) for _ in range(2))
+    alone = solver.solve(*first).q
+    solver.solve(*second)
+    np.testing.assert_array_equal(solver.solve(*first).q, alone)
+
+
+def test_a_wider_margin_asked_for_is_the_one_kept(cases):
+    posture = replace(CONFIG.planner.posture, com_margin=0.06)
+    config = replace(CONFIG, planner=replace(CONFIG.planner, posture=posture))
+    found = wholebody.solve(*stance_wrists(cases), config=config)
+    assert found.margins[Constraint.BALANCE] < wholebody.solve(*stance_wrists(cases)).margins[Constraint.BALANCE]
+
+
+@pytest.mark.parametrize(
+    ("T", "message"),
+    [
+        (np.full((4, 4), np.nan), "finite"),
+        (np.eye(3), r"shape \(3, 3\)"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "rotation"),
+        (np.diag([1.0, 1.0, 1.1, 1.0]), "rotation"),
+        (np.eye(4) * 2.0, "rotation"),
+        (np.vstack([np.eye(4)[:3], [0.0, 0.0, 1.0, 1.0]]), "last row"),
+        ("left", "not finite|numbers"),
+    ],
+)
+def test_what_is_no_pose_is_refused(solver, T, message):
+    with pytest.raises(InputError, match=message):
+        solver.solve(T, np.eye(4))
+    with pytest.raises(InputError, match="T_world_rhand"):
+        solver.solve(np.eye(4), T)
