@@ -131,7 +131,7 @@ class TrajectoryConfig:
     position: float = 2e-3
     """Scale of palm positions [m]."""
     position_give: float = 0.01
-    """Distance at which a palm pulls hardest; further away it pulls ever less [m]."""
+    """Error of a palm at which the gradient of its loss is greatest; it falls beyond [m]."""
     orientation: float = 8e-3
     """Scale of palm orientations [rad]."""
     orientation_give: float = 0.01
@@ -218,7 +218,7 @@ WEIGHTS_FALLBACK = TrajectoryConfig(
 """For chunks that cannot be followed: hands weigh little beside posture and balance, far less than any bound."""
 
 WEIGHTS_UNREACHABLE = replace(WEIGHTS_FALLBACK, position_give=0.1)
-"""For targets out of reach: as near to them as the bounds allow, without hurry."""
+"""For targets out of reach: as near to them as the bounds allow, with palm errors of up to 0.1 m in full."""
 
 WEIGHTS_STOP = replace(WEIGHTS_FALLBACK, position=10.0, orientation=10.0)
 """For states from which no motion follows the hands safely: come to rest."""

@@ -71,7 +71,7 @@ def variant(seed: int) -> ScriptedPolicy:
     return ScriptedPolicy(f"lissajous {seed}", script, end + END)
 
 
-def score(policy, supervisor, plant, *, start=3.0, scored=SCORED, seconds=None):
+def errors_line(policy, supervisor, plant, *, start=3.0, scored=SCORED, seconds=None):
     """One line: the errors over the scored time, the time factor and a fall."""
     seconds = policy.duration if seconds is None else seconds
     result = run_episode(policy, supervisor, plant, duration=seconds, config=EpisodeConfig(hold=1.0))
@@ -90,4 +90,4 @@ if __name__ == "__main__":
     spec = g1()
     robot = Supervisor(spec), MujocoPlant(spec)
     for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-        print(seed, score(variant(seed), *robot), flush=True)
+        print(seed, errors_line(variant(seed), *robot), flush=True)

@@ -39,7 +39,7 @@ def bench_loop(policy: str, seconds: float) -> dict:
     """Follow a scripted policy in MuJoCo and time controller and plant; planning is timed apart.
 
     A control period is `Supervisor.step` and `MujocoPlant.step`: everything between two states of the robot, with the
-    position loops of the motors, but no score and no record. Thread CPU time.
+    position loops of the motors, but without tracking errors and recording. Thread CPU time.
 
     Args:
         policy: Name of a scripted policy.

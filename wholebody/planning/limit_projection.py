@@ -23,8 +23,7 @@ from wholebody.reference.rotation import continuous_quaternions
 DEMAND = (1.0, 1.0, 1.5)
 """Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the limits: for a hand 20 m/s^2, 600 m/s^3."""
 JUMP, IMPLAUSIBLE_SHARE = 0.06, 0.25
-"""Steps that jump by more than that [m] are no motion that anybody meant: the way there need not be fast. It keeps that
-share of the bounds."""
+"""Steps that have to be moved by more than that [m] are implausible: they keep this share of the bounds."""
 N_BEFORE = 3
 """Steps of the motion so far that the new ones go on from."""
 SOFT, SOLVED = 8, (1, 2)

@@ -15,8 +15,8 @@ from wholebody.planning.smoothing import smoothed_chunk
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
 
 JOIN_SHARE = 0.6
-"""Share of the usual speed, acceleration and jerk with which such a chunk is joined: it says nothing about the way
-there, so nothing is gained by a fast one."""
+"""Share of the usual speed, acceleration and jerk with which a chunk is joined that begins elsewhere: it does not
+say how to get there."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class PreparedChunk:
 
     @property
     def implausible(self) -> bool:
-        """Whether its scatter is wider than any motion: what it means is a guess, and there is no hurry."""
+        """Whether its scatter is wider than any motion: what it means is a guess."""
         return self.moved > JUMP
 
     def lift_at(self, s: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ def best(config: PlannerConfig, attempt: Try, *, implausible: bool) -> Attempt:
     Args:
         config: Strategies' settings, and what counts as safe and as following.
         attempt: Makes one.
-        implausible: Whether what the chunk means is a guess: then nothing is hurried.
+        implausible: Whether what the chunk means is a guess: then it is followed as if out of reach.
     """
     tried: list[Attempt] = []
     for slowdown in (1.0, *config.slowdowns):
@@ -79,10 +79,10 @@ def best(config: PlannerConfig, attempt: Try, *, implausible: bool) -> Attempt:
         if now.follows(config) and not jumps:
             return now
         if jumps or now.tracking_error > config.unreachable:
-            calm = attempt(UNREACHABLE, slowdown, None)
-            if calm.is_safe(config) and calm.deficit <= config.friction_deficit_unreachable:
-                steadier = now.follows(config) and now.imbalance(config) < calm.imbalance(config)
-                return now if steadier else calm
+            unreachable = attempt(UNREACHABLE, slowdown, None)
+            if unreachable.is_safe(config) and unreachable.deficit <= config.friction_deficit_unreachable:
+                steadier = now.follows(config) and now.imbalance(config) < unreachable.imbalance(config)
+                return now if steadier else unreachable
         tried.append(now)
         # What is out of reach at the end stays so at any speed.
         if now.distance[-1].max() > config.tracking_error_max:

@@ -98,7 +98,7 @@ def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> Cubi
 def track_along(curve: CubicBSpline, start: float, end: float, momenta: Centroidal) -> SampledTrajectory:
     """The posture on the grid from ``start`` to ``end``: everything from one smooth curve.
 
-    Positions, velocities and accelerations that did not belong together would pull the robot off the plan.
+    Positions, velocities and accelerations that did not belong together would lead the robot off the plan.
     """
     grid = np.arange(start, end + GRID, GRID)
     coarse = np.arange(start, end + COARSE * GRID, COARSE * GRID)

@@ -3,7 +3,7 @@ r"""The whole-body inverse-dynamics program: the specification that every faster
 Variables ``x = [dv (nv), f (3 per contact point), s (2 slacks)]``:
 
     minimise    sum_tasks w |J dv - target|^2 + w_dv |dv|^2 + w_f |f|^2 + slack penalties
-    subject to  M_base dv + nle_base = J_points_base' f          six rows: nobody pushes the pelvis
+    subject to  M_base dv + nle_base = J_points_base' f          six rows: the base is unactuated
                 J_foot dv = target_foot                          six rows a foot: the feet stay
                 |M_joints dv + nle_joints - J_points_joints' f| <= tau_max
                 friction pyramid of every point, f_min <= f_normal <= f_max

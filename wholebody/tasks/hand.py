@@ -13,7 +13,7 @@ class HandTask:
     """Pose of one tool frame, position and orientation weighted apart.
 
     ``target = a_ref + kd (twist_ref - twist) + kp error - drift``, world-aligned axes at the frame's origin.
-    The proportional part is limited so that a far reference pulls with a finite acceleration.
+    The proportional part is limited so that a far reference asks for a finite acceleration.
 
     Args:
         frame: Name of the tool frame.

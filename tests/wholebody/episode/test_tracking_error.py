@@ -38,7 +38,7 @@ def report(missed=0.0):
     return SimpleNamespace(steps=steps, tracking_error=np.full((len(steps), 2), missed))
 
 
-def score():
+def tracking_error():
     palms = [MODEL.getFrameId(tool.palm_frame) for tool in SPEC.tools]
     robot, planner = SimpleNamespace(model=MODEL), SimpleNamespace(palm_ids=palms)
     return TrackingError(SimpleNamespace(robot=robot, planner=planner, spec=SPEC))
@@ -63,7 +63,7 @@ def still(meter, start=0.0, end=0.4):
 
 
 def test_every_step_is_scored_once_against_what_was_asked():
-    meter = score()
+    meter = tracking_error()
     meter.add(chunk(moved=(0.03, 0.0, 0.04)), report())
     palms = still(meter).result()
     times, errors = palms.times, palms.errors
@@ -77,7 +77,7 @@ def test_every_step_is_scored_once_against_what_was_asked():
 
 
 def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
-    meter = score()
+    meter = tracking_error()
     meter.add(chunk(turned=(0.0, 0.0, 0.1)), report())
     palms = still(meter).result()
     errors = palms.errors
@@ -91,7 +91,7 @@ def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
 
 def test_errors_are_taken_at_the_steps_not_at_the_ticks():
     """A base that moves at 1 m/s is 2 mm further a tick later."""
-    meter, q = score(), stance_q(SPEC, MODEL)
+    meter, q = tracking_error(), stance_q(SPEC, MODEL)
     meter.add(chunk(), report())
     for tick in range(200):
         moved = q.copy()
@@ -103,7 +103,7 @@ def test_errors_are_taken_at_the_steps_not_at_the_ticks():
 
 def test_2_what_was_commanded_is_taken_at_the_steps_too_with_the_reason_of_that_time():
     """A command that moves on at 1 m/s is compared between the ticks, and not a tick too late."""
-    meter, q = score(), stance_q(SPEC, MODEL)
+    meter, q = tracking_error(), stance_q(SPEC, MODEL)
     meter.add(chunk(), report())
     for tick in range(200):
         reason = Reason.OUT_OF_REACH if tick * 0.003 > 0.2 else None
@@ -117,7 +117,7 @@ def test_2_what_was_commanded_is_taken_at_the_steps_too_with_the_reason_of_that_
 def test_4_fingers_past_their_range_are_told_by_joint_with_the_worst_value():
     one = chunk()
     one.q_lhand[2:4, 0] = [5.0, -7.0]
-    meter = score()
+    meter = tracking_error()
     meter.add(one, report())
     (excess,) = (fingers := still(meter).result().fingers).values()
     assert list(fingers) == ["left_hand_thumb_0_joint"]
@@ -126,7 +126,7 @@ def test_4_fingers_past_their_range_are_told_by_joint_with_the_worst_value():
 
 
 def test_a_later_chunk_replaces_the_rest_of_the_one_before():
-    meter = score()
+    meter = tracking_error()
     meter.add(chunk(moved=(0.1, 0.0, 0.0)), report())
     still(meter, end=0.11)
     meter.add(chunk(t_obs=0.11), report())
@@ -139,7 +139,7 @@ def test_a_later_chunk_replaces_the_rest_of_the_one_before():
 
 def test_5_time_between_chunks_that_is_in_neither_is_told():
     """A chunk may come in time, and be planned only after the last step of the one before."""
-    meter = score()
+    meter = tracking_error()
     meter.add(chunk(), report())
     meter.add(chunk(t_obs=STEPS / FPS), report())
     assert meter.result().uncovered == (0.0, 0.0)
@@ -151,7 +151,7 @@ def test_5_time_between_chunks_that_is_in_neither_is_told():
 
 def test_a_step_that_two_chunks_have_in_common_is_scored_once():
     """A plan begins with the state that it was made from, one tick before the chunk is taken over."""
-    meter = score()
+    meter = tracking_error()
     meter.add(chunk(), report())
     still(meter, end=0.1)
     second = report()
@@ -162,7 +162,7 @@ def test_a_step_that_two_chunks_have_in_common_is_scored_once():
 
 def test_a_step_that_the_next_chunk_has_a_millisecond_later_is_scored_once():
     """Chunks begin at ticks, so their steps do not fall on the steps of the one before to the millisecond."""
-    meter = score()
+    meter = tracking_error()
     meter.add(chunk(), report())
     still(meter, end=0.104)
     meter.add(chunk(t_obs=0.1 - 2 / FPS + 0.001), report())

@@ -29,7 +29,7 @@ class KinematicController:
     support, joint positions and speeds within their limits. What does not: accelerations, torques, friction, forces,
     distances between bodies and to the floor, the zero-moment point of fast motions. Feed-forward torques carry the
     weight of the measured configuration as if it stood still. Disturbances are not noticed: it is for slow motions, and
-    for robots whose balance somebody else keeps.
+    for robots that another controller balances.
 
     Attributes:
         q: Configuration so far, shape (nq,); the commanded one.

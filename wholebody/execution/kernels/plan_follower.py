@@ -216,7 +216,7 @@ def follow_fingers(state, fingers, row):
 
 
 def trust(settings, q, row, weights):
-    """How far the hands may pull: less where the body has left its plan, along which they would drag it further."""
+    """Factor on the weights of the hands, 0 to 1: less where the body has left its plan."""
     distance = 0.0
     for j in range(weights.shape[0]):
         distance = max(distance, weights[j] * abs(q[7 + j] - row[POSTURE + j]))

@@ -72,7 +72,7 @@ class Shapes(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Weights of the squares [1 / scale^2]; of palms the scales, and the errors past which they pull no harder."""
+    """Weights of the squares [1 / scale^2]; of palms the scales, and the errors past which no gradient grows."""
 
     position: float
     position_give: float

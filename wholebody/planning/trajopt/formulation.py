@@ -215,8 +215,8 @@ def bounds(
 def configuration_cost(w: Weights, r: np.ndarray) -> float:
     """Cost of the residuals (50,) of one configuration.
 
-    With e the error of a palm over ``give``, its position costs ``(give / scale)^2 log(1 + e^2)``, whose pull is
-    greatest at e = 1, and its orientation ``(give / scale)^2 2 (e - log(1 + e))``, whose pull is bounded; both are
+    With e the error of a palm over ``give``, its position costs ``(give / scale)^2 log(1 + e^2)``, whose gradient is
+    greatest at e = 1, and its orientation ``(give / scale)^2 2 (e - log(1 + e))``, whose gradient is bounded; both are
     squares near 0.
     """
     total = 0.0

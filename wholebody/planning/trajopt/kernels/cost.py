@@ -66,7 +66,7 @@ def configuration_cost(r, weights):
 
 
 def palm_scale(h, weights):
-    """Scale of a palm's position (h even) or orientation, and the residual from which its pull grows no more."""
+    """Scale of a palm's position (h even) or orientation, and the residual from which its gradient grows no more."""
     if h % 2 == 0:
         return weights.position, weights.position_give
     return weights.orientation, weights.orientation_give
@@ -86,9 +86,9 @@ def scale_of(i, weights):
 def assemble(m, task, weights, H, g, work):
     """Hessian panels (K + 2, N_FREE, 3 N_FREE) and gradient (K + 2, N_FREE) of half the cost without the bounds.
 
-    Palm positions have a Cauchy loss: the pull is greatest at ``position_give`` and falls beyond, so that a target that
-    jumps does not take the body along. Orientations have one whose pull is bounded. Both enter the Gauss-Newton Hessian
-    with the weight of the loss at the present residual (iteratively reweighted least squares).
+    Palm positions have a Cauchy loss: the gradient is greatest at ``position_give`` and falls beyond, so that a target
+    that jumps does not take the body along. Orientations have one whose gradient is bounded. Both enter the
+    Gauss-Newton Hessian with the weight of the loss at the present residual (iteratively reweighted least squares).
     """
     H[:] = 0.0
     g[:] = 0.0
