@@ -84,8 +84,8 @@ class TrackingError:
 
     def add(self, chunk: ActionChunk, report: PlanReport) -> None:
         """A chunk that was accepted, with its plan; it replaces the one before."""
-        # Steps that were due before it came, or as it came, were the business of the chunk before; chunks begin at ticks,
-        # so the same step is due up to a tick earlier or later in both.
+        # Steps that were due before it came, or as it came, belong to the chunk before; chunks begin at ticks, so the
+        # same step is due up to a tick earlier or later in both.
         begin = float(chunk.t_obs + max(report.steps[0], 0.0))
         since = max([begin, *(time + 0.5 / chunk.fps for time in self._times[-1:])])
         if self._chunk is not None:
