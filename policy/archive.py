@@ -37,7 +37,6 @@ UNREADABLE = (
     TypeError,
     KeyError,
     AttributeError,
-    NotImplementedError,
     RuntimeError,  # a password is required, or the compression is none that zipfile knows
 )
 """What zipfile and numpy raise on an archive that they cannot read."""
