@@ -19,6 +19,7 @@ import numpy as np
 
 from models.g1 import g1
 from policy.action_spec.anchor import Anchor
+from policy.dataset.conversion import DatasetSettings, convert_dataset
 from policy.dataset.format import INDICES, Episode
 from policy.dataset.joint_layout import UNITREE_DEX3, joint_layout
 from policy.dataset.report import ConvertedDataset
@@ -26,7 +27,6 @@ from policy.dataset.writer import DatasetWriter, set_column
 from policy.joints import BODY_JOINTS
 from policy.kinematics.forward import IK_TOLERANCE, kinematics
 from policy.kinematics.inverse import ARMS, reach
-from policy.recorded.convert import DatasetSettings, convert_dataset
 from policy.recorded.motion_csv import read_motion_csv
 
 LAYOUT = joint_layout(list(UNITREE_DEX3), 28)

@@ -170,3 +170,8 @@ def builtin(name: str) -> ActionSpec:
     if name not in LAYOUTS:
         raise SpecError(f"no layout is called '{name}'; {did_you_mean(name, LAYOUTS)}built in: {', '.join(LAYOUTS)}")
     return LAYOUTS[name]()
+
+
+def as_spec(spec: ActionSpec | str | None) -> ActionSpec | None:
+    """A layout that may be given by its built-in name."""
+    return builtin(spec) if isinstance(spec, str) else spec

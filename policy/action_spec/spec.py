@@ -181,19 +181,16 @@ class ActionSpec:
                 raise SpecError(f"spec '{self.name}' gives both '{side}_hand' and '{side}_grasp'")
 
 
-def require_same(expected: ActionSpec, found: ActionSpec | str | None, *, assume: bool = False) -> None:
+def require_same(expected: ActionSpec, found: ActionSpec | str | None) -> None:
     """Handshake between a producer of actions and their consumer.
 
     Args:
         expected: What the consumer decodes.
         found: Spec or hash that comes with the actions, None if nothing does.
-        assume: The user vouches that the actions are as expected (``--assume-spec``).
 
     Raises:
-        SpecError: If the hash is missing or another, and the user does not vouch.
+        SpecError: If the hash is missing or another.
     """
-    if assume:
-        return
     if found is None:
         raise SpecError(
             f"the actions come without a spec; {expected.dim} numbers alone do not say what they mean. "

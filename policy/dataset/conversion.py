@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from policy.action_spec.builtin import builtin
+from policy.action_spec.builtin import as_spec
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_layout
 from policy.dataset.checks import (
@@ -106,8 +106,7 @@ def convert_dataset(
     if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):
         raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
     dataset = _selected(open_dataset(source), settings.episodes)
-    spec = builtin(settings.to) if isinstance(settings.to, str) else settings.to
-    spec = dataclasses.replace(spec, fps=dataset.fps)
+    spec = dataclasses.replace(as_spec(settings.to), fps=dataset.fps)
     conversions = {}
     for key, layout in {ACTION: spec, STATE: state_layout(spec)}.items():
         columns = column_layout(dataset, key, assume=settings.assume, unit=settings.unit)

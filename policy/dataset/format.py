@@ -7,7 +7,7 @@ episodes a file), v2.1 and v2.0 (one file an episode) give the same `Dataset`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -278,6 +278,21 @@ def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
     if [row["episode_index"] for row in rows] != list(range(len(rows))):
         raise DatasetError(f"{where} does not list the episodes 0 to {len(rows) - 1} once each")
     return rows
+
+
+def in_numbers(pairs: Iterable[tuple[int, str]], file: Path) -> tuple[str, ...]:
+    """Every task of a dataset, by its number.
+
+    Raises:
+        DatasetError: If they are no tasks, or not numbered from 0 on.
+    """
+    pairs = list(pairs)
+    if not all(type(number) is int and isinstance(text, str) for number, text in pairs):
+        raise DatasetError(f"{file} has a task that is no text, or whose task_index is no whole number")
+    pairs.sort()
+    if [number for number, _ in pairs] != list(range(len(pairs))):
+        raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
+    return tuple(text for _, text in pairs)
 
 
 def vectors(column: pyarrow.ChunkedArray, width: int, key: str, episode: Episode) -> np.ndarray:

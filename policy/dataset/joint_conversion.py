@@ -7,7 +7,6 @@ recorded but lie between pelvis and wrist, the waist, are taken from a posture t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
@@ -94,15 +93,12 @@ class JointConversion:
         """Wrist layout (n, A) of joint vectors (n, D)."""
         return encode(self.target, self._chunk(joints), self.anchor)
 
-    def backward(
-        self, numbers: np.ndarray, start: np.ndarray | None = None, *, progress: Callable[[int], None] | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def backward(self, numbers: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Joint vectors of wrist-layout numbers, each frame from the one before; legs, if any, keep ``start``.
 
         Args:
             numbers: Shape (n, A).
             start: Joint vector (D,) to start from; it also says where the redundant elbows and the waist are.
-            progress: Called with the number of frames done.
 
         Returns:
             Joint vectors (n, D), and the pose error of each frame [m and rad in one norm]; above
@@ -110,7 +106,7 @@ class JointConversion:
         """
         chunk = decode(self.target, np.asarray(numbers, dtype=float), self.anchor)
         first = self.anchor if start is None else self._anchor_at(start)
-        q_body, errors = self._follow(self._in_base(chunk), chunk.q_waist, first.q_body, progress)
+        q_body, errors = self._follow(self._in_base(chunk), chunk.q_waist, first.q_body)
         parts = {
             "left_arm": q_body[:, LEFT_ARM],
             "right_arm": q_body[:, RIGHT_ARM],
@@ -164,11 +160,7 @@ class JointConversion:
         return Anchor(self.anchor.T_world_base, q_body[0], q_l[0], q_r[0])
 
     def _follow(
-        self,
-        T: dict[str, np.ndarray],
-        q_waist: np.ndarray | None,
-        q_first: np.ndarray,
-        progress: Callable[[int], None] | None,
+        self, T: dict[str, np.ndarray], q_waist: np.ndarray | None, q_first: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         steps = len(T["lhand"])
         q, solved, errors = q_first.copy(), np.empty((steps, len(q_first))), np.zeros(steps)
@@ -185,8 +177,6 @@ class JointConversion:
             if not worst <= IK_TOLERANCE and self.moving == "upper_body" and q_waist is None:
                 q, worst = reach(goals, UPPER_BODY, before, q_first)
             solved[step], errors[step] = q, worst
-            if progress is not None:
-                progress(step + 1)
         return solved, errors
 
 

@@ -18,7 +18,8 @@ from policy.errors import DatasetError
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 """Those that LeRobot's normalisers may ask for."""
 WIDTH_MIN = 1e-3
-"""Least distance from q01 to q99 of a number that moves, in SI: a millimetre, a milliradian, a thousandth."""
+"""Least distance from q01 to q99 of a number that moves, in SI: a millimetre, a milliradian, a thousandth. A
+demonstration resolves no less; dividing by it turns encoder noise (about 1e-4 rad) into a tenth of the range."""
 DEVIATIONS_99 = 4.65
 """Distance from the 1 % to the 99 % quantile of a normal distribution, in standard deviations."""
 
@@ -55,7 +56,7 @@ def merged(parts: Sequence[Mapping[str, Mapping[str, Any]]]) -> dict[str, dict[s
 
 def narrow(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float = WIDTH_MIN) -> np.ndarray:
     """Numbers of a layout that hardly move: indices whose q01 and q99 are nearer than ``least`` in SI."""
-    return np.flatnonzero(~(stats["q99"] - stats["q01"] >= _in_units(layout, least)))
+    return np.flatnonzero(~(stats["q99"] - stats["q01"] >= in_units(layout, least)))
 
 
 def widened(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float) -> dict[str, np.ndarray]:
@@ -66,7 +67,7 @@ def widened(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float) -
         layout: What the numbers are.
         least: Least distance between min and max, and q01 and q99, in SI; 0 changes nothing.
     """
-    widths = _in_units(layout, least)
+    widths = in_units(layout, least)
     changed = dict(stats)
     for low, high in (("min", "max"), ("q01", "q99"), ("q10", "q90")):
         # What LeRobot divides by between q10 and q90 must be no less either.
@@ -100,6 +101,6 @@ def _merged(parts: list[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _in_units(layout: ActionSpec, least: float) -> np.ndarray:
+def in_units(layout: ActionSpec, least: float) -> np.ndarray:
     """A width in SI in the numbers of a layout, shape (dim,)."""
     return np.concatenate([np.full(slot.size, least / abs(UNITS[slot.kind][slot.unit][0])) for slot in layout.slots])

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, in_order, inside, read_json
+from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, in_numbers, in_order, inside, read_json
 from policy.dataset.stats import merged
 from policy.errors import DatasetError
 from policy.reading import JSON_MAX, ReadingError, parse_json, read_text
@@ -70,18 +70,8 @@ def _episode_stats(file: Path, cameras: list[str]) -> dict[int, dict[str, Any]]:
 
 
 def read_tasks(file: Path) -> tuple[str, ...]:
-    """Every task of a dataset, by its number.
-
-    Raises:
-        DatasetError: If they are no tasks.
-    """
-    lines = _lines(file, "task_index", "task")
-    if not all(type(line["task_index"]) is int and isinstance(line["task"], str) for line in lines):
-        raise DatasetError(f"{file} has a task that is no text, or whose task_index is no whole number")
-    pairs = sorted((line["task_index"], line["task"]) for line in lines)
-    if [number for number, _ in pairs] != list(range(len(pairs))):
-        raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
-    return tuple(text for _, text in pairs)
+    """As `in_numbers`."""
+    return in_numbers(((line["task_index"], line["task"]) for line in _lines(file, "task_index", "task")), file)
 
 
 def _lines(file: Path, *needed: str) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import Dataset, Episode, VideoSpan, in_order, inside, read_json, read_parquet
+from policy.dataset.format import Dataset, Episode, VideoSpan, in_numbers, in_order, inside, read_json, read_parquet
 from policy.errors import DatasetError
 
 _PLACES = ("data/", "videos/", "stats/", "meta/episodes/")
@@ -100,20 +100,10 @@ def _camera_stats(row: Mapping[str, Any], cameras: list[str]) -> dict[str, dict[
 
 
 def read_tasks(folder: Path) -> tuple[str, ...]:
-    """Every task of a dataset, by its number.
-
-    Raises:
-        DatasetError: If they are no tasks.
-    """
+    """As `in_numbers`."""
     file = folder / "meta" / "tasks.parquet"
     table = read_parquet(file)
     names = [name for name in table.column_names if name != "task_index"]
     if "task_index" not in table.column_names or len(names) != 1:
         raise DatasetError(f"{file} has the columns {', '.join(table.column_names)}; task_index and task are expected")
-    numbers, texts = (table.column(name).to_pylist() for name in ("task_index", names[0]))
-    if not all(type(number) is int for number in numbers) or not all(isinstance(text, str) for text in texts):
-        raise DatasetError(f"{file} has a task that is no text, or whose task_index is no whole number")
-    pairs = sorted(zip(numbers, texts, strict=True))
-    if [number for number, _ in pairs] != list(range(len(pairs))):
-        raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
-    return tuple(text for _, text in pairs)
+    return in_numbers(zip(*(table.column(name).to_pylist() for name in ("task_index", names[0])), strict=True), file)

@@ -13,6 +13,8 @@ from policy.recorded.resample import resampled
 
 DECAY_MAX = 10.0
 """Largest decay, either sign: beyond it all weight is on one chunk already."""
+CHUNKS_MAX = 8
+"""Most chunks that are averaged, the newest included."""
 TAPER = 0.2
 """Time over which a chunk fades out before its last step, so that the average does not jump where it ends [s]."""
 SPREAD_MAX = 0.1
@@ -29,18 +31,16 @@ class TemporalEnsemble:
 
     Args:
         decay: How much less a newer chunk counts; 0 counts all alike, negative favours the newest.
-        most: Number of chunks averaged, the newest included.
 
     Source:
         Zhao et al. 2023, "Learning Fine-Grained Bimanual Manipulation with Low-Cost Hardware" (0.01); the mean of
         rotations: Moakher 2002, "Means and Averaging in the Group of Rotations".
     """
 
-    def __init__(self, decay: float = 0.01, *, most: int = 8) -> None:
-        if not abs(decay) <= DECAY_MAX or most < 1:
-            said = f"a number from {-DECAY_MAX:g} to {DECAY_MAX:g} and at least 1 are expected"
-            raise ValueError(f"decay {decay} and most {most}: {said}")
-        self.decay, self.most = float(decay), int(most)
+    def __init__(self, decay: float = 0.01) -> None:
+        if not abs(decay) <= DECAY_MAX:
+            raise ValueError(f"decay is {decay}; a number from {-DECAY_MAX:g} to {DECAY_MAX:g} is expected")
+        self.decay = float(decay)
         self.reset()
 
     def reset(self) -> None:
@@ -56,7 +56,7 @@ class TemporalEnsemble:
         if self._chunks and chunk.spec_id != self._chunks[-1].spec_id:
             raise ChunkError(f"a chunk of '{chunk.spec_id}' cannot be averaged with '{self._chunks[-1].spec_id}'")
         live = [old for old in self._chunks if old.times[-1] > chunk.t_obs]
-        self._chunks = [*live, chunk][-self.most :]
+        self._chunks = [*live, chunk][-CHUNKS_MAX:]
         if len(self._chunks) == 1:
             return chunk
         return _mean(self._chunks, self._weights(chunk.times))

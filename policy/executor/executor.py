@@ -74,6 +74,7 @@ class Executor:
         worker: Who runs the policy; a thread if None.
 
     Attributes:
+        running: The chunk that was handed out last, as it was handed out.
         lead: Time that the controller takes to plan a chunk [s]; that of the settings until whoever drives the loop
             knows better.
 
@@ -103,7 +104,7 @@ class Executor:
         self.task, self._episode = task, self._episode + 1
         self._spec_id = self.policy.spec.id
         self._last: ActionChunk | None = None
-        self._running: ActionChunk | None = None
+        self.running: ActionChunk | None = None
         self._before: tuple[ActionChunk | None, ActionChunk | None] = (None, None)
         self._asked: float | None = None
         self._hung = self._dead = self._starving = False
@@ -112,11 +113,6 @@ class Executor:
         if self._ensemble is not None:
             self._ensemble.reset()
         self.worker.submit(Job(self._episode, self.clock.now(), task=task))
-
-    @property
-    def running(self) -> ActionChunk | None:
-        """The chunk that was handed out last, as it was handed out."""
-        return self._running
 
     def poll(self, observe: Callable[[], Observation], executing: Executing | None = None) -> ActionChunk | None:
         """A new chunk to execute from now on, or None: go on with the one before.
@@ -136,7 +132,7 @@ class Executor:
     def refused(self, code: str, detail: str) -> None:
         """Take note that the controller did not accept the chunk handed out last: the one before goes on."""
         now = self.clock.now()
-        self._running, self._last = self._before
+        self.running, self._last = self._before
         if self._ensemble is not None:
             self._ensemble.drop_newest()
         if self.report.deliveries:
@@ -150,14 +146,14 @@ class Executor:
     def _account(self, now: float) -> None:
         """Waiting, starvation and hanging since the last poll."""
         passed, self._polled = now - self._polled, now
-        if self._running is None:
+        if self.running is None:
             self.report.waited += passed
-        elif now > self._running.times[-1] + TIME_TOLERANCE:
+        elif now > self.running.times[-1] + TIME_TOLERANCE:
             self.report.starved += passed
             if not self._starving:
                 self._starving = True
                 self.report.starvations += 1
-                self.report.add(now, "starved", f"the last chunk ended at {self._running.times[-1]:.3f} s")
+                self.report.add(now, "starved", f"the last chunk ended at {self.running.times[-1]:.3f} s")
         if self._asked is not None and not self._hung and now - self._asked > self.config.hang_after:
             self._hung = True
             self.report.add(now, "policy_hung", f"no answer since {self._asked:.3f} s")
@@ -165,9 +161,9 @@ class Executor:
     def _due(self, now: float) -> bool:
         if self._asked is not None or self._dead or now < self._not_before - TIME_TOLERANCE:
             return False
-        if self._running is None:
+        if self.running is None:
             return True
-        return now >= self._running.t_obs + self._asked_after(self._running) - TIME_TOLERANCE
+        return now >= self.running.t_obs + self._asked_after(self.running) - TIME_TOLERANCE
 
     def _asked_after(self, chunk: ActionChunk) -> float:
         """Age of a chunk at which the next one is asked for, so that it is there before the last step [s]."""
@@ -182,7 +178,7 @@ class Executor:
 
     def _prefix(self, observation: Observation, executing: Executing | None) -> Prefix | None:
         """What will be executed from the observation on; None before the first chunk."""
-        running = self._running
+        running = self.running
         if running is None:
             return None
         steps, t = len(running), observation.time
@@ -257,10 +253,10 @@ class Executor:
         self.report.deliveries.append(Delivery(chunk.seq, chunk.t_obs, outcome.done, now, skipped))
         self.report.recovered()
         self._starving = False
-        self._before = (self._running, self._last)
+        self._before = (self.running, self._last)
         self._last = chunk
-        self._running = chunk if self._ensemble is None else self._ensemble.add(chunk)
-        return self._running
+        self.running = chunk if self._ensemble is None else self._ensemble.add(chunk)
+        return self.running
 
     def _fail(self, now: float, code: str, detail: str) -> None:
         self.report.add(now, code, detail)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from policy.action_spec.builtin import builtin
+from policy.action_spec.builtin import as_spec
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_layout
 from policy.errors import SpecError
@@ -119,7 +119,7 @@ def open_checkpoint(
     if config is None:
         return None, findings
     findings.append(Finding("config", "ok", f"'{config.type}' on {config.device}, {folder}"))
-    layouts = log.run("spec", lambda: _layouts(folder, config, _spec(spec), options))
+    layouts = log.run("spec", lambda: _layouts(folder, config, as_spec(spec), options))
     if layouts:
         vouched = ", vouched for by the user" if options.assume_spec else ""
         findings.append(Finding("spec", "ok", f"actions are {layouts[ACTION].id}{vouched}"))
@@ -228,21 +228,17 @@ class _Log:
         return None
 
 
-def _spec(spec: ActionSpec | str | None) -> ActionSpec | None:
-    return builtin(spec) if isinstance(spec, str) else spec
-
-
 def _layouts(
     folder: Path, config: PreTrainedConfig, spec: ActionSpec | None, options: LoadOptions
 ) -> dict[str, ActionSpec]:
-    assumed = _spec(options.assume_spec)
+    assumed = as_spec(options.assume_spec)
     if assumed is not None:
         # The user vouches for the meaning of the numbers; how many steps there are is in the configuration.
         assumed = dataclasses.replace(assumed, horizon=chunk_length(config))
     actions = read_action_spec(folder, spec, assumed)
     layouts = {ACTION: actions}
     if config.robot_state_feature is not None:
-        state = _spec(options.assume_state)
+        state = as_spec(options.assume_state)
         layouts[STATE] = read_state_spec(folder, actions) if state is None else state_layout(state)
     return layouts
 

@@ -115,7 +115,7 @@ def check_features(
         cameras: Cameras that the user thinks it has.
         environment: Whether something gives ``observation.environment_state``.
     """
-    findings = [*_check_action(config, layouts[ACTION]), *_check_inputs(config, environment)]
+    findings = [*check_action(config, layouts[ACTION]), *_check_inputs(config, environment)]
     known = camera_keys(config)
     for name in cameras:
         if name not in known:
@@ -185,7 +185,8 @@ def _those(parts: Mapping[str, bool], on: bool) -> str:
     return " and ".join(name for name, value in parts.items() if value is on)
 
 
-def _check_action(config: PreTrainedConfig, spec: ActionSpec) -> Iterator[Finding]:
+def check_action(config: PreTrainedConfig, spec: ActionSpec) -> Iterator[Finding]:
+    """Width, steps and names of the actions in `config.json` against a layout; nothing if they agree."""
     yield from check_width(config, ACTION, config.action_feature, spec, "max_action_dim")
     if chunk_length(config) != spec.horizon:
         text = f"chunks of this '{config.type}' have {chunk_length(config)} steps; '{spec.name}' says {spec.horizon}"

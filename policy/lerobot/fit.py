@@ -13,7 +13,7 @@ from policy.action_spec.state import state_layout
 from policy.errors import SpecError
 from policy.findings import Finding, require_no_error
 from policy.lerobot.checkpoint import PROCESSORS, LoadOptions, read_config
-from policy.lerobot.features import check_width, chunk_length, compare_names
+from policy.lerobot.features import check_action, check_width, chunk_length, compare_names
 from policy.lerobot.folder import checkpoint_folder
 from policy.lerobot.spec import read_action_spec, read_state_spec
 from policy.lerobot.stats import ACTION, STATE
@@ -86,12 +86,9 @@ def fit_layouts(
 
 
 def _against_config(config: PreTrainedConfig, spec: ActionSpec, state: ActionSpec) -> Iterator[Finding]:
-    yield from check_width(config, ACTION, config.action_feature, spec, "max_action_dim")
+    yield from check_action(config, spec)
     if config.robot_state_feature is not None:
         yield from check_width(config, STATE, config.robot_state_feature, state, "max_state_dim")
-    names = getattr(config, "action_feature_names", None)
-    if names:
-        yield from compare_names("features", ACTION, names, spec, "config.json")
 
 
 def _against_names(

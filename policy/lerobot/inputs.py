@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
-from policy.action_spec.slot import UNITS
 from policy.action_spec.state import state_numbers
+from policy.dataset.stats import in_units
 from policy.errors import ObservationError
 from policy.lerobot.features import ENVIRONMENT, camera_keys, resizes_images
 from policy.lerobot.prompt import require_whole_prompt, tokenizer_step
@@ -224,5 +224,4 @@ def _state_range(checkpoint: Checkpoint) -> tuple[np.ndarray, np.ndarray, np.nda
     # A pre-processor that converts joints to wrists normalises other numbers than the robot's.
     if found is None or len(found[0]) != state.dim:
         return None
-    floors = [[RANGE_FLOOR / abs(UNITS[slot.kind][slot.unit][0])] * slot.size for slot in state.slots]
-    return *found, np.concatenate(floors)
+    return *found, in_units(state, RANGE_FLOOR)

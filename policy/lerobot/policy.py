@@ -19,11 +19,12 @@ from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
+from policy.dataset.stats import DEVIATIONS_99
 from policy.errors import PolicyError
 from policy.findings import Finding, require_no_error
 from policy.lerobot.checkpoint import Checkpoint, LoadOptions, open_checkpoint
 from policy.lerobot.inputs import Inputs
-from policy.lerobot.stats import ACTION, DEVIATIONS_99, mode_of, normaliser
+from policy.lerobot.stats import ACTION, mode_of, normaliser
 from policy.observation import Observation
 from policy.prefix import Prefix
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from policy.action_spec.slot import UNITS
 from policy.action_spec.spec import ActionSpec
+from policy.dataset.stats import DEVIATIONS_99, WIDTH_MIN, in_units
 from policy.errors import did_you_mean
 from policy.findings import Finding
 
@@ -21,15 +21,10 @@ if TYPE_CHECKING:
 
 STATE, ACTION = "observation.state", "action"
 
-WIDTH_MIN = 1e-3
-"""Least width of the normalised range of a number that moves, in SI: a millimetre, a milliradian, a thousandth. A
-demonstration resolves no less; dividing by it turns encoder noise (about 1e-4 rad) into a tenth of the range."""
 POSITION_MAX = 2.0
 """Largest distance of a wrist from its frame's origin that can be meant [m]; the G1 reaches 0.6 m from its shoulder."""
 ROT6D_MAX = 1.01
 """Largest entry of a rotation matrix, 1, with rounding."""
-DEVIATIONS_99 = 4.65
-"""Width from the 1 % to the 99 % quantile of a normal distribution, in standard deviations."""
 
 RANGES = {
     "MEAN_STD": ("mean", "std"),
@@ -148,8 +143,7 @@ def _missing(step: Any, key: str, mode: str, where: str) -> str:
 def _check_widths(
     key: str, layout: ActionSpec, low: np.ndarray, high: np.ndarray, allow_narrow: bool
 ) -> Iterator[Finding]:
-    least = np.concatenate([[WIDTH_MIN / abs(UNITS[s.kind][s.unit][0])] * s.size for s in layout.slots])
-    width = high - low
+    least, width = in_units(layout, WIDTH_MIN), high - low
     bad = np.flatnonzero(~(width >= least))
     if not len(bad):
         return

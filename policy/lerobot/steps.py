@@ -58,19 +58,15 @@ class _G1Step(ProcessorStep):
         target = ActionSpec.from_dict(self.spec) if isinstance(self.spec, Mapping) else builtin(self.spec)
         names = list(self.joint_names)
         layout = joint_layout(names, len(names), feature="joint_names", unit=self.unit)
-        self._conversion = self._make(JointConversion, layout, target)
+        self.conversion = JointConversion(layout, target, tuple(self.waist), self.synergy, **self._chosen())
 
-    def _make(self, kind: type[JointConversion], layout: Any, target: ActionSpec) -> JointConversion:
-        return kind(layout, target, tuple(self.waist), self.synergy)
-
-    @property
-    def conversion(self) -> JointConversion:
-        """The conversion that the settings describe."""
-        return self._conversion
+    def _chosen(self) -> dict[str, Any]:
+        """Further settings of the conversion."""
+        return {}
 
     def get_config(self) -> dict[str, Any]:
         """Settings as they are written to JSON."""
-        target = self._conversion.target
+        target = self.conversion.target
         return {
             "joint_names": list(self.joint_names),
             "spec": {**target.to_dict(), "hash": target.hash},
@@ -90,12 +86,8 @@ class G1JointsToWristsStep(_G1Step):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._measured: np.ndarray | None = None
-
-    @property
-    def measured(self) -> np.ndarray | None:
+        self.measured: np.ndarray | None = None
         """Joint vectors (B, D) of the last observation; a paired `G1WristsToJointsStep` starts there."""
-        return self._measured
 
     def __call__(self, transition: EnvTransition) -> EnvTransition:
         """Convert what is there.
@@ -107,7 +99,7 @@ class G1JointsToWristsStep(_G1Step):
         observation = transition.get(TransitionKey.OBSERVATION) or {}
         if OBS_STATE in observation:
             state = observation[OBS_STATE]
-            self._measured = _rows(state)
+            self.measured = _rows(state)
             changed[TransitionKey.OBSERVATION] = {**observation, OBS_STATE: self._converted(state, OBS_STATE)}
         action = transition.get(TransitionKey.ACTION)
         if isinstance(action, torch.Tensor):
@@ -116,16 +108,16 @@ class G1JointsToWristsStep(_G1Step):
 
     def reset(self) -> None:
         """Forget the last observation."""
-        self._measured = None
+        self.measured = None
 
     def transform_features(self, features: Features) -> Features:
         """State and action become as wide as the wrist layout."""
-        return _with_width(features, self._conversion.target.dim, state=True)
+        return _with_width(features, self.conversion.target.dim, state=True)
 
     def _converted(self, joints: torch.Tensor, feature: str) -> torch.Tensor:
         rows = _rows(joints)
-        check_values(self._conversion.source, rows, feature=feature)
-        numbers = torch.from_numpy(self._conversion.forward(rows))
+        check_values(self.conversion.source, rows, feature=feature)
+        numbers = torch.from_numpy(self.conversion.forward(rows))
         return numbers.reshape(*joints.shape[:-1], -1).to(device=joints.device, dtype=joints.dtype)
 
 
@@ -166,7 +158,7 @@ class G1WristsToJointsStep(_G1Step):
             return transition
         if not isinstance(action, torch.Tensor):
             raise ChunkError(
-                f"the action is a {type(action).__name__}; a tensor of '{self._conversion.target.name}' is expected"
+                f"the action is a {type(action).__name__}; a tensor of '{self.conversion.target.name}' is expected"
             )
         numbers = action.detach().cpu().double().numpy()
         if not 1 <= numbers.ndim <= 3:
@@ -192,10 +184,10 @@ class G1WristsToJointsStep(_G1Step):
 
     def transform_features(self, features: Features) -> Features:
         """The action becomes as wide as the joint vector."""
-        return _with_width(features, self._conversion.source.dim, state=False)
+        return _with_width(features, self.conversion.source.dim, state=False)
 
-    def _make(self, kind: type[JointConversion], layout: Any, target: ActionSpec) -> JointConversion:
-        return kind(layout, target, tuple(self.waist), self.synergy, self.moving)
+    def _chosen(self) -> dict[str, Any]:
+        return {"moving": self.moving}
 
     def _starts(self, batch: int) -> list[np.ndarray | None]:
         measured = None if self.joints_step is None else self.joints_step.measured
@@ -205,7 +197,7 @@ class G1WristsToJointsStep(_G1Step):
         return [None] * batch
 
     def _solved(self, chunk: np.ndarray, start: np.ndarray | None) -> np.ndarray:
-        joints, errors = self._conversion.backward(chunk, start)
+        joints, errors = self.conversion.backward(chunk, start)
         step = int(np.argmax(errors))
         if self.on_unreachable == "raise" and not errors[step] <= IK_TOLERANCE:
             raise ChunkError(
@@ -218,7 +210,7 @@ class G1WristsToJointsStep(_G1Step):
         return joints
 
     def _refuse_jumps(self, joints: np.ndarray, start: np.ndarray | None) -> None:
-        names = self._conversion.source.names
+        names = self.conversion.source.names
         is_body = np.array(["_hand_" not in name and not name.endswith("_grasp") for name in names])
         path = joints if start is None else np.vstack([start, joints])
         jumps = np.abs(np.diff(path, axis=0)) * is_body

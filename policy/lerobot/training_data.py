@@ -18,6 +18,7 @@ from policy.action_spec.spec import ActionSpec
 from policy.dataset import v21, v30
 from policy.dataset.format import read_json, read_parquet
 from policy.dataset.open import check_info
+from policy.dataset.stats import statistics
 from policy.errors import DatasetError
 from policy.findings import Finding, fail
 from policy.lerobot.checkpoint import Checkpoint
@@ -112,13 +113,6 @@ class TrainingData:
             raise fail("dataset", text, "let LeRobot make them anew") from error
 
 
-def true_stats(values: np.ndarray) -> dict[str, np.ndarray]:
-    """Statistics of numbers (frames, n) that LeRobot's normalisers read, over all frames alike; each of shape (n,)."""
-    quantiles = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
-    ends = {"mean": values.mean(0), "std": values.std(0), "min": values.min(0), "max": values.max(0)}
-    return ends | dict(zip(quantiles, np.quantile(values, list(quantiles.values()), axis=0), strict=True))
-
-
 def check_training_data(checkpoint: Checkpoint, data: TrainingData) -> list[Finding]:
     """Everything of a checkpoint that its dataset can confirm.
 
@@ -200,7 +194,7 @@ def _check_stats(
         text = f"{key} is converted before it is normalised; its statistics are not recomputed"
         yield Finding("dataset", "warning", text)
         return
-    true = true_stats(values)
+    true = statistics(values)
     off = _difference(mode, (first, second), tuple(true[name] for name in RANGES[mode]))
     if not off.max() > TOLERANCE:
         return
@@ -221,7 +215,7 @@ def _check_stats(
         # The network was trained with these, so it must be run with them.
         cure = (
             "meta/stats.json has the same, as LeRobot writes them: means over episodes. Run it with them; for the next "
-            "training, make the processors with policy.lerobot.training_data.true_stats"
+            "training, make the processors with policy.dataset.stats.statistics"
         )
         yield Finding("dataset", "warning", text, cure)
     else:

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
-from policy.action_spec.builtin import builtin
+from policy.action_spec.builtin import as_spec
 from policy.action_spec.codec import encode
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
-from policy.dataset.conversion import DatasetSettings, convert_dataset, episode_numbers
 from policy.errors import FileFormatError
 from policy.geometry.rotations import matrix_to_quaternion
 from policy.geometry.se3 import interpolate, inverse
@@ -20,8 +19,6 @@ from policy.kinematics.inverse import upper_body_joints
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
 from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv, write_motion_csv
-
-__all__ = ["DatasetSettings", "chunk_motion", "convert", "convert_dataset", "episode_numbers"]
 
 
 def convert(
@@ -100,7 +97,7 @@ def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS
 
 
 def _write(path: Path, chunk: ActionChunk, to: str | ActionSpec, anchor: Anchor, start: dict) -> None:
-    spec = builtin(to) if isinstance(to, str) else to
+    spec = as_spec(to)
     write_chunk_file(path, ChunkFile(spec, encode(spec, chunk, anchor), chunk.fps, chunk.t_obs, **start))
 
 

@@ -19,16 +19,13 @@ from policy.reading import SPEC_MAX, ReadingError, read_text
 from policy.recorded.replay import ReplayPolicy
 
 
-def open_episode(
-    folder: str | Path, number: int, *, assume: ActionSpec | None = None, horizon: int = 50
-) -> ReplayPolicy:
+def open_episode(folder: str | Path, number: int, *, assume: ActionSpec | None = None) -> ReplayPolicy:
     """Policy that plays an episode's actions: wrists whose layout the dataset names, or joints.
 
     Args:
         folder: Dataset (v3.0, v2.1, v2.0).
         number: Which episode.
         assume: Layout of the actions that the user vouches for; replaces what the dataset says.
-        horizon: Steps per chunk.
 
     Raises:
         DatasetError: If the dataset cannot be read, has no such episode, or does not say what its actions are.
@@ -50,16 +47,7 @@ def open_episode(
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
     spec = dataclasses.replace(spec, fps=dataset.fps)
     chunk = decode(spec, np.asarray(actions, dtype=float), Anchor.nominal())
-    return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec, horizon=horizon)
-
-
-def episode_count(folder: str | Path) -> int:
-    """Number of episodes of a dataset.
-
-    Raises:
-        DatasetError: If it cannot be read.
-    """
-    return len(open_dataset(folder).episodes)
+    return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec)
 
 
 def _layout(dataset: Dataset) -> ActionSpec | None:

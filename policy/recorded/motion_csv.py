@@ -100,21 +100,20 @@ def write_motion_csv(path: str | Path, motion: Motion) -> None:
     np.savetxt(path, table, fmt="%.6f", delimiter=",")
 
 
-def motion_chunk(motion: Motion, *, anchor: Anchor | None = None, fps: float = CHUNK_FPS) -> ActionChunk:
+def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
     """The whole motion as one long chunk of a standing robot.
 
     The wrists are taken relative to each frame's own pelvis (root translation, yaw and tilt are dropped), resampled on
-    SE(3) and anchored once. Fingers are neutral.
+    SE(3) and anchored once, at the nominal stance. Fingers are neutral.
 
     Args:
         motion: What was recorded.
-        anchor: Where the pelvis is taken to be; the nominal stance if None.
         fps: Rate of the chunk [Hz].
 
     Raises:
         ChunkError: If that is more than `STEPS_MAX` steps.
     """
-    anchor = Anchor.nominal() if anchor is None else anchor
+    anchor = Anchor.nominal()
     if not motion.duration * fps < STEPS_MAX:
         raise ChunkError(
             f"the motion lasts {motion.duration:.6g} s, {motion.duration * fps:.6g} steps at {fps:g} Hz; at most "

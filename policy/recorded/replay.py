@@ -43,15 +43,6 @@ class ReplayPolicy:
         self._clock = EpisodeClock()
 
     @classmethod
-    def from_csv(cls, path: str | Path, *, fps: float = DEFAULT_FPS, horizon: int = 50) -> ReplayPolicy:
-        """Play a motion CSV, anchored at the nominal stance.
-
-        Raises:
-            FileFormatError: If the file is malformed.
-        """
-        return cls(motion_chunk(read_motion_csv(path, fps)), name=Path(path).stem, horizon=horizon)
-
-    @classmethod
     def from_npz(cls, path: str | Path, *, assume: ActionSpec | None = None, horizon: int = 50) -> ReplayPolicy:
         """Play a chunk file, anchored once where the file says, or at the nominal stance.
 
@@ -82,17 +73,15 @@ class ReplayPolicy:
         return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window)
 
 
-def open_recording(
-    path: str | Path, *, csv_fps: float = DEFAULT_FPS, assume: ActionSpec | None = None, horizon: int = 50
-) -> ReplayPolicy:
-    """Policy that plays a file, by its suffix: chunk ``.npz`` or motion ``.csv``.
+def open_recording(path: str | Path, *, csv_fps: float = DEFAULT_FPS, assume: ActionSpec | None = None) -> ReplayPolicy:
+    """Policy that plays a file, by its suffix: chunk ``.npz``, or motion ``.csv`` anchored at the nominal stance.
 
     Raises:
         FileFormatError: If the suffix is another, or the file is malformed.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".csv":
-        return ReplayPolicy.from_csv(path, fps=csv_fps, horizon=horizon)
+        return ReplayPolicy(motion_chunk(read_motion_csv(path, csv_fps)), name=Path(path).stem)
     if suffix == ".npz":
-        return ReplayPolicy.from_npz(path, assume=assume, horizon=horizon)
+        return ReplayPolicy.from_npz(path, assume=assume)
     raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))

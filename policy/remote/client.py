@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 from uuid import uuid4
 
-from policy.action_spec.builtin import builtin
+from policy.action_spec.builtin import as_spec
 from policy.action_spec.spec import ActionSpec, require_same
 from policy.action_spec.state import state_layout
 from policy.chunk import ActionChunk
@@ -63,18 +63,6 @@ class RemoteOptions:
                 raise ValueError(f"{name} is {seconds} s; more than 0 is expected, and less than {TIMEOUT_MAX:g}")
 
 
-class Dialect(Protocol):
-    """What is sent for an observation, and the chunk in what comes back."""
-
-    def request(self, observation: Observation, task: str, prefix: Prefix | None) -> dict[str, Any]:
-        """What is sent for an observation."""
-        ...
-
-    def chunk(self, answer: Mapping[str, Any], observation: Observation, seq: int) -> ActionChunk:
-        """Chunk of an answer."""
-        ...
-
-
 class RemotePolicy:
     """Client of openpi's policy server, or of ours (`policy.remote.server`); `connect` makes one.
 
@@ -101,7 +89,7 @@ class RemotePolicy:
         self,
         channel: Channel,
         spec: ActionSpec,
-        dialect: Dialect,
+        dialect: OwnDialect | OpenpiDialect,
         metadata: Mapping[str, Any],
         options: RemoteOptions,
     ) -> None:
@@ -136,9 +124,9 @@ class RemotePolicy:
         channel = Channel(uri, connect_timeout=options.connect_timeout, api_key=options.api_key)
         try:
             metadata = channel.open(patient=True)
-            layout = _agree(metadata, _spec(spec), _spec(options.assume_spec))
+            layout = _agree(metadata, as_spec(spec), as_spec(options.assume_spec))
             if metadata.get("protocol") != PROTOCOL:
-                state = _spec(options.assume_state) or state_layout(layout)
+                state = as_spec(options.assume_state) or state_layout(layout)
                 return cls(channel, layout, OpenpiDialect(layout, state, options.keys), metadata, options)
             kind = RemotePrefixPolicy if metadata.get("takes_prefix") is True else cls
             return kind(channel, layout, OwnDialect(), metadata, options)
@@ -214,10 +202,6 @@ class RemotePrefixPolicy(RemotePolicy):
             PolicyError: As `infer`.
         """
         return self._ask(observation, prefix)
-
-
-def _spec(spec: ActionSpec | str | None) -> ActionSpec | None:
-    return builtin(spec) if isinstance(spec, str) else spec
 
 
 def _agree(metadata: Mapping[str, Any], spec: ActionSpec | None, assumed: ActionSpec | None) -> ActionSpec:

@@ -64,7 +64,6 @@ class PolicyServer:
         policy: What is served.
         host: Address to bind; ``0.0.0.0`` for every network.
         port: 0 takes a free one.
-        name: What the metadata call it.
         keys: Names of the inputs of openpi's clients; those of its LIBERO example if not given.
 
     Raises:
@@ -72,15 +71,13 @@ class PolicyServer:
         ValueError: If the port is none.
     """
 
-    def __init__(
-        self, policy: Policy, *, host: str = LOOPBACK, port: int = PORT, name: str = "", keys: KeyMap = LIBERO
-    ) -> None:
+    def __init__(self, policy: Policy, *, host: str = LOOPBACK, port: int = PORT, keys: KeyMap = LIBERO) -> None:
         from websockets.sync.server import serve
 
         if not 0 <= port <= PORT_MAX:
             raise ValueError(f"port is {port}; 0 to {PORT_MAX} is expected")
         self.policy, self._openpi = policy, OpenpiRequests(policy, keys)
-        self.metadata = metadata_of(policy, name) | {"request": self._openpi.describe()}
+        self.metadata = metadata_of(policy) | {"request": self._openpi.describe()}
         self._session: str | None = None
         self._guard = threading.Lock()
         self._client: ServerConnection | None = None
@@ -227,7 +224,7 @@ class PolicyServer:
         self._session = session
 
 
-def metadata_of(policy: Policy, name: str = "") -> dict[str, Any]:
+def metadata_of(policy: Policy) -> dict[str, Any]:
     """What a server says of its policy."""
     duration = getattr(policy, "duration", None)
     return {
@@ -235,7 +232,7 @@ def metadata_of(policy: Policy, name: str = "") -> dict[str, Any]:
         "action_spec": {**policy.spec.to_dict(), "hash": policy.spec.hash},
         "sees_robot": bool(policy.sees_robot),
         "takes_prefix": isinstance(policy, PrefixPolicy),
-        "name": name or str(getattr(policy, "name", type(policy).__name__)),
+        "name": str(getattr(policy, "name", type(policy).__name__)),
         "duration": None if duration is None else float(duration),
         "cameras": {camera: list(size) for camera, size in getattr(policy, "cameras", {}).items()},
     }

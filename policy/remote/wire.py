@@ -101,22 +101,14 @@ def chunk_from_map(data: Any) -> ActionChunk:
     notes = data.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise WireError("'notes' of the chunk are no list of sentences")
-    require_few(max((len(array) if array.ndim else 0 for array in arrays.values()), default=0))
+    steps = max((len(array) if array.ndim else 0 for array in arrays.values()), default=0)
+    if steps > HORIZON_MAX:
+        raise WireError(f"the chunk has {steps} steps; at most {HORIZON_MAX} are taken")
     # Notes go into reports.
     notes = tuple(printable(note, NOTE_MAX) for note in notes[:NOTES_MAX])
     chunk = ActionChunk(**plain, **arrays, notes=notes)
     chunk.validate()
     return chunk
-
-
-def require_few(steps: int) -> None:
-    """Refuse an answer with more steps than any policy gives.
-
-    Raises:
-        WireError: If it has more than `HORIZON_MAX`.
-    """
-    if steps > HORIZON_MAX:
-        raise WireError(f"the chunk has {steps} steps; at most {HORIZON_MAX} are taken")
 
 
 def prefix_to_map(prefix: Prefix) -> dict[str, Any]:

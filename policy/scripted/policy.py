@@ -107,28 +107,16 @@ def palm_offset(side: str) -> np.ndarray:
     return np.array(g1().tool(side).palm_offset)
 
 
-@dataclass(frozen=True)
-class StancePose:
-    """Hands in the default stance: palm points (3,) [m], rotations (3, 3), fingers (7,) [rad]."""
-
-    p_world_lpalm: np.ndarray
-    p_world_rpalm: np.ndarray
-    R_world_lhand: np.ndarray
-    R_world_rhand: np.ndarray
-    q_lhand: np.ndarray
-    q_rhand: np.ndarray
-
-
 @lru_cache(maxsize=1)
-def stance_pose() -> StancePose:
-    """Where the hands are in the default stance, by forward kinematics."""
+def stance_pose() -> ScriptedMotion:
+    """Where the hands are in the default stance, by forward kinematics; palm points of shape (3,)."""
     anchor = Anchor.nominal()
     T = {hand: anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")}
     palms = {
         hand: T[hand][:3, 3] + T[hand][:3, :3] @ palm_offset(side)
         for hand, side in (("lhand", "left"), ("rhand", "right"))
     }
-    return StancePose(
+    return ScriptedMotion(
         palms["lhand"], palms["rhand"], T["lhand"][:3, :3], T["rhand"][:3, :3], anchor.q_lhand, anchor.q_rhand
     )
 

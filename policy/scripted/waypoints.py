@@ -11,7 +11,7 @@ from policy.action_spec.hands import grasp_posture
 from policy.errors import PolicyError
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
 from policy.geometry.se3 import bracket
-from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, StancePose, minimum_jerk, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, minimum_jerk, stance_pose
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,9 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_fre
     return ScriptedPolicy(name, script, float(times[-1]), orientation_free=orientation_free)
 
 
-def _knots(waypoints: Sequence[Waypoint], stance: StancePose) -> dict[str, np.ndarray]:
+def _knots(waypoints: Sequence[Waypoint], stance: ScriptedMotion) -> dict[str, np.ndarray]:
     """Every field of `ScriptedMotion` at the stance and at each waypoint."""
-    fields = ("p_world_lpalm", "p_world_rpalm", "R_world_lhand", "R_world_rhand", "q_lhand", "q_rhand")
-    rows = [{field: np.asarray(getattr(stance, field)) for field in fields}]
+    rows = [vars(stance)]
     for waypoint in waypoints:
         row = dict(rows[-1])
         for hand, side in (("l", "left"), ("r", "right")):
@@ -82,4 +81,4 @@ def _knots(waypoints: Sequence[Waypoint], stance: StancePose) -> dict[str, np.nd
             if closing is not None:
                 row[f"q_{hand}hand"] = grasp_posture(side, closing)
         rows.append(row)
-    return {field: np.stack([row[field] for row in rows]) for field in fields}
+    return {field: np.stack([row[field] for row in rows]) for field in rows[0]}

@@ -14,7 +14,7 @@ from wholebody.cli.options import AssumeSpec, CsvFps, JsonTo
 from wholebody.cli.sources import layout_named
 
 if TYPE_CHECKING:
-    from policy.recorded.convert import DatasetSettings
+    from policy.dataset.conversion import DatasetSettings
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def convert(
         convert_file(source, target, to=layout, csv_fps=csv_fps, assume=assumed)
         say(f"wrote {target}")
         return
-    from policy.recorded.convert import DatasetSettings, episode_numbers
+    from policy.dataset.conversion import DatasetSettings, episode_numbers
 
     given = vars(dataset) | {
         "synergy": dataset.synergy or None,
@@ -64,7 +64,7 @@ def convert(
 
 
 def _convert_dataset(source: Path, target: Path | None, settings: DatasetSettings, json_to: str) -> None:
-    from policy.recorded.convert import convert_dataset
+    from policy.dataset.conversion import convert_dataset
 
     check_places(json_to)
     quiet = json_to == "-"

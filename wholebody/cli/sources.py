@@ -114,10 +114,10 @@ def expanded(name: str, episodes: str) -> list[str]:
     """
     if not is_dataset(name):
         return [name]
-    from policy.recorded.convert import episode_numbers
-    from policy.recorded.dataset_replay import episode_count
+    from policy.dataset.conversion import episode_numbers
+    from policy.dataset.open import open_dataset
 
-    numbers = episode_numbers(episodes) if episodes else range(episode_count(name))
+    numbers = episode_numbers(episodes) if episodes else range(len(open_dataset(name).episodes))
     return [f"{name}#{number}" for number in numbers]
 
 

@@ -138,11 +138,10 @@ def test_fps_horizon_and_version_are_part_of_the_contract_and_the_name_is_not():
     require_same(spec, dataclasses.replace(spec, name="mine"))
 
 
-def test_a_missing_spec_is_refused_unless_the_user_vouches():
+def test_a_missing_spec_is_refused():
     spec = builtin("wbc32")
     with pytest.raises(SpecError, match="--assume-spec wbc32"):
         require_same(spec, None)
-    require_same(spec, None, assume=True)
     require_same(spec, spec.hash)
 
 

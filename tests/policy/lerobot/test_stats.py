@@ -12,9 +12,10 @@ from lerobot.policies.factory import make_pre_post_processors
 from safetensors.torch import load_file, save_file
 
 from policy.action_spec.builtin import builtin
+from policy.dataset.stats import WIDTH_MIN
 from policy.findings import CheckpointError
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.stats import WIDTH_MIN, bounds, mode_of, normaliser
+from policy.lerobot.stats import bounds, mode_of, normaliser
 from policy.observation import Observation
 from tests.support import tiny_policies as tiny
 

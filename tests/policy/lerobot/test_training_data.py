@@ -15,10 +15,11 @@ import pytest
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from policy.action_spec.state import state_numbers
+from policy.dataset.stats import statistics
 from policy.findings import CheckpointError
 from policy.lerobot import training_data
 from policy.lerobot.policy import LeRobotPolicy
-from policy.lerobot.training_data import TrainingData, check_training_data, true_stats
+from policy.lerobot.training_data import TrainingData, check_training_data
 from tests.support import tiny_policies as tiny
 
 EPISODES, FRAMES = 8, 100
@@ -56,7 +57,7 @@ def true(dataset):
     """What is true of the data."""
     data = TrainingData.open(dataset)
     return {
-        key: {name: value.astype(np.float32) for name, value in true_stats(data.values(key)).items()}
+        key: {name: value.astype(np.float32) for name, value in statistics(data.values(key)).items()}
         for key in ("observation.state", "action")
     }
 
@@ -85,7 +86,7 @@ def test_true_statistics_are_what_numpy_says(dataset):
     data = TrainingData.open(dataset)
     values = data.values("action")
     assert values.shape == (EPISODES * FRAMES, 32)
-    stats = true_stats(values)
+    stats = statistics(values)
     assert np.array_equal(stats["q01"], np.quantile(values, 0.01, axis=0))
     assert data.tasks == ["reach"]
     assert data.names("action") == list(tiny.SPEC.feature_names)

@@ -376,9 +376,9 @@ def test_an_episode_that_the_server_does_not_know_goes_on_only_where_the_policy_
 
 
 def test_metadata_say_what_a_client_must_know():
-    metadata = metadata_of(Continuing(), name="mine")
+    metadata = metadata_of(Continuing())
     assert metadata["protocol"] == "g1-wholebody/1"
-    assert (metadata["name"], metadata["sees_robot"], metadata["takes_prefix"]) == ("mine", True, True)
+    assert (metadata["name"], metadata["sees_robot"], metadata["takes_prefix"]) == ("reaching", True, True)
     assert metadata["duration"] is None
     assert unpack(pack(metadata)) == metadata
 

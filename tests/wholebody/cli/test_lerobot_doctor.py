@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from policy.lerobot.stats import WIDTH_MIN
+from policy.dataset.stats import WIDTH_MIN
 from policy.lerobot.weights import WEIGHTS_FILE
 from tests.support import tiny_policies as tiny
 from wholebody.cli import diagnosis
