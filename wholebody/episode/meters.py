@@ -65,7 +65,7 @@ class Meters:
         """Take note of the state that it led to."""
         self._limits.look(state.time)
         _count(self.result, supervisor, plant, state)
-        self._tracking_error.measure(state, palms, supervisor.status.reason)
+        self._tracking_error.measure(state, palms, supervisor.moved_for or supervisor.status.reason)
 
     def finish(self, supervisor: Supervisor) -> EpisodeResult:
         """The result with what was collected along the way."""

@@ -45,18 +45,17 @@ def chunk_fault(chunk: ActionChunk, after: ActionChunk | None, now: float) -> St
     return None
 
 
-def plan_status(report: PlanReport, rate: float) -> StatusReport:
-    """Status while a plan is followed at a rate, 1 being the chunk's own speed."""
-    if report.lift.any():
-        detail = f"the hands were to go into the floor: targets lifted by {report.lift.max():.3f} m"
-        return StatusReport(Status.SLOWED, Reason.INTO_FLOOR, detail)
-    if report.implausible or (report.smoothed and not report.reasons):
-        detail = f"steps scatter: followed the curve through them in {', '.join(report.smoothed)}"
-        return StatusReport(Status.SLOWED, Reason.NOISY_CHUNK, detail)
-    if report.reasons:
-        moved = max(float(report.clamped.max()), report.projected)
-        detail = f"targets moved by up to {moved:.3f} m, slowed {report.slowdown:.2f} times"
-        return StatusReport(Status.SLOWED, report.reasons[0], detail)
+def plan_status(report: PlanReport, rate: float, s: float | None = None) -> StatusReport:
+    """Status while a plan is followed.
+
+    Args:
+        report: Of the plan.
+        rate: Speed along the chunk, 1 being its own.
+        s: Where it is followed [s]: the status is of what a person sees there. If not given, it is of the whole chunk.
+    """
+    reason = next(iter(report.changes), None) if s is None else report.seen_at(s)
+    if reason is not None:
+        return StatusReport(Status.SLOWED, reason, report.changes[reason].detail)
     if rate < RATE_SAID:
         return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed")
     return TRACKING

@@ -116,6 +116,11 @@ class Supervisor:
         return self._chunk
 
     @property
+    def moved_for(self) -> Reason | None:
+        """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
+        return None if self._plan is None else self._plan.report.moved_at(self._follower.s)
+
+    @property
     def late_plans(self) -> int:
         """How many plans came too late, and were asked for again, since the reset."""
         return self._handover.late
@@ -300,9 +305,8 @@ class Supervisor:
         elif self._follower.s > self._plan.end or self._now > self._chunk_end + 0.5:
             self.status = self._refused or statuses.STARVED
         else:
-            self.status = self._refused or statuses.plan_status(
-                self._plan.report.at(self._follower.s), self._follower.rate
-            )
+            follower = self._follower
+            self.status = self._refused or statuses.plan_status(self._plan.report, follower.rate, follower.s)
 
     def _refuse(self, refusal: StatusReport) -> StatusReport:
         self._refused = self.status = refusal

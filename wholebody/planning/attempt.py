@@ -20,7 +20,7 @@ class Attempt:
         strategy: Its name.
         slowdown: Factor by which the chunk takes longer.
         paths: Of the hands, as the chunk has them within the limits of a hand.
-        projected: How far steps of the chunk were moved for that [m].
+        projected: How far each of the chunk's H steps was moved for that, shape (H,), [m].
         steps: Path parameters of the knots, shape (K,), [s].
         T_palms: Palm poses wanted, shape (K, 2, 4, 4).
         knots: What the optimiser found.
@@ -34,7 +34,7 @@ class Attempt:
     strategy: str
     slowdown: float
     paths: tuple[HandPath, HandPath]
-    projected: float
+    projected: np.ndarray
     steps: np.ndarray
     T_palms: np.ndarray
     knots: KnotTrajectory

@@ -13,6 +13,7 @@ from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.planning import strategies
 from wholebody.planning.attempt import Attempt
+from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.hand_clamp import clamped
 from wholebody.planning.plan import ChunkPlan, PlanReport
@@ -24,10 +25,6 @@ from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.state import Robot
 from wholebody.types import Reason
-
-PROJECTED_MIN = 1e-3
-"""Distance by which steps of a chunk are moved from which that is reported [m]: less is within the scatter of a
-policy."""
 
 
 class ChunkPlanner:
@@ -85,34 +82,22 @@ class ChunkPlanner:
 
         chosen = strategies.best(self.config, attempt, implausible=prepared.implausible)
         paths, moved = clamped(chosen, self.config, self._palms, self.offsets)
-        report = self._report(chosen, prepared, moved, elsewhere=prepared.begins_elsewhere(now, commanded))
+        changed = changes(chosen, prepared, moved, self.config, elsewhere=prepared.begins_elsewhere(now, commanded))
+        report = self._report(chosen, changed, implausible=prepared.implausible)
         return ChunkPlan(paths, chosen.trajectory, float(chosen.steps[0]), float(chosen.steps[-1]), report)
 
-    def _report(self, chosen: Attempt, prepared: PreparedChunk, moved: np.ndarray, *, elsewhere: bool) -> PlanReport:
-        safe = chosen.is_safe(self.config)
-        reasons = {
-            Reason.OUT_OF_REACH: moved.max() > 0.0,
-            Reason.TOO_FAST_FOR_BALANCE: chosen.slowdown > 1.0,
-            Reason.STEPS_JUMP: chosen.projected > PROJECTED_MIN,
-            Reason.FAR_START: elsewhere,
-            Reason.POSTURE_INFEASIBLE: not safe,
-        }
+    def _report(self, chosen: Attempt, changed: dict[Reason, Change], *, implausible: bool) -> PlanReport:
         body = self.optimizer.body
         return PlanReport(
             steps=chosen.steps,
             tracking_error=chosen.distance,
-            clamped=moved,
             slowdown=chosen.slowdown,
             zmp_margin=np.min(body.pressure_offsets - chosen.knots.zmp @ body.support.normals.T, axis=1),
-            reasons=tuple(code for code, holds in reasons.items() if holds),
+            changes=changed,
             strategy=chosen.strategy,
             violation=chosen.violation,
-            safe=safe,
-            projected=chosen.projected,
-            lift=prepared.lift_at(chosen.steps),
-            out_of_reach=moved.max(axis=1) > self.config.clamp_tolerance,
-            smoothed=prepared.smoothed,
-            implausible=prepared.implausible,
+            safe=chosen.is_safe(self.config),
+            implausible=implausible,
         )
 
     def _attempt(

@@ -39,14 +39,14 @@ class ProjectedSteps:
         T: Poses, shape (K, 4, 4).
         q: Finger joints, shape (K, 7), [rad].
         changed: Whether any of the chunk's own steps is another.
-        moved: Largest distance between the two [m].
+        moved: Distance between the two at each of the chunk's steps, shape (K - `N_BEFORE`,), [m].
     """
 
     times: np.ndarray
     T: np.ndarray
     q: np.ndarray
     changed: bool
-    moved: float
+    moved: np.ndarray
 
 
 def continued(
@@ -77,14 +77,14 @@ def continued(
     q = np.concatenate([np.clip(fingers, limits.finger_lower, limits.finger_upper), q[first:]])
     quat = continuous_quaternions(T[:, :3, :3])
     near_p, near_quat = _both(T, quat, 1.0 / step, limits)
-    moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
-    if moved > JUMP:
+    moved = np.linalg.norm(near_p - T[:, :3, 3], axis=1)
+    if moved.max() > JUMP:
         near_p, near_quat = _both(T, quat, 1.0 / step, limits.scaled(IMPLAUSIBLE_SHARE))
-        moved = float(np.linalg.norm(near_p - T[:, :3, 3], axis=1).max())
-    changed = moved > 0.0 or not np.array_equal(near_quat, quat)
+        moved = np.linalg.norm(near_p - T[:, :3, 3], axis=1)
+    changed = bool(moved.any()) or not np.array_equal(near_quat, quat)
     if changed:
         T = make_transform(quaternion_to_matrix(near_quat / np.linalg.norm(near_quat, axis=1)[:, None], "xyzw"), near_p)
-    return ProjectedSteps(np.concatenate([past, times[first:]]), T, q, changed, moved)
+    return ProjectedSteps(np.concatenate([past, times[first:]]), T, q, changed, moved[N_BEFORE:])
 
 
 def _both(T: np.ndarray, quat: np.ndarray, fps: float, limits: HandLimits) -> tuple[np.ndarray, np.ndarray]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from wholebody.planning.changes import MOVED_MIN, Change
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandPath
 from wholebody.types import Reason
@@ -18,55 +20,49 @@ class PlanReport:
     Attributes:
         steps: Path parameters of the knots, shape (K,), [s].
         tracking_error: Distance of each planned palm from where the chunk wants it, shape (K, 2), [m].
-        clamped: How far each hand was moved at each knot, shape (K, 2), [m].
         slowdown: Factor by which the chunk takes longer, at least 1.
         zmp_margin: Distance of the planned zero-moment point from the edge of the support, shape (K,), [m].
-        reasons: Why it is not followed as given, most important first.
+        changes: What was changed, and where, by reason, most important first.
         strategy: Name of the strategy that the plan was found with, of `wholebody.planning.strategies`.
         violation: Largest excess over a bound of the trajectory, in terms of the tolerance of the bound.
         safe: Whether the trajectory keeps its bounds and its balance, between its knots too.
-        projected: How far the steps of a chunk that jumps were moved to be steps that a hand can do [m].
-        lift: How far the hands were lifted out of the floor at each knot, shape (K,), [m].
-        out_of_reach: Whether a hand was moved at a knot by more than is left to the whole-body program, shape (K,).
-        smoothed: Names of the parts of the chunk that scattered and were smoothed.
-        implausible: Whether smoothing moved them so far that what the chunk means is a guess.
+        implausible: Whether smoothing moved a hand so far that what the chunk means is a guess.
     """
 
     steps: np.ndarray
     tracking_error: np.ndarray
-    clamped: np.ndarray
     slowdown: float
     zmp_margin: np.ndarray
-    reasons: tuple[Reason, ...] = ()
+    changes: Mapping[Reason, Change] = field(default_factory=dict)
     strategy: str = ""
     violation: float = 0.0
     safe: bool = True
-    projected: float = 0.0
-    lift: np.ndarray = field(default_factory=lambda: np.zeros(1))
-    out_of_reach: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))
-    smoothed: tuple[str, ...] = ()
     implausible: bool = False
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Why it is not followed as given, most important first."""
+        return tuple(self.changes)
 
     @property
     def hindered(self) -> bool:
         """Whether the way to a chunk that begins elsewhere is slow because of what the robot was doing."""
-        return Reason.FAR_START in self.reasons and self.slowdown > 1.0
+        return Reason.FAR_START in self.changes and self.slowdown > 1.0
 
-    def at(self, s: float) -> PlanReport:
-        """What it says of one instant: targets that are moved elsewhere on the path are not moved there.
+    def seen_at(self, s: float) -> Reason | None:
+        """Why a person sees the chunk followed otherwise than given at the path parameter ``s`` [s], if it is."""
+        k = self._knot(s)
+        return next((reason for reason, change in self.changes.items() if change.seen[k]), None)
 
-        Args:
-            s: Path parameter [s].
-        """
-        moved = Reason.OUT_OF_REACH in self.reasons
-        if not moved and not self.lift.any():
-            return self
+    def moved_at(self, s: float) -> Reason | None:
+        """Why a hand is elsewhere than given there, however little a person would see of that."""
+        k = self._knot(s)
+        return next((reason for reason, change in self.changes.items() if change.moved[k] > MOVED_MIN), None)
+
+    def _knot(self, s: float) -> int:
+        """The knot nearest to a path parameter [s]."""
         step = self.steps[1] - self.steps[0] if len(self.steps) > 1 else 1.0
-        k = min(max(round((s - self.steps[0]) / step), 0), len(self.steps) - 1)
-        reasons = self.reasons
-        if moved and not self.out_of_reach[k]:
-            reasons = tuple(reason for reason in reasons if reason is not Reason.OUT_OF_REACH)
-        return replace(self, reasons=reasons, lift=self.lift[k : k + 1], clamped=self.clamped[k : k + 1])
+        return min(max(round((s - self.steps[0]) / step), 0), len(self.steps) - 1)
 
     def quicker(self, other: PlanReport) -> bool:
         """Whether this plan is balanced and quicker than another one."""

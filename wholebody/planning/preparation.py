@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from policy.chunk import ActionChunk
-from policy.geometry.rotations import matrix_to_rotvec, quaternion_to_matrix
+from policy.geometry.rotations import angle_between, matrix_to_rotvec, quaternion_to_matrix
 from wholebody.config import START_MAX
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP, continued
@@ -24,28 +24,30 @@ class PreparedChunk:
     """A chunk that the hands can be led along.
 
     Attributes:
-        chunk: With the hands out of the floor and without noise.
+        chunk: With the fingers in their range, the hands out of the floor and without noise.
         limits: Of the left and the right hand.
         lift: How far a hand was lifted out of the floor at each step, shape (H,), [m].
         smoothed: Names of the parts of the chunk that scattered and were smoothed.
-        moved: Largest distance by which smoothing moved a hand [m].
+        moved: How far smoothing moved a hand at each step, shape (H,), [m].
+        turned: How far it turned a hand, or moved a finger, shape (H,), [rad].
     """
 
     chunk: ActionChunk
     limits: tuple[HandLimits, ...]
     lift: np.ndarray
     smoothed: tuple[str, ...]
-    moved: float
+    moved: np.ndarray
+    turned: np.ndarray
+
+    @property
+    def times(self) -> np.ndarray:
+        """Path parameters of the steps, shape (H,), [s]."""
+        return np.arange(len(self.chunk)) / self.chunk.fps
 
     @property
     def implausible(self) -> bool:
         """Whether its scatter is wider than any motion: what it means is a guess."""
-        return self.moved > JUMP
-
-    def lift_at(self, s: np.ndarray) -> np.ndarray:
-        """The lift of the step nearest to each of these parameters [s]; past the end that of the last one."""
-        steps = np.round(s * self.chunk.fps).astype(int)
-        return self.lift[np.clip(steps, 0, len(self.chunk) - 1)]
+        return bool(self.moved.max() > JUMP)
 
     def begins_elsewhere(self, now: float, commanded: HandMotion) -> bool:
         """Whether a hand would have to jump to where the chunk has it now."""
@@ -56,7 +58,7 @@ class PreparedChunk:
         turn = matrix_to_rotvec(np.swapaxes(quaternion_to_matrix(commanded.quat, "xyzw"), 1, 2) @ T[:, :3, :3])
         return bool(distance.max() > START_MAX[0] or np.linalg.norm(turn, axis=1).max() > START_MAX[1])
 
-    def paths(self, now: float, commanded: HandMotion, slowdown: float) -> tuple[tuple[HandPath, ...], float]:
+    def paths(self, now: float, commanded: HandMotion, slowdown: float) -> tuple[tuple[HandPath, ...], np.ndarray]:
         """Paths of both hands that go on from their present motion, and how far steps were moved to keep the limits.
 
         The limit projection depends on the speed: a chunk followed slower begins with more motion per path parameter.
@@ -67,49 +69,77 @@ class PreparedChunk:
             slowdown: Factor by which the chunk is followed slower.
 
         Returns:
-            The paths, and the largest distance [m] between the chunk's steps and those that the paths go through.
+            The paths, and how far the steps that they go through are from the chunk's, shape (H,), [m].
         """
         chunk = self.chunk
         share = JOIN_SHARE if self.begins_elsewhere(now, commanded) else 1.0
         sources = ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
-        times, paths, projected = np.arange(len(chunk)) / chunk.fps, [], 0.0
+        paths, projected = [], np.zeros(len(chunk))
         for (T, q), limits, row in zip(sources, self.limits, commanded.rows, strict=True):
             motion = time_scaled(HandMotion(row.copy()), slowdown, 0.0)
-            path, moved = _joined(times, T, q, limits, share, motion, now - chunk.t_obs)
+            path, moved = _joined(self.times, T, q, limits, share, motion, now - chunk.t_obs)
             paths.append(path)
-            projected = max(projected, moved)
+            projected = np.maximum(projected, moved)
         return tuple(paths), projected
 
 
 def prepare(chunk: ActionChunk, limits: tuple[HandLimits, ...]) -> PreparedChunk:
-    """Lift the hands of a valid chunk out of the floor, then smooth what scatters.
+    """Bring the fingers of a valid chunk into their range, lift its hands out of the floor, smooth what scatters.
 
     Args:
         chunk: A valid chunk.
         limits: Of the left and the right hand.
     """
-    lifted, _ = above_floor(chunk)
+    lifted, _ = above_floor(within_range(chunk, limits))
     smooth, names = smoothed_chunk(lifted, limits)
-    pairs = ((lifted.T_world_lhand, smooth.T_world_lhand), (lifted.T_world_rhand, smooth.T_world_rhand))
-    moved = max(float(np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1).max()) for a, b in pairs)
-    pairs = ((chunk.T_world_lhand, lifted.T_world_lhand), (chunk.T_world_rhand, lifted.T_world_rhand))
-    lift = np.max([after[:, 2, 3] - before[:, 2, 3] for before, after in pairs], axis=0)
-    return PreparedChunk(smooth, limits, lift, names, moved)
+    lift, (moved, turned) = _off(chunk, lifted)[0], _off(lifted, smooth)
+    return PreparedChunk(smooth, limits, lift, names, moved, turned)
+
+
+def within_range(chunk: ActionChunk, limits: tuple[HandLimits, ...]) -> ActionChunk:
+    """The chunk with its fingers at the ends of their range where it asks them past these."""
+    left, right = (
+        np.clip(q, limit.finger_lower, limit.finger_upper)
+        for q, limit in zip((chunk.q_lhand, chunk.q_rhand), limits, strict=True)
+    )
+    return replace(chunk, q_lhand=left, q_rhand=right)
+
+
+def most_near(times: np.ndarray, values: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """The largest of the values (H,) at the times nearest to each of K evenly spaced knots; past the last time its."""
+    most = np.interp(knots, times, values)
+    spacing = knots[1] - knots[0] if len(knots) > 1 else np.inf
+    k = np.round((times - knots[0]) / spacing).astype(int)
+    inside = (k >= 0) & (k < len(knots))
+    np.maximum.at(most, k[inside], values[inside])
+    return most
+
+
+def _off(these: ActionChunk, those: ActionChunk) -> tuple[np.ndarray, np.ndarray]:
+    """How far the hands of two chunks are apart at each step [m], and how far turned, or a finger moved [rad], (H,)."""
+    if these is those:
+        return np.zeros(len(these)), np.zeros(len(these))
+    pairs = ((these.T_world_lhand, those.T_world_lhand), (these.T_world_rhand, those.T_world_rhand))
+    distances = [np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1) for a, b in pairs]
+    angles = [angle_between(a[:, :3, :3], b[:, :3, :3]) for a, b in pairs]
+    fingers = [np.abs(a - b).max(axis=1) for a, b in ((these.q_lhand, those.q_lhand), (these.q_rhand, those.q_rhand))]
+    return np.max(distances, axis=0), np.max(angles + fingers, axis=0)
 
 
 def _joined(
     times: np.ndarray, T: np.ndarray, q: np.ndarray, limits: HandLimits, share: float, motion: HandMotion, s: float
-) -> tuple[HandPath, float]:
-    """The path through a chunk's steps that goes on from a motion at ``s``, and how far steps were moved at most [m].
+) -> tuple[HandPath, np.ndarray]:
+    """The path through a chunk's steps that goes on from a motion at ``s``, and how far each step was moved (H,) [m].
 
     Steps that no hand could follow are replaced by the nearest that one can. Both keep that share of the limits.
     """
-    slow = limits.scaled(share)
+    slow, moved = limits.scaled(share), np.zeros(len(times))
     path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)
     if len(times) < 2:
-        return path, 0.0
+        return path, moved
     projected = continued(times, T, q, slow, motion, s)
     if not (path.join.rough or projected.changed):
-        return path, 0.0
+        return path, moved
     path = HandPath.from_knots(projected.times, projected.T, projected.q, limits=limits).joined(motion, s, limits=slow)
-    return path, projected.moved
+    moved[len(times) - len(projected.moved) :] = projected.moved
+    return path, moved

@@ -75,7 +75,7 @@ def best(config: PlannerConfig, attempt: Try, *, implausible: bool) -> Attempt:
     tried: list[Attempt] = []
     for slowdown in (1.0, *config.slowdowns):
         now = _at_speed(config, attempt, slowdown)
-        jumps = implausible or now.projected > JUMP
+        jumps = implausible or now.projected.max() > JUMP
         if now.follows(config) and not jumps:
             return now
         if jumps or now.tracking_error > config.unreachable:

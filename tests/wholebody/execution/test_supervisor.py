@@ -82,7 +82,7 @@ def test_a_plan_that_is_not_balanced_is_never_taken_and_the_stance_is_held(loop,
 
     def unsafe(*args, **options):
         plan = planned(*args, **options)
-        return replace(plan, report=replace(plan.report, safe=False, reasons=("posture_infeasible",)))
+        return replace(plan, report=replace(plan.report, safe=False))
 
     monkeypatch.setattr(supervisor.planner, "plan", unsafe)
     status = supervisor.accept(chunk_at(supervisor, state))

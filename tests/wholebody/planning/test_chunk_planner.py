@@ -11,8 +11,11 @@ from models.pinocchio_model import stance_q
 from policy import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
+from wholebody.execution.statuses import plan_status
+from wholebody.planning.changes import Change
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import PlanReport
+from wholebody.planning.preparation import most_near
 from wholebody.planning.trajectory import GRID, BodyState
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
@@ -63,7 +66,7 @@ def palms_of(planner, plan, s):
 def test_a_reach_is_planned_as_it_is(setup):
     planner, start, rows, chunk = setup
     report = planner.plan(chunk, 0.0, start, HandMotion(rows)).report
-    assert (report.slowdown, report.reasons, report.clamped.max()) == (1.0, (), 0.0)
+    assert (report.slowdown, report.reasons, report.changes) == (1.0, (), {})
     assert report.tracking_error.max() < planner.config.clamp_tolerance / 2.0
 
 
@@ -91,21 +94,52 @@ def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_whe
         assert np.linalg.norm(path.sample(s).a, axis=1).max() < 20.0
 
 
+def report_of(**moved):
+    """A report of five knots 0.1 s apart: distances [m] by reason, seen from 8 mm on."""
+    changes = {Reason(code): Change(np.array(far), np.array(far) > 0.008, code) for code, far in moved.items()}
+    return PlanReport(0.1 * np.arange(5), np.zeros((5, 2)), 1.0, np.ones(5), changes)
+
+
 def test_6_a_report_at_an_instant_leaves_out_what_is_moved_elsewhere_on_the_path():
-    clamped = np.zeros((5, 2))
-    clamped[2, 0], clamped[3, 0] = 0.2, 0.003
-    report = PlanReport(
-        steps=0.1 * np.arange(5),
-        tracking_error=clamped,
-        clamped=clamped,
-        slowdown=1.0,
-        zmp_margin=np.ones(5),
-        reasons=(Reason.OUT_OF_REACH, Reason.FAR_START),
-        lift=np.array([0.0, 0.0, 0.0, 0.0, 0.1]),
-        out_of_reach=clamped.max(axis=1) > 0.008,
+    report = report_of(into_floor=[0.0, 0.0, 0.0, 0.0, 0.1], out_of_reach=[0.0, 0.0, 0.2, 0.003, 0.0])
+    reach, floor = Reason.OUT_OF_REACH, Reason.INTO_FLOOR
+    assert [report.seen_at(s) for s in (-1.0, 0.0, 0.1, 0.21, 0.34, 0.4, 9.0)] == [
+        *[None] * 3,
+        reach,
+        None,
+        floor,
+        floor,
+    ]
+    assert [report.moved_at(s) for s in (0.0, 0.21, 0.34)] == [None, reach, reach]
+
+
+def test_6_where_a_filter_moved_the_hands_visibly_it_is_said_and_nowhere_else():
+    """One step that was moved by 3 mm made a whole chunk noisy: a motion at its own speed was called slowed."""
+    report = report_of(steps_jump=[0.0, 0.02, 0.003, 0.0, 0.0], noisy_chunk=[0.003, 0.003, 0.003, 0.0005, 0.003])
+    jump, noise = Reason.STEPS_JUMP, Reason.NOISY_CHUNK
+    steps = report.steps
+    assert [plan_status(report, 1.0, s).reason for s in steps] == [None, jump, None, None, None]
+    assert [report.moved_at(s) for s in steps] == [noise, jump, jump, None, noise]
+    assert plan_status(report, 1.0).reason is jump
+    assert plan_status(report, 0.9, 0.4).reason is Reason.TRACKING
+
+
+def test_the_largest_of_several_steps_counts_at_the_knot_that_is_nearest_to_them():
+    times, values = np.arange(9) / 30.0, np.array([0.0, 0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 2.0])
+    np.testing.assert_allclose(most_near(times, values, np.arange(0.0, 0.5, 2.0 / 30.0)), [0, 0, 5, 0, 2, 2, 2, 2])
+
+
+@pytest.mark.parametrize("angle", [5.0, 1e4])
+def test_4_fingers_asked_past_their_range_leave_the_hands_where_they_are(setup, angle):
+    """A finger on its way to 10,000 rad made the plan of both hands 1.5 times slower."""
+    planner, start, rows, chunk = setup
+    limits = planner.hand_limits[0]
+    inside, beyond = (
+        replace(chunk, q_lhand=np.where(np.arange(7) == 0, q, chunk.q_lhand)) for q in (limits.finger_upper[0], angle)
     )
-    assert report.at(0.21).reasons == (Reason.OUT_OF_REACH, Reason.FAR_START)
-    assert report.at(0.21).clamped.max() == 0.2
-    for s in (-1.0, 0.0, 0.1, 0.3, 0.4, 9.0):
-        assert report.at(s).reasons == (Reason.FAR_START,)
-    assert [float(report.at(s).lift.max()) for s in (0.0, 0.34, 0.4, 9.0)] == [0.0, 0.0, 0.1, 0.1]
+    plans = [planner.plan(one, 0.0, start, HandMotion(rows)) for one in (inside, beyond)]
+    assert [plan.report.slowdown for plan in plans] == [1.0, 1.0]
+    s = np.arange(plans[0].start, plans[0].end, GRID)
+    palms = [palms_of(planner, plan, s) for plan in plans]
+    assert np.linalg.norm(palms[0] - palms[1], axis=2).max() < 1e-3
+    assert plans[1].paths[0].sample(s).q_finger[:, 0].max() < limits.finger_upper[0] + 1e-3

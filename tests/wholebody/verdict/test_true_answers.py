@@ -101,6 +101,24 @@ def test_2_what_the_noise_filter_takes_out_is_moved(checker, size, answer):
     assert found[Reason.NOISY_CHUNK].severity == ("note" if answer == "feasible" else "infeasible")
 
 
+def test_6_a_chunk_at_its_own_speed_whose_scatter_nobody_sees_is_not_called_slowed(checker):
+    """A millimetre that the noise filter took out made a motion at time factor 1.000 "slowed" from end to end."""
+    file = chunk_file(40, to=(0.1, 0.0, 0.0))
+    file.actions[1:, :3] += 1e-3 * np.random.default_rng(0).normal(size=(39, 3))
+    verdict, found, result = judged(checker, replay(file))
+    assert verdict.seconds.keys() == {"hold", "tracking"}
+    assert (found[Reason.NOISY_CHUNK].severity, verdict.time_factor) == ("note", pytest.approx(1.0, abs=1e-3))
+    assert Reason.NOISY_CHUNK in result.palms.reasons
+
+
+def test_6_a_jump_is_called_slowed_around_the_jump_alone(checker):
+    file = chunk_file(50)
+    file.actions[25:, 0] += 0.05
+    verdict, found, _ = judged(checker, replay(file))
+    assert 0.03 < verdict.seconds["slowed"] < 0.4
+    assert found[Reason.STEPS_JUMP].time == pytest.approx(0.1 + 25 / FPS, abs=0.1)
+
+
 @pytest.mark.parametrize(("free", "answer"), [(False, "infeasible"), (True, "feasible")])
 def test_3_a_hand_that_cannot_turn_as_asked_is_infeasible_unless_that_is_free(checker, free, answer):
     """74 degrees off was "done as given": the palm is where it was asked to be."""
@@ -121,6 +139,16 @@ def test_4_fingers_out_of_range_are_told(checker, angle):
     limit = found[Reason.FINGER_LIMIT]
     assert (limit.subject, limit.value) == ("left_hand_thumb_0_joint", angle)
     assert found[Reason.CHUNK_NOTE].subject.startswith("left_hand: 20 numbers out of the fingers' range, by up to ")
+
+
+def test_4_palms_go_where_they_go_with_the_fingers_at_their_limit(checker):
+    commanded = []
+    for angle in (1.04719755, 1e4):  # the limit of left_hand_thumb_0_joint
+        file, recorder = chunk_file(20, to=(0.1, 0.0, 0.0)), checker.recorder()
+        file.actions[:, 18] = angle
+        checker.check(replay(file), "input", 0.6, recorder=recorder)
+        commanded.append(recorder.arrays()["T_world_palms"][:, :, :3, 3])
+    assert np.linalg.norm(commanded[0] - commanded[1], axis=2).max() < 1e-3
 
 
 @pytest.mark.parametrize("jump", [(0.1, 0.0, 0.0), (0.2, 0.0, 0.15)])
