@@ -89,9 +89,9 @@ class SafetyConfig:
     error_stop: float = 0.08
     """Palm error at which it is held [m]."""
     posture_slow: float = 0.2
-    """Distance of a body joint from the trajectory at which the hands begin to give way to it [rad]."""
+    """Distance of a body joint from the trajectory at which the hands give way, and it is planned anew [rad]."""
     posture_stop: float = 0.45
-    """Distance at which they have given way [rad]."""
+    """Distance at which they have given way and the robot stands [rad]."""
     posture_lost: float = 0.15
     """Distance of a body joint from where it was to stand off the plan up to which a plan from there is taken [rad]."""
     balance_slow: float = 0.02

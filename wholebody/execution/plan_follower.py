@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 
 from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
@@ -108,16 +109,23 @@ class PlanFollower:
         """How far the hands are trusted, 1 as long as the body is near its plan."""
         return float(self._clock["trust"][0])
 
-    def foreseen(self, ticks: int) -> Foreseen:
-        """What will be followed so many control periods from now; 0 for now."""
+    def foreseen(self, ticks: int, q: np.ndarray | None = None) -> Foreseen:
+        """What will be followed so many control periods from now; 0 for now.
+
+        Args:
+            ticks: How many.
+            q: Configuration now, shape (nq,). Off the plan, the body is foreseen as far from it as it is now.
+        """
         clock, smoothing = self._clock.copy(), self._smoothing
         smoothing = smoothing._replace(state=smoothing.state.copy(), target=smoothing.target.copy())
         self._foresee(self._plan, clock, smoothing, ticks)
         settings, now, rows = self._settings[0], clock[0], self._plan.trajectory
         row = rows[kernel.nearest(settings, now.s, len(rows))]
-        rate = float(now.rate) if settings.moving > 0.0 else 0.0
-        body = BodyState(row.q.copy(), rate * row.v)
-        return Foreseen(float(now.s), rate, body, HandMotion(smoothing.state["motion"]))
+        rate, planned = float(now.rate) if settings.moving > 0.0 else 0.0, row.q.copy()
+        if q is not None and self.trust < 1.0:
+            model, present = self._controller.robot.model, rows[kernel.nearest(settings, self.s, len(rows))].q
+            planned = pin.integrate(model, planned, pin.difference(model, present, q))
+        return Foreseen(float(now.s), rate, BodyState(planned, rate * row.v), HandMotion(smoothing.state["motion"]))
 
     def distance(self, q: np.ndarray, planned: np.ndarray | None = None) -> float:
         """How far a configuration (nq,) is from another one, or from what was planned for the last tick [rad].
@@ -158,6 +166,7 @@ class PlanFollower:
         settings.moving, settings.plan_rate, settings.grid_start = 1.0, plan.rate, plan.trajectory.start
         settings.last_step = last
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * share, 0.0
+        clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
         self._standing = False
 
     def stand(self, trajectory: SampledTrajectory, rows: np.ndarray) -> None:

@@ -18,6 +18,7 @@ from wholebody.execution import statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.fallback import damping_command
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
+from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.standing import hands_as_measured, hands_at_rest, resting_posture, standing_trajectory
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
@@ -190,7 +191,7 @@ class Supervisor:
         self._retry, ticks = self._now + RETRY, self._handover.ticks
         if self._standing:
             self._smoother.reset(hands_as_measured(self.robot, self._smoother.motion.rows))
-        start, due = self._follower.foreseen(ticks), self._now + ticks * self.config.dt
+        start, due = self._follower.foreseen(ticks, self._last_state.q), self._now + ticks * self.config.dt
         if self._standing:
             start = replace(start, body=self._resting())
         # On its plan, the robot only asks whether there is a quicker one by now.
@@ -281,8 +282,10 @@ class Supervisor:
             self.status = statuses.STANDING_LOST
             return damping_command(self.spec, self.robot, state)
         self._exchange(now)
-        if follower.trust < 1.0 and self._chunk is not None and not self._standing:
+        if self._plan is not None and follower.trust <= TRUST_MIN:
             self._stand()
+        elif self._plan is not None and follower.trust < 1.0 and not self._handover.busy:
+            self._waiting = self._newest
         self._try_waiting(self._now)
         self._last_state, self._now = state, max(now, self._now)
         allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0

@@ -168,20 +168,42 @@ def test_a_robot_that_is_slower_than_foreseen_takes_the_plan_over_where_it_begin
     assert not handover.busy
 
 
-def test_a_robot_off_its_plan_stands_until_a_plan_from_there_comes(plant):
-    config = ControllerConfig(safety=SafetyConfig(posture_slow=0.03))
-    supervisor = Supervisor(SPEC, config)
-    state = begin(supervisor, plant)
+def pushed(supervisor, plant):
+    """A robot that waves, pushed; the status reasons of the 0.8 s after it. A second chunk comes on the way."""
+    state, reasons = begin(supervisor, plant), []
     supervisor.accept(wave(supervisor, state), state.time)
     state = run(supervisor, plant, state, 0.2)
     plant.push("torso_link", np.array([60.0, 0.0, 0.0]), start=state.time, duration=0.1)
-    seen = []
-    for _ in range(400):
+    for tick in range(400):
+        if tick == 45:
+            supervisor.accept(replace(wave(supervisor, state, seq=1), t_obs=state.time), state.time)
         state = run(supervisor, plant, state, 0.002)
-        reason = supervisor.status.reason
-        if not seen or seen[-1] != reason:
-            seen.append(reason)
-    assert "off_plan" in seen
+        reasons.append(supervisor.status.reason)
     assert supervisor.status.status is not Status.DAMPING
-    assert seen[-1] != "off_plan", "it has joined the chunk again"
     assert abs(state.q[2] - SPEC.stance.base_position[2]) < 0.02
+    return reasons
+
+
+def test_a_robot_whose_hands_have_given_way_stands_until_a_plan_from_there_comes(plant):
+    supervisor = Supervisor(SPEC, ControllerConfig(safety=SafetyConfig(posture_slow=0.02, posture_stop=0.03)))
+    reasons = pushed(supervisor, plant)
+    assert "off_plan" in reasons
+    assert reasons[-1] != "off_plan", "it has joined the chunk again"
+
+
+def test_a_robot_a_little_off_its_plan_goes_on_until_a_plan_from_where_it_is_takes_over(plant, monkeypatch):
+    supervisor = Supervisor(SPEC, ControllerConfig(safety=SafetyConfig(posture_slow=0.03)))
+    planned, asked = supervisor.planner.plan, []
+
+    def plan(chunk, now, start, *rest):
+        follower = supervisor._follower
+        moved = follower.distance(start.q, follower.foreseen(supervisor._handover.ticks).body.q)
+        asked.append((chunk.seq, follower.trust, moved, follower.distance(supervisor._last_state.q)))
+        return planned(chunk, now, start, *rest)
+
+    monkeypatch.setattr(supervisor.planner, "plan", plan)
+    assert "off_plan" not in pushed(supervisor, plant)
+    seqs, trusts, moved, off = np.array(asked).T
+    assert np.all(np.diff(seqs) >= 0.0), "the chunk before is not planned again"
+    assert (trusts < 1.0).any()
+    np.testing.assert_allclose(moved, np.where(trusts < 1.0, off, 0.0), atol=1e-9)

@@ -244,7 +244,7 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
     assert caplog.records[0].exc_info[0] is PlanningError, "the log has the traceback"
     np.testing.assert_array_equal(supervisor._smoother.state, before)
     # A robot that is far from its plan stands, and is planned anew from where it is.
-    monkeypatch.setattr(type(supervisor._follower), "trust", 0.5)
+    monkeypatch.setattr(type(supervisor._follower), "trust", 0.0)
     for _ in range(220):
         state = plant.step(supervisor.step(state))
     assert supervisor.status.reason == "off_plan"
