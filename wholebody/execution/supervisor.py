@@ -103,8 +103,7 @@ class Supervisor:
         return self._follower
 
     def _compute(self, request: PlanRequest) -> ChunkPlan:
-        start = request.start
-        return self.planner.plan(request.chunk, request.due, start.body, start.hands, request.before)
+        return self.planner.plan(request.chunk, request.due, request.start.body, request.start.hands, request.before)
 
     @property
     def time_factor(self) -> float:
@@ -197,8 +196,7 @@ class Supervisor:
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self._plan is not None and self._follower.s < self._plan.end
         again = ahead and chunk is self._chunk and self._follower.trust == 1.0
-        knot = self.config.planner.posture.dt
-        before = None if self._plan is None else rest_of_plan(self._plan, start, knot)
+        before = self._plan and rest_of_plan(self._plan, start, self.config.planner.posture.dt)
         self._handover.ask(PlanRequest(chunk, self._now, due, start, before, again))
         self._exchange(self._now)
 
@@ -285,7 +283,7 @@ class Supervisor:
         if self._plan is not None and follower.trust <= TRUST_MIN:
             self._stand()
         elif self._plan is not None and follower.trust < 1.0 and not self._handover.busy:
-            self._waiting = self._newest
+            self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
         self._last_state, self._now = state, max(now, self._now)
         allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0

@@ -9,14 +9,17 @@ import pytest
 from models.g1 import g1
 from models.pinocchio_model import stance_q
 from policy import Observation
-from policy.scripted.library import scripted_policy
+from policy.scripted.library import reach, scripted_policy
+from policy.scripted.policy import to_chunk
 from wholebody.config import ControllerConfig
+from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.statuses import plan_status
 from wholebody.planning.changes import Change
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import PlanReport
 from wholebody.planning.preparation import most_near
 from wholebody.planning.trajectory import GRID, BodyState
+from wholebody.planning.trajopt.problem import RETURN_TIME
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
 from wholebody.types import Reason
@@ -92,6 +95,29 @@ def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_whe
         assert np.allclose(path.sample(plan.start).p, row[:3], atol=1e-9)
         s = plan.start + np.arange(0.0, 0.2, GRID)
         assert np.linalg.norm(path.sample(s).a, axis=1).max() < 20.0
+
+
+def test_a_start_past_a_bound_has_a_safe_plan_that_leads_back_inside(setup):
+    """Pelvis bent 0.1 rad further than plans may: a robot that stood there was refused every plan."""
+    planner, start, rows, chunk = setup
+    low = to_chunk(reach(0.40, 0.30).script(np.full(50, 100.0)), "wbc32", 0, 0.0, 30.0, 50)
+    there = planner.plan(low, 0.0, start, HandMotion(rows)).trajectory.q[-1]
+    robot, config = Robot(SPEC), ControllerConfig()
+    robot.update(there, np.zeros(robot.nv))
+    bound = bent(there) - 0.1
+    config = replace(
+        config, planner=replace(config.planner, posture=replace(config.planner.posture, pelvis_tilt=bound))
+    )
+    rest = HandMotion(hands_at_rest(robot, there))
+    plan = ChunkPlanner(SPEC, robot, config).plan(chunk, 0.0, BodyState.still(there, robot.nv), rest)
+    assert plan.report.safe
+    after = plan.trajectory.q[round(RETURN_TIME / GRID) :]
+    assert max(bent(q) for q in after) <= bound + 0.01
+
+
+def bent(q):
+    """Tilt of the pelvis [rad]."""
+    return float(np.arccos(pin.Quaternion(q[3:7]).toRotationMatrix()[2, 2]))
 
 
 def report_of(**moved):

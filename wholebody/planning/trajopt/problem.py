@@ -22,6 +22,9 @@ SMOOTHING_PASSES, SMOOTHED_BEFORE = 8, 3
 knots given it takes in: 8 passes halve a swing with a period of 11 knots (cos^16(pi / 11) = 0.5) and
 damp faster ones more."""
 
+RETURN_TIME = 1.0
+"""Time in which a motion that starts past bounds on configurations is to be back inside [s]."""
+
 
 class TrajectoryProblem:
     """Memory for plans of K knots, and what is done on it.
@@ -182,10 +185,20 @@ class TrajectoryProblem:
         self.now, self.trial = self.trial, self.now
 
     def violation(self) -> np.ndarray:
-        """Largest excess over a bound at each knot, in terms of the bound's tolerance, (K,)."""
-        found = self.now.violation.copy()
-        found[0, : COM_EDGE + self._n_edges] = -1.0
-        return np.maximum(0.0, (found / weights.tolerances(self._n_edges)).max(axis=1))
+        """Largest excess over a bound at each knot, in terms of the bound's tolerance, (K,).
+
+        A start past a tolerance is no fault of the motion if that leads back: so much of the excess over bounds on
+        configurations is excused, less with time, and none from `RETURN_TIME` or the last knot on.
+        """
+        found = self.now.violation / weights.tolerances(self._n_edges)
+        start = found[0, : COM_EDGE + self._n_edges].copy()
+        # Every knot has its own list of near bodies.
+        start[DISTANCE:COM_EDGE] = start[DISTANCE:COM_EDGE].max()
+        knots = min(RETURN_TIME / self._task.dt, self.K - 1.0)
+        share = np.maximum(1.0 - np.arange(self.K) / knots, 0.0)[:, None]
+        found[:, : len(start)] -= share * np.maximum(start - 1.0, 0.0)
+        found[0, : len(start)] = -1.0
+        return np.maximum(0.0, found.max(axis=1))
 
 
 def _smooth(q: np.ndarray) -> None:

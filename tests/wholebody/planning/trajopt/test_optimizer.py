@@ -403,6 +403,22 @@ def test_a_step_is_exact_once_it_exceeds_the_bounds_that_it_counts_on(body):
     assert np.array_equal(program.z, z)
 
 
+def test_what_the_start_is_past_a_bound_is_excused_less_with_time_and_never_at_the_end(body):
+    tolerance, config = weights.tolerances(len(body.tables.normals))[layout.TILT], TrajectoryConfig()
+    for K, back in ((31, problem_module.RETURN_TIME / config.dt), (6, 5.0)):
+        program = TrajectoryProblem(body, config, K)
+        excess = program.now.violation[:, layout.TILT]
+        excess[:] = 5.0 * tolerance
+        lasting = program.violation()
+        assert lasting[0] == 0.0
+        assert lasting[-1] == pytest.approx(5.0)
+        assert np.all(np.diff(lasting) >= 0.0)
+        excess[:] *= np.maximum(1.0 - np.arange(K) / back, 0.0)
+        assert program.violation().max() <= 1.0, "it leads back inside"
+        excess[:] = tolerance
+        np.testing.assert_allclose(program.violation()[1:], 1.0)
+
+
 def test_the_motion_that_a_search_begins_with_is_smoothed(planner, monkeypatch):
     """A chunk that goes on where another one was to come to rest: there the motion first tried would jerk."""
     T, fingers = poses(wave(), planner.config.dt, 0.0, 4.0)
