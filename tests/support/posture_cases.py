@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio
-from wholebody.planning.posture import WITHIN
+from wholebody.planning.still_postures import WITHIN
 from wholebody.planning.trajopt.layout import COM_EDGE, LOWER
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables

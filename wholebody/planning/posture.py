@@ -1,43 +1,40 @@
-"""A still, balanced posture of the whole body for two wrist poses: inverse kinematics inside all bounds of a plan.
+"""Still, balanced postures of the whole body for two wrist poses, and ways to them, inside all bounds of a plan.
 
-It is the trajectory optimiser's problem at one configuration, without velocities: palms, bounds on configurations and
-distances (`wholebody.planning.trajopt`). At rest the zero-moment point and the capture point are under the centre of
-mass, so the innermost of their three edges holds. The search is local: Gauss-Newton steps on the active bounds, begun
-from the stance and, where that gets stuck, from random postures whose seed is fixed.
+The search for a posture is local: Gauss-Newton steps on the active bounds, begun from the stance and, where that gets
+stuck, from random postures whose seed is fixed. The way there is a curve in the space of postures, not a straight line
+of the hands, which often leads where no posture is balanced.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
-import pinocchio as pin
 
 from models.g1 import g1
 from models.spec import RobotSpec
+from policy.action_spec.builtin import builtin
+from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between, nearest_rotation, rotation_residual
-from wholebody.config import ControllerConfig, TrajectoryConfig
+from policy.reading import FPS_MAX, FPS_MIN
+from policy.scripted.policy import minimum_jerk
+from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
-from wholebody.planning.trajopt.layout import (  # fmt: skip
-    BASE_HEIGHT,
-    COM_EDGE,
-    DISTANCE,
-    LOWER,
-    POSITION,
-    STATIC,
-    TILT,
-    WAIST,
+from wholebody.planning.posture_path import PosturePath, PosturePaths
+from wholebody.planning.still_postures import (  # fmt: skip
+    ORIENTATION_REACHED,
+    POSITION_REACHED,
+    WITHIN,
+    Constraint,
+    Round,
+    StillPostures,
+    scattered,
 )
-from wholebody.planning.trajopt.problem import TrajectoryProblem
+from wholebody.planning.trajopt.layout import LOWER
 from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.planning.trajopt.weights import tolerances
+from wholebody.types import RobotState, check_state
 
-POSITION_REACHED, ORIENTATION_REACHED = 1e-3, np.deg2rad(0.2)
-"""Errors of a wrist up to which a target is reached [m, rad]."""
-WITHIN = 0.01
-"""Excess over a bound, in terms of its tolerance, that counts as none: 0.1 mm of a distance, 0.5 mrad of a joint."""
 NEAR = 0.02
 """Room to a bound, in terms of its tolerance, up to which the bound is said to hold the posture back."""
 PALM_SCALES = {"position": 1e-3, "position_give": 0.3, "orientation": 4e-3, "orientation_give": 0.5}
@@ -46,39 +43,23 @@ GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
 """The same where the targets are missed: the bounds are not to be bent."""
 FIRM = 0.01
 """Factor on the scales of the bounds at the end, so that nothing wanted buys `WITHIN` of them."""
-REACHING, RETREATING = ((1.0, 25), (FIRM, 25)), ((1.0, 40), (FIRM, 60))
-"""Rounds: factor on the scales of the bounds and most steps, towards targets, and to the nearest posture if missed."""
 STAGES, STAGE_STEPS = 12, 15
 """Targets between the stance and those that are missed, and most steps to each."""
-STEP_MIN = 1e-6
-"""Largest entry of a step that ends a round [m, rad]."""
 LEVER = 0.25
 """Length at which an error of orientation counts as much as one of position [m]: a forearm."""
 STARTS = 12
 """Most postures that the search begins at, the stance included."""
 SPREAD = 0.5
 """Deviation of the random ones from the stance, as a share of each joint's range, for waist and arms."""
+DURATION_MIN, DURATION_MAX = 0.2, 60.0
+"""Shortest and longest way [s]."""
 ROTATION_RESIDUAL_MAX = 1e-3
 """How far a target's matrix may be from a rotation, as `rotation_residual`; it is replaced by the nearest one."""
 
 
-class Constraint(StrEnum):
-    """A constraint of a still posture; the margins of a `Solution` are by these."""
-
-    TILT = "tilt"
-    PELVIS_HEIGHT = "pelvis_height"
-    JOINT_POSITION = "joint_position"
-    WAIST_TORQUE = "waist_torque"
-    ARM_TORQUE = "arm_torque"
-    DISTANCE = "distance"
-    BALANCE = "balance"
-    NOT_FOUND = "not_found"
-    """No bound holds the posture back, yet no start led to the targets: out of reach of the arms, or missed."""
-
-
 @dataclass(frozen=True)
 class Solution:
-    """A still posture with both feet where the stance has them.
+    """A still posture with both feet where the stance has them. ``print`` says it in words.
 
     Attributes:
         reached: Whether both wrists are within 1 mm and 0.2 degrees of their targets and all bounds hold.
@@ -100,9 +81,23 @@ class Solution:
     orientation_error: tuple[float, float]
     reasons: tuple[Constraint, ...]
 
+    def __str__(self) -> str:
+        """A line for the targets, one for each reason, one for the least room to each bound, one for the torques."""
+        errors = zip(("left", "right"), self.position_error, self.orientation_error, strict=True)
+        off = ", ".join(f"{side} wrist {1e3 * p:.1f} mm and {np.rad2deg(turn):.1f} deg off" for side, p, turn in errors)
+        most = sorted(self.torques, key=lambda name: -abs(self.torques[name]))[:3]
+        return "\n".join(
+            [
+                f"{'reached' if self.reached else 'not reached'}: {off}",
+                *(f"because {reason.sentence}" for reason in self.reasons),
+                "room: " + ", ".join(f"{name} {room:.3f} {name.unit}" for name, room in self.margins.items()),
+                "largest torques: " + ", ".join(f"{name} {self.torques[name]:.1f} N m" for name in most),
+            ]
+        )
+
 
 class PostureSolver:
-    """Postures for wrist poses.
+    """Postures for wrist poses, and ways to them.
 
     Args:
         spec: The robot.
@@ -111,19 +106,21 @@ class PostureSolver:
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         config = config or ControllerConfig()
-        self.spec, posture = spec, config.planner.posture
-        body = self.body = RobotTables(spec, posture, config.friction, config.force_min)
+        self.spec, self._weights = spec, config.planner.posture
+        body = self.body = RobotTables(spec, self._weights, config.friction, config.force_min)
         t = body.tables
         edges = np.minimum(np.minimum(t.com_offsets, t.zmp_offsets), t.capture_offsets)
         body.tables = t._replace(com_offsets=edges)
-        self._exact, self._gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
-        self._problem = TrajectoryProblem(body, posture, 2)
-        n_edges = len(edges)
-        tolerance = tolerances(n_edges)
-        self._tolerances = tolerance[: COM_EDGE + n_edges]
-        self._arm_tolerance = tolerance[COM_EDGE + n_edges + 1 + WAIST]
-        self._fingers = np.tile(body.q_full[body.fingers], (2, 1))
-        self._palm_offsets = [np.array(tool.palm_offset) for tool in spec.tools]
+        exact, gentle = (replace(self._weights, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
+        self._reaching = Round(exact, 1.0, 25), Round(exact, FIRM, 25)
+        self._retreating = Round(gentle, 1.0, 40), Round(gentle, FIRM, 60)
+        self._stage = (Round(gentle, FIRM, STAGE_STEPS),)
+        self._one = StillPostures(body, self._weights, 2)
+        self._palm_offsets = np.array([tool.palm_offset for tool in spec.tools])
+
+    @cached_property
+    def _ways(self) -> PosturePaths:
+        return PosturePaths(self.body, self._weights)
 
     def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray) -> Solution:
         """The posture for two poses (4, 4) of the wrists (``*_wrist_yaw_link``) in world, fingers as in the stance.
@@ -135,120 +132,112 @@ class PostureSolver:
             InputError: If a pose is not finite or no rigid transform.
         """
         targets = np.array([_pose(T_world_lhand, "T_world_lhand"), _pose(T_world_rhand, "T_world_rhand")])
-        T_palms = targets.copy()
-        for T, offset in zip(T_palms, self._palm_offsets, strict=True):
-            T[:3, 3] += T[:3, :3] @ offset
+        T_palms = self._shifted(targets, 1.0)
         generator, missed = np.random.default_rng(0), []
         for start in range(STARTS):
-            self._search(T_palms, self._start(generator if start else None), self._exact, REACHING)
+            q = self.body.tables.q_stance.copy()
+            self._search(T_palms, scattered(self.body, q, SPREAD, generator) if start else q, self._reaching)
             found = self._solution(targets)
             if found.reached:
                 return found
             missed.append((self._score(found), found.q[self.body.body]))
         return self._nearest(T_palms, targets, min(missed, key=lambda scored: scored[0])[1])
 
+    def path_to(
+        self,
+        posture: Solution,
+        start: RobotState | None = None,
+        *,
+        duration: float = 3.0,
+        fps: float = 30.0,
+        seq: int = 0,
+    ) -> PosturePath:
+        """A way to a posture that is balanced at every step, for `Supervisor.accept`.
+
+        Args:
+            posture: Where to.
+            start: Where the robot is, at rest, with its feet as in the stance; the stance at time 0 if not given.
+            duration: [s]; a plan takes longer where the body cannot be as fast.
+            fps: Steps per second of the chunk [Hz].
+            seq: Number of the chunk in the episode.
+
+        Raises:
+            InputError: If the start is no state of this robot, or the duration or rate is out of range.
+        """
+        if not (DURATION_MIN <= duration <= DURATION_MAX and FPS_MIN <= fps <= FPS_MAX):
+            raise InputError(
+                f"a way of {duration} s at {fps} Hz; {DURATION_MIN:g} to {DURATION_MAX:g} s and {FPS_MIN:g} to "
+                f"{FPS_MAX:g} Hz are possible"
+            )
+        time, begin = 0.0, self.body.q_full
+        if start is not None:
+            time, begin = start.time, check_state(start, self.spec.n_joints).q
+        shares = minimum_jerk(np.linspace(0.0, 1.0, round(duration * fps) + 1))
+        way = self._ways.between(begin, posture.q, shares)
+        wrists = self._shifted(way.T_palms, -1.0)
+        hands = np.zeros((len(shares), 2, 7))
+        for hand, tool in enumerate(self.spec.tools):
+            n = len(tool.finger_joints)
+            hands[:, hand, :n] = way.q[:, self.body.fingers[hand * n : (hand + 1) * n]]
+        chunk = ActionChunk(builtin("wbc32").id, seq, time, fps, wrists[:, 0], wrists[:, 1], hands[:, 0], hands[:, 1])
+        return PosturePath(way.clear, chunk, way.q, way.margins)
+
     def _nearest(self, T_palms: np.ndarray, targets: np.ndarray, start: np.ndarray) -> Solution:
         """The best of the postures inside the bounds: from a start, from the stance, and on the way from it."""
         stance, inside = self.body.tables.q_stance, []
 
-        def search(goal: np.ndarray, begin: np.ndarray, rounds: tuple[tuple[float, int], ...]) -> None:
-            self._search(goal, begin, self._gentle, rounds)
-            if self._violation().max() <= WITHIN:
+        def search(goal: np.ndarray, begin: np.ndarray, rounds: tuple[Round, ...]) -> None:
+            self._search(goal, begin, rounds)
+            if self._one.excess()[1] <= WITHIN:
                 found = self._solution(targets)
                 inside.append((self._score(found), found))
 
         search(T_palms, stance, ())
-        palms = self._problem.now.palms[1, :, :3, 3].copy()
+        palms = self._one.T_palms[1, :, :3, 3].copy()
         last = stance
         for share in np.linspace(1.0 / STAGES, 1.0, STAGES):
             goal = T_palms.copy()
             goal[:, :3, 3] = palms + share * (T_palms[:, :3, 3] - palms)
-            search(goal, last, ((FIRM, STAGE_STEPS),))
+            search(goal, last, self._stage)
             last = inside[-1][1].q[self.body.body] if inside else stance
         for begin in (start, stance):
-            search(T_palms, begin, RETREATING)
+            search(T_palms, begin, self._retreating)
         return min(inside, key=lambda scored: scored[0])[1] if inside else self._solution(targets)
+
+    def _search(self, T_palms: np.ndarray, start: np.ndarray, rounds: tuple[Round, ...]) -> None:
+        self._one.search(T_palms, start, self.body.q_full[self.body.fingers], rounds)
 
     def _score(self, found: Solution) -> float:
         """How far a posture is from the targets [m], and much more for what exceeds the bounds."""
-        excess = max(0.0, float(self._violation().max()) - WITHIN)
+        excess = max(0.0, float(self._one.excess()[1]) - WITHIN)
         return 1e3 * excess + sum(found.position_error) + LEVER * sum(found.orientation_error)
 
-    def _start(self, generator: np.random.Generator | None) -> np.ndarray:
-        t = self.body.tables
-        q = t.q_stance.copy()
-        if generator is not None:
-            upper = slice(LOWER - 6, None)
-            low, high = t.q_min[upper], t.q_max[upper]
-            q[7:][upper] = np.clip(
-                q[7:][upper] + SPREAD * (high - low) * generator.standard_normal(len(low)), low, high
-            )
-        return q
-
-    def _search(
-        self, T_palms: np.ndarray, start: np.ndarray, weights: TrajectoryConfig, rounds: tuple[tuple[float, int], ...]
-    ) -> None:
-        """Leave the problem at the posture that a start leads to, all of its distances measured."""
-        problem = self._problem
-        problem.begin(np.tile(T_palms, (2, 1, 1, 1)), self._fingers, np.zeros(len(start) - 1))
-        problem.now.q[:] = start
-        for softness, steps in rounds:
-            problem.set_weights(weights, softness)
-            for _ in range(steps):
-                problem.evaluate_still()
-                if self._arrived():
-                    problem.evaluate_still(anew=True)
-                    if self._arrived():
-                        return
-                before = problem.now.q[1].copy()
-                problem.still_step(1)
-                if np.abs(problem.now.q[1] - before).max() < STEP_MIN:
-                    break
-        problem.evaluate_still(anew=True)
-
-    def _violation(self) -> np.ndarray:
-        return self._problem.now.violation[1, : len(self._tolerances)] / self._tolerances
-
-    def _arrived(self) -> bool:
-        r = self._problem.now.r[1, :12].reshape(2, 2, 3)
-        position, orientation = np.linalg.norm(r, axis=2).max(axis=0)
-        near = position < 0.5 * POSITION_REACHED and orientation < 0.5 * ORIENTATION_REACHED
-        return bool(near and self._violation().max() < WITHIN)
+    def _shifted(self, T: np.ndarray, sign: float) -> np.ndarray:
+        """Poses (..., 2, 4, 4) of both wrists as those of the palms (1), or the other way round (-1)."""
+        T = T.copy()
+        T[..., :3, 3] += sign * np.einsum("...hij,hj->...hi", T[..., :3, :3], self._palm_offsets)
+        return T
 
     def _solution(self, targets: np.ndarray) -> Solution:
-        body, excess, q = self.body, self._problem.now.violation[1], self._problem.now.q[1]
+        """What the search has found."""
+        body, one = self.body, self._one
         full = body.q_full.copy()
-        full[body.body] = q
-        torque = pin.computeGeneralizedGravity(body.model, body.data, q)[LOWER:].copy()
-        arm = np.abs(torque[WAIST:]) / body.tables.tau_max[WAIST:] - 1.0
-        stop = COM_EDGE + len(body.tables.normals)
-        spans = {
-            Constraint.TILT: (TILT, BASE_HEIGHT),
-            Constraint.PELVIS_HEIGHT: (BASE_HEIGHT, POSITION),
-            Constraint.JOINT_POSITION: (POSITION, STATIC),
-            Constraint.WAIST_TORQUE: (STATIC, DISTANCE),
-            Constraint.DISTANCE: (DISTANCE, COM_EDGE),
-            Constraint.BALANCE: (COM_EDGE, stop),
-        }
-        margins = {name: -float(excess[a:b].max()) for name, (a, b) in spans.items()}
-        margins[Constraint.ARM_TORQUE] = -float(arm.max())
-        wrists = self._problem.now.palms[1].copy()
-        for T, offset in zip(wrists, self._palm_offsets, strict=True):
-            T[:3, 3] -= T[:3, :3] @ offset
+        full[body.body] = one.q[1]
+        wrists = self._shifted(one.T_palms[1], -1.0)
         position = np.linalg.norm(wrists[:, :3, 3] - targets[:, :3, 3], axis=1)
         orientation = angle_between(wrists[:, :3, :3], targets[:, :3, :3])
-        ratio = {name: float((excess[a:b] / self._tolerances[a:b]).max()) for name, (a, b) in spans.items()}
-        ratio[Constraint.ARM_TORQUE] = float(arm.max() / self._arm_tolerance)
         on_target = position.max() <= POSITION_REACHED and orientation.max() <= ORIENTATION_REACHED
-        reached = bool(on_target and max(ratio.values()) <= WITHIN)
-        reasons = () if reached else tuple(name for name, share in ratio.items() if share > -NEAR)
+        margins = one.margins(1)
+        excess = {name: -room / one.tolerance[name] for name, room in margins.items()}
+        reached = bool(on_target and max(excess.values()) <= WITHIN)
+        reasons = () if reached else tuple(name for name, share in excess.items() if share > -NEAR)
         names = list(body.full.names)[2:]
         upper = list(body.model.names)[2 + LOWER - 6 :]
         return Solution(
             reached=reached,
             joints=dict(zip(names, full[7:].tolist(), strict=True)),
             q=full,
-            torques=dict(zip(upper, torque.tolist(), strict=True)),
+            torques=dict(zip(upper, one.torques(1).tolist(), strict=True)),
             margins=margins,
             position_error=tuple(position.tolist()),
             orientation_error=tuple(orientation.tolist()),
@@ -259,6 +248,19 @@ class PostureSolver:
 def solve(T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, config: ControllerConfig | None = None) -> Solution:
     """`PostureSolver.solve` for the G1 with its hands; the solver is kept for the last settings."""
     return _solver(config or ControllerConfig()).solve(T_world_lhand, T_world_rhand)
+
+
+def path_to(
+    posture: Solution,
+    start: RobotState | None = None,
+    *,
+    duration: float = 3.0,
+    fps: float = 30.0,
+    seq: int = 0,
+    config: ControllerConfig | None = None,
+) -> PosturePath:
+    """`PostureSolver.path_to` for the G1 with its hands; the solver is that of `solve`."""
+    return _solver(config or ControllerConfig()).path_to(posture, start, duration=duration, fps=fps, seq=seq)
 
 
 @lru_cache(maxsize=1)

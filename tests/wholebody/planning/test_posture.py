@@ -12,7 +12,11 @@ from models.g1 import g1
 from tests.support.posture_cases import PostureCases
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
-from wholebody.planning.posture import Constraint, PostureSolver
+from wholebody.execution.supervisor import Supervisor
+from wholebody.planning.posture import PostureSolver
+from wholebody.planning.still_postures import Constraint
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import RobotState
 
 SPEC, CONFIG = g1(), ControllerConfig()
 PAIRS = 30
@@ -107,6 +111,85 @@ def test_a_wider_margin_asked_for_is_the_one_kept(cases):
     config = replace(CONFIG, planner=replace(CONFIG.planner, posture=posture))
     found = wholebody.solve(*stance_wrists(cases), config=config)
     assert found.margins[Constraint.BALANCE] < wholebody.solve(*stance_wrists(cases)).margins[Constraint.BALANCE]
+
+
+def test_a_solution_says_in_words_what_it_is_and_what_is_in_the_way(cases, solver):
+    left, right = stance_wrists(cases)
+    assert str(solver.solve(left, right)).startswith("reached: left wrist 0.0 mm and 0.0 deg off")
+    text = str(solver.solve(moved(left, (0.0, 0.0, -1.5)), right))
+    assert "not reached" in text
+    assert any(f"because {constraint.sentence}" in text for constraint in Constraint)
+    assert "N m" in text
+
+
+def test_every_step_on_the_way_to_a_posture_is_balanced_and_the_last_one_is_the_posture(cases, solver):
+    generator = np.random.default_rng(5)
+    for _ in range(10):
+        found = solver.solve(*cases.wrist_poses(cases.draw(generator)))
+        path = solver.path_to(found)
+        path.chunk.validate()
+        assert len(path.chunk) == len(path.q) == 91
+        assert path.clear
+        assert all(cases.keeps_bounds(q) for q in path.q)
+        np.testing.assert_allclose(path.q[0], cases.body.q_full, atol=1e-6)
+        np.testing.assert_allclose(path.q[-1], found.q, atol=1e-6)
+        for k in range(0, 91, 9):
+            for T, wanted in zip(cases.wrist_poses(path.q[k]), wrists_of(path.chunk, k), strict=True):
+                np.testing.assert_allclose(T, wanted, atol=1e-9)
+        assert path.margins[Constraint.BALANCE] == pytest.approx(min(cases.edges(q) for q in path.q), abs=1e-6)
+
+
+def wrists_of(chunk, k):
+    return chunk.T_world_lhand[k], chunk.T_world_rhand[k]
+
+
+def test_where_the_straight_way_meets_a_bound_the_robot_goes_around(cases, solver):
+    generator = np.random.default_rng(5)
+    targets = [cases.wrist_poses(cases.draw(generator)) for _ in range(5)][-1]
+    found = solver.solve(*targets)
+    straight = [pin.interpolate(cases.model, cases.body.q_full, found.q, x) for x in np.linspace(0.0, 1.0, 20)]
+    assert not all(cases.keeps_bounds(q) for q in straight)
+    assert solver.path_to(found).clear
+
+
+def test_a_way_begins_where_the_robot_is_and_at_its_time(cases, solver):
+    generator = np.random.default_rng(8)
+    first, second = (solver.solve(*cases.wrist_poses(cases.draw(generator))) for _ in range(2))
+    q = first.q.copy()
+    q[cases.body.fingers] *= 0.5
+    path = solver.path_to(second, RobotState(7.5, q, np.zeros(cases.model.nv)), duration=2.0, fps=20.0, seq=4)
+    assert (path.chunk.t_obs, path.chunk.seq, path.chunk.fps, len(path.chunk)) == (7.5, 4, 20.0, 41)
+    np.testing.assert_allclose(path.q[0], q, atol=1e-6)
+    np.testing.assert_allclose(path.chunk.q_lhand[0], q[cases.body.fingers[:7]], atol=1e-9)
+    np.testing.assert_allclose(path.chunk.q_rhand[-1], second.q[cases.body.fingers[7:]], atol=1e-9)
+    speeds = np.abs(np.diff(path.q[:, cases.body.body[7:]], axis=0)).max(axis=1)
+    assert speeds[0] < 0.1 * speeds.max()
+    assert speeds[-1] < 0.1 * speeds.max()
+
+
+def test_a_robot_goes_to_a_posture_and_stays_there(cases, solver):
+    found = solver.solve(*cases.wrist_poses(cases.draw(np.random.default_rng(2))))
+    supervisor, plant = Supervisor(SPEC), MujocoPlant(SPEC)
+    state = plant.reset()
+    supervisor.reset(state)
+    supervisor.accept(solver.path_to(found, state).chunk)
+    while state.time < 4.5:
+        state = plant.step(supervisor.step(state))
+    wrists = zip(cases.wrist_poses(state.q), cases.wrist_poses(found.q), strict=True)
+    assert max(np.linalg.norm(T[:3, 3] - wanted[:3, 3]) for T, wanted in wrists) < 1e-3
+
+
+@pytest.mark.parametrize(("duration", "fps"), [(0.0, 30.0), (-1.0, 30.0), (np.nan, 30.0), (1e9, 30.0), (3.0, 0.0)])
+def test_a_way_that_takes_no_time_or_for_ever_is_refused(cases, solver, duration, fps):
+    found = solver.solve(*stance_wrists(cases))
+    with pytest.raises(InputError, match="are possible"):
+        solver.path_to(found, duration=duration, fps=fps)
+
+
+def test_a_start_that_is_no_state_is_refused(cases, solver):
+    found = solver.solve(*stance_wrists(cases))
+    with pytest.raises(InputError, match="finite"):
+        solver.path_to(found, RobotState(0.0, np.full(50, np.nan), np.zeros(49)))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,182 @@
+"""Postures at rest with both feet in the stance: the trajectory optimiser's problem without velocities.
+
+Palms, bounds on configurations and distances are those of a plan (`wholebody.planning.trajopt`). At rest the
+zero-moment point and the capture point are under the centre of mass, so the innermost of their three edges holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import pinocchio as pin
+
+from wholebody.config import TrajectoryConfig
+from wholebody.planning.trajopt.layout import (  # fmt: skip
+    BASE_HEIGHT,
+    COM_EDGE,
+    DISTANCE,
+    LOWER,
+    POSITION,
+    STATIC,
+    TILT,
+    WAIST,
+)
+from wholebody.planning.trajopt.problem import TrajectoryProblem
+from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.planning.trajopt.weights import tolerances
+
+POSITION_REACHED, ORIENTATION_REACHED = 1e-3, np.deg2rad(0.2)
+"""Errors of a wrist up to which a target is reached [m, rad]."""
+WITHIN = 0.01
+"""Excess over a bound, in terms of its tolerance, that counts as none: 0.1 mm of a distance, 0.5 mrad of a joint."""
+STEP_MIN = 1e-6
+"""Largest entry of a step that ends a round [m, rad]."""
+
+
+class Constraint(StrEnum):
+    """A constraint of a still posture; margins are by these.
+
+    Attributes:
+        unit: Of its margin.
+        sentence: What it says where it holds a posture back.
+    """
+
+    unit: str
+    sentence: str
+
+    def __new__(cls, code: str, unit: str, sentence: str) -> Constraint:
+        """A member with its unit and sentence."""
+        constraint = str.__new__(cls, code)
+        constraint._value_, constraint.unit, constraint.sentence = code, unit, sentence
+        return constraint
+
+    TILT = "tilt", "rad", "torso or pelvis are tilted as far as they may"
+    PELVIS_HEIGHT = "pelvis_height", "m", "the pelvis is as low as it may be"
+    JOINT_POSITION = "joint_position", "rad", "a joint is at the end of its range"
+    WAIST_TORQUE = "waist_torque", "of the limit", "the waist holds as much as it may"
+    ARM_TORQUE = "arm_torque", "of the limit", "an arm holds as much as it may"
+    DISTANCE = "distance", "m", "two bodies, or a hand and the floor, are as close as they may be"
+    BALANCE = "balance", "m", "the centre of mass is as near to the edge of the soles as it may be"
+    NOT_FOUND = "not_found", "", "no bound is in the way: out of reach of the arms, or the search missed it"
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of a search: weights, factor on the scales of the bounds, and most steps."""
+
+    weights: TrajectoryConfig
+    softness: float
+    steps: int
+
+
+class StillPostures:
+    """Memory for K postures, and what is done on it.
+
+    Args:
+        body: The robot, whose centre of mass keeps to the innermost edges. config: Bounds and margins.
+        K: Number of postures, at least 2.
+
+    Attributes:
+        tolerance: What a plan may exceed each bound by, in the unit of its margin.
+    """
+
+    def __init__(self, body: RobotTables, config: TrajectoryConfig, K: int) -> None:
+        self.body, self.K = body, K
+        self._problem = TrajectoryProblem(body, config, K)
+        stop = COM_EDGE + len(body.tables.normals)
+        self._spans = {
+            Constraint.TILT: slice(TILT, BASE_HEIGHT),
+            Constraint.PELVIS_HEIGHT: slice(BASE_HEIGHT, POSITION),
+            Constraint.JOINT_POSITION: slice(POSITION, STATIC),
+            Constraint.WAIST_TORQUE: slice(STATIC, DISTANCE),
+            Constraint.DISTANCE: slice(DISTANCE, COM_EDGE),
+            Constraint.BALANCE: slice(COM_EDGE, stop),
+        }
+        every = tolerances(stop - COM_EDGE)
+        self._tolerances = every[:stop]
+        self.tolerance = {name: float(every[span.start]) for name, span in self._spans.items()}
+        self.tolerance[Constraint.ARM_TORQUE] = float(every[stop + 1 + WAIST])
+
+    @property
+    def q(self) -> np.ndarray:
+        """Configurations of the body, shape (K, 36)."""
+        return self._problem.now.q
+
+    @property
+    def T_palms(self) -> np.ndarray:
+        """Palm poses in world, shape (K, 2, 4, 4)."""
+        return self._problem.now.palms
+
+    def excess(self) -> np.ndarray:
+        """Largest excess over a bound, that of the arms' torques left out, in terms of its tolerance, shape (K,)."""
+        return (self._problem.now.violation[:, : len(self._tolerances)] / self._tolerances).max(axis=1)
+
+    def margins(self, k: int) -> dict[Constraint, float]:
+        """Least room of a posture to the bounds of each kind, negative where exceeded."""
+        excess = self._problem.now.violation[k]
+        margins = {name: -float(excess[span].max()) for name, span in self._spans.items()}
+        share = np.abs(self.torques(k)[WAIST:]) / self.body.tables.tau_max[WAIST:]
+        return margins | {Constraint.ARM_TORQUE: 1.0 - float(share.max())}
+
+    def torques(self, k: int) -> np.ndarray:
+        """Torques of waist and arms at rest, shape (17,), [N m]."""
+        return pin.computeGeneralizedGravity(self.body.model, self.body.data, self.q[k])[LOWER:].copy()
+
+    def place(self, q: np.ndarray, q_fingers: np.ndarray) -> None:
+        """Put the feet of configurations (K, 36) back where the stance has them, and measure everything."""
+        self._begin(np.tile(np.eye(4), (self.K, 2, 1, 1)), q, q_fingers)
+        for _ in range(2):  # each puts the feet back by a few steps of Newton's method
+            self._problem.evaluate_still(anew=True)
+
+    def search(self, T_palms: np.ndarray, start: np.ndarray, q_fingers: np.ndarray, rounds: tuple[Round, ...]) -> None:
+        """Leave all postures at the one that a start leads to, everything measured.
+
+        Args:
+            T_palms: Palm poses wanted, shape (2, 4, 4).
+            start: Configuration of the body, shape (36,).
+            q_fingers: Finger joints, shape (n_fingers,), hand by hand.
+            rounds: One after the other, until the palms are at their targets and no bound is exceeded.
+        """
+        problem = self._problem
+        self._begin(np.tile(T_palms, (self.K, 1, 1, 1)), start, q_fingers)
+        for one in rounds:
+            problem.set_weights(one.weights, one.softness)
+            for _ in range(one.steps):
+                problem.evaluate_still()
+                if self._arrived():
+                    problem.evaluate_still(anew=True)
+                    if self._arrived():
+                        return
+                before = self.q[1].copy()
+                problem.still_step(1)
+                if np.abs(self.q[1] - before).max() < STEP_MIN:
+                    break
+        problem.evaluate_still(anew=True)
+
+    def _begin(self, T_palms: np.ndarray, q: np.ndarray, q_fingers: np.ndarray) -> None:
+        fingers = np.broadcast_to(q_fingers, (self.K, len(self.body.fingers)))
+        self._problem.begin(T_palms, fingers, np.zeros(self.q.shape[1] - 1))
+        self.q[:] = q
+
+    def _arrived(self) -> bool:
+        position, turn = np.linalg.norm(self._problem.now.r[1, :12].reshape(2, 2, 3), axis=2).max(axis=0)
+        near = position < 0.5 * POSITION_REACHED and turn < 0.5 * ORIENTATION_REACHED
+        return bool(near and self.excess()[1] < WITHIN)
+
+
+def scattered(body: RobotTables, q: np.ndarray, share: float, generator: np.random.Generator) -> np.ndarray:
+    """A configuration of the body (36,) with waist and arms moved at random.
+
+    Args:
+        body: The robot.
+        q: The configuration, shape (36,).
+        share: Deviation as a share of each joint's range, which none leaves.
+        generator: Of random numbers.
+    """
+    upper = slice(LOWER - 6, None)
+    low, high = body.tables.q_min[upper], body.tables.q_max[upper]
+    q = q.copy()
+    q[7:][upper] = np.clip(q[7:][upper] + share * (high - low) * generator.standard_normal(len(low)), low, high)
+    return q
