@@ -91,8 +91,8 @@ def pairs(repeats: int) -> dict[int, float]:
     for count in PAIRS:
         controller = WholeBodyController(g1(), ControllerConfig(solver="daqp"))
         controller.self_collision.least = controller.self_collision.most = count
-        controller.compiled = CompiledProgram(controller._parts())
-        controller._bind_references()
+        controller.compiled = CompiledProgram(controller.inputs())
+        controller.bind_references()
         calls[count] = lambda n, c=controller: follow(c, n)
     return in_turns(calls, repeats)
 

@@ -5,15 +5,12 @@ from __future__ import annotations
 from models.spec import RobotSpec
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.config import ControllerConfig
+from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 
 BACKENDS = ("native", "placo", "kinematic")
 """Ours, placo's `DynamicsSolver`, and inverse kinematics without dynamics."""
-
-
-Controller = WholeBodyController | KinematicController
-"""What a supervisor can work with."""
 
 
 def make_controller(spec: RobotSpec, config: ControllerConfig) -> Controller:

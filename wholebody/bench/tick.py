@@ -13,10 +13,11 @@ import pinocchio as pin
 from models.g1 import g1
 from models.spec import RobotSpec
 from wholebody.backends.kinematic.controller import KinematicController
-from wholebody.backends.registry import Controller, make_controller
+from wholebody.backends.registry import make_controller
 from wholebody.bench.reach_script import ReachScript
 from wholebody.bench.slow_ticks import SLOW, SlowTicks
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
+from wholebody.control.base import Controller
 from wholebody.control.tick_report import TickLevel
 from wholebody.errors import InputError
 from wholebody.types import RobotState

@@ -12,15 +12,13 @@ from models.spec import RobotSpec
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
-from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
-from wholebody.control.task_set import make_feet, make_tasks
+from wholebody.control.base import Controller
 from wholebody.control.tick_report import TickLevel, TickReport
-from wholebody.errors import InputError, StateError
-from wholebody.limits.balance import CapturePointLimit
+from wholebody.errors import InputError
 from wholebody.limits.base import Limit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
-from wholebody.limits.joint import viable_acceleration_bounds
+from wholebody.limits.joint import JointLimits, viable_acceleration_bounds
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
@@ -28,13 +26,11 @@ from wholebody.qp.kernels.targets import DAMPING
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.program_inputs import EXTRA_ROWS, ProgramInputs
 from wholebody.qp.solvers import solve
-from wholebody.robot.state import Robot
-from wholebody.robot.support_polygon import convex_polygon
 from wholebody.tasks.base import Task
 from wholebody.types import JointCommand, RobotState
 
 
-class WholeBodyController:
+class WholeBodyController(Controller):
     """Inverse-dynamics QP with an integrated desired state.
 
     The QP sees the measured state; its accelerations are integrated into a desired state that leaks towards the
@@ -49,7 +45,7 @@ class WholeBodyController:
 
     Attributes:
         q_des, dq_des: Desired joint positions [rad] and speeds [rad/s], Pinocchio order, shape (n_joints,).
-        tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
+        joints: Their limits, Pinocchio order. effort_max: Torques that they can give, shape (n_joints,), [N m].
     """
 
     def __init__(
@@ -60,58 +56,30 @@ class WholeBodyController:
         extra_tasks: Sequence[Task] = (),
         extra_limits: Sequence[Limit] = (),
     ) -> None:
-        self.spec, self.config = spec, config or ControllerConfig()
-        self.robot, self.extra_limits = Robot(spec), tuple(extra_limits)
-        self._make_tasks(tuple(extra_tasks))
+        super().__init__(spec, config or ControllerConfig())
+        self.extra_tasks, self.extra_limits = (*self.tasks.extra, *extra_tasks), tuple(extra_limits)
         self._make_limits()
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
-        order = self.robot.motor_to_pin
-        self._q_min, self._q_max = spec.position_min[order], spec.position_max[order]
-        knees = np.array([name.endswith("knee_joint") for name in self.robot.joint_names])
-        self._q_min[knees] = self.config.safety.knee_min
-        elbows = np.array([name.endswith("elbow_joint") for name in self.robot.joint_names])
-        self._q_max[elbows] = np.minimum(self._q_max[elbows], self.config.safety.elbow_max)
-        self._dq_max, self._ddq_max = spec.velocity_max[order], spec.acceleration_max[order]
-        self._tau_max = spec.effort_max[order]
-        fingers = np.isin(np.arange(self.robot.n_joints), self.finger_indices)
-        self._brake = np.minimum(self._ddq_max, np.where(fingers, np.inf, self.config.safety.joint_brake))
+        self.joints, self.effort_max = self._joint_limits(), spec.effort_max[self.robot.motor_to_pin]
         self.tau = np.zeros(self.robot.n_joints)
-        self.compiled = CompiledProgram(self._parts()) if self.config.solver == "compiled" else None
+        self.compiled = CompiledProgram(self.inputs()) if self.config.solver == "compiled" else None
         self.q_des, self.dq_des = np.zeros((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
-        self._bind_references()
+        self.bind_references()
 
-    def _bind_references(self) -> None:
+    def bind_references(self) -> None:
         """Tasks and limits read their references where the program does."""
-        compiled = self.compiled
-        row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
-        trust = np.ones(2) if compiled is None else compiled.trust
-        memory = self._reference = ReferenceMemory(row)
-        for i, palm in enumerate(self.palms):
-            palm.bind(memory.palms[i], trust[i : i + 1])
-        for item, part in (
-            (self.com, memory.com),
-            (self.momentum, memory.momentum),
-            (self.pelvis, memory.pelvis),
-            (self.torso, memory.torso),
-            (self.height, memory.height),
-            (self.posture, memory.posture),
-            (self.pelvis_limit, memory.pelvis),
-            (self.torso_limit, memory.torso),
-            (self.height_limit, memory.height),
-        ):
-            item.bind(part)
+        super().bind_references()
+        memory = self._reference
+        self.pelvis_limit.bind(memory.pelvis)
+        self.torso_limit.bind(memory.torso)
+        self.height_limit.bind(memory.height)
 
-    def _parts(self) -> ProgramInputs:
+    def inputs(self) -> ProgramInputs:
+        """What the compiled program is made of."""
         return ProgramInputs(
             robot=self.robot,
             feet=self.feet,
-            palms=self.palms,
-            pelvis=self.pelvis,
-            torso=self.torso,
-            height=self.height,
-            com=self.com,
-            momentum=self.momentum,
-            posture=self.posture,
+            tasks=self.tasks,
             balance=self.balance,
             pelvis_limit=self.pelvis_limit,
             torso_limit=self.torso_limit,
@@ -120,26 +88,27 @@ class WholeBodyController:
             floor=self.floor,
             safety=self._safety,
             penalties=self.dynamics.regularisation,
-            joints=np.array([self._q_min, self._q_max, self._dq_max, self._ddq_max, self._brake]),
-            horizon=self.config.safety.joint_horizon,
-            dt=self.config.dt,
-            leak=self.config.dt / self.config.leak,
-            tau_max=self._tau_max,
-            torque_share=self.config.safety.torque_share,
+            joints=self.joints,
+            config=self.config,
+            tau_max=self.effort_max,
             extra_rows=(EXTRA_ROWS * bool(self.extra_tasks), EXTRA_ROWS * bool(self.extra_limits)),
         )
 
-    def _make_tasks(self, extra: tuple[Task, ...]) -> None:
-        tasks = make_tasks(self.spec, self.config, self.robot)
-        self.palms, self.com, self.momentum, self.posture = tasks.palms, tasks.com, tasks.momentum, tasks.posture
-        self.pelvis, self.torso, self.height = tasks.pelvis, tasks.torso, tasks.height
-        self.finger_indices, self.extra_tasks = tasks.fingers, (*tasks.extra, *extra)
-        self.body_tasks = (self.com, self.momentum, self.torso, self.pelvis, self.height, self.posture)
+    def _joint_limits(self) -> JointLimits:
+        """Those of the robot, with knees and elbows kept from where they are straight."""
+        spec, robot, safety, order = self.spec, self.robot, self.config.safety, self.robot.motor_to_pin
+        q_min, q_max, ddq_max = spec.position_min[order], spec.position_max[order], spec.acceleration_max[order]
+        knees, elbows = (
+            np.array([name.endswith(end) for name in robot.joint_names]) for end in ("knee_joint", "elbow_joint")
+        )
+        q_min[knees] = safety.knee_min
+        q_max[elbows] = np.minimum(q_max[elbows], safety.elbow_max)
+        fingers = np.isin(np.arange(robot.n_joints), self.tasks.fingers)
+        brake = np.minimum(ddq_max, np.where(fingers, np.inf, safety.joint_brake))
+        return JointLimits(q_min, q_max, spec.velocity_max[order], ddq_max, brake)
 
     def _make_limits(self) -> None:
         c, safety, spec = self.config, self.config.safety, self.spec
-        self.feet = make_feet(spec, c)
-        self.balance = CapturePointLimit(margin=safety.balance_margin, gain=safety.balance_gain)
         bound = {"rate_max": safety.trunk_rate, "brake": safety.trunk_brake}
         self.pelvis_limit = OrientationLimit(spec.base_body, angle_max=safety.pelvis_angle, **bound)
         self.torso_limit = OrientationLimit(spec.torso_body, angle_max=safety.torso_angle, **bound)
@@ -153,7 +122,7 @@ class WholeBodyController:
         self.limits = (*limits, *self.extra_limits) if self._safety else self.extra_limits
         q_stance = stance_q(spec, self.robot.model)
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
-        fingers = 6 + self.finger_indices
+        fingers = 6 + self.tasks.fingers
         self.self_collision = SelfCollisionLimit(
             proximity, trigger=safety.self_trigger, brake=safety.self_brake, prescribed=fingers
         )
@@ -167,32 +136,10 @@ class WholeBodyController:
 
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
-        self.robot.update(state.q, state.v)
         self.q_des[:], self.dq_des[:] = state.q[7:], state.v[6:]
-        self.tau = self.robot.nle[6:].copy()
-        points = np.vstack([foot.points_world(self.robot) for foot in self.feet])
-        self.balance.support = convex_polygon(points[:, :2])
-        for foot in self.feet:
-            foot.T_world_ref = self.robot.pose(foot.frame).copy()
-        if self.compiled is not None:
-            self.compiled.reset()
-            self.compiled.palms[:] = self._palm_frames() - state.q[:3]
-            self.compiled.q[:] = state.q
+        self.set_down(state.q, state.v)
 
-    def step(self, state: RobotState, reference: BodyReference | PackedReference) -> tuple[JointCommand, TickReport]:
-        """One tick.
-
-        Args:
-            state: Measured state; finite, and not changed afterwards.
-            reference: What to follow.
-
-        Raises:
-            StateError: If the controller was never reset.
-            InputError: If a number of the reference is not finite.
-        """
-        if self.balance.support is None:
-            raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
-        self.set_reference(reference)
+    def _tick(self, state: RobotState) -> tuple[JointCommand, TickReport]:
         robot, compiled = self.robot, self.compiled
         if compiled is None:
             robot.update(state.q, state.v)
@@ -224,44 +171,17 @@ class WholeBodyController:
         objectives = [task.objective(robot) for task in self.extra_tasks]
         self.compiled.set_extra(objectives, [limit.rows(robot) for limit in self.extra_limits])
 
-    def palm_positions(self) -> np.ndarray:
-        """Palm points in world at the state of the last tick, shape (2, 3), [m]."""
-        if self.compiled is None:
-            return self._palm_frames()
-        return self.compiled.palms_in_world()
-
-    def _palm_frames(self) -> np.ndarray:
-        return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])
-
-    def trust_hands(self, trust: float) -> None:
-        """Weigh both hands by this from now on, 0 to 1."""
-        for palm in self.palms:
-            palm.trust = trust
-
-    def set_reference(self, reference: BodyReference | PackedReference) -> None:
-        """Hand the reference to tasks and limits."""
-        self._reference.take(reference)
-
     def build(self, *, hands: bool = True) -> QuadraticProgram:
         """The program at the present state; without hands also the joint bounds are wide: the arms give way."""
         robot = self.robot
-        low, high = viable_acceleration_bounds(
-            robot.q[7:],
-            robot.v[6:],
-            q_min=self._q_min,
-            q_max=self._q_max,
-            dq_max=self._dq_max,
-            ddq_max=self._ddq_max,
-            brake=self._brake,
-            dt=self.config.safety.joint_horizon,
-        )
-        tau_max = self.config.safety.torque_share * self._tau_max
-        objectives = [task.objective(robot) for task in self.body_tasks]
+        low, high = viable_acceleration_bounds(robot.q[7:], robot.v[6:], self.joints, self.config.safety.joint_horizon)
+        tau_max = self.config.safety.torque_share * self.effort_max
+        objectives = [task.objective(robot) for task in self.tasks.body]
         if hands:
             objectives += [task.objective(robot) for task in self.palms]
         else:
-            low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self._tau_max
-            slowed = self.posture.objective(robot)
+            low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self.effort_max
+            slowed = self.tasks.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-DAMPING * robot.v[6:])
         objectives += [task.objective(robot) for task in self.extra_tasks]
         rows = [limit.rows(robot) for limit in self.limits]
@@ -303,9 +223,9 @@ class WholeBodyController:
         self.q_des += dt * self.dq_des + 0.5 * dt**2 * ddq + leak * (state.q[7:] - self.q_des)
         self.dq_des += dt * ddq + leak * (state.v[6:] - self.dq_des)
         # Fingers press on what they hold: their position loop acts around the reference, not the leaking state.
-        i = self.finger_indices
-        self.q_des[i], self.dq_des[i] = self.posture.q_ref[i], self.posture.dq_ref[i]
-        np.clip(self.q_des, self._q_min, self._q_max, out=self.q_des)
+        i, posture = self.tasks.fingers, self.tasks.posture
+        self.q_des[i], self.dq_des[i] = posture.q_ref[i], posture.dq_ref[i]
+        np.clip(self.q_des, self.joints.q_min, self.joints.q_max, out=self.q_des)
         order = self.robot.pin_to_motor
         return JointCommand(
             state.time, self.q_des[order], self.dq_des[order], self.tau[order], self.spec.kp, self.spec.kd

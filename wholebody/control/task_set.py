@@ -2,41 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
 from wholebody.robot.state import Robot
-from wholebody.tasks.base import Task
+from wholebody.tasks.body_tasks import BodyTasks
 from wholebody.tasks.com import ComTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask
 from wholebody.tasks.momentum import AngularMomentumTask
 from wholebody.tasks.orientation import OrientationTask
 from wholebody.tasks.posture import PostureTask
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyTasks:
-    """Every task by name.
-
-    Attributes:
-        fingers: The finger joints, Pinocchio order.
-        extra: Tasks that no reference is read for: a new task is added here, in `make_tasks`, and nowhere else.
-    """
-
-    palms: tuple[HandTask, ...]
-    pelvis: OrientationTask
-    torso: OrientationTask
-    height: HeightTask
-    com: ComTask
-    momentum: AngularMomentumTask
-    posture: PostureTask
-    fingers: np.ndarray
-    extra: tuple[Task, ...] = ()
 
 
 def make_tasks(spec: RobotSpec, config: ControllerConfig, robot: Robot) -> BodyTasks:

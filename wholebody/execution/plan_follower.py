@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from wholebody.backends.registry import Controller
 from wholebody.config import ControllerConfig
+from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.jit.entry import Entry

@@ -25,6 +25,10 @@ class Rows:
     labels: tuple[str, ...]
 
 
+TIME_CONSTANT = 0.02
+"""Of the approach to a bound [s]."""
+
+
 class Limit(Protocol):
     """Anything that bounds the acceleration at the robot's present state."""
 
@@ -33,12 +37,10 @@ class Limit(Protocol):
         ...
 
 
-def braking_bound(
-    margin: np.ndarray, rate: np.ndarray, *, brake: np.ndarray | float, time_constant: float
-) -> np.ndarray:
+def braking_bound(margin: np.ndarray, rate: np.ndarray, brake: np.ndarray | float) -> np.ndarray:
     r"""Largest acceleration towards a bound from which one can still stop before it.
 
-    The speed towards the bound may be at most ``sqrt(2 brake margin)``, which is approached with a time constant; past
+    The speed towards the bound may be at most ``sqrt(2 brake margin)``, which is approached with `TIME_CONSTANT`; past
     the bound it must turn back. Far from the bound it does not bind. A motion that has kept to it from afar brakes with
     about ``brake``, and ``2.1 brake`` for a moment at the end, where the square root becomes a line.
 
@@ -46,7 +48,6 @@ def braking_bound(
         margin: Distance to the bound, negative past it, shape (k,).
         rate: Speed towards the bound, shape (k,).
         brake: Deceleration that is always available, positive.
-        time_constant: Of the approach to the allowed speed [s].
 
     Returns:
         Upper bound on the acceleration towards the bound, shape (k,): excess of the allowed over the present speed, per
@@ -54,7 +55,7 @@ def braking_bound(
     """
     inside = np.maximum(margin, 0.0)
     # A plain square root has infinite slope at zero: nearer than a time constant's way it continues as a line.
-    linear = 2.0 * brake * time_constant**2
-    allowed = np.where(inside > linear, np.sqrt(2.0 * brake * inside), inside / time_constant)
-    allowed = np.where(margin < 0.0, margin / (4.0 * time_constant), allowed)
-    return (allowed - rate) / time_constant
+    linear = 2.0 * brake * TIME_CONSTANT**2
+    allowed = np.where(inside > linear, np.sqrt(2.0 * brake * inside), inside / TIME_CONSTANT)
+    allowed = np.where(margin < 0.0, margin / (4.0 * TIME_CONSTANT), allowed)
+    return (allowed - rate) / TIME_CONSTANT

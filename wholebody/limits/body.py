@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wholebody.limits.base import Rows, braking_bound
+from wholebody.limits.base import TIME_CONSTANT, Rows, braking_bound
 from wholebody.robot.state import Robot
 
 
@@ -17,14 +17,10 @@ class OrientationLimit:
         angle_max: Largest rotation from the plan about each world axis [rad].
         rate_max: Largest angular rate about each axis [rad/s].
         brake: Angular deceleration that is always available [rad/s^2].
-        time_constant: Of the approach to the bound [s].
     """
 
-    def __init__(
-        self, frame: str, *, angle_max: float, rate_max: float, brake: float, time_constant: float = 0.02
-    ) -> None:
-        self.frame, self.angle_max, self.rate_max = frame, angle_max, rate_max
-        self.brake, self.time_constant = brake, time_constant
+    def __init__(self, frame: str, *, angle_max: float, rate_max: float, brake: float) -> None:
+        self.frame, self.angle_max, self.rate_max, self.brake = frame, angle_max, rate_max, brake
         self.bind(np.zeros(15))
         self.R_world_ref[:] = np.eye(3)
         axes = ("roll", "pitch", "yaw")
@@ -33,10 +29,6 @@ class OrientationLimit:
     def bind(self, memory: np.ndarray) -> None:
         """Read the reference from memory that the program shares: rotation (9), rate (3) and acceleration (3)."""
         self.R_world_ref, self.rate_ref, self.acceleration_ref = memory[:9].reshape(3, 3), memory[9:12], memory[12:]
-
-    def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
-        """Set the planned orientation (3, 3), angular rate (3,) [rad/s] and acceleration (3,) [rad/s^2], world axes."""
-        self.R_world_ref[:], self.rate_ref[:], self.acceleration_ref[:] = R_world_ref, rate, acceleration
 
     def rows(self, robot: Robot) -> Rows:
         """Six rows: three axes, both sides."""
@@ -47,9 +39,8 @@ class OrientationLimit:
         for sign in (1.0, -1.0):
             drift_rate = sign * (rate - self.rate_ref)
             left = self.angle_max - sign * angle
-            stop = braking_bound(left, drift_rate, brake=self.brake, time_constant=self.time_constant)
-            stop += sign * self.acceleration_ref
-            speed = (self.rate_max - sign * rate) / self.time_constant
+            stop = braking_bound(left, drift_rate, self.brake) + sign * self.acceleration_ref
+            speed = (self.rate_max - sign * rate) / TIME_CONSTANT
             upper.append(np.minimum(stop, speed) - sign * drift)
         return Rows(np.vstack([J, -J]), np.concatenate(upper), self._labels)
 
@@ -62,35 +53,24 @@ class HeightLimit:
         band: Largest distance from the plan, up and down [m].
         lowest: Height never gone below, whatever the plan [m].
         brake: Vertical deceleration that is always available [m/s^2].
-        time_constant: Of the approach to the bound [s].
     """
 
-    def __init__(self, frame: str, *, band: float, lowest: float, brake: float, time_constant: float = 0.02) -> None:
-        self.frame, self.band, self.lowest, self.brake, self.time_constant = frame, band, lowest, brake, time_constant
-        self._reference: np.ndarray | None = None
+    def __init__(self, frame: str, *, band: float, lowest: float, brake: float) -> None:
+        self.frame, self.band, self.lowest, self.brake = frame, band, lowest, brake
+        self.bind(np.zeros(3))
+        self._labels = tuple(f"{frame}.height.{side}" for side in ("lowest", "max", "min"))
 
     def bind(self, memory: np.ndarray) -> None:
         """Read the plan from memory that the program shares: height, rate and acceleration (3,)."""
         self._reference = memory
 
-    def set_reference(self, z: float, dz: float, ddz: float) -> None:
-        """Set the planned height [m], its rate [m/s] and acceleration [m/s^2]."""
-        if self._reference is None:
-            self._reference = np.zeros(3)
-        self._reference[:] = z, dz, ddz
-
     def rows(self, robot: Robot) -> Rows:
-        """One row for the lowest height, and two around the plan if there is one."""
-        z = robot.pose(self.frame).translation[2]
-        rate = robot.velocity(self.frame)[2]
-        J, drift = robot.jacobian(self.frame)[2], robot.drift(self.frame)[2]
-        rows = [(-J, z - self.lowest, -rate, drift)]
-        if self._reference is not None:
-            planned, planned_rate, acceleration = self._reference
-            away = rate - planned_rate
-            rows.append((J, planned + self.band - z, away, acceleration - drift))
-            rows.append((-J, z - planned + self.band, -away, drift - acceleration))
-        margin, speed, extra = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
-        upper = braking_bound(margin, speed, brake=self.brake, time_constant=self.time_constant) + extra
-        labels = (f"{self.frame}.height.lowest", f"{self.frame}.height.max", f"{self.frame}.height.min")
-        return Rows(np.vstack([row[0] for row in rows]), upper, labels[: len(rows)])
+        """One row for the lowest height, and two around the plan."""
+        z, rate = robot.pose(self.frame).translation[2], robot.velocity(self.frame)[2]
+        drift = robot.drift(self.frame)[2]
+        J, (planned, planned_rate, acceleration) = robot.jacobian(self.frame)[2], self._reference
+        away = rate - planned_rate
+        margin = np.array([z - self.lowest, planned + self.band - z, z - planned + self.band])
+        extra = np.array([drift, acceleration - drift, drift - acceleration])
+        upper = braking_bound(margin, np.array([-rate, away, -away]), self.brake) + extra
+        return Rows(np.vstack([-J, J, -J]), upper, self._labels)

@@ -20,7 +20,6 @@ class FloorLimit:
         distance: To be kept from the floor [m].
         trigger: Height beyond that distance from which a body counts [m].
         brake: Deceleration of falling bodies that is always available [m/s^2].
-        time_constant: Of the approach to the bound [s].
         prescribed: Velocities whose acceleration is not the program's to choose, indices into ``v``: fingers go where
             their reference says, so the arms have to keep them up.
     """
@@ -32,11 +31,9 @@ class FloorLimit:
         distance: float,
         trigger: float,
         brake: float,
-        time_constant: float = 0.02,
         prescribed: np.ndarray | None = None,
     ) -> None:
-        self.underside, self.distance, self.trigger = underside, distance, trigger
-        self.brake, self.time_constant = brake, time_constant
+        self.underside, self.distance, self.trigger, self.brake = underside, distance, trigger, brake
         self.prescribed = np.zeros(0, dtype=int) if prescribed is None else prescribed
 
     def rows(self, robot: Robot) -> Rows:
@@ -46,6 +43,6 @@ class FloorLimit:
         up = np.tile([0.0, 0.0, 1.0], (len(near), 1))
         J, drift = point_rates(robot.data, self.underside.supports[near], points[near], up, robot.v)
         room = points[near, 2] - self.distance
-        upper = braking_bound(room, -(J @ robot.v), brake=self.brake, time_constant=self.time_constant) + drift
+        upper = braking_bound(room, -(J @ robot.v), self.brake) + drift
         J[:, self.prescribed] = 0.0
         return Rows(-J, upper, tuple(self.underside.labels[k] for k in near))

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 
+class JointLimits(NamedTuple):
+    """What joints can do, shape (n,) each; also a table (5, n), as the compiled program has it.
+
+    Attributes:
+        q_min, q_max: Position bounds [rad].
+        dq_max: Speed bounds [rad/s].
+        ddq_max: Acceleration bounds [rad/s^2].
+        brake: Deceleration that a joint is trusted to find when it has to stop, at most ddq_max, [rad/s^2]. Less than
+            ddq_max, since other joints and the torque limits want their share.
+    """
+
+    q_min: np.ndarray
+    q_max: np.ndarray
+    dq_max: np.ndarray
+    ddq_max: np.ndarray
+    brake: np.ndarray
+
+
 def viable_acceleration_bounds(
-    q: np.ndarray,
-    dq: np.ndarray,
-    *,
-    q_min: np.ndarray,
-    q_max: np.ndarray,
-    dq_max: np.ndarray,
-    ddq_max: np.ndarray,
-    brake: np.ndarray,
-    dt: float,
+    q: np.ndarray, dq: np.ndarray, limits: JointLimits, dt: float
 ) -> tuple[np.ndarray, np.ndarray]:
     r"""Accelerations, constant over ``dt``, after which every limit can still be kept for ever.
 
@@ -25,12 +37,7 @@ def viable_acceleration_bounds(
     Args:
         q: Positions, shape (n,), [rad].
         dq: Speeds, shape (n,), [rad/s].
-        q_min: Lower position bounds, shape (n,), [rad].
-        q_max: Upper position bounds, shape (n,), [rad].
-        dq_max: Speed bounds, shape (n,), [rad/s].
-        ddq_max: Acceleration bounds, shape (n,), [rad/s^2].
-        brake: Deceleration that a joint is trusted to find when it has to stop, shape (n,), at most ddq_max,
-            [rad/s^2]. Less than ddq_max, since other joints and the torque limits want their share.
+        limits: Of the joints.
         dt: Control period [s].
 
     Returns:
@@ -39,6 +46,7 @@ def viable_acceleration_bounds(
     Source:
         Del Prete 2018, "Joint Position and Velocity Bounds in Discrete-Time Acceleration/Torque Control", RA-L.
     """
+    q_min, q_max, dq_max, ddq_max, brake = limits
     upper = _upper(q, dq, q_max, dq_max, brake, dt)
     lower = -_upper(-q, -dq, -q_min, dq_max, brake, dt)
     upper = np.clip(upper, -ddq_max, ddq_max)

@@ -18,7 +18,6 @@ class SelfCollisionLimit:
         proximity: Distances of the watched pairs.
         trigger: Distance beyond the margin from which a pair counts [m].
         brake: Deceleration of approaching bodies that is always available [m/s^2].
-        time_constant: Of the approach to the bound [s].
         least: Number of nearest pairs that always have a row.
         most: Largest number of rows, nearest pairs first.
         prescribed: Velocities whose acceleration is not the program's to choose, indices into ``v``: fingers go where
@@ -31,13 +30,11 @@ class SelfCollisionLimit:
         *,
         trigger: float,
         brake: float,
-        time_constant: float = 0.02,
         least: int = 10,
         most: int = 24,
         prescribed: np.ndarray | None = None,
     ) -> None:
-        self.proximity, self.trigger, self.brake, self.time_constant = proximity, trigger, brake, time_constant
-        self.least, self.most = least, most
+        self.proximity, self.trigger, self.brake, self.least, self.most = proximity, trigger, brake, least, most
         self.prescribed = np.zeros(0, dtype=int) if prescribed is None else prescribed
 
     def rows(self, robot: Robot) -> Rows:
@@ -46,6 +43,6 @@ class SelfCollisionLimit:
         near = self.proximity.near(self.trigger, self.most, self.least)
         J, drift = self.proximity.rates(robot.data, near, robot.v)
         room = self.proximity.distance[near] - self.proximity.margin[near]
-        upper = braking_bound(room, -(J @ robot.v), brake=self.brake, time_constant=self.time_constant) + drift
+        upper = braking_bound(room, -(J @ robot.v), self.brake) + drift
         J[:, self.prescribed] = 0.0
         return Rows(-J, upper, tuple(self.proximity.labels[k] for k in near))

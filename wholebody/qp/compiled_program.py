@@ -104,16 +104,11 @@ class CompiledProgram:
         self.inputs = inputs
         self.tick = tick = make_workspace(inputs)
         self.dv, self.forces, self.tau = tick.dv, tick.f.reshape(-1, 3), tick.tau
-        self.dual, self.residuals, self.desired, self.q, self.v = (
-            tick.dual,
-            tick.residuals,
-            tick.desired,
-            tick.q,
-            tick.v,
-        )
+        self.dual, self.residuals, self.desired = tick.dual, tick.residuals, tick.desired
+        self.q, self.v = tick.q, tick.v
         self.reference, self.trust = tick.span("hand_ref", "posture_ref"), tick.trust
         n = len(inputs.feet)
-        self.palms, self._base = tick.frame_p[n : n + 2], tick.q[:3]
+        self.palms = tick.frame_p[n : n + 2]
         self._answer = tick.span("dv", "dual")
         self._sizes = len(self.dv), self.forces.size, len(self.tau)
         self.code = active_set.SOLVED
@@ -130,10 +125,6 @@ class CompiledProgram:
     def active(self) -> int:
         """Number of rows in the working set."""
         return self.tick.n_working
-
-    def palms_in_world(self) -> np.ndarray:
-        """Where the palms were in the last call, shape (2, 3), [m]."""
-        return self.palms + self._base
 
     def reset(self) -> None:
         """Take over where the feet and the support are; the working set is forgotten."""

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 
+from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
 from wholebody.jit.packed import Packed, Shape
 from wholebody.limits.balance import CapturePointLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
+from wholebody.limits.joint import JointLimits
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp.formulation import Regularisation
 from wholebody.robot.body_table import body_table
 from wholebody.robot.state import Robot
-from wholebody.tasks.com import ComTask
-from wholebody.tasks.hand import HandTask
-from wholebody.tasks.height import HeightTask
-from wholebody.tasks.momentum import AngularMomentumTask
-from wholebody.tasks.orientation import OrientationTask
-from wholebody.tasks.posture import PostureTask
+from wholebody.tasks.body_tasks import BodyTasks
 
 ITERATION_LIMIT = 200
 """Changes of the working set after which the readable program is asked: a dual method can cycle."""
@@ -36,36 +32,38 @@ PRIMAL_ACCEPTED, DUAL_ACCEPTED = 1e-6, 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProgramInputs:
-    """What the program is made of: the readable tasks and limits, whose numbers are copied.
+class BodyInputs:
+    """What every compiled program is made of: the readable tasks and limits, whose numbers are copied.
 
     Attributes:
         robot: The robot.
         feet: Contacts, all with the same number of points, friction and force bounds.
-        palms: Tasks of the hands.
-        pelvis, torso, height, com, momentum, posture: The other tasks.
-        balance, pelvis_limit, torso_limit, height_limit, floor, self_collision: The soft limits.
-        safety: Whether the soft limits have rows.
-        penalties: Of accelerations, forces and slacks.
-        joints: Rows ``q_min q_max dq_max ddq_max brake``, Pinocchio order, shape (5, n_joints).
-        horizon: Over which joint bounds are kept viable [s].
-        dt: Control period [s].
-        leak: Part of its difference from the measured state that the desired one loses in a period.
-        tau_max: Effort limits, shape (n_joints,), [N m].
-        torque_share: Part of them that the program may plan with.
-        extra_rows: Room for rows of further tasks, and of further limits; see `CompiledProgram.set_extra`.
+        tasks: By name; further ones are handed over at each tick.
+        balance: The support, and how to keep inside.
+        joints: Limits, Pinocchio order; the kinematic program has the first three rows only.
+        config: Control period and leak; of the safety, the horizon of joint bounds and the share of the torques.
     """
 
     robot: Robot
     feet: Sequence[FootContact]
-    palms: Sequence[HandTask]
-    pelvis: OrientationTask
-    torso: OrientationTask
-    height: HeightTask
-    com: ComTask
-    momentum: AngularMomentumTask
-    posture: PostureTask
+    tasks: BodyTasks
     balance: CapturePointLimit
+    joints: JointLimits | np.ndarray
+    config: ControllerConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProgramInputs(BodyInputs):
+    """What the whole-body program is made of besides.
+
+    Attributes:
+        pelvis_limit, torso_limit, height_limit, floor, self_collision: The soft limits, with the balance.
+        safety: Whether they have rows.
+        penalties: Of accelerations, forces and slacks.
+        tau_max: Effort limits, shape (n_joints,), [N m].
+        extra_rows: Room for rows of further tasks, and of further limits; see `CompiledProgram.set_extra`.
+    """
+
     pelvis_limit: OrientationLimit
     torso_limit: OrientationLimit
     height_limit: HeightLimit
@@ -73,26 +71,8 @@ class ProgramInputs:
     self_collision: SelfCollisionLimit
     safety: bool
     penalties: Regularisation
-    joints: np.ndarray
-    horizon: float
-    dt: float
-    leak: float
     tau_max: np.ndarray
-    torque_share: float
     extra_rows: tuple[int, int] = (0, 0)
-
-
-class BodyInputs(Protocol):
-    """What every compiled program has."""
-
-    robot: Robot
-    feet: Sequence[FootContact]
-    palms: Sequence[HandTask]
-    pelvis: OrientationTask
-    torso: OrientationTask
-    height: HeightTask
-    com: ComTask
-    posture: PostureTask
 
 
 def body_shapes(p: BodyInputs, blocks: int) -> tuple[dict[str, Shape], dict[str, Shape]]:
@@ -151,15 +131,16 @@ def fill_body(p: BodyInputs, tick: Packed) -> None:
     tick.frame_body[:] = frame_bodies(p)
     tick.points_local[:] = np.vstack([foot.points for foot in p.feet])
     tick.bound_columns[:], tick.free_columns[:] = np.flatnonzero(moves.any(0)), np.flatnonzero(~moves.any(0))
-    hand, com, posture = p.palms[0], p.com, p.posture
+    hand, com, posture = p.tasks.palms[0], p.tasks.com, p.tasks.posture
     tick.hand_kp, tick.hand_kd, tick.com_kp, tick.com_kd = hand.kp, hand.kd, com.kp, com.kd
     tick.hand_feedback_max[:], tick.hand_weight[:] = hand.feedback_max, (hand.weight[0], hand.weight[3])
     tick.com_feedback_max, tick.com_weight[:] = com.feedback_max, com.weight
-    for gain, task in ((tick.pelvis_gain, p.pelvis), (tick.torso_gain, p.torso), (tick.height_gain, p.height)):
+    for name in ("pelvis", "torso", "height"):
+        gain, task = getattr(tick, f"{name}_gain"), getattr(p.tasks, name)
         gain[:] = task.kp, task.kd, task.feedback_max, task.weight[0]
     tick.posture_kp[:], tick.posture_kd[:], tick.posture_weight[:] = posture.kp, posture.kd, posture.weight
     tick.posture_feedback_max = posture.feedback_max
-    tick.balance_margin, tick.balance_gain, tick.dt = p.balance.margin, p.balance.gain, p.dt
+    tick.balance_margin, tick.balance_gain, tick.dt = p.balance.margin, p.balance.gain, p.config.dt
     tick.tolerance, tick.primal_accepted, tick.dual_accepted = TOLERANCE, PRIMAL_ACCEPTED, DUAL_ACCEPTED
     tick.n_contacts, tick.hands, tick.iteration_limit = len(p.feet), 1, ITERATION_LIMIT
     tick.trust[:] = tick.row_scale[:] = 1.0
@@ -174,7 +155,7 @@ def place_feet(p: BodyInputs, tick: Packed) -> None:
 
 def frame_names(p: BodyInputs) -> list[str]:
     """Frames in the order of the kernels: contacts, palms, pelvis, torso."""
-    return [*(foot.frame for foot in p.feet), *(palm.frame for palm in p.palms), p.pelvis.frame, p.torso.frame]
+    return [one.frame for one in (*p.feet, *p.tasks.palms, p.tasks.pelvis, p.tasks.torso)]
 
 
 def frame_bodies(p: BodyInputs) -> list[int]:

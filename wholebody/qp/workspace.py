@@ -7,6 +7,7 @@ import numpy as np
 from wholebody.contacts.friction import pyramid_slope
 from wholebody.errors import InputError
 from wholebody.jit.packed import Packed, Shape
+from wholebody.limits.base import TIME_CONSTANT
 from wholebody.qp.kernels.limits import TRUNK_ROWS
 from wholebody.qp.program_inputs import (
     ProgramInputs,
@@ -30,7 +31,7 @@ def make_workspace(p: ProgramInputs) -> Packed:
     Raises:
         InputError: If the contacts differ in their number of points, or pelvis and torso are one body.
     """
-    if len({len(foot.points) for foot in p.feet}) != 1 or p.torso.frame == p.pelvis.frame:
+    if len({len(foot.points) for foot in p.feet}) != 1 or p.tasks.torso.frame == p.tasks.pelvis.frame:
         raise InputError(
             "the compiled program needs contacts with the same number of points, and pelvis and torso as two bodies; "
             "the readable program (`controller: {solver: daqp}`) does without"
@@ -85,10 +86,15 @@ def _shapes(p: ProgramInputs, real_tables: Fields, int_tables: Fields) -> tuple[
 def _fill_robot(p: ProgramInputs, tick: Packed) -> None:
     model, penalties, points = p.robot.model, p.penalties, len(p.feet[0].points)
     tick.armature[:], tick.gravity[:] = model.armature, model.gravity.linear
-    tick.joint_limits[:], tick.effort_max[:], tick.tau_max[:] = p.joints, p.tau_max, p.torque_share * p.tau_max
+    tick.joint_limits[:], tick.effort_max[:], tick.tau_max[:] = (
+        p.joints,
+        p.tau_max,
+        p.config.safety.torque_share * p.tau_max,
+    )
     tick.moves[:], tick.owner[:] = contact_moves(p), np.repeat(np.arange(len(p.feet)), points)
-    tick.motors[:], tick.leak, tick.horizon = p.robot.pin_to_motor, p.leak, p.horizon
-    tick.momentum_kd, tick.momentum_weight = p.momentum.kd, p.momentum.weight[0]
+    tick.motors[:] = p.robot.pin_to_motor
+    tick.leak, tick.horizon = p.config.dt / p.config.leak, p.config.safety.joint_horizon
+    tick.momentum_kd, tick.momentum_weight = p.tasks.momentum.kd, p.tasks.momentum.weight[0]
     tick.penalty_acceleration, tick.penalty_force = penalties.acceleration, penalties.force
     tick.penalty_slack, tick.penalty_slack_squared = penalties.slack_linear, penalties.slack_quadratic
     tick.row_scale[:] = _row_scales(p, len(tick.row_scale))
@@ -99,9 +105,9 @@ def _fill_limits(p: ProgramInputs, tick: Packed) -> None:
     tick.foot_kp, tick.foot_kd, tick.slope = foot.kp, foot.kd, pyramid_slope(foot.friction)
     tick.force_min, tick.force_max = foot.force_min, foot.force_max
     for values, bound in ((tick.pelvis_limit, p.pelvis_limit), (tick.torso_limit, p.torso_limit)):
-        values[:] = bound.angle_max, bound.rate_max, bound.brake, bound.time_constant
-    tick.height_limit[:] = band.band, band.lowest, band.brake, band.time_constant
-    tick.collision_brake, tick.collision_dt = limit.brake, limit.time_constant
+        values[:] = bound.angle_max, bound.rate_max, bound.brake, TIME_CONSTANT
+    tick.height_limit[:] = band.band, band.lowest, band.brake, TIME_CONSTANT
+    tick.collision_brake, tick.collision_dt = limit.brake, TIME_CONSTANT
     tick.driven[:], tick.fingers[:] = limit.prescribed, limit.prescribed - 6
     tick.soft_upper[:] = np.inf
     tick.trunk, tick.n_balance = p.safety, len(tick.edges) + TRUNK_ROWS * p.safety + p.extra_rows[1]
@@ -109,7 +115,7 @@ def _fill_limits(p: ProgramInputs, tick: Packed) -> None:
         limit.proximity.keep_state_in(tick.distance, tick.distance_bound, tick.measured, tick.q_before)
         tick.pair_trigger, tick.n_pairs_least = limit.trigger, limit.least
         tick.floor_distance, tick.floor_trigger = floor.distance, floor.trigger
-        tick.floor_brake, tick.floor_dt = floor.brake, floor.time_constant
+        tick.floor_brake, tick.floor_dt = floor.brake, TIME_CONSTANT
 
 
 def _row_scales(p: ProgramInputs, rows: int) -> np.ndarray:

@@ -14,21 +14,19 @@ class ComTask:
     Args:
         kp: Stiffness [1/s^2]. kd: Damping [1/s].
         weight: Per axis x, y, z, shape (3,), [1/(m/s^2)^2].
-        feedback_max: Largest kp * error [m/s^2].
     """
 
-    def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float], feedback_max: float = 5.0) -> None:
-        self.kp, self.kd, self.feedback_max = kp, kd, feedback_max
+    feedback_max = 5.0
+    """Largest kp * error [m/s^2]."""
+
+    def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float]) -> None:
+        self.kp, self.kd = kp, kd
         self.weight = np.array(weight)
         self.bind(np.zeros(9))
 
     def bind(self, memory: np.ndarray) -> None:
         """Read the reference from memory that the program shares: position, velocity and acceleration (9,)."""
         self.position_ref, self.velocity_ref, self.acceleration_ref = memory[:3], memory[3:6], memory[6:]
-
-    def set_reference(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> None:
-        """Set position [m], velocity [m/s] and acceleration [m/s^2], each (3,), in world."""
-        self.position_ref[:], self.velocity_ref[:], self.acceleration_ref[:] = position, velocity, acceleration
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""

@@ -19,21 +19,13 @@ class HandTask:
         frame: Name of the tool frame.
         kp: Stiffness [1/s^2]. kd: Damping [1/s].
         position_weight: [1/(m/s^2)^2]. orientation_weight: [1/(rad/s^2)^2].
-        feedback_max: Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2].
     """
 
-    def __init__(
-        self,
-        frame: str,
-        *,
-        kp: float,
-        kd: float,
-        position_weight: float,
-        orientation_weight: float,
-        feedback_max: tuple[float, float] = (30.0, 60.0),
-    ) -> None:
-        self.frame = frame
-        self.kp, self.kd, self.feedback_max = kp, kd, feedback_max
+    feedback_max = (30.0, 60.0)
+    """Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2]."""
+
+    def __init__(self, frame: str, *, kp: float, kd: float, position_weight: float, orientation_weight: float) -> None:
+        self.frame, self.kp, self.kd = frame, kp, kd
         self.weight = np.array([position_weight] * 3 + [orientation_weight] * 3)
         self.bind(np.zeros(24), np.ones(1))
         self.R_world_ref[:] = np.eye(3)
@@ -56,16 +48,6 @@ class HandTask:
     @trust.setter
     def trust(self, trust: float) -> None:
         self._trust[0] = trust
-
-    @property
-    def T_world_ref(self) -> pin.SE3:
-        """Pose of the reference."""
-        return pin.SE3(self.R_world_ref, self.p_world_ref)
-
-    def set_reference(self, T_world_ref: pin.SE3, twist: np.ndarray, acceleration: np.ndarray) -> None:
-        """Set pose, twist (6,) and acceleration (6,), both ``_lwa`` [m/s, rad/s; m/s^2, rad/s^2]."""
-        self.R_world_ref[:], self.p_world_ref[:] = T_world_ref.rotation, T_world_ref.translation
-        self.twist_ref[:], self.acceleration_ref[:] = twist, acceleration
 
     def error(self, robot: Robot) -> np.ndarray:
         """Reference minus present pose: world translation [m] and world rotation vector [rad], shape (6,)."""

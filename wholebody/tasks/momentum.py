@@ -24,10 +24,6 @@ class AngularMomentumTask:
         """Read the reference from memory that the program shares: momentum and rate (6,)."""
         self.momentum_ref, self.rate_ref = memory[:3], memory[3:]
 
-    def set_reference(self, momentum: np.ndarray, rate: np.ndarray) -> None:
-        """Set angular momentum (3,) [N m s] and its rate (3,) [N m], in world axes."""
-        self.momentum_ref[:], self.rate_ref[:] = momentum, rate
-
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""
         wanted = self.rate_ref + self.kd * (self.momentum_ref - robot.momentum[3:])

@@ -14,11 +14,14 @@ class OrientationTask:
 
     Args:
         frame: Name of the body frame.
-        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(rad/s^2)^2]. feedback_max: Largest kp * error [rad/s^2].
+        kp: Stiffness [1/s^2]. kd: Damping [1/s]. weight: [1/(rad/s^2)^2].
     """
 
-    def __init__(self, frame: str, *, kp: float, kd: float, weight: float, feedback_max: float = 20.0) -> None:
-        self.frame, self.kp, self.kd, self.feedback_max = frame, kp, kd, feedback_max
+    feedback_max = 20.0
+    """Largest kp * error [rad/s^2]."""
+
+    def __init__(self, frame: str, *, kp: float, kd: float, weight: float) -> None:
+        self.frame, self.kp, self.kd = frame, kp, kd
         self.weight = np.full(3, weight)
         self.bind(np.zeros(15))
         self.R_world_ref[:] = np.eye(3)
@@ -26,10 +29,6 @@ class OrientationTask:
     def bind(self, memory: np.ndarray) -> None:
         """Read the reference from memory that the program shares: rotation (9), rate (3) and acceleration (3)."""
         self.R_world_ref, self.rate_ref, self.acceleration_ref = memory[:9].reshape(3, 3), memory[9:12], memory[12:]
-
-    def set_reference(self, R_world_ref: np.ndarray, rate: np.ndarray, acceleration: np.ndarray) -> None:
-        """Set orientation (3, 3), angular rate (3,) [rad/s] and acceleration (3,) [rad/s^2], in world axes."""
-        self.R_world_ref[:], self.rate_ref[:], self.acceleration_ref[:] = R_world_ref, rate, acceleration
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with three rows."""

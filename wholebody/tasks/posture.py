@@ -14,11 +14,13 @@ class PostureTask:
     Args:
         kp: Stiffness per joint, shape (n_joints,), [1/s^2]. kd: Damping, shape (n_joints,), [1/s].
         weight: Shape (n_joints,), [1/(rad/s^2)^2]. All in Pinocchio joint order.
-        feedback_max: Largest |kp * error| per joint [rad/s^2].
     """
 
-    def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray, feedback_max: float = 100.0) -> None:
-        self.kp, self.kd, self.weight, self.feedback_max = kp, kd, weight, feedback_max
+    feedback_max = 100.0
+    """Largest |kp * error| per joint [rad/s^2]."""
+
+    def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray) -> None:
+        self.kp, self.kd, self.weight = kp, kd, weight
         n = len(weight)
         self.bind(np.zeros((3, n)))
         self._J = np.hstack([np.zeros((n, 6)), np.eye(n)])
@@ -26,10 +28,6 @@ class PostureTask:
     def bind(self, memory: np.ndarray) -> None:
         """Read the reference from shared memory: rows position, velocity, acceleration (3, n_joints)."""
         self.q_ref, self.dq_ref, self.ddq_ref = memory
-
-    def set_reference(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
-        """Set joint positions [rad], velocities [rad/s], accelerations [rad/s^2], each (n_joints,)."""
-        self.q_ref[:], self.dq_ref[:], self.ddq_ref[:] = q, dq, ddq
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with one row a joint."""

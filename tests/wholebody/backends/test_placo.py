@@ -37,7 +37,7 @@ def ours():
 
 @pytest.fixture(scope="module")
 def theirs(ours):
-    tasks = [task for task in (*ours.body_tasks, *ours.palms) if task is not ours.momentum]
+    tasks = [task for task in (*ours.tasks.body, *ours.palms) if task is not ours.tasks.momentum]
     return PlacoProgram(ours.spec, ours.robot, ours.feet, tasks, None, Regularisation())
 
 
@@ -158,7 +158,7 @@ def test_without_any_answer_the_last_torques_are_held(backend, monkeypatch):
 
 def test_a_task_that_placo_does_not_know_is_refused(ours, theirs):
     with pytest.raises(InputError, match="AngularMomentumTask"):
-        mirror(theirs.solver, ours.momentum, ours.robot)
+        mirror(theirs.solver, ours.tasks.momentum, ours.robot)
 
 
 def test_an_unknown_backend_is_refused_with_those_that_exist():

@@ -14,6 +14,7 @@ from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.config import ControllerConfig, SafetyConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
+from wholebody.limits.base import TIME_CONSTANT
 from wholebody.limits.floor import FloorLimit
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
@@ -84,7 +85,7 @@ def test_the_drift_is_the_acceleration_of_the_lowest_point(robot, underside):
         limit = FloorLimit(underside, distance=-1e3, trigger=2e3, brake=10.0)
         rows, points = limit.rows(robot), underside.lowest(robot.data)
         room = points[:, 2] - limit.distance
-        found = rows.upper - (np.sqrt(2.0 * limit.brake * room) - rows.J @ v) / limit.time_constant
+        found = rows.upper - (np.sqrt(2.0 * limit.brake * room) - rows.J @ v) / TIME_CONSTANT
         for joint, point, value in zip(underside.joints.tolist(), points, found, strict=True):
             local = robot.data.oMi[joint].actInv(point)
             assert value == pytest.approx(point_acceleration(robot, joint, local, q, v, step)[2], abs=1e-3)

@@ -20,6 +20,7 @@ from wholebody.limits.base import Rows
 from wholebody.qp.program_inputs import EXTRA_ROWS
 from wholebody.qp.solvers import solve
 from wholebody.tasks.base import Objective
+from wholebody.tasks.body_tasks import BodyTasks
 from wholebody.types import RobotState
 
 SPEC = g1()
@@ -119,13 +120,12 @@ def test_one_line_in_the_task_set_is_enough(monkeypatch):
 
     def with_look(spec, config, robot):
         tasks = made(spec, config, robot)
-        return task_set.BodyTasks(**{**vars(tasks), "extra": (LookAt("torso_link", POINT),)})
+        return BodyTasks(**{**vars(tasks), "extra": (LookAt("torso_link", POINT),)})
 
-    monkeypatch.setattr("wholebody.control.controller.make_tasks", with_look)
+    monkeypatch.setattr("wholebody.control.base.make_tasks", with_look)
     controller, q0 = make()
     assert isinstance(controller.extra_tasks[0], LookAt)
     assert len(list(follow(controller, q0, 0.02))) == 10
-    monkeypatch.setattr("wholebody.backends.kinematic.controller.make_tasks", with_look)
     with pytest.raises(InputError, match="backend: native"):
         KinematicController(SPEC)
 

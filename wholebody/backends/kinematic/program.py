@@ -6,11 +6,11 @@ import numpy as np
 
 from wholebody.backends.kinematic.kernels import placement
 from wholebody.backends.kinematic.kernels import program as kernels
-from wholebody.backends.kinematic.workspace import KinematicInputs, make_workspace
+from wholebody.backends.kinematic.workspace import make_workspace
 from wholebody.jit.entry import Entry
 from wholebody.qp.kernels.active_set import SOLVED
 from wholebody.qp.problem import QPSolution, Residuals
-from wholebody.qp.program_inputs import place_feet
+from wholebody.qp.program_inputs import BodyInputs, place_feet
 
 _NONE = np.zeros(0)
 _solve, _support = Entry(kernels.solve), Entry(placement.support)
@@ -33,7 +33,7 @@ class KinematicProgram:
     All are views of memory that the next call overwrites.
     """
 
-    def __init__(self, inputs: KinematicInputs) -> None:
+    def __init__(self, inputs: BodyInputs) -> None:
         self.inputs, n = inputs, len(inputs.feet)
         self.tick = tick = make_workspace(inputs)
         self.v, self.tau, self.dual, self.residuals, self.q = tick.dv, tick.tau, tick.dual, tick.residuals, tick.q

@@ -2,48 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
-
 from wholebody.backends.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PENALTY
-from wholebody.contacts.foot import FootContact
 from wholebody.jit.packed import Packed
-from wholebody.limits.balance import CapturePointLimit
-from wholebody.qp.program_inputs import body_shapes, fill_body, frame_names, search_shapes
+from wholebody.qp.program_inputs import BodyInputs, body_shapes, fill_body, frame_names, search_shapes
 from wholebody.robot.kernels.pendulum import GRAVITY
-from wholebody.robot.state import Robot
-from wholebody.tasks.com import ComTask
-from wholebody.tasks.hand import HandTask
-from wholebody.tasks.height import HeightTask
-from wholebody.tasks.orientation import OrientationTask
-from wholebody.tasks.posture import PostureTask
 
 
-@dataclass(frozen=True, kw_only=True)
-class KinematicInputs:
-    """What the program is made of; names and meanings as in `wholebody.qp.program_inputs.ProgramInputs`.
-
-    Attributes:
-        joints: Rows ``q_min q_max dq_max``, Pinocchio order, shape (3, n_joints).
-        dt: Control period [s].
-    """
-
-    robot: Robot
-    feet: Sequence[FootContact]
-    palms: Sequence[HandTask]
-    pelvis: OrientationTask
-    torso: OrientationTask
-    height: HeightTask
-    com: ComTask
-    posture: PostureTask
-    balance: CapturePointLimit
-    joints: np.ndarray
-    dt: float
-
-
-def make_workspace(p: KinematicInputs) -> Packed:
+def make_workspace(p: BodyInputs) -> Packed:
     """The memory, with everything in it that does not change."""
     model, feet, n_points = p.robot.model, len(p.feet), sum(len(foot.points) for foot in p.feet)
     nv, nj, nb, frames = model.nv, model.nv - 6, model.njoints - 1, len(frame_names(p))
@@ -59,6 +24,7 @@ def make_workspace(p: KinematicInputs) -> Packed:
     tick = Packed(reals, {**ints, **search_ints})
     fill_body(p, tick)
     tick.joint_limits[:] = p.joints
-    tick.task_kd[:feet], tick.task_kd[feet : feet + 2], tick.task_kd[feet + 2 :] = 1.0, p.palms[0].kd, p.torso.kd
+    kd_hand, kd_trunk = p.tasks.palms[0].kd, p.tasks.torso.kd
+    tick.task_kd[:feet], tick.task_kd[feet : feet + 2], tick.task_kd[feet + 2 :] = 1.0, kd_hand, kd_trunk
     tick.foot_gain, tick.speed_penalty, tick.retreat, tick.gravity = FOOT_GAIN, SPEED_PENALTY, RETREAT, GRAVITY
     return tick

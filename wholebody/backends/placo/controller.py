@@ -32,21 +32,9 @@ class PlacoController(WholeBodyController):
         super().__init__(spec, replace(config or ControllerConfig(), solver="daqp"))
         if self.extra_tasks:
             raise InputError("the placo backend knows the built-in tasks only; `backend: native` takes more")
-        tasks = [task for task in (*self.body_tasks, *self.palms) if not isinstance(task, AngularMomentumTask)]
-        self.program = PlacoProgram(spec, self.robot, self.feet, tasks, self._placo_limits(), Regularisation())
-
-    def _placo_limits(self) -> PlacoLimits:
-        safety = self.config.safety
-        return PlacoLimits(
-            q_min=self._q_min,
-            q_max=self._q_max,
-            dq_max=self._dq_max,
-            brake=self._brake,
-            tau_max=safety.torque_share * self._tau_max,
-            horizon=safety.joint_horizon,
-            self_distance=safety.self_distance,
-            self_trigger=safety.self_distance + safety.self_trigger,
-        )
+        tasks = [task for task in (*self.tasks.body, *self.palms) if not isinstance(task, AngularMomentumTask)]
+        limits = PlacoLimits(self.joints, self.config.safety.torque_share * self.effort_max, self.config.safety)
+        self.program = PlacoProgram(spec, self.robot, self.feet, tasks, limits, Regularisation())
 
     def _solve(self) -> TickReport:
         for level in (TickLevel.FULL, TickLevel.NO_HANDS):
@@ -76,7 +64,7 @@ class PlacoController(WholeBodyController):
         robot, forces = self.robot, np.split(solution.forces, len(self.feet))
         balance = robot.M @ solution.dv + robot.nle
         balance[6:] -= solution.tau
-        worst = [np.abs(solution.tau) - self._tau_max]
+        worst = [np.abs(solution.tau) - self.effort_max]
         for foot, force in zip(self.feet, forces, strict=True):
             J, target = foot.acceleration(robot)
             balance -= foot.force_jacobian(robot, J).T @ force.ravel()

@@ -22,35 +22,28 @@ from models.placo_model import contact_frame, load_placo
 from models.spec import RobotSpec
 from wholebody.backends.placo.tasks import mirror
 from wholebody.collision.proximity import watched_pairs
+from wholebody.config import SafetyConfig
 from wholebody.contacts.foot import FootContact
 from wholebody.contacts.friction import pyramid_slope
+from wholebody.limits.joint import JointLimits
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.robot.state import Robot
 from wholebody.tasks.base import Task
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PlacoLimits:
-    """Bounds that placo keeps as inequalities; arrays in Pinocchio joint order, shape (n_joints,).
+    """Bounds that placo keeps as inequalities.
 
     Attributes:
-        q_min, q_max: Joint positions [rad].
-        dq_max: Joint speeds [rad/s].
-        brake: Joint deceleration counted on before a position bound [rad/s^2].
-        tau_max: Joint torques [N m].
-        horizon: Time within which a speed bound is to be met [s].
-        self_distance: Least distance between bodies [m].
-        self_trigger: Distance below which a pair of bodies counts [m].
+        joints: Positions, speeds and decelerations, Pinocchio order.
+        tau_max: Joint torques, Pinocchio order, shape (n_joints,), [N m].
+        safety: Within what time a speed bound is to be met, and the distances between bodies.
     """
 
-    q_min: np.ndarray
-    q_max: np.ndarray
-    dq_max: np.ndarray
-    brake: np.ndarray
+    joints: JointLimits
     tau_max: np.ndarray
-    horizon: float
-    self_distance: float
-    self_trigger: float
+    safety: SafetyConfig
 
 
 class PlacoProgram:
@@ -108,11 +101,11 @@ class PlacoProgram:
 
     def _add_limits(self, limits: PlacoLimits) -> None:
         for i, name in enumerate(self.robot.joint_names):
-            self.placo.set_joint_limits(name, float(limits.q_min[i]), float(limits.q_max[i]))
-            self.placo.set_velocity_limit(name, float(limits.dq_max[i]))
+            self.placo.set_joint_limits(name, float(limits.joints.q_min[i]), float(limits.joints.q_max[i]))
+            self.placo.set_velocity_limit(name, float(limits.joints.dq_max[i]))
             self.solver.set_torque_limit(name, float(limits.tau_max[i]))
-            self.solver.set_qdd_safe(name, float(limits.brake[i]))
-        self.solver.dt = limits.horizon
+            self.solver.set_qdd_safe(name, float(limits.joints.brake[i]))
+        self.solver.dt = limits.safety.joint_horizon
         self.solver.enable_torque_limits(True)
         with TemporaryDirectory() as folder:
             # placo measures every pair in every solve: all 1159 would take longer than everything else.
@@ -120,7 +113,7 @@ class PlacoProgram:
             path.write_text(json.dumps(watched_pairs()))
             self.placo.load_collision_pairs(str(path))
         self._collision = self.solver.add_avoid_self_collisions_constraint()
-        self._collision.self_collisions_margin = limits.self_distance
+        self._collision.self_collisions_margin = limits.safety.self_distance
 
     def solve(self, *, relaxed: bool = False) -> WholeBodySolution | None:
         """Solve at the present state and references.
@@ -140,7 +133,8 @@ class PlacoProgram:
         if self.limits is not None:
             self.solver.enable_joint_limits(not relaxed)
             self.solver.enable_velocity_limits(not relaxed)
-            self._collision.self_collisions_trigger = -np.inf if relaxed else self.limits.self_trigger
+            trigger = self.limits.safety.self_distance + self.limits.safety.self_trigger
+            self._collision.self_collisions_trigger = -np.inf if relaxed else trigger
         try:
             result = self.solver.solve(False)
         except RuntimeError:  # how placo reports a program without a solution, by version

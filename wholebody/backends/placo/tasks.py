@@ -5,8 +5,6 @@ What placo cannot say is said in its terms: a proportional part that is limited 
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 import pinocchio as pin
 import placo
@@ -24,16 +22,10 @@ RELAXED_DAMPING = 10.0
 """With which joints slow down when nothing but standing is asked for [1/s]."""
 
 
-class Mirror(Protocol):
-    """One of our tasks in a placo solver."""
+def mirror(solver: placo.DynamicsSolver, task: Task, robot: Robot) -> _HandMirror | _ComMirror | _OrientationMirror:
+    """Add a task's counterpart to a solver; its ``update`` hands the present reference over, at every tick.
 
-    def update(self, robot: Robot, *, relaxed: bool) -> None:
-        """Hand the present reference over; relaxed: the arms give way and the joints slow down."""
-        ...
-
-
-def mirror(solver: placo.DynamicsSolver, task: Task, robot: Robot) -> Mirror:
-    """Add a task's counterpart to a solver.
+    Where that is ``relaxed``, the arms give way and the joints slow down.
 
     Raises:
         InputError: If placo has none.
@@ -54,8 +46,8 @@ class _HandMirror:
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, position, orientation = self.task, self.frame.position(), self.frame.orientation()
         T, error = robot.pose(task.frame), task.error(robot)
-        position.target_world = T.translation + _near(error[:3], task.kp, task.feedback_max[0])
-        orientation.R_world_frame = pin.exp3(_near(error[3:], task.kp, task.feedback_max[1])) @ T.rotation
+        position.target_world = T.translation + limited(error[:3], task.feedback_max[0] / task.kp)
+        orientation.R_world_frame = pin.exp3(limited(error[3:], task.feedback_max[1] / task.kp)) @ T.rotation
         position.dtarget_world, orientation.omega_world = task.twist_ref[:3], task.twist_ref[3:]
         position.ddtarget_world, orientation.domega_world = task.acceleration_ref[:3], task.acceleration_ref[3:]
         trust = 0.0 if relaxed else task.trust
@@ -77,13 +69,10 @@ class _ComMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task = self.task
-        target = robot.com + _near(task.position_ref - robot.com, task.kp, task.feedback_max)
+        target = robot.com + limited(task.position_ref - robot.com, task.feedback_max / task.kp)
         for part in self.parts:
-            part.target_world, part.dtarget_world, part.ddtarget_world = (
-                target,
-                task.velocity_ref,
-                task.acceleration_ref,
-            )
+            part.target_world, part.dtarget_world = target, task.velocity_ref
+            part.ddtarget_world = task.acceleration_ref
 
 
 class _OrientationMirror:
@@ -94,7 +83,8 @@ class _OrientationMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, R = self.task, robot.pose(self.task.frame).rotation
-        self.part.R_world_frame = pin.exp3(_near(pin.log3(task.R_world_ref @ R.T), task.kp, task.feedback_max)) @ R
+        error = limited(pin.log3(task.R_world_ref @ R.T), task.feedback_max / task.kp)
+        self.part.R_world_frame = pin.exp3(error) @ R
         self.part.omega_world, self.part.domega_world = task.rate_ref, task.acceleration_ref
 
 
@@ -107,12 +97,10 @@ class _HeightMirror:
 
     def update(self, robot: Robot, *, relaxed: bool) -> None:
         task, target = self.task, robot.pose(self.task.frame).translation.copy()
-        target[2] += np.clip(task.z_ref - target[2], -task.feedback_max / task.kp, task.feedback_max / task.kp)
+        z, dz, ddz = task.reference.tolist()
+        target[2] += np.clip(z - target[2], -task.feedback_max / task.kp, task.feedback_max / task.kp)
         self.part.target_world = target
-        self.part.dtarget_world, self.part.ddtarget_world = (
-            np.array([0, 0, task.dz_ref]),
-            np.array([0, 0, task.ddz_ref]),
-        )
+        self.part.dtarget_world, self.part.ddtarget_world = np.array([0, 0, dz]), np.array([0, 0, ddz])
 
 
 class _PostureMirror:
@@ -135,11 +123,6 @@ class _PostureMirror:
             for i in joints:
                 rates = (0.0, 0.0) if relaxed else (float(task.dq_ref[i]), float(task.ddq_ref[i]))
                 part.set_joint(self.names[i], float(target[i]), *rates)
-
-
-def _near(error: np.ndarray, kp: float, feedback_max: float) -> np.ndarray:
-    """An error whose proportional part is at most ``feedback_max``."""
-    return limited(error, feedback_max / kp)
 
 
 _COUNTERPARTS = {

@@ -1,0 +1,102 @@
+"""What every controller has: tasks that read their references where its program does, and feet that stay."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from models.spec import RobotSpec
+from wholebody.config import ControllerConfig
+from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
+from wholebody.control.task_set import make_feet, make_tasks
+from wholebody.control.tick_report import TickReport
+from wholebody.errors import StateError
+from wholebody.limits.balance import CapturePointLimit
+from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import convex_polygon
+from wholebody.types import JointCommand, RobotState
+
+
+class Controller(ABC):
+    """Tasks, contacts and support of one robot, for a controller to build its program from.
+
+    Attributes:
+        tasks: By name.
+        balance: The support, and how to keep inside; no support before the first reset.
+        compiled: The program in compiled form, or None: then the readable one is solved.
+        tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
+    """
+
+    def __init__(self, spec: RobotSpec, config: ControllerConfig) -> None:
+        self.spec, self.config, self.robot = spec, config, Robot(spec)
+        self.tasks, self.feet = make_tasks(spec, config, self.robot), make_feet(spec, config)
+        self.palms = self.tasks.palms
+        self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
+        self.compiled = None
+
+    def bind_references(self) -> None:
+        """Tasks read their references where the program does."""
+        compiled = self.compiled
+        row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
+        trust = np.ones(2) if compiled is None else compiled.trust
+        memory = self._reference = ReferenceMemory(row)
+        for i, palm in enumerate(self.palms):
+            palm.bind(memory.palms[i], trust[i : i + 1])
+        for name in ("com", "momentum", "pelvis", "torso", "height", "posture"):
+            getattr(self.tasks, name).bind(getattr(memory, name))
+
+    def set_reference(self, reference: BodyReference | PackedReference) -> None:
+        """Hand a reference to the tasks; an `InputError` if a number of it is not finite."""
+        self._reference.take(reference)
+
+    def step(self, state: RobotState, reference: BodyReference | PackedReference) -> tuple[JointCommand, TickReport]:
+        """One tick.
+
+        Args:
+            state: Measured state; finite, and not changed afterwards.
+            reference: What to follow.
+
+        Raises:
+            StateError: If the controller was never reset.
+            InputError: If a number of the reference is not finite.
+        """
+        if self.balance.support is None:
+            raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
+        self.set_reference(reference)
+        return self._tick(state)
+
+    def set_down(self, q: np.ndarray, v: np.ndarray) -> None:
+        """The feet stay from now on where they are at a configuration (nq,); torques are those of gravity and ``v``."""
+        robot = self.robot
+        robot.update(q, v)
+        self.tau = robot.nle[6:].copy()
+        points = np.vstack([foot.points_world(robot) for foot in self.feet])
+        self.balance.support = convex_polygon(points[:, :2])
+        for foot in self.feet:
+            foot.T_world_ref = robot.pose(foot.frame).copy()
+        if self.compiled is not None:
+            self.compiled.reset()
+            self.compiled.palms[:] = self._palm_frames() - q[:3]
+            self.compiled.q[:] = q
+
+    @abstractmethod
+    def reset(self, state: RobotState) -> None:
+        """Start from a measured state: the feet stay where they are."""
+
+    @abstractmethod
+    def _tick(self, state: RobotState) -> tuple[JointCommand, TickReport]:
+        """Follow the reference for one tick."""
+
+    def palm_positions(self) -> np.ndarray:
+        """Palm points in world at the configuration that the last tick began with, shape (2, 3), [m]."""
+        compiled = self.compiled
+        return self._palm_frames() if compiled is None else compiled.palms + compiled.q[:3]
+
+    def _palm_frames(self) -> np.ndarray:
+        return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])
+
+    def trust_hands(self, trust: float) -> None:
+        """Weigh both hands by this from now on, 0 to 1."""
+        for palm in self.palms:
+            palm.trust = trust
