@@ -46,6 +46,10 @@ class Supervisor:
         spec: The robot.
         config: Settings; the defaults if not given.
         planner: Makes who plans beside the loop from a function that plans; simulated if not given.
+
+    Attributes:
+        chunk: The chunk that is being followed, or None.
+        handover: The plan on its way, and how many came too late.
     """
 
     def __init__(
@@ -61,7 +65,7 @@ class Supervisor:
         self.planner = ChunkPlanner(spec, self.robot, self.config)
         planning = self.config.planning
         beside = SimulatedPlanner(self._compute, planning) if planner is None else planner(self._compute)
-        self._handover = Handover(beside, planning, self.config.dt)
+        self.handover = Handover(beside, planning, self.config.dt)
         self._monitor = StateMonitor(self.robot)
         self._smoother: ReferenceSmoother | None = None
         self._follower: PlanFollower | None = None
@@ -75,7 +79,7 @@ class Supervisor:
         self.last_tick: TickReport | None = None
         self._now = now
         self._plan: ChunkPlan | None = None
-        self._chunk: ActionChunk | None = None
+        self.chunk: ActionChunk | None = None
         self._newest: ActionChunk | None = None
         self._chunk_end = 0.0
         self._fallen = self._standing = False
@@ -83,7 +87,7 @@ class Supervisor:
         self._refusal: StatusReport | None = None
         self._waiting: ActionChunk | None = None
         self._retry = now
-        self._handover.reset()
+        self.handover.reset()
 
     def reset(self, state: RobotState) -> None:
         """Start an episode from a measured state of standing; `InputError` if it is no finite state of this robot."""
@@ -111,19 +115,9 @@ class Supervisor:
         return self._following().time_factor
 
     @property
-    def chunk(self) -> ActionChunk | None:
-        """The chunk that is being followed."""
-        return self._chunk
-
-    @property
     def moved_for(self) -> Reason | None:
         """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
         return None if self._plan is None else self._plan.report.moved_at(self._follower.s)
-
-    @property
-    def late_plans(self) -> int:
-        """How many plans came too late, and were asked for again, since the reset."""
-        return self._handover.late
 
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
@@ -167,7 +161,7 @@ class Supervisor:
         self._newest, self._refusal = chunk, None
         self._waiting, self._retry = chunk, self._now
         self._try_waiting(self._now)
-        if self._handover.busy or self._plan is None:
+        if self.handover.busy or self._plan is None:
             return self.take_refusal() or statuses.TRACKING
         return self.take_refusal() or statuses.plan_status(self._plan.report, self._follower.rate)
 
@@ -179,7 +173,7 @@ class Supervisor:
     def _try_waiting(self, now: float) -> None:
         """Ask for a plan of the chunk that is waiting, unless it is over or another plan is on its way."""
         chunk = self._waiting
-        if chunk is None or self._handover.busy or now < self._retry:
+        if chunk is None or self.handover.busy or now < self._retry:
             return
         self._waiting = None
         if chunk.times[-1] > now:
@@ -187,7 +181,7 @@ class Supervisor:
 
     def _ask(self, chunk: ActionChunk) -> None:
         """Have a chunk planned from where the robot will be on its plan once the lead is over."""
-        self._retry, ticks = self._now + RETRY, self._handover.ticks
+        self._retry, ticks = self._now + RETRY, self.handover.ticks
         if self._standing:
             self._smoother.reset(hands_as_measured(self.robot, self._smoother.motion.rows))
         start, due = self._follower.foreseen(ticks, self._last_state.q), self._now + ticks * self.config.dt
@@ -195,14 +189,14 @@ class Supervisor:
             start = replace(start, body=self._resting())
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self._plan is not None and self._follower.s < self._plan.end
-        again = ahead and chunk is self._chunk and self._follower.trust == 1.0
+        again = ahead and chunk is self.chunk and self._follower.trust == 1.0
         before = self._plan and rest_of_plan(self._plan, start, self.config.planner.posture.dt)
-        self._handover.ask(PlanRequest(chunk, self._now, due, start, before, again))
+        self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again))
         self._exchange(self._now)
 
     def _exchange(self, now: float) -> None:
         """Judge a plan that has come, and take one over that is due; a chunk whose plan came too late waits again."""
-        handover, follower = self._handover, self._follower
+        handover, follower = self.handover, self._follower
         answer = handover.collect(now, self._now)
         if answer is not None:
             self._judge_plan(answer)
@@ -230,7 +224,7 @@ class Supervisor:
         if request.again and not (balanced and plan.report.quicker(self.plan_report)):
             return
         if balanced:
-            self._handover.keep(answer)
+            self.handover.keep(answer)
         else:
             self._refuse_planned(chunk, statuses.NOT_JOINED)
 
@@ -240,7 +234,7 @@ class Supervisor:
         if self._standing and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
             self._waiting, self._retry = self._waiting or taken.chunk, self._now
             return
-        self._plan, self._chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
+        self._plan, self.chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
         self.plan_report, self._chunk_end = taken.plan.report, float(taken.chunk.times[-1])
         last = self._chunk_end - taken.chunk.t_obs
         self._follower.begin(taken.plan, last, beyond=taken.beyond, share=taken.share)
@@ -250,7 +244,7 @@ class Supervisor:
         support, margin = self.controller.balance.support, self.config.planner.posture.com_margin
         trajectory = standing_trajectory(self.robot, self._resting().q, support, margin)
         self._follower.stand(trajectory, hands_at_rest(self.robot, self._last_state.q))
-        self._handover.cancel()
+        self.handover.cancel()
         self._plan, self._standing = None, True
         self._waiting, self._retry = self._waiting or self._newest, self._now
 
@@ -276,13 +270,13 @@ class Supervisor:
         state, fault = self._monitor.usable(state, now, elapsed, self.last_tick)
         if self._fallen or has_lost_standing(state):
             self._fallen, self._now, self._last_state = True, now, state
-            self._handover.cancel()
+            self.handover.cancel()
             self.status = statuses.STANDING_LOST
             return damping_command(self.spec, self.robot, state)
         self._exchange(now)
         if self._plan is not None and follower.trust <= TRUST_MIN:
             self._stand()
-        elif self._plan is not None and follower.trust < 1.0 and not self._handover.busy:
+        elif self._plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
         self._last_state, self._now = state, max(now, self._now)
@@ -317,4 +311,4 @@ class Supervisor:
         """Refuse a chunk that had been accepted: the one that is followed counts as the last one again."""
         self._refuse(refusal)
         if chunk is self._newest:
-            self._newest, self._refusal = self._chunk, refusal
+            self._newest, self._refusal = self.chunk, refusal

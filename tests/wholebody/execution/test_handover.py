@@ -80,7 +80,7 @@ def test_chunks_that_come_faster_than_plans_are_followed_all_the_same(supervisor
         state = run(supervisor, plant, state, 0.06)
         seen.add(None if supervisor.chunk is None else supervisor.chunk.seq)
     assert len(seen - {None}) >= 3
-    assert supervisor.late_plans == 0
+    assert supervisor.handover.late == 0
 
 
 def test_a_plan_that_is_late_is_dropped_and_asked_for_with_twice_the_lead(plant):
@@ -90,7 +90,7 @@ def test_a_plan_that_is_late_is_dropped_and_asked_for_with_twice_the_lead(plant)
     state = run(late, plant, state, 0.3)
     assert late.chunk is None
     run(late, plant, state, 0.1)
-    assert late.late_plans == 1
+    assert late.handover.late == 1
     assert late.chunk is not None
     assert late.plan_report.steps[0] == pytest.approx(0.35, abs=0.005)
 
@@ -100,9 +100,9 @@ def test_a_planner_that_is_always_late_asks_at_most_the_longest_lead_ahead(plant
     state = begin(late, plant)
     late.accept(wave(late, state), state.time)
     for _ in range(5):
-        late._handover._planner._done = state.time + late._handover.lead + 0.02
-        state = run(late, plant, state, late._handover.lead + 0.03)
-    assert late._handover.lead == PlanningConfig().lead_max
+        late.handover._planner._done = state.time + late.handover.lead + 0.02
+        state = run(late, plant, state, late.handover.lead + 0.03)
+    assert late.handover.lead == PlanningConfig().lead_max
     assert late.status.status is Status.HOLD
 
 
@@ -197,7 +197,7 @@ def test_a_robot_a_little_off_its_plan_goes_on_until_a_plan_from_where_it_is_tak
 
     def plan(chunk, now, start, *rest):
         follower = supervisor._follower
-        moved = follower.distance(start.q, follower.foreseen(supervisor._handover.ticks).body.q)
+        moved = follower.distance(start.q, follower.foreseen(supervisor.handover.ticks).body.q)
         asked.append((chunk.seq, follower.trust, moved, follower.distance(supervisor._last_state.q)))
         return planned(chunk, now, start, *rest)
 
