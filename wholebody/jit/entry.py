@@ -19,9 +19,10 @@ from hashlib import sha256
 from pathlib import Path
 from types import FunctionType, ModuleType
 
-OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "forceinline": True}
 """Kernels allocate nothing, so nothing has to be reference counted. A module that calls BLAS says ``ALLOCATES = True``:
-numba counts what it hands over."""
+numba counts what it hands over. Called kernels are put into their callers: an array that is passed on is six numbers or
+more on the stack, which cost a small kernel more than its arithmetic."""
 
 PACKAGES = ("wholebody",)
 """Where kernels may lie."""
