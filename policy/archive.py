@@ -42,28 +42,45 @@ UNREADABLE = (
 """What zipfile and numpy raise on an archive that they cannot read."""
 
 
-def read_arrays(path: Path, known: Collection[str]) -> dict[str, np.ndarray]:
+def read_arrays(
+    path: Path,
+    known: Collection[str],
+    *,
+    wanted: Collection[str] | None = None,
+    archive_max: int = ARCHIVE_MAX,
+    array_max: int = ARRAY_MAX,
+    total_max: int | None = None,
+) -> dict[str, np.ndarray]:
     """Arrays by name.
 
     Args:
         path: The archive.
         known: Names that it may hold.
+        wanted: Those that are unpacked; all if not given.
+        archive_max: Largest archive [bytes].
+        array_max: Largest array, unpacked [bytes].
+        total_max: All arrays that are unpacked together [bytes].
 
     Raises:
         OSError: If it cannot be read.
         ReadingError: If it is no archive, holds something else, or more than is read.
     """
-    require_file(path, ARCHIVE_MAX)
+    require_file(path, archive_max)
     try:
         _require_small_directory(path)
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
             _require_names([member.filename for member in members], known)
-            for member in members:
-                if member.file_size > ARRAY_MAX:
-                    text = f"claims {member.file_size} bytes in '{member.filename}'; at most {ARRAY_MAX} are unpacked"
+            chosen = {member.filename.removesuffix(".npy"): member for member in members}
+            chosen = {name: member for name, member in chosen.items() if wanted is None or name in wanted}
+            for member in chosen.values():
+                if member.file_size > array_max:
+                    text = f"claims {member.file_size} bytes in '{member.filename}'; at most {array_max} are unpacked"
                     raise ReadingError(text)
-            return {member.filename.removesuffix(".npy"): _array(archive, member) for member in members}
+            total = sum(member.file_size for member in chosen.values())
+            if total_max is not None and total > total_max:
+                raise ReadingError(f"claims {total} bytes in all; at most {total_max} are unpacked")
+            return {name: _array(archive, member, array_max) for name, member in chosen.items()}
     except UNREADABLE as error:
         text = f"is no .npz file, or a damaged or encrypted one ({error}); write it again with numpy.savez"
         raise ReadingError(text) from error
@@ -98,7 +115,7 @@ def _require_names(names: list[str], known: Collection[str]) -> None:
             raise ReadingError(f"has the array '{key}' twice")
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> np.ndarray:
     """An array whose header and size agree, without objects."""
     name = member.filename.removesuffix(".npy")
     with archive.open(member) as stream:
@@ -119,9 +136,9 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
             text = f"{name} has the shape {printable(shape, 60)}; at most {DIMENSIONS_MAX} lengths are expected"
             raise ReadingError(text)
         size = int(np.prod(lengths, dtype=object)) * dtype.itemsize
-        if size > min(ARRAY_MAX, member.file_size) or max(lengths, default=0) > ARRAY_MAX:
+        if size > min(most, member.file_size) or max(lengths, default=0) > most:
             raise ReadingError(
-                f"{name} claims {size} bytes; the file holds {member.file_size}, at most {ARRAY_MAX} are read"
+                f"{name} claims {size} bytes; the file holds {member.file_size}, at most {most} are read"
             )
         content = stream.read(size + 1)
     if len(content) != size:

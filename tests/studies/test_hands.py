@@ -29,7 +29,7 @@ def supervisor():
 
 
 def record(supervisor, policy, duration, *, scene="floor", hold=0.0):
-    recorder = Recorder(supervisor.robot.joint_names, SPEC.joint_names, scene)
+    recorder = Recorder(SPEC, scene)
     config = EpisodeConfig(settle=SETTLE, hold=hold)
     plant = MujocoPlant(SPEC, scene=scene, control_dt=supervisor.config.dt)
     result = run_episode(policy, supervisor, plant, duration=duration, config=config, recorder=recorder)

@@ -78,7 +78,7 @@ REACHES = {
 @pytest.mark.parametrize("name", REACHES)
 def test_reach(supervisor, plant, stored, name):
     policy = reach(*REACHES[name])
-    recorder = Recorder(supervisor.robot.joint_names, SPEC.joint_names)
+    recorder = Recorder(SPEC)
     result = run_episode(policy, supervisor, plant, duration=policy.duration, recorder=recorder)
     assert result.fall is None
     stored.check("end_mm", 1e3 * result.errors[-1].max(), tolerance=0.5, at_most=2.0)

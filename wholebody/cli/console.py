@@ -101,8 +101,10 @@ def waiting(text: str, quiet: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(name: str, *, quiet: bool) -> Iterator[Callable[[float, float], None] | None]:
-    """How far a simulation is: a bar on a terminal, in a pipe a plain line every few seconds."""
+def progress_bar(
+    name: str, *, quiet: bool = False, drawing: bool = False
+) -> Iterator[Callable[[float, float], None] | None]:
+    """How far a simulation is, or a drawing: a bar on a terminal, in a pipe a plain line every few seconds."""
     if quiet:
         yield None
     elif sys.stderr.isatty():
@@ -112,10 +114,11 @@ def progress_bar(name: str, *, quiet: bool) -> Iterator[Callable[[float, float],
 
         columns = (SpinnerColumn(), *Progress.get_default_columns()[:-1], TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(f"{escape(printable(name, 200))}, compiling if it is the first time", total=1.0)
+            slow = "" if drawing else ", compiling if it is the first time"
+            task = bar.add_task(f"{escape(printable(name, 200))}{slow}", total=1.0)
             yield lambda time, end: bar.update(task, completed=time / end, description=escape(printable(name, 200)))
     else:
-        lines = _ProgressLines(name)
+        lines = _DrawingLines(name) if drawing else _ProgressLines(name)
         with _heartbeat(lines.line):
             yield lines.update
 
@@ -133,6 +136,19 @@ class _ProgressLines:
         why = ", compiling if it is the first time" if self.now == self.told else ""
         self.told = self.now
         return f"{self.name}: {self.now}{why} ({seconds:.0f} s)"
+
+
+class _DrawingLines:
+    """How far a drawing is."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.now = name, "loading the robot"
+
+    def update(self, done: float, total: float) -> None:
+        self.now = f"{done:.0f} of {total:.0f} frames"
+
+    def line(self, seconds: float) -> str:
+        return f"{self.name}: {self.now} ({seconds:.0f} s)"
 
 
 @contextmanager
@@ -158,7 +174,7 @@ def _heartbeat(line: Callable[[float], str]) -> Iterator[None]:
 def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, record: Path | None) -> None:
     """The recording and what is drawn from it; without OpenGL the run still counts."""
     from wholebody.errors import RenderError
-    from wholebody.sim.render import render
+    from wholebody.sim.pictures.render import render
 
     with TemporaryDirectory() as folder:
         file = record or Path(folder) / "run.npz"
@@ -167,8 +183,8 @@ def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, r
             if output is None:
                 continue
             try:
-                with waiting(f"drawing {output}"):
-                    render(file, output)
+                with progress_bar(f"drawing {output}", drawing=True) as progress:
+                    render(file, output, progress=progress)
                 say(f"wrote {output}", to_errors=True)
             except RenderError as error:
                 complain(f"'{output}' was not written: {error}")

@@ -16,7 +16,7 @@ from wholebody.cli.crash import CRASH, sentence
 from wholebody.cli.doctor import doctor
 from wholebody.cli.layouts import layouts
 from wholebody.cli.options import flat
-from wholebody.cli.run import run
+from wholebody.cli.run import plot, run
 from wholebody.cli.serve_policy import serve_policy
 from wholebody.cli.settings import config, warmup
 from wholebody.cli.spec import spec
@@ -24,7 +24,7 @@ from wholebody.cli.spec import spec
 MISUSE = 2
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
-for command in (check, run, convert, layouts, spec, doctor, serve_policy, warmup, config):
+for command in (check, run, plot, convert, layouts, spec, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
 

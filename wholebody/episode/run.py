@@ -20,9 +20,10 @@ from wholebody.config_bounds import require_all
 from wholebody.episode.chunk_seams import commanded_chunk
 from wholebody.episode.meters import Meters
 from wholebody.episode.result import EpisodeResult
+from wholebody.episode.tracking_error import asked_palms
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
-from wholebody.sim.recorder import Recorder
+from wholebody.sim.recorder import Followed, Recorder
 from wholebody.sim.sensors import Sensors
 from wholebody.types import RobotState
 
@@ -80,6 +81,23 @@ def observe(
     )
 
 
+def followed(supervisor: Supervisor, now: float) -> Followed:
+    """What a supervisor followed in its last step, for a recording.
+
+    Args:
+        supervisor: After `step`.
+        now: Time of that step [s].
+    """
+    chunk, palms = supervisor.chunk, supervisor.palm_reference()
+    return Followed(
+        asked=None if chunk is None else asked_palms(chunk, now, supervisor.spec),
+        commanded=np.stack([palms["left"], palms["right"]]),
+        status=supervisor.status,
+        rate=supervisor.rate,
+        planning_time=supervisor.handover.planning_time,
+    )
+
+
 def run_episode(
     policy: Policy | Executor,
     supervisor: Supervisor,
@@ -100,7 +118,7 @@ def run_episode(
         duration: Time for which chunks are asked for, after the settling time [s].
         config: How the episode runs.
         sensors: What the controller is told of the true state; the truth itself if not given.
-        recorder: Where to write every control period.
+        recorder: Collects every control period; what it held is forgotten.
         progress: Called about ten times a simulated second with the time and the end time [s].
 
     Raises:
@@ -119,6 +137,8 @@ def run_episode(
     def seen() -> Observation:
         return observe(plant.spec, supervisor, measured, config.task, config.cameras() if config.cameras else {})
 
+    if recorder is not None:
+        recorder.begin(meters.result.orientation_free)
     end, tick = config.settle + duration + config.hold, 0
     while state.time < end - 1e-9 and meters.result.fall is None:
         if config.settle - 1e-9 <= state.time < asking - 1e-9:
@@ -131,7 +151,7 @@ def run_episode(
         meters.refused(supervisor.take_refusal(), executor)
         palms = meters.commanded(supervisor, state.time)
         if recorder is not None:
-            recorder.add(state, command, palms, supervisor.status, plant)
+            recorder.add(state, command, followed(supervisor, state.time), plant)
         state, tick = plant.step(command), tick + 1
         measured = measure(state)
         meters.after(supervisor, plant, state, palms)

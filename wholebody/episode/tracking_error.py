@@ -174,6 +174,22 @@ def _off(these: Sequence[pin.SE3], those: Sequence[pin.SE3]) -> np.ndarray:
     return np.array([[np.linalg.norm(T.translation), np.linalg.norm(pin.log3(T.rotation))] for T in off])
 
 
+def asked_palms(chunk: ActionChunk, time: float, spec: RobotSpec) -> np.ndarray:
+    """Palm poses in world that a chunk asks for at a time, left first, shape (2, 4, 4).
+
+    Between two steps they are interpolated; before the first and after the last step, that one counts.
+
+    Args:
+        chunk: A valid chunk.
+        time: On the clock of its observation [s].
+        spec: The robot.
+    """
+    step = min(max((time - chunk.t_obs) * chunk.fps, 0.0), len(chunk) - 1.0)
+    k, offsets = min(int(step), max(len(chunk) - 2, 0)), [np.array(tool.palm_offset) for tool in spec.tools]
+    first, second = _palms(chunk, k, offsets), _palms(chunk, min(k + 1, len(chunk) - 1), offsets)
+    return np.stack([T.homogeneous for T in _between(first, second, step - k)])
+
+
 def start_jump(
     chunk: ActionChunk, now: float, commanded: Mapping[str, np.ndarray], spec: RobotSpec
 ) -> tuple[float, float]:

@@ -45,11 +45,12 @@ class PlanRequest:
 
 @dataclass(frozen=True)
 class PlanAnswer:
-    """What became of a request: a plan, or the error that there was instead."""
+    """What became of a request: a plan, or the error that there was instead, and the CPU time that it took [s]."""
 
     request: PlanRequest
     plan: ChunkPlan | None = None
     error: Exception | None = None
+    took: float = 0.0
 
 
 Compute = Callable[[PlanRequest], ChunkPlan]
@@ -88,12 +89,13 @@ class SimulatedPlanner:
 
     def submit(self, request: PlanRequest) -> None:
         """Plan now; the answer is there once its time has passed."""
-        begin = thread_time()
+        begin, plan, failed = thread_time(), None, None
         try:
-            self._answer = PlanAnswer(request, plan=self._compute(request))
+            plan = self._compute(request)
         except (InputError, PlanningError) as error:
-            self._answer = PlanAnswer(request, error=error)
-        took = thread_time() - begin if self._config.latency == "measured" else self._config.lead
+            failed = error
+        self._answer = PlanAnswer(request, plan, failed, thread_time() - begin)
+        took = self._answer.took if self._config.latency == "measured" else self._config.lead
         self._done = request.asked + self._config.factor * took
 
     def poll(self, now: float) -> PlanAnswer | None:
@@ -148,8 +150,9 @@ class ThreadPlanner:
         while (request := self._requests.get()) is not None:
             if request is not self._wanted:
                 continue
+            begin, plan, failed = thread_time(), None, None
             try:
-                answer = PlanAnswer(request, plan=self._compute(request))
+                plan = self._compute(request)
             except Exception as error:  # noqa: BLE001 - the robot must not fall because of it; the supervisor logs it
-                answer = PlanAnswer(request, error=error)
-            self._answers.put(answer)
+                failed = error
+            self._answers.put(PlanAnswer(request, plan, failed, thread_time() - begin))

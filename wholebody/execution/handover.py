@@ -50,7 +50,8 @@ class Handover:
 
     Attributes:
         lead: Time from asking for a plan to the instant at which it takes over [s].
-        late: How many plans came too late since the reset.
+        late: How many plans came too late, and were asked for again, since the reset.
+        planning_time: CPU time that the last plan took [s]; 0 before the first.
     """
 
     def __init__(self, planner: BackgroundPlanner, config: PlanningConfig, dt: float) -> None:
@@ -59,7 +60,7 @@ class Handover:
 
     def reset(self) -> None:
         """Begin an episode."""
-        self.lead, self.late = self._config.lead, 0
+        self.lead, self.late, self.planning_time = self._config.lead, 0, 0.0
         self.cancel()
 
     def cancel(self) -> None:
@@ -93,7 +94,7 @@ class Handover:
         answer = self._planner.poll(now)
         if answer is None or answer.request is not self._asked:
             return None
-        request, self._asked = self._asked, None
+        request, self._asked, self.planning_time = self._asked, None, answer.took
         if followed > request.due + 0.5 * self._dt:
             self.late += 1
             self.lead = min(2.0 * max(self.lead, self._dt), self._config.lead_max)

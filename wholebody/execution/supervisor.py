@@ -119,6 +119,11 @@ class Supervisor:
         """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
         return None if self._plan is None else self._plan.report.moved_at(self._follower.s)
 
+    @property
+    def rate(self) -> float:
+        """Speed along the plan, 1 at the chunk's own."""
+        return self._following().rate
+
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
         left, right = self._following().palm_poses()

@@ -1,6 +1,6 @@
 """What the robot's cameras see in the simulation, drawn by a child process while a policy runs.
 
-As for videos (`wholebody.sim.render`), a child process draws, since OpenGL that is missing can end a process.
+As for videos (`wholebody.sim.pictures.render`), a child process draws, since OpenGL that is missing can end a process.
 ``python -m wholebody.sim.cameras REQUEST`` is that child: it reads positions of MuJoCo's joints from standard input and
 writes pixels to standard output.
 
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wholebody.errors import RenderError
-from wholebody.sim.render import LIBRARIES, lit
+from wholebody.sim.opengl import LIBRARIES, lit, plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -144,10 +144,7 @@ def _draw(scene: str, hands: bool, sizes: Mapping[str, Iterable[int]]) -> None:
     mj.visual.global_.offwidth = max(width for _, width in sizes.values())
     model = mj.compile()
     data = mujoco.MjData(model)
-    renderers = {name: mujoco.Renderer(model, *size) for name, size in sizes.items()}
-    for renderer in renderers.values():
-        flags = renderer.scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+    renderers = {name: plain(mujoco.Renderer(model, *size)) for name, size in sizes.items()}
     sys.stdout.buffer.write(READY)
     sys.stdout.buffer.flush()
     while len(positions := sys.stdin.buffer.read(data.qpos.nbytes)) == data.qpos.nbytes:

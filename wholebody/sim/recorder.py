@@ -1,64 +1,103 @@
-"""A run as arrays: what was true, commanded and asked for, at every control period."""
+"""Collects a run as arrays: what was true, asked for, commanded and measured at every control period."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
+from models.pinocchio_model import load_pinocchio, palm_frame_ids
+from models.spec import RobotSpec
+from policy.errors import printable
+from wholebody.config import ControllerConfig
+from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.record import PERIODS, TEXT_MAX, VERSION, Record
 from wholebody.types import JointCommand, RobotState, StatusReport
 
 
-@dataclass
-class Recorder:
-    """Collects rows; `save` writes them as one ``.npz`` that needs no pickle.
-
-    Columns, n control periods, motors in motor order, SI units:
-
-    - ``time`` (n,); ``q`` (n, nq) and ``v`` (n, nv), true state in Pinocchio's convention
-    - ``q_command``, ``dq_command``, ``tau_command`` (n, n_joints)
-    - ``torque`` (n, n_joints): what the motors gave at the end of the period before
-    - ``T_world_palms`` (n, 2, 4, 4): commanded palm poses, left first
-    - ``foot_force`` (n,) and ``pressure`` (n, 2): load of the floor on the feet and its centre
-    - ``status``, ``reason``, ``contacts`` (n,): text; contacts as ``first-second`` joined by blanks
-    - ``objects`` (n, k, 7): position and quaternion wxyz of the scene's free bodies
+@dataclass(frozen=True)
+class Followed:
+    """What a supervisor followed in a control period.
 
     Attributes:
-        joint_names: Joints of ``q`` and ``v`` after the base, Pinocchio order.
-        motor_names: Joints of the command, motor order.
-        scene: Scene of the run.
+        asked: Palm poses that the chunk asks for now, left first, shape (2, 4, 4); None before the first chunk.
+        commanded: Palm poses that the controller is given, likewise.
+        status: What the supervisor says.
+        rate: Speed along the plan, 1 at the chunk's own.
+        planning_time: CPU time that the last plan took [s].
     """
 
-    joint_names: tuple[str, ...]
-    motor_names: tuple[str, ...]
-    scene: str = "floor"
-    _rows: dict[str, list] = field(default_factory=dict)
+    asked: np.ndarray | None
+    commanded: np.ndarray
+    status: StatusReport
+    rate: float = 1.0
+    planning_time: float = 0.0
 
-    def clear(self) -> None:
-        """Forget everything: the next run begins."""
-        self._rows.clear()
 
-    def add(
-        self,
-        state: RobotState,
-        command: JointCommand,
-        palms: dict[str, np.ndarray],
-        status: StatusReport,
-        plant: MujocoPlant,
-    ) -> None:
+class Recorder:
+    """Collects a row a control period; `save` writes them as one ``.npz`` that needs no pickle.
+
+    `wholebody.sim.record.COLUMNS` says what it holds.
+
+    Args:
+        spec: The robot.
+        scene: Scene of the run.
+        config: Settings of the run, for the bounds in them; the defaults if not given.
+    """
+
+    def __init__(self, spec: RobotSpec, scene: str = "floor", config: ControllerConfig | None = None) -> None:
+        self._model = load_pinocchio(spec)
+        self._data, self._palms = self._model.createData(), palm_frame_ids(spec, self._model)
+        self._rows: dict[str, list] = {}
+        self._texts: dict[str, dict[str, int]] = {}
+        self._support: SupportPolygon | None = None
+        config = config or ControllerConfig()
+        verdict = config.verdict
+        self._constants = {
+            "version": np.array(VERSION),
+            "scene": np.array(scene),
+            "joint_names": np.array(list(self._model.names[2:])),
+            "motor_names": np.array(spec.joint_names),
+            "effort_max": np.array(spec.effort_max, dtype=float),
+            "palm_bounds": np.array([verdict.palm_feasible, verdict.palm_repair]),
+            "turn_bounds": np.array([verdict.turn_feasible, verdict.turn_repair]),
+            "balance_margin": np.array(float(config.safety.balance_margin)),
+            "lead": np.array(float(config.planning.lead)),
+        }
+        self.begin()
+
+    def begin(self, orientation_free: tuple[bool, bool] = (False, False)) -> None:
+        """Forget everything: the next run begins.
+
+        Args:
+            orientation_free: Whether nothing is asked of the left and the right palm's orientation in it.
+        """
+        self._constants["orientation_free"] = np.array(orientation_free, dtype=int)
+        self._rows, self._support = {name: [] for name in PERIODS}, None
+        self._texts = {"details": {"": 0}, "contact_sets": {"": 0}}
+
+    def add(self, state: RobotState, command: JointCommand, followed: Followed, plant: MujocoPlant) -> None:
         """One control period.
 
         Args:
             state: True state at its beginning.
             command: Answer of the controller.
-            palms: Commanded palm poses (4, 4) by side.
-            status: Of the supervisor.
+            followed: What it is the answer to.
             plant: Before it is stepped.
         """
-        force, pressure = plant.foot_load()
-        row = {
+        for name, value in self._row(state, command, followed, plant).items():
+            self._rows[name].append(value)
+
+    def _row(
+        self, state: RobotState, command: JointCommand, followed: Followed, plant: MujocoPlant
+    ) -> dict[str, np.ndarray | float | str]:
+        """Values by column."""
+        status = followed.status
+        return {
             "time": state.time,
             "q": state.q,
             "v": state.v,
@@ -66,23 +105,61 @@ class Recorder:
             "dq_command": command.dq,
             "tau_command": command.tau,
             "torque": plant.torque.copy(),
-            "T_world_palms": np.stack([palms["left"], palms["right"]]),
-            "foot_force": force,
-            "pressure": pressure,
+            "torque_asked": plant.torque_asked.copy(),
+            "T_world_palms_asked": np.full((2, 4, 4), np.nan) if followed.asked is None else followed.asked,
+            "T_world_palms_commanded": followed.commanded,
+            "rate": followed.rate,
+            "planning_time": followed.planning_time,
             "status": status.status.value,
             "reason": str(status.reason or ""),
-            "contacts": " ".join("-".join(pair) for pair in plant.contacts()),
+            "detail": self._number("details", printable(status.detail, TEXT_MAX)),
+            "contacts": self._number("contact_sets", " ".join("-".join(pair) for pair in plant.contacts())),
             "objects": plant.objects(),
+            **self._palms_of(state),
+            **self._balance(state, plant),
         }
-        for name, value in row.items():
-            self._rows.setdefault(name, []).append(value)
+
+    def _palms_of(self, state: RobotState) -> dict[str, np.ndarray]:
+        pin.framesForwardKinematics(self._model, self._data, state.q)
+        return {"T_world_palms_measured": np.stack([self._data.oMf[palm].homogeneous for palm in self._palms])}
+
+    def _balance(self, state: RobotState, plant: MujocoPlant) -> dict[str, np.ndarray | float]:
+        """Centre of mass, capture point, pressure, and their distances from the edge of the support."""
+        if self._support is None:
+            self._support = convex_polygon(plant.contact_points()[:, :2])
+        pin.centerOfMass(self._model, self._data, state.q, state.v)
+        com = self._data.com[0].copy()
+        capture = com[:2] + self._data.vcom[0][:2] / natural_frequency(com[2])
+        force, pressure = plant.foot_load()
+        if force <= 0.0:
+            pressure = np.full(2, np.nan)
+        return {
+            "com": com,
+            "capture_point": capture,
+            "foot_force": force,
+            "pressure": pressure,
+            "pressure_margin": self._support.margin(pressure),
+            "capture_margin": self._support.margin(capture),
+        }
+
+    def _number(self, table: str, text: str) -> int:
+        """Number of a text in its table, where each is written once."""
+        known = self._texts[table]
+        return known.setdefault(text, len(known))
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The columns by name."""
-        return {name: np.array(rows) for name, rows in self._rows.items()}
+        """The columns by name, those that are the same all along included; empty before the first row."""
+        if self._support is None:
+            return {}
+        texts = {table: np.array(list(known)) for table, known in self._texts.items()}
+        rows = {name: np.array(values) for name, values in self._rows.items()}
+        return {**rows, **self._constants, **texts, "support": self._support.vertices}
+
+    def record(self) -> Record:
+        """What was collected so far."""
+        return Record(self.arrays())
 
     def save(self, path: str | Path) -> None:
-        """Write the columns, the joint names and the scene."""
-        names = {"joint_names": np.array(self.joint_names), "motor_names": np.array(self.motor_names)}
+        """Write the columns."""
         with Path(path).open("wb") as file:
-            np.savez_compressed(file, scene=np.array(self.scene), **names, **self.arrays())
+            np.savez_compressed(file, **self.arrays())

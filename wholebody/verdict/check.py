@@ -57,7 +57,7 @@ class Checker:
 
     def recorder(self) -> Recorder:
         """A recorder for this robot and scene."""
-        return Recorder(self.supervisor.robot.joint_names, self.supervisor.spec.joint_names, self.scene)
+        return Recorder(self.supervisor.spec, self.scene, self.supervisor.config)
 
     def check(
         self,

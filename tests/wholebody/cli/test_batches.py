@@ -1,7 +1,6 @@
 """Many inputs at the command line: side by side, verdicts as they come, strict exit codes, completion by the shell."""
 
 import json
-import sys
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -16,7 +15,6 @@ from policy.action_spec.describe import stance_numbers
 from policy.scripted.library import SCRIPTS
 from tests.support.commands import wholebody
 from wholebody.cli import judging
-from wholebody.cli import main as cli
 from wholebody.cli.console import JsonVerdicts
 from wholebody.cli.options import Input, Sampling, Simulation
 from wholebody.episode.timing import Timing
@@ -26,18 +24,6 @@ from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity, Violation
 
 FEASIBLE = Verdict(name="wave", verdict="feasible", fell=False, timing=Timing(chunks=3))
-
-
-@pytest.fixture
-def inside(monkeypatch, capsys):
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["wholebody", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        said = capsys.readouterr()
-        return SimpleNamespace(returncode=end.value.code, stdout=said.out, stderr=said.err)
-
-    return call
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Strategy: exit codes, first lines and files, through the entry point; what simulates in a process of its own."""
 
 import json
-import sys
 from types import SimpleNamespace
 
 import jsonschema
@@ -11,7 +10,6 @@ import pytest
 from models.scenes import SCENES
 from policy.scripted.library import SCRIPTS
 from tests.support.commands import wholebody
-from wholebody.cli import main as cli
 from wholebody.cli import run as run_command
 from wholebody.cli.simulated import SCENE_OF
 from wholebody.cli.sources import NO_END
@@ -21,20 +19,6 @@ from wholebody.resources import verdict_schema
 from wholebody.verdict.verdict import Verdict
 
 SHORT = ("--duration", "0.2", "--hold", "0.2")
-
-
-@pytest.fixture
-def inside(monkeypatch, capsys):
-    """The same in this process, for what ends before a simulation begins."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["wholebody", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        said = capsys.readouterr()
-        return SimpleNamespace(returncode=end.value.code, stdout=said.out, stderr=said.err)
-
-    return call
 
 
 def test_the_version_is_printed(inside):

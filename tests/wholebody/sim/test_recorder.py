@@ -1,119 +1,98 @@
-"""Strategy: a short run on hand-made commands is recorded, read back without pickle, and drawn where OpenGL is."""
+"""Strategy: a short run on hand-made commands is recorded and read back without pickle; a real episode is recorded, and
+its columns agree with what the episode itself says of its errors and margins.
+"""
 
-from pathlib import Path
-
-import imageio.v3 as iio
 import numpy as np
 import pytest
 
 from models.g1 import g1
-from wholebody.errors import InputError, RenderError
-from wholebody.sim import render as rendering
+from policy.scripted.library import scripted_policy
+from tests.support.recordings import plant_recording
+from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.record import COLUMNS, read_record
 from wholebody.sim.recorder import Recorder
-from wholebody.sim.render import render
-from wholebody.types import JointCommand, Status, StatusReport
 
 SPEC = g1()
 STEPS = 20
 
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    plant = MujocoPlant(SPEC, scene="table_cylinder")
-    recorder = Recorder(tuple(sorted(SPEC.joint_names)), SPEC.joint_names, "table_cylinder")
-    state, zero = plant.reset(), np.zeros(SPEC.n_joints)
-    palms = {"left": np.eye(4), "right": np.eye(4)}
-    for _ in range(STEPS):
-        command = JointCommand(state.time, plant.joint_positions().copy(), zero, zero, SPEC.kp, SPEC.kd)
-        recorder.add(state, command, palms, StatusReport(Status.HOLD, "no_chunk"), plant)
-        state = plant.step(command)
-    path = tmp_path_factory.mktemp("recording") / "run.npz"
-    recorder.save(path)
-    return path
+def record(tmp_path_factory):
+    return read_record(plant_recording(tmp_path_factory.mktemp("recording") / "run.npz", STEPS))
 
 
-def drawn(recording, output):
-    """Whether it could be drawn here; if not, the message must say what to install."""
-    problem = ""
-    try:
-        render(recording, output)
-    except RenderError as error:
-        problem = str(error)
-    assert not problem or ("libegl1" in problem and "libosmesa6" in problem)
-    return not problem
+@pytest.fixture(scope="module")
+def episode():
+    recorder, policy = Recorder(SPEC), scripted_policy("wave")
+    config = EpisodeConfig(settle=0.1, hold=0.1)
+    result = run_episode(policy, Supervisor(SPEC), MujocoPlant(SPEC), duration=0.8, config=config, recorder=recorder)
+    return recorder, result
 
 
-def test_every_column_has_a_row_a_control_period(recording):
-    with np.load(recording, allow_pickle=False) as data:
-        assert data["q"].shape == (STEPS, 50)
-        assert data["torque"].shape == data["tau_command"].shape == (STEPS, 43)
-        assert data["objects"].shape == (STEPS, 1, 7)
-        assert np.allclose(np.diff(data["time"]), 0.002)
-        assert set(data["status"]) == {"hold"}
-        assert data["foot_force"][-1] > 0.0
-        # A row tells what the motors gave at the end of the period before.
-        assert not data["torque"][0].any()
-        assert data["torque"][-1].any()
-        assert str(data["scene"]) == "table_cylinder"
+def test_every_column_has_a_row_a_control_period(record):
+    assert len(record) == STEPS
+    assert record["q"].shape == (STEPS, 50)
+    assert record["torque"].shape == record["tau_command"].shape == (STEPS, 43)
+    assert record["objects"].shape == (STEPS, 1, 7)
+    assert np.allclose(np.diff(record["time"]), 0.002)
+    assert record["foot_force"][-1] > 0.0
+    assert str(record["scene"]) == "table_cylinder"
 
 
-def test_a_cleared_recorder_begins_anew():
-    recorder = Recorder((), ())
-    recorder._rows["time"] = [0.0]
-    recorder.clear()
+def test_a_row_tells_what_the_motors_gave_at_the_end_of_the_period_before(record):
+    assert not record["torque"][0].any()
+    assert record["torque"][-1].any()
+    assert (record["torque_asked"] >= np.abs(record["torque"]) - 1e-9).all()
+
+
+def test_a_row_tells_status_reason_and_what_was_said(record):
+    half = STEPS // 2
+    assert set(record["status"][:half]) == {"hold"}
+    assert set(record["reason"][half:]) == {"out_of_reach"}
+    assert record["details"][record["detail"]][[0, -1]].tolist() == ["no chunk yet", "targets moved"]
+    assert record["rate"][-1] == 0.9
+    assert record["planning_time"][-1] == 0.03
+
+
+def test_nothing_is_asked_before_the_first_chunk_and_then_it_is_told(record):
+    half, errors = STEPS // 2, record.palm_errors()
+    assert np.isnan(errors[:half]).all()
+    assert np.abs(record.palm_errors("asked", "commanded")[half:] - 0.1).max() < 1e-9
+    # Nothing holds the arms up but the gains.
+    assert record.palm_errors("commanded", "measured").max() < 0.01
+    assert np.abs(errors[half:] - 0.1).max() < 0.01
+
+
+def test_a_recorder_begins_anew_with_every_run(episode):
+    recorder = Recorder(SPEC)
     assert recorder.arrays() == {}
+    assert set(episode[0].arrays()) == set(COLUMNS)
 
 
-def test_a_sheet_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path):
-    output = tmp_path / "sheet.png"
-    if drawn(recording, output):
-        image = iio.imread(output)
-        assert image.shape == (2 * rendering.HEIGHT, 3 * rendering.WIDTH, 3)
-        assert image.std() > 20.0  # not one colour
+def test_the_asked_palms_are_those_that_the_errors_of_the_episode_are_measured_against(episode):
+    recorder, result = episode
+    record = recorder.record()
+    time, asked = record["time"], np.isfinite(record.palm_errors()[:, 0])
+    # The first step is due between the last period before the chunk and the first one with it.
+    scored = result.times >= time[asked][0]
+    assert scored.sum() >= 20
+
+    def at_steps(columns):
+        return np.array([np.interp(result.times[scored], time[asked], columns[asked, hand]) for hand in (0, 1)]).T
+
+    assert np.abs(at_steps(record.palm_errors()) - result.errors[scored]).max() < 1e-4
+    assert np.abs(at_steps(record.palm_turns()) - result.turns[scored]).max() < 1e-3
 
 
-def test_a_video_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path):
-    output = tmp_path / "run.mp4"
-    if drawn(recording, output):
-        assert output.stat().st_size > 1000
+def test_the_margin_is_that_of_the_verdict(episode):
+    recorder, result = episode
+    assert np.nanmin(recorder.record()["pressure_margin"][1:]) == pytest.approx(result.margin, abs=1e-3)
 
 
-def test_without_any_opengl_the_packages_to_install_are_named(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr(rendering, "LIBRARIES", {"nothing": "libnothing1"})
-    with pytest.raises(RenderError, match="libnothing1"):
-        render(recording, tmp_path / "sheet.png")
-
-
-def test_a_child_that_takes_too_long_is_given_up(recording, tmp_path):
-    with pytest.raises(RenderError, match="took longer than"):
-        render(recording, tmp_path / "sheet.png", timeout=0.01)
-
-
-@pytest.mark.parametrize("name", ["run.mp4", "sheet.png"])
-def test_ctrl_c_in_mid_video_leaves_the_whole_file_from_before_or_none(recording, tmp_path, monkeypatch, name):
-    def broken_off(backend, recording, output, timeout):
-        Path(output).write_bytes(b"half of it")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(rendering, "_child", broken_off)
-    output = tmp_path / "pictures" / name
-    output.parent.mkdir()
-    for before in (None, b"whole"):
-        if before:
-            output.write_bytes(before)
-        with pytest.raises(KeyboardInterrupt):
-            render(recording, output)
-        assert [path.name for path in output.parent.iterdir()] == ([name] if before else [])
-    assert output.read_bytes() == b"whole"
-
-
-@pytest.mark.parametrize("name", ["run.gif", "run"])
-def test_an_unknown_ending_is_refused_with_those_that_work(recording, tmp_path, name):
-    with pytest.raises(InputError, match=r"\.mp4"):
-        render(recording, tmp_path / name)
-
-
-def test_a_missing_recording_is_named(tmp_path):
-    with pytest.raises(InputError, match="no recording"):
-        render(tmp_path / "none.npz", tmp_path / "sheet.png")
+def test_the_time_that_plans_took_and_the_speed_are_told(episode):
+    record = episode[0].record()
+    assert record["planning_time"][0] == 0.0
+    assert 0.0 < record["planning_time"][-1] < 120.0
+    assert record["rate"].max() <= 1.0 + 1e-9

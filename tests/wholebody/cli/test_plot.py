@@ -1,0 +1,36 @@
+"""Strategy: the command writes the picture of a recording made of numbers, or says in one sentence why not."""
+
+import numpy as np
+import pytest
+
+from tests.support.recordings import made_record, save
+
+
+def test_the_command_writes_the_picture_beside_the_recording(inside, tmp_path):
+    save(made_record(50), tmp_path / "run.npz")
+    answer = inside("plot", str(tmp_path / "run.npz"))
+    assert (answer.returncode, answer.stdout) == (0, "")
+    assert answer.stderr == f"wrote {tmp_path / 'run.png'}\n"
+    assert (tmp_path / "run.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("none.npz",), "none.npz"),
+        ((".",), "say with --output where"),
+        (("chunk.npz",), "chunk.npz: has the unknown array 'actions'"),
+        (("run.npz", "-o", "run.gif"), "must end in .png"),
+        (("run.npz", "-o", "none/run.png"), "there is no folder"),
+        ((".", "-o", "run.png"), ".: is a folder, which cannot be read"),
+    ],
+)
+def test_what_cannot_be_plotted_is_one_sentence_and_code_2(inside, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    save(made_record(5), tmp_path / "run.npz")
+    np.savez(tmp_path / "chunk.npz", actions=np.zeros((3, 32)))
+    answer = inside("plot", *arguments)
+    assert answer.returncode == 2
+    assert says in answer.stderr
+    assert len(answer.stderr.splitlines()) == 1
+    assert not list(tmp_path.glob("*.png"))

@@ -1,0 +1,131 @@
+"""Strategy: a short run is drawn where OpenGL is, and what a person would look for is looked for in the pixels; where
+there is none, the message must say what to install. Words and legend are drawn without OpenGL.
+"""
+
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from tests.support.recordings import made_record, plant_recording
+from wholebody.errors import InputError, RenderError
+from wholebody.sim.pictures import render as rendering
+from wholebody.sim.pictures.caption import CAPTION, captioned, legend
+from wholebody.sim.pictures.drawing import HEIGHT, WIDTH
+from wholebody.sim.pictures.render import render
+from wholebody.sim.pictures.scene import scene_of
+
+TILE = HEIGHT + CAPTION
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return plant_recording(tmp_path_factory.mktemp("recording") / "run.npz")
+
+
+def drawn(recording, output, progress=None):
+    """Whether it could be drawn here; if not, the message must say what to install."""
+    problem = ""
+    try:
+        render(recording, output, progress=progress)
+    except RenderError as error:
+        problem = str(error)
+    assert not problem or ("libegl1" in problem and "libosmesa6" in problem)
+    return not problem
+
+
+def red(image):
+    """How many pixels have the colour of the error lines."""
+    r, g, b = np.moveaxis(image[..., :3].astype(int), -1, 0)
+    return int(((r > 150) & (g < 110) & (b < 110)).sum())
+
+
+def test_a_sheet_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path):
+    output, frames = tmp_path / "sheet.png", []
+    if not drawn(recording, output, lambda done, total: frames.append((done, total))):
+        pytest.skip("no OpenGL here to draw with")
+    image = iio.imread(output)
+    assert image.shape == (2 * TILE + legend(3 * WIDTH).shape[0], 3 * WIDTH, 3)
+    assert image.std() > 20.0  # not one colour
+    assert frames == [(k + 1, 6) for k in range(6)]
+    # Asked 10 cm higher from the middle on: the last picture shows it, the first one does not.
+    first, last = image[CAPTION:TILE, :WIDTH], image[TILE + CAPTION : 2 * TILE, 2 * WIDTH :]
+    assert red(last) > red(first) + 60
+
+
+def test_a_video_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path):
+    output = tmp_path / "run.mp4"
+    if drawn(recording, output):
+        assert output.stat().st_size > 1000
+        frame = iio.imread(output, index=0, plugin="FFMPEG")
+        assert frame.shape[:2] == (TILE + legend(WIDTH).shape[0], WIDTH)
+        assert frame.shape[0] % 16 == 0
+
+
+def test_a_caption_says_when_what_and_why_above_the_picture():
+    image, scene = np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8), scene_of(made_record(3), 0)
+    plain, chosen = captioned(image, scene), captioned(image, scene, "end; " + 20 * "smallest balance margin: 3 mm; ")
+    assert (plain[CAPTION:] == image).all()
+    assert plain.shape == chosen.shape == (TILE, WIDTH, 3)
+    assert (plain[: CAPTION // 3] < 100).sum() < (chosen[: CAPTION // 3] < 100).sum()
+
+
+def test_without_any_opengl_the_packages_to_install_are_named(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(rendering, "LIBRARIES", {"nothing": "libnothing1"})
+    with pytest.raises(RenderError, match="libnothing1"):
+        render(recording, tmp_path / "sheet.png")
+
+
+def test_a_child_that_takes_too_long_for_a_frame_is_given_up(recording, tmp_path):
+    with pytest.raises(RenderError, match="took longer than"):
+        render(recording, tmp_path / "sheet.png", timeout=0.01)
+
+
+@pytest.mark.parametrize("name", ["run.mp4", "sheet.png"])
+def test_ctrl_c_in_mid_video_leaves_the_whole_file_from_before_or_none(recording, tmp_path, monkeypatch, name):
+    def broken_off(backend, recording, output, *_):
+        Path(output).write_bytes(b"half of it")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rendering, "_child", broken_off)
+    output = tmp_path / "pictures" / name
+    output.parent.mkdir()
+    for before in (None, b"whole"):
+        if before:
+            output.write_bytes(before)
+        with pytest.raises(KeyboardInterrupt):
+            render(recording, output)
+        assert [path.name for path in output.parent.iterdir()] == ([name] if before else [])
+    assert output.read_bytes() == b"whole"
+
+
+def test_ctrl_c_ends_the_process_that_draws(recording, tmp_path, monkeypatch):
+    children = []
+
+    class Child(rendering.subprocess.Popen):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            children.append(self)
+
+    class Waiting(rendering.SimpleQueue):
+        def get(self, *_, **__):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(rendering.subprocess, "Popen", Child)
+    monkeypatch.setattr(rendering, "SimpleQueue", Waiting)
+    with pytest.raises(KeyboardInterrupt):
+        render(recording, tmp_path / "run.mp4")
+    assert [child.poll() is None for child in children] == [False]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["run.gif", "run"])
+def test_an_unknown_ending_is_refused_with_those_that_work(recording, tmp_path, name):
+    with pytest.raises(InputError, match=r"\.mp4"):
+        render(recording, tmp_path / name)
+
+
+def test_a_missing_recording_is_named(tmp_path):
+    with pytest.raises(InputError, match="no recording"):
+        render(tmp_path / "none.npz", tmp_path / "sheet.png")

@@ -1,0 +1,197 @@
+"""Scenes drawn by MuJoCo, with a caption and a legend: ``python -m wholebody.sim.pictures.drawing RECORD OUTPUT``.
+
+A process of its own, started by `wholebody.sim.pictures.render`. It writes a line to standard output after every frame:
+how many are done, and how many there are.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wholebody.sim.opengl import lit, plain
+from wholebody.sim.pictures.caption import captioned, legend
+from wholebody.sim.pictures.moments import moments
+from wholebody.sim.pictures.scene import SCENE_COLUMNS, SIDES, Kind, Mark, Scene, scene_of
+from wholebody.sim.record import Record, read_record
+
+if TYPE_CHECKING:
+    import mujoco
+
+WIDTH, HEIGHT, FPS, SHEET_FRAMES = 640, 480, 30, 6
+LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.14, 0.0, 0.64), 2.0, 212.0, -14.0
+"""From the front left, far enough for a robot of 1.3 m with its arms up or squatting [m], [deg]."""
+
+
+def main(recording: Path, output: Path) -> None:
+    """Draw a sheet (.png) or a video."""
+    import imageio.v2 as iio
+
+    record = read_record(recording, SCENE_COLUMNS)
+    if output.suffix == ".png":
+        chosen = moments(record, SHEET_FRAMES)
+        tiles = list(frames(record, [moment.row for moment in chosen], [moment.why for moment in chosen]))
+        tiles += [np.full_like(tiles[0], 255)] * (SHEET_FRAMES - len(tiles))
+        half = SHEET_FRAMES // 2
+        iio.imwrite(output, np.vstack([np.hstack(tiles[:half]), np.hstack(tiles[half:]), legend(half * WIDTH)]))
+        return
+    time = record["time"]
+    times = np.arange(time[0], time[-1] + 1e-9, 1.0 / FPS)
+    rows = np.searchsorted(time, times - 1e-9).clip(0, len(record) - 1)
+    colours = legend(WIDTH)
+    with iio.get_writer(output, fps=FPS, codec="libx264", macro_block_size=16) as writer:
+        for frame in frames(record, rows):
+            writer.append_data(np.vstack([frame, colours]))
+
+
+def frames(record: Record, rows: Sequence[int], why: Sequence[str] = ()) -> Iterator[np.ndarray]:
+    """Captioned pictures of control periods; ``why`` says of each why it is shown."""
+    painter = Painter(record)
+    for done, row in enumerate(rows):
+        scene = scene_of(record, int(row))
+        yield captioned(painter.paint(scene), scene, why[done] if why else "")
+        print(done + 1, len(rows), flush=True)  # noqa: T201 - what the process that started this one reads
+
+
+class Painter:
+    """Draws scenes of one recording.
+
+    Args:
+        record: Says which robot and which surroundings.
+    """
+
+    def __init__(self, record: Record) -> None:
+        import mujoco
+
+        from models.conversion import Conversion
+        from models.g1 import g1
+        from models.mujoco_model import build_mujoco
+        from models.pinocchio_model import load_pinocchio
+
+        spec = g1(hands=any("_hand_" in name for name in record["joint_names"]))
+        pin_model = load_pinocchio(spec)
+        self._model = bright(lit(build_mujoco(spec, scene=str(record["scene"]), visuals=True))).compile()
+        self._data, self._rest = mujoco.MjData(self._model), np.zeros(pin_model.nv)
+        self._conversion = Conversion(spec, pin_model, self._model)
+        free = np.flatnonzero(self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[1:]
+        self._free = [int(self._model.jnt_qposadr[j]) for j in free]
+        self._hands = {tool.side: _below(self._model, self._model.body(tool.wrist_frame).id) for tool in spec.tools}
+        self._camera = mujoco.MjvCamera()
+        self._camera.lookat[:], self._camera.distance = LOOK_AT, DISTANCE
+        self._camera.azimuth, self._camera.elevation = AZIMUTH, ELEVATION
+        self._renderer = plain(mujoco.Renderer(self._model, HEIGHT, WIDTH))
+
+    def paint(self, scene: Scene) -> np.ndarray:
+        """Robot, objects and marks, shape (HEIGHT, WIDTH, 3)."""
+        import mujoco
+
+        data = self._data
+        self._conversion.to_mujoco(scene.q, self._rest, data.qpos, data.qvel)
+        for address, pose in zip(self._free, scene.objects, strict=True):
+            data.qpos[address : address + 7] = pose
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        self._renderer.update_scene(data, self._camera)
+        drawn = self._renderer.scene
+        solid = [drawn.geoms[i] for i in range(drawn.ngeom)]
+        for mark in scene.marks():
+            if mark.kind is Kind.HAND:
+                self._ghost(drawn, solid, mark, scene.measured[SIDES.index(mark.side)])
+            else:
+                draw_mark(drawn, mark)
+        return self._renderer.render()
+
+    def _ghost(self, drawn: mujoco.MjvScene, solid: list[mujoco.MjvGeom], mark: Mark, T_world_palm: np.ndarray) -> None:
+        """Copies of what is drawn of a hand, moved along with its palm."""
+        import mujoco
+
+        T_there_here = mark.T_world_palm @ np.linalg.inv(T_world_palm)
+        R, p = T_there_here[:3, :3], T_there_here[:3, 3]
+        for geom in solid:
+            if geom.objtype != mujoco.mjtObj.mjOBJ_GEOM:
+                continue
+            if int(self._model.geom_bodyid[geom.objid]) in self._hands[mark.side]:
+                copy = _new_geom(drawn, geom.type, geom.size, R @ geom.pos + p, R @ geom.mat, mark.show.colour)
+                if copy is not None:
+                    copy.dataid, copy.matid = geom.dataid, -1
+
+
+def draw_mark(drawn: mujoco.MjvScene, mark: Mark) -> None:
+    """A mark as shapes of MuJoCo."""
+    import mujoco
+
+    kind, size, colour, points, flat = mujoco.mjtGeom, mark.size, mark.show.colour, mark.points, np.eye(3)
+    match mark.kind:
+        case Kind.BALL:
+            _new_geom(drawn, kind.mjGEOM_SPHERE, np.full(3, size), points[0], flat, colour)
+        case Kind.DISC:
+            _new_geom(drawn, kind.mjGEOM_CYLINDER, np.array([size, size, 5e-4]), points[0], flat, colour)
+        case Kind.LINE:
+            _line(drawn, *points, size, colour)
+        case Kind.AREA:
+            for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
+                _line(drawn, first, second, size, (*colour[:3], 1.0))
+            for first, second in pairwise(points[1:]):
+                _triangle(drawn, points[0], first, second, colour)
+
+
+def _new_geom(
+    drawn: mujoco.MjvScene, kind: int, size: np.ndarray, pos: np.ndarray, mat: np.ndarray, colour: Sequence[float]
+) -> mujoco.MjvGeom | None:
+    """One more shape; None where there is no room for it."""
+    import mujoco
+
+    if drawn.ngeom >= drawn.maxgeom:
+        return None
+    geom = drawn.geoms[drawn.ngeom]
+    mujoco.mjv_initGeom(geom, kind, size, pos, np.asarray(mat, dtype=float).ravel(), np.array(colour, dtype=np.float32))
+    drawn.ngeom += 1
+    return geom
+
+
+def _line(drawn: mujoco.MjvScene, first: np.ndarray, second: np.ndarray, size: float, colour: Sequence[float]) -> None:
+    import mujoco
+
+    geom = _new_geom(drawn, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3), colour)
+    if geom is not None:
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, size, first, second)
+
+
+def _triangle(drawn: mujoco.MjvScene, a: np.ndarray, b: np.ndarray, c: np.ndarray, colour: Sequence[float]) -> None:
+    """MuJoCo's triangle has its corners at the origin and on the x and y axes of a frame that may be skewed."""
+    import mujoco
+
+    mat = np.column_stack([b - a, c - a, (0.0, 0.0, 1.0)])
+    _new_geom(drawn, mujoco.mjtGeom.mjGEOM_TRIANGLE, np.ones(3), a, mat, colour)
+
+
+def bright(mj: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Light from above, so that the floor is light as far as it goes."""
+    import mujoco
+
+    mj.worldbody.add_light(
+        pos=(0.0, 0.0, 4.0),
+        dir=(0.0, 0.0, -1.0),
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        diffuse=(0.35, 0.35, 0.35),
+        castshadow=False,
+    )
+    return mj
+
+
+def _below(model: mujoco.MjModel, body: int) -> set[int]:
+    """A body and all that hang on it."""
+    found = {body}
+    for other in range(body + 1, model.nbody):
+        if int(model.body_parentid[other]) in found:
+            found.add(other)
+    return found
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

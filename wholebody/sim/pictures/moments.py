@@ -1,0 +1,104 @@
+"""Which instants of a run a sheet shows, and why: chosen where something happens, not evenly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wholebody.sim.record import Record
+from wholebody.types import Status
+
+APART = 0.25
+"""Of instants closer than this the more important one is shown, with what is to be said of the other [s]."""
+BRIEF = 0.1
+"""A status that lasts less is left out, unless balance is at stake [s]."""
+ERROR_SEEN, MARGIN_SEEN = 0.001, 0.001
+"""Differences in error and in margin that are worth a frame [m]."""
+GRAVE = (Status.STOP.value, Status.DAMPING.value)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """An instant worth a picture.
+
+    Attributes:
+        row: Its control period.
+        why: What is to be seen.
+        begins: Whether that begins here, and lasts.
+    """
+
+    row: int
+    why: str
+    begins: bool = False
+
+
+def moments(record: Record, count: int) -> list[Moment]:
+    """Instants of a recording in the order of time, at most so many.
+
+    In the order of importance: the end, the largest palm error, the smallest balance margin, changes of the status, the
+    new and the worst first; what is left over goes to the middle of the longest gaps.
+
+    Args:
+        record: With `wholebody.sim.pictures.scene.SCENE_COLUMNS` at least.
+        count: How many are wanted.
+    """
+    time, chosen = record["time"], {}
+    for moment in (*_extremes(record), *_changes(record)):
+        near = [row for row in chosen if abs(time[row] - time[moment.row]) < APART]
+        if near:
+            row = min(near, key=lambda row: abs(row - moment.row))
+            if moment.begins and not (row >= moment.row and _same_status(record, row, moment.row)):
+                continue  # a picture says only what is so in it
+            when = "" if row == moment.row else f" {'since' if moment.begins else 'at'} {time[moment.row]:.2f} s"
+            chosen[row].append(f"{moment.why}{when}")
+        elif len(chosen) < count:
+            chosen[moment.row] = [f"{moment.why} begins" if moment.begins else moment.why]
+    while len(chosen) < min(count, len(record)):
+        chosen[_between(time, sorted(chosen))] = ["on the way"]
+    return [Moment(row, "; ".join(chosen[row])) for row in sorted(chosen)]
+
+
+def _extremes(record: Record) -> list[Moment]:
+    """The end, the largest error and the smallest margin."""
+    found = [Moment(len(record) - 1, "end")]
+    errors = np.nan_to_num(record.palm_errors()).max(axis=1)
+    row = int(errors.argmax())
+    if errors[row] >= ERROR_SEEN:
+        side = ("left", "right")[int(np.nan_to_num(record.palm_errors()[row]).argmax())]
+        found.append(Moment(row, f"largest error: {side} palm {1e3 * errors[row]:.0f} mm"))
+    margins = np.nan_to_num(record["pressure_margin"], nan=np.inf)
+    row = int(margins.argmin())
+    if margins[row] < margins[0] - MARGIN_SEEN:
+        found.append(Moment(row, f"smallest balance margin: {1e3 * margins[row]:.0f} mm"))
+    return found
+
+
+def _changes(record: Record) -> list[Moment]:
+    """Where a status or its reason begins: each for the first time, the worst status first, and then the others."""
+    time, status, reason = record["time"], record["status"], record["reason"]
+    begins = [0, *(np.flatnonzero((status[1:] != status[:-1]) | (reason[1:] != reason[:-1])) + 1)]
+    rank = {member.value: number for number, member in enumerate(reversed(Status))}
+    found, known = [], set()
+    for begin, end in zip(begins, [*begins[1:], len(record) - 1], strict=True):
+        if time[end] - time[begin] < BRIEF and status[begin] not in GRAVE:
+            continue
+        why = f"{status[begin]} ({reason[begin]})" if reason[begin] else str(status[begin])
+        found.append((why in known, rank[str(status[begin])], begin, why))
+        known.add(why)
+    return [Moment(int(begin), why, begins=True) for _, _, begin, why in sorted(found)]
+
+
+def _same_status(record: Record, first: int, second: int) -> bool:
+    return all(record[name][first] == record[name][second] for name in ("status", "reason"))
+
+
+def _between(time: np.ndarray, rows: list[int]) -> int:
+    """The row in the middle of the longest time without a chosen one."""
+    edges = np.array([-1, *rows, len(time)])
+    spans = [time[min(b, len(time) - 1)] - time[max(a, 0)] if b - a > 1 else -1.0 for a, b in pairwise(edges)]
+    k = int(np.argmax(spans))
+    first, last = max(edges[k], 0), min(edges[k + 1], len(time) - 1)
+    middle = int(np.searchsorted(time, 0.5 * (time[first] + time[last])))
+    return int(np.clip(middle, edges[k] + 1, edges[k + 1] - 1))
