@@ -71,7 +71,7 @@ fuzz-readers: $(VENV)/.all-installed ## Read 10,000 broken and hostile files und
 bench: $(VENV)/.all-installed ## Time one controller tick
 	$(BIN)/wholebody bench tick $(ARGS)
 
-configs: $(VENV)/.core-installed ## Write configs/default.yaml anew from the defaults in wholebody/config.py
+configs: $(VENV)/.core-installed ## Write configs/default.yaml anew from the defaults in wholebody/config/controller.py
 	$(BIN)/wholebody config > configs/.default.yaml && mv configs/.default.yaml configs/default.yaml
 
 lock: $(VENV)/.core-installed ## Resolve the two locks again (make lock ARGS=--upgrade for newer versions)

@@ -26,7 +26,7 @@ from policy.recorded.chunk_file import read_chunk_file
 from policy.recorded.convert import convert
 from policy.recorded.motion_csv import Motion, motion_chunk, read_motion_csv
 from tests.support.hostile_files import write_chunk, write_motion
-from wholebody.config_file import load_config
+from wholebody.config.file import load_config
 from wholebody.errors import ConfigError
 
 OPENERS = {

@@ -21,11 +21,9 @@ PACKAGES = ("models", "policy", "wholebody")
 # Rooms from the ground up. A room imports from earlier floors only; on one floor none imports another.
 FLOORS = (
     {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
-    {"wholebody.verdict_config"},
-    {"policy", "wholebody.config", "wholebody.types", "wholebody.collision"},
-    {"wholebody.config_bounds", "wholebody.robot"},
+    {"policy", "wholebody.types", "wholebody.collision"},
+    {"wholebody.config", "wholebody.robot"},
     {
-        "wholebody.config_file",
         "wholebody.estimation",
         "wholebody.reference",
         "wholebody.sim",

@@ -27,7 +27,7 @@ from policy.remote.wire import chunk_from_map, chunk_to_map
 from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
 from wholebody.config import ControllerConfig
-from wholebody.config_file import dump_config, load_config
+from wholebody.config.file import dump_config, load_config
 
 TEXTS = (
     "",

@@ -9,17 +9,17 @@ from typing import Annotated
 import typer
 
 from wholebody.bench.commands import bench
-from wholebody.cli.check import check
+from wholebody.cli.commands.check import check
+from wholebody.cli.commands.convert import convert
+from wholebody.cli.commands.doctor import doctor
+from wholebody.cli.commands.layouts import layouts
+from wholebody.cli.commands.run import plot, run
+from wholebody.cli.commands.serve_policy import serve_policy
+from wholebody.cli.commands.settings import config, warmup
+from wholebody.cli.commands.spec import spec
 from wholebody.cli.console import complain, log_to_terminal
-from wholebody.cli.convert import convert
 from wholebody.cli.crash import CRASH, sentence
-from wholebody.cli.doctor import doctor
-from wholebody.cli.layouts import layouts
 from wholebody.cli.options import flat
-from wholebody.cli.run import plot, run
-from wholebody.cli.serve_policy import serve_policy
-from wholebody.cli.settings import config, warmup
-from wholebody.cli.spec import spec
 
 MISUSE = 2
 

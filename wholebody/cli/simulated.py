@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from wholebody.cli.console import waiting
-from wholebody.config_bounds import require_run
+from wholebody.config.bounds import require_run
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -30,7 +30,7 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
         ValueError: If there is no such scene.
     """
     from wholebody.config import ControllerConfig
-    from wholebody.config_file import load_config
+    from wholebody.config.file import load_config
     from wholebody.episode.run import EpisodeConfig
     from wholebody.sim.sensors import REALISTIC, SensorConfig
     from wholebody.verdict.check import Checker

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wholebody.cli.console import complain
-from wholebody.config_bounds import require_run
+from wholebody.config.bounds import require_run
 
 if TYPE_CHECKING:
     from policy.action_spec.spec import ActionSpec

@@ -16,7 +16,7 @@ from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import simulated_executor
 from policy.joints import BODY_JOINTS
 from policy.observation import Observation
-from wholebody.config_bounds import require_all
+from wholebody.config.bounds import require_all
 from wholebody.episode.chunk_seams import commanded_chunk
 from wholebody.episode.meters import Meters
 from wholebody.episode.result import EpisodeResult

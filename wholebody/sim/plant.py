@@ -9,7 +9,7 @@ from models.conversion import Conversion
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
 from models.spec import FLOOR_FRICTION, RobotSpec
-from wholebody.config_bounds import require_run
+from wholebody.config.bounds import require_run
 from wholebody.errors import InputError, SimulationError
 from wholebody.jit.entry import Entry
 from wholebody.sim.kernels import motors

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
-from wholebody.config_bounds import require_run
+from wholebody.config.bounds import require_run
 from wholebody.types import RobotState
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wholebody.config import START_MAX
+from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult
-from wholebody.verdict_config import VerdictConfig
 
 APPROACH_NEAR, APPROACH_FAR = 1.0, 2.5
 """Longest way to a chunk that begins elsewhere, up to and from `START_MAX` on: so fast the planner joins it where the

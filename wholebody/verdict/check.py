@@ -12,7 +12,7 @@ from models.spec import FLOOR_FRICTION
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
-from wholebody.config_bounds import require_run
+from wholebody.config.bounds import require_run
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor

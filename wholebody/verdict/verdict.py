@@ -10,11 +10,11 @@ from typing import Literal
 
 import numpy as np
 
+from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.violations import Severity, Violation, violations
-from wholebody.verdict_config import VerdictConfig
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 

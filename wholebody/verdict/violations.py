@@ -10,11 +10,11 @@ from enum import StrEnum
 import numpy as np
 
 from wholebody.config import START_MAX
+from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, Status
 from wholebody.verdict.approach import approach_steps
-from wholebody.verdict_config import VerdictConfig
 
 SLOWDOWN_FEASIBLE = 1.01
 """Time factor up to which a motion counts as unslowed."""

@@ -95,7 +95,7 @@ def test_a_strict_run_ends_with_1_for_a_refused_or_starved_input(inside, monkeyp
     found = Violation(code=reason, severity=Severity.REPAIR, subject="the first of them")
     verdict = replace(FEASIBLE, verdict="feasible_after_repair", violations=[found])
     made = SimpleNamespace(check=lambda *_, **__: (verdict, None))
-    monkeypatch.setattr("wholebody.cli.run.make_checker", lambda *_: made)
+    monkeypatch.setattr("wholebody.cli.commands.run.make_checker", lambda *_: made)
     assert inside("run", "wave").returncode == 0
     assert inside("run", "wave", "--strict").returncode == code
 

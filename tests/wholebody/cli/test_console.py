@@ -6,8 +6,8 @@ import time
 import pytest
 
 from wholebody.cli import console
+from wholebody.cli.commands.settings import warmup
 from wholebody.cli.console import log_to_terminal
-from wholebody.cli.settings import warmup
 
 
 @pytest.mark.parametrize(

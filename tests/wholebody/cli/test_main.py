@@ -190,9 +190,9 @@ def test_7_a_crash_of_ours_has_code_3_and_one_sentence_and_the_other_inputs_are_
 
 
 def test_7_a_crash_of_a_run_has_code_3_too(inside, monkeypatch):
-    monkeypatch.setattr("wholebody.cli.run.make_checker", lambda *_: Breaking(ValueError("a")))
+    monkeypatch.setattr("wholebody.cli.commands.run.make_checker", lambda *_: Breaking(ValueError("a")))
     assert inside("run", "reach").returncode == 3
-    monkeypatch.setattr("wholebody.cli.run.make_checker", lambda *_: 1 / 0)
+    monkeypatch.setattr("wholebody.cli.commands.run.make_checker", lambda *_: 1 / 0)
     answer = inside("run", "reach")
     assert answer.returncode == 3
     assert len(answer.stderr.splitlines()) == 1

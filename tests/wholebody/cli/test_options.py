@@ -7,8 +7,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from wholebody.cli.commands.serve_policy import Served
 from wholebody.cli.options import flat
-from wholebody.cli.serve_policy import Served
 
 
 @dataclass(frozen=True)

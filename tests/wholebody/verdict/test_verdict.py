@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from policy.executor.report import ExecutionReport
-from wholebody.config_file import config_from
+from wholebody.config.file import config_from
+from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import PalmErrors
 from wholebody.errors import ConfigError
@@ -18,7 +19,6 @@ from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json
 from wholebody.verdict.verdict import judge
-from wholebody.verdict_config import VerdictConfig
 
 
 def result(*, errors=0.001, lags=0.001, moved=0.001, reasons=(None,) * 10, **changes):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import radians
 
-from wholebody.verdict_config import VerdictConfig
+from wholebody.config.verdict import VerdictConfig
 
 START_MAX = (0.3, radians(60.0))
 """Distance of the hands from a chunk's present step from which it is no continuation of their motion [m, rad]: further

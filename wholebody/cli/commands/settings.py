@@ -8,7 +8,7 @@ from wholebody.cli.console import say, waiting
 def config() -> None:
     """Print every setting with its default, as YAML for --config."""
     from wholebody.config import ControllerConfig
-    from wholebody.config_file import dump_config
+    from wholebody.config.file import dump_config
 
     print(dump_config(ControllerConfig()), end="")
 

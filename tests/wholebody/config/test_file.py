@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from wholebody.config import ControllerConfig, HandConfig
-from wholebody.config_bounds import bounds_of, check_config, meanings, unit_of
-from wholebody.config_file import config_from, dump_config, load_config
+from wholebody.config.bounds import bounds_of, check_config, meanings, unit_of
+from wholebody.config.file import config_from, dump_config, load_config
 from wholebody.errors import ConfigError
 from wholebody.resources import configs_folder
 

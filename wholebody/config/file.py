@@ -15,7 +15,7 @@ import yaml
 from policy.errors import printable
 from policy.reading import DEPTH_MAX, ReadingError, read_text
 from wholebody.config import ControllerConfig
-from wholebody.config_bounds import meanings, require_bounds
+from wholebody.config.bounds import meanings, require_bounds
 from wholebody.errors import ConfigError
 
 FILE_MAX = 256 * 2**10

@@ -1,0 +1,31 @@
+"""Settings: what there is, within which bounds, and how a file changes them."""
+
+from wholebody.config.controller import (
+    START_MAX,
+    WEIGHTS_FALLBACK,
+    WEIGHTS_STOP,
+    WEIGHTS_UNREACHABLE,
+    BodyConfig,
+    ControllerConfig,
+    HandConfig,
+    PlannerConfig,
+    PlanningConfig,
+    SafetyConfig,
+    TrajectoryConfig,
+)
+from wholebody.config.verdict import VerdictConfig
+
+__all__ = [
+    "START_MAX",
+    "WEIGHTS_FALLBACK",
+    "WEIGHTS_STOP",
+    "WEIGHTS_UNREACHABLE",
+    "BodyConfig",
+    "ControllerConfig",
+    "HandConfig",
+    "PlannerConfig",
+    "PlanningConfig",
+    "SafetyConfig",
+    "TrajectoryConfig",
+    "VerdictConfig",
+]
