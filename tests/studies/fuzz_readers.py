@@ -23,11 +23,12 @@ from pathlib import Path
 from time import perf_counter
 
 CASES = {
-    "chunk": 2800,
+    "chunk": 2000,
     "motion": 1000,
     "spec": 1500,
     "config": 1500,
     "frame": 1500,
+    "recording": 800,
     "dataset_v30": 600,
     "dataset_v21": 600,
     "checkpoint": 500,

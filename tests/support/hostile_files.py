@@ -26,8 +26,10 @@ from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.wire import chunk_from_map, chunk_to_map
 from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
+from tests.support.recordings import made_record, save
 from wholebody.config import ControllerConfig
 from wholebody.config.file import dump_config, load_config
+from wholebody.sim.record import read_record
 
 TEXTS = (
     "",
@@ -144,6 +146,9 @@ READERS = {
         lambda folder: load_config(folder / "config.yaml"),
     ),
     "frame": Reader(write_frames, read_frames),
+    "recording": Reader(
+        lambda folder: _write_recording(folder / "run.npz"), lambda folder: read_record(folder / "run.npz")
+    ),
 }
 """Readers whose good inputs are made here; those of LeRobot's folders are given a folder to copy (`folder_reader`)."""
 
@@ -361,6 +366,10 @@ def _pose() -> np.ndarray:
 
 def _write(file: Path, text: str) -> None:
     file.write_text(text)
+
+
+def _write_recording(file: Path) -> None:
+    save(made_record(12), file)
 
 
 def _places(data: object) -> list[tuple[object, object]]:

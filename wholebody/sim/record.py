@@ -19,8 +19,10 @@ FILE_MAX, ARRAY_MAX, TOTAL_MAX = 512 * 2**20, 128 * 2**20, 2**30
 """Largest recording, its largest array, and all that are unpacked together [bytes]: ten minutes of everything."""
 TEXT_MAX = 300
 """Most characters of a sentence in a recording."""
-LEFT, RIGHT = 0, 1
-"""Order of the palms."""
+NUMBER_MAX = 1e12
+"""Largest number of a run, in any unit; what comes near it has long broken down."""
+MAY_BE_NAN = ("T_world_palms_asked", "pressure", "pressure_margin")
+"""Columns in which NaN says that there is nothing."""
 
 
 @dataclass(frozen=True)
@@ -156,11 +158,13 @@ def _check(arrays: Mapping[str, np.ndarray], wanted: Collection[str]) -> None:
         if array.dtype.kind not in kinds or (column.kind == "f" and array.dtype.itemsize != 8):
             raise ReadingError(f"has '{name}' of type {array.dtype}; {_KINDS[column.kind]} is expected")
         _check_shape(name, array.shape, column.shape, lengths)
+        sound = np.abs(array) <= NUMBER_MAX if column.kind == "f" else np.True_
+        if not (sound | np.isnan(array) if name in MAY_BE_NAN else sound).all():
+            raise ReadingError(f"has '{name}' that is not finite, or beyond {NUMBER_MAX:g} {column.unit}".rstrip())
     n = lengths["n"]
     if n == 0:
         raise ReadingError("has no control period: nothing was run")
-    time = arrays["time"]
-    if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all()):
+    if not (np.diff(arrays["time"]) > 0.0).all():
         raise ReadingError("has times that do not increase")
     for name, known in (("status", {status.value for status in Status}), ("reason", {"", *Reason})):
         strange = sorted(set(arrays.get(name, np.array([], dtype=str)).tolist()) - known)

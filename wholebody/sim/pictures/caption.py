@@ -19,7 +19,7 @@ EDGE, LINE = 10, 18
 """Distance from the edge, and from one line to the next [px]."""
 CAPTION, STATUS_LINES = 96, 2
 """Height of the words above a picture [px], and most lines of its status."""
-LETTER = 6.4
+LETTER = 6.1
 """Width of a small letter on average [px]."""
 SWATCH, GAP = 20, 18
 """Room for a colour in the legend, and between two entries [px]."""

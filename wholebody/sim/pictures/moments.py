@@ -14,6 +14,8 @@ APART = 0.25
 """Of instants closer than this the more important one is shown, with what is to be said of the other [s]."""
 BRIEF = 0.1
 """A status that lasts less is left out, unless balance is at stake [s]."""
+STEP, STANDING = 0.1, 0.001
+"""How often the way of the palms is measured [s], and what standing still counts as [m/s]."""
 ERROR_SEEN, MARGIN_SEEN = 0.001, 0.001
 """Differences in error and in margin that are worth a frame [m]."""
 GRAVE = (Status.STOP.value, Status.DAMPING.value)
@@ -38,7 +40,7 @@ def moments(record: Record, count: int) -> list[Moment]:
     """Instants of a recording in the order of time, at most so many.
 
     In the order of importance: the end, the largest palm error, the smallest balance margin, changes of the status, the
-    new and the worst first; what is left over goes to the middle of the longest gaps.
+    new and the worst first; what is left over shows the motion, half-way where the palms go furthest between two.
 
     Args:
         record: With `wholebody.sim.pictures.scene.SCENE_COLUMNS` at least.
@@ -55,8 +57,9 @@ def moments(record: Record, count: int) -> list[Moment]:
             chosen[row].append(f"{moment.why}{when}")
         elif len(chosen) < count:
             chosen[moment.row] = [f"{moment.why} begins" if moment.begins else moment.why]
+    way = _way(record)
     while len(chosen) < min(count, len(record)):
-        chosen[_between(time, sorted(chosen))] = ["on the way"]
+        chosen[_between(way, sorted(chosen))] = ["on the way"]
     return [Moment(row, "; ".join(chosen[row])) for row in sorted(chosen)]
 
 
@@ -94,11 +97,19 @@ def _same_status(record: Record, first: int, second: int) -> bool:
     return all(record[name][first] == record[name][second] for name in ("status", "reason"))
 
 
-def _between(time: np.ndarray, rows: list[int]) -> int:
-    """The row in the middle of the longest time without a chosen one."""
-    edges = np.array([-1, *rows, len(time)])
-    spans = [time[min(b, len(time) - 1)] - time[max(a, 0)] if b - a > 1 else -1.0 for a, b in pairwise(edges)]
-    k = int(np.argmax(spans))
-    first, last = max(edges[k], 0), min(edges[k + 1], len(time) - 1)
-    middle = int(np.searchsorted(time, 0.5 * (time[first] + time[last])))
-    return int(np.clip(middle, edges[k] + 1, edges[k + 1] - 1))
+def _way(record: Record) -> np.ndarray:
+    """How far both palms have come, shape (n,), [m]; increases while they stand, too, but little."""
+    time, palms = record["time"], record["T_world_palms_measured"][:, :, :3, 3]
+    rows = np.unique([*np.searchsorted(time, np.arange(time[0], time[-1], STEP)), len(time) - 1])
+    steps = np.linalg.norm(np.diff(palms[rows], axis=0), axis=2).sum(axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.interp(time, time[rows], way) + STANDING * (time - time[0])
+
+
+def _between(way: np.ndarray, rows: list[int]) -> int:
+    """The row half-way on the longest way without a chosen one."""
+    last = len(way) - 1
+    gaps = [(a, b) for a, b in pairwise([-1, *rows, last + 1]) if b - a > 1]
+    a, b = max(gaps, key=lambda gap: way[min(gap[1], last)] - way[max(gap[0], 0)])
+    middle = int(np.searchsorted(way, 0.5 * (way[max(a, 0)] + way[min(b, last)])))
+    return min(max(middle, a + 1), b - 1)

@@ -80,7 +80,7 @@ def _errors(axes: Axes, record: Record, time: np.ndarray) -> None:
     _bound(axes, feasible, "as given up to here", left=True)
     _bound(axes, repair, "repaired up to here")
     _finish(axes, "from asked [mm]")
-    axes.set_yscale("log")
+    _logarithmic(axes)
     axes.set_ylim(ERROR_MIN, max(ERROR_MAX, 1.3 * worst))
 
 
@@ -130,7 +130,7 @@ def _speed(axes: Axes, record: Record, time: np.ndarray) -> None:
     came = np.flatnonzero(np.diff(planning, prepend=0.0) != 0.0)
     beside.plot(time[came], 1e3 * planning[came], "o", ms=4.0, color=(0.45, 0.25, 0.60), label="a plan's CPU time")
     beside.axhline(lead, color=BOUND, lw=1.0, ls="--", label=f"lead, {lead:.0f} ms")
-    beside.set_yscale("log")
+    _logarithmic(beside)
     beside.set_ylim(PLANNING_MIN, 1.5 * max([PLANNING_MAX, lead, *(1e3 * planning[came])]))
     beside.set_ylabel("planning [ms]")
     handles = [*axes.get_legend_handles_labels()[0], *beside.get_legend_handles_labels()[0]]
@@ -158,6 +158,13 @@ def _line(
         rows = np.unique(np.concatenate([starts + least, starts + most]))
         time, values = time[rows], values[rows]
     axes.plot(time, values, style, color=colour, lw=lw, label=label)
+
+
+def _logarithmic(axes: Axes) -> None:
+    from matplotlib.ticker import FormatStrFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
 
 
 def _bound(axes: Axes, value: float, name: str, *, left: bool = False) -> None:

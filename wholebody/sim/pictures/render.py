@@ -18,6 +18,8 @@ from typing import TextIO
 
 from wholebody.errors import InputError, RenderError
 from wholebody.sim.opengl import LIBRARIES
+from wholebody.sim.pictures.scene import SCENE_COLUMNS
+from wholebody.sim.record import read_record
 
 Progress = Callable[[int, int], None]
 """Called with the number of frames that are drawn, and of those to draw."""
@@ -36,11 +38,13 @@ def render(
 
     Raises:
         InputError: If the ending is neither, or the recording is missing.
+        FileFormatError: If it is damaged.
         RenderError: If no OpenGL back end works here, with the packages that are missing.
     """
     check_output(output)
-    if not Path(recording).is_file():
+    if not Path(recording).exists():
         raise InputError(f"there is no recording '{recording}'")
+    read_record(recording, SCENE_COLUMNS)
     reasons, output = [], Path(output)
     # Beside its place: a file system renames only within itself.
     with TemporaryDirectory(prefix=".drawing-", dir=output.absolute().parent) as folder:

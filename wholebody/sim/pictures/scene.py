@@ -20,6 +20,8 @@ Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
 
 SIDES = ("left", "right")
+APART, TURNED = 0.005, np.radians(3.0)
+"""A hand that is less far from where it is asked to be [m, rad] hides its ghost: a halo says that it is there."""
 ON_FLOOR = 0.002
 """Height of what is drawn on the floor, so that it is seen [m]."""
 
@@ -137,6 +139,14 @@ class Scene:
         return np.linalg.norm(self.measured[:, :3, 3] - self.asked[:, :3, 3], axis=1)
 
     @property
+    def turns(self) -> np.ndarray | None:
+        """Angles of the palms to those that the chunk asks for, shape (2,), [rad]; None before the first chunk."""
+        if self.asked is None:
+            return None
+        R = np.swapaxes(self.asked[:, :3, :3], 1, 2) @ self.measured[:, :3, :3]
+        return np.linalg.norm(matrix_to_rotvec(R), axis=1)
+
+    @property
     def balance_margin(self) -> float | None:
         """Distance of the centre of pressure from the edge of the support, positive inside [m]; None in the air."""
         return None if self.pressure is None else self.support.margin(self.pressure)
@@ -155,11 +165,9 @@ class Scene:
 
     def _off(self) -> list[str]:
         """How far the palms are off, in words; angles only where an orientation is asked for."""
-        R = np.swapaxes(self.asked[:, :3, :3], 1, 2) @ self.measured[:, :3, :3]
-        turns = np.degrees(np.linalg.norm(matrix_to_rotvec(R), axis=1))
         return [
-            f"{1e3 * error:.0f} mm" + ("" if free else f", {turn:.0f}°")
-            for error, turn, free in zip(self.errors, turns, self.orientation_free, strict=True)
+            f"{1e3 * error:.0f} mm" + ("" if free else f", {np.degrees(turn):.0f}°")
+            for error, turn, free in zip(self.errors, self.turns, self.orientation_free, strict=True)
         ]
 
     def marks(self) -> tuple[Mark, ...]:
@@ -183,10 +191,14 @@ class Scene:
         marks = [Mark(Show.COMMANDED, Kind.BALL, T[None, :3, 3], 0.018) for T in self.commanded]
         if self.asked is None:
             return marks
-        for side, asked, measured in zip(SIDES, self.asked, self.measured, strict=True):
-            ends = np.stack([measured[:3, 3], asked[:3, 3]])
-            marks.append(Mark(Show.ERROR, Kind.LINE, ends, 0.006))
-            marks.append(Mark(Show.ASKED, Kind.HAND, ends[1:], 0.0, side, asked))
+        for hand, side in enumerate(SIDES):
+            asked, error, turn = self.asked[hand], self.errors[hand], self.turns[hand]
+            ends = np.stack([self.measured[hand, :3, 3], asked[:3, 3]])
+            if error >= APART or (turn >= TURNED and not self.orientation_free[hand]):
+                marks.append(Mark(Show.ERROR, Kind.LINE, ends, 0.006))
+                marks.append(Mark(Show.ASKED, Kind.HAND, ends[1:], 0.0, side, asked))
+            else:
+                marks.append(Mark(Show.ASKED, Kind.BALL, ends[1:], 0.03))
         return marks
 
 

@@ -85,6 +85,14 @@ def test_what_happens_at_once_is_one_picture_that_says_only_what_is_so_in_it():
     assert before[500] == "largest error: left palm 200 mm"
 
 
+def test_what_is_left_over_shows_the_motion():
+    measured = np.tile(np.eye(4), (N, 2, 1, 1))
+    measured[:, :, 0, 3] = np.clip(DT * np.arange(N) - 0.4, 0.0, 0.4)[:, None]
+    found = moments(made_record(N, T_world_palms_measured=measured, T_world_palms_asked=measured), 5)
+    times = [DT * moment.row for moment in found if moment.why == "on the way"]
+    assert times == pytest.approx([0.5, 0.6, 0.7], abs=0.02)
+
+
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_a_recording_shorter_than_the_sheet_is_shown_whole(n):
     assert [moment.row for moment in moments(made_record(n), 6)] == [*range(n)]

@@ -8,7 +8,8 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from tests.support.recordings import made_record, plant_recording
+from policy.errors import FileFormatError
+from tests.support.recordings import made_record, plant_recording, save
 from wholebody.errors import InputError, RenderError
 from wholebody.sim.pictures import render as rendering
 from wholebody.sim.pictures.caption import CAPTION, captioned, legend
@@ -124,6 +125,12 @@ def test_ctrl_c_ends_the_process_that_draws(recording, tmp_path, monkeypatch):
 def test_an_unknown_ending_is_refused_with_those_that_work(recording, tmp_path, name):
     with pytest.raises(InputError, match=r"\.mp4"):
         render(recording, tmp_path / name)
+
+
+def test_a_damaged_recording_is_not_taken_for_a_lack_of_opengl(tmp_path):
+    damaged = save(made_record(3, q=np.full((3, 50), np.nan)), tmp_path / "run.npz")
+    with pytest.raises(FileFormatError, match="'q' that is not finite"):
+        render(damaged, tmp_path / "sheet.png")
 
 
 def test_a_missing_recording_is_named(tmp_path):

@@ -49,6 +49,16 @@ def test_the_asked_palms_are_ghosts_of_both_hands_and_lines_lead_there_from_the_
     assert [mark.points[0, 0] for mark in marks(SCENE, Show.COMMANDED)] == [0.4, 0.4]
 
 
+def test_a_hand_that_is_where_it_is_asked_to_be_hides_its_ghost_behind_a_halo():
+    there = replace(SCENE, measured=SCENE.asked)
+    turned = replace(there, measured=np.stack([pose(0.5, np.radians(10.0)), SCENE.asked[1]]))
+    kinds = [[mark.kind for mark in marks(scene, Show.ASKED)] for scene in (there, turned)]
+    assert kinds == [[Kind.BALL, Kind.BALL], [Kind.HAND, Kind.BALL]]
+    free = replace(turned, orientation_free=(True, False))
+    assert [mark.kind for mark in marks(free, Show.ASKED)] == [Kind.BALL, Kind.BALL]
+    assert not marks(there, Show.ERROR)
+
+
 def test_support_pressure_and_capture_point_lie_on_the_floor_one_over_the_other():
     (area,), (pressure,), (capture,) = (marks(SCENE, show) for show in (Show.SUPPORT, Show.PRESSURE, Show.CAPTURE))
     assert area.kind is Kind.AREA
