@@ -13,7 +13,8 @@ from wholebody.cli.commands.check import check
 from wholebody.cli.commands.convert import convert
 from wholebody.cli.commands.doctor import doctor
 from wholebody.cli.commands.layouts import layouts
-from wholebody.cli.commands.run import plot, run
+from wholebody.cli.commands.plot import plot
+from wholebody.cli.commands.run import run
 from wholebody.cli.commands.serve_policy import serve_policy
 from wholebody.cli.commands.settings import config, warmup
 from wholebody.cli.commands.spec import spec

@@ -1,4 +1,4 @@
-"""``wholebody run``: close the loop of policy, controller and MuJoCo. ``wholebody plot``: what was recorded of it."""
+"""``wholebody run``: close the loop of policy, controller and MuJoCo."""
 
 from __future__ import annotations
 
@@ -103,24 +103,3 @@ def _names(source: str, motions: Path | None, given: Input, *, one: bool) -> lis
     if len(names) > 1 and one:
         raise ValueError(f"--video, --sheet and --record show one run; {source} has {len(names)}: say --episodes 0")
     return names
-
-
-def plot(
-    *,
-    record: Annotated[Path, typer.Argument(help="Recording of a run: wholebody run SOURCE --record FILE.npz.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture (.png) to write; beside the recording if not given.")
-    ] = None,
-) -> None:
-    """Draw margins, errors, torques, speed and planning times of a recording over time, with their bounds."""
-    from wholebody.sim.pictures.plot import PLOT_COLUMNS
-    from wholebody.sim.pictures.plot import plot as draw
-    from wholebody.sim.record import read_record
-
-    if output is None:
-        if not record.name:
-            raise ValueError(f"'{record}' has no name to call a picture by; say with --output where it goes")
-        output = record.with_suffix(".png")
-    check_places("", sheet=output)
-    draw(read_record(record, PLOT_COLUMNS), output, record.name)
-    say(f"wrote {output}", to_errors=True)

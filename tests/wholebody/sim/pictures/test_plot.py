@@ -81,6 +81,6 @@ def test_a_plan_is_a_point_with_its_time_beside_the_lead(record):
 
 
 def test_matplotlib_is_loaded_only_to_plot():
-    code = "import sys, wholebody.sim.pictures.plot, wholebody.cli.commands.run; print('matplotlib' in sys.modules)"
+    code = "import sys, wholebody.sim.pictures.plot, wholebody.cli.commands.plot; print('matplotlib' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
