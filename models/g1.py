@@ -20,7 +20,8 @@ from pathlib import Path
 from models.spec import FootSpec, JointSpec, RobotSpec, RobotSpecError, Stance, ToolSpec
 
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
-_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
+ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
+"""Joints of an arm, from the shoulder."""
 _THUMB = ("hand_thumb_0", "hand_thumb_1", "hand_thumb_2")
 _MIDDLE = ("hand_middle_0", "hand_middle_1")
 _INDEX = ("hand_index_0", "hand_index_1")
@@ -29,8 +30,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "left_leg": tuple(f"left_{j}_joint" for j in _LEG),
     "right_leg": tuple(f"right_{j}_joint" for j in _LEG),
     "waist": ("waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint"),
-    "left_arm": tuple(f"left_{j}_joint" for j in _ARM),
-    "right_arm": tuple(f"right_{j}_joint" for j in _ARM),
+    "left_arm": tuple(f"left_{j}_joint" for j in ARM),
+    "right_arm": tuple(f"right_{j}_joint" for j in ARM),
 }
 """The 29 body joints in G1 motor order."""
 
@@ -101,13 +102,13 @@ _PALM_AHEAD = 0.08
 # Left side, mirrored for the right. Solved so that the soles are flat on z = 0 with their centres 0.238 m apart, the
 # knees at 0.4 rad, the CoM over the sole midpoint and the palm points at (0.26, +-0.20, 0.86) with level hands.
 _STANCE_KNEE = 0.4
-_STANCE_DEX3 = {
+STANCE_DEX3 = {
     "base": (-0.0381515, 0.0, 0.7792070),
     "leg": (-0.1934053, 0.0007419, -0.0002863, _STANCE_KNEE, -0.2065948, -0.0007953),
     "arm": (0.1009287, 0.2147579, 0.0, 0.0509271, -0.2175174, -0.1467946, -0.0387593),
 }
-_STANCE_RUBBER = {
-    "base": (-0.0262138, 0.0, 0.7791531),
+STANCE_RUBBER = {
+    "base": (-0.0262138, 0.0, 0.7791530),
     "leg": (-0.1742726, 0.0007480, -0.0002723, _STANCE_KNEE, -0.2257275, -0.0007960),
     "arm": (0.1606031, 0.2111994, 0.0, -0.0050783, -0.2145478, -0.1494213, -0.0433466),
 }
@@ -145,7 +146,7 @@ def g1(hands: bool = True, *, linkage_effort: float = 35.0) -> RobotSpec:
         joints=joints,
         feet=tuple(_foot(side) for side in ("left", "right")),
         tools=tuple(_tool(side, hands) for side in ("left", "right")),
-        stance=_stance(hands),
+        stance=mirrored_stance(**(STANCE_DEX3 if hands else STANCE_RUBBER), hands=hands),
         hand_neutral=_both_hands(_NEUTRAL) if hands else (),
         hand_open=_both_hands(_OPEN) if hands else (),
         hand_closed=_both_hands(_CLOSED) if hands else (),
@@ -223,12 +224,20 @@ def _tool(side: str, hands: bool) -> ToolSpec:
     )
 
 
-def _stance(hands: bool) -> Stance:
-    solved = _STANCE_DEX3 if hands else _STANCE_RUBBER
-    leg, arm = solved["leg"], solved["arm"]
-    body = leg + _mirrored(_LEG, leg) + (0.0, 0.0, 0.0) + arm + _mirrored(_ARM, arm)
+def mirrored_stance(
+    base: tuple[float, float, float], leg: tuple[float, ...], arm: tuple[float, ...], *, hands: bool
+) -> Stance:
+    """A stance of the G1 with both sides alike, upright, fingers relaxed.
+
+    Args:
+        base: Pelvis in world [m].
+        leg: Joints of the left leg, shape (6,), [rad].
+        arm: Joints of the left arm, shape (7,), [rad].
+        hands: With Dex3-1 hands or with rubber hands.
+    """
+    body = leg + _mirrored(_LEG, leg) + (0.0, 0.0, 0.0) + arm + _mirrored(ARM, arm)
     return Stance(
-        base_position=solved["base"],
+        base_position=base,
         base_quat_xyzw=(0.0, 0.0, 0.0, 1.0),
         joint_positions=body + (_both_hands(_NEUTRAL) if hands else ()),
     )

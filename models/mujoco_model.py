@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from models.compiled_cache import compiled
-from models.scenes import add_scene
+from models.scenes import SceneFile, add_scene
 from models.spec import FLOOR_FRICTION, PAYLOAD_AHEAD, PAYLOAD_RADIUS, FootSpec, RobotSpec, RobotSpecError
 from models.urdf import NEIGHBOUR_JOINTS, JointTree, light_urdf, parse
 
@@ -25,7 +25,7 @@ _VISUAL_GROUP, _COLLISION_GROUP = 2, 3  # the viewer shows groups 0-2
 def load_mujoco(
     spec: RobotSpec,
     *,
-    scene: str = "floor",
+    scene: str | SceneFile = "floor",
     timestep: float = 0.002,
     visuals: bool = False,
     payload_kg: tuple[float, float] = (0.0, 0.0),
@@ -38,7 +38,7 @@ def load_mujoco(
 
     Args:
         spec: The robot.
-        scene: One of `models.scenes.SCENES`.
+        scene: One of `models.scenes.SCENES`, or a file.
         timestep: Physics step [s].
         visuals: Load the visual meshes too, for rendering (hundreds of MB); without them the hulls are drawn.
         payload_kg: Mass fixed `PAYLOAD_AHEAD` ahead of the left and right palm [kg].
@@ -48,15 +48,15 @@ def load_mujoco(
         RobotSpecError: If the scene does not exist, a number makes no sense, or the cache cannot be written.
     """
     settings = {"scene": scene, "timestep": timestep, "payload_kg": payload_kg, "friction": friction}
-    if visuals:
-        return build_mujoco(spec, visuals=True, **settings).compile()
+    if visuals or isinstance(scene, SceneFile):
+        return build_mujoco(spec, visuals=visuals, **settings).compile()
     return compiled(spec, lambda: build_mujoco(spec, **settings), **settings)
 
 
 def build_mujoco(
     spec: RobotSpec,
     *,
-    scene: str = "floor",
+    scene: str | SceneFile = "floor",
     timestep: float = 0.002,
     visuals: bool = False,
     payload_kg: tuple[float, float] = (0.0, 0.0),
@@ -72,8 +72,7 @@ def build_mujoco(
     _set_collisions(spec, mj, friction)
     _add_sites(spec, mj)
     _add_payload(spec, mj, payload_kg)
-    add_scene(mj, scene, friction)
-    _add_stance_key(spec, mj)
+    _add_stance_key(spec, mj, add_scene(mj, scene, friction))
     return mj
 
 
@@ -188,12 +187,10 @@ def _add_payload(spec: RobotSpec, mj: mujoco.MjSpec, payload_kg: tuple[float, fl
             ball.explicitinertial = True
 
 
-def _add_stance_key(spec: RobotSpec, mj: mujoco.MjSpec) -> None:
+def _add_stance_key(spec: RobotSpec, mj: mujoco.MjSpec, others: list[float]) -> None:
+    """The robot in its stance; ``others`` are the positions of the scene's joints, which come after the robot's."""
     stance = dict(zip(spec.joint_names, spec.stance.joint_positions, strict=True))
-    qpos: list[float] = []
-    for joint in mj.joints:
-        if joint.type == mujoco.mjtJoint.mjJNT_FREE:
-            qpos += [*joint.parent.pos, *joint.parent.quat]
-        else:
-            qpos.append(stance.get(joint.name, 0.0))
-    mj.add_key(name=STANCE_KEY, qpos=qpos)
+    x, y, z, w = spec.stance.base_quat_xyzw
+    robot = [joint.name for joint in mj.joints if joint.name == BASE_JOINT or joint.name in stance]
+    angles = [stance[name] for name in robot[1:]]
+    mj.add_key(name=STANCE_KEY, qpos=[*spec.stance.base_position, w, x, y, z, *angles, *others])

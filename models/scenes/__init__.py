@@ -1,5 +1,6 @@
 """Scenes for MuJoCo: floor, table or shelf, with or without an object to grasp, by name."""
 
+from models.scenes.file import SceneFile
 from models.scenes.registry import SCENES, add_scene
 
-__all__ = ["SCENES", "add_scene"]
+__all__ = ["SCENES", "SceneFile", "add_scene"]

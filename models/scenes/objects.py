@@ -18,22 +18,22 @@ _FRICTION = (1.0, 0.005, 0.0001)
 _CONDIM = 4
 
 
-def add_cylinder(mj: mujoco.MjSpec, place: Place) -> None:
+def add_cylinder(mj: mujoco.MjSpec, place: Place) -> list[float]:
     """An upright cylinder: 0.3 kg, 60 mm in diameter, 160 mm high."""
-    _add(mj, place, mujoco.mjtGeom.mjGEOM_CYLINDER, (0.03, 0.08, 0.0), 0.3, (0.85, 0.35, 0.20, 1.0))
+    return _add(mj, place, mujoco.mjtGeom.mjGEOM_CYLINDER, (0.03, 0.08, 0.0), 0.3, (0.85, 0.35, 0.20, 1.0))
 
 
-def add_box(mj: mujoco.MjSpec, place: Place) -> None:
+def add_box(mj: mujoco.MjSpec, place: Place) -> list[float]:
     """A box: 0.5 kg, 60 x 60 x 180 mm."""
-    _add(mj, place, mujoco.mjtGeom.mjGEOM_BOX, (0.03, 0.03, 0.09), 0.5, (0.25, 0.50, 0.80, 1.0))
+    return _add(mj, place, mujoco.mjtGeom.mjGEOM_BOX, (0.03, 0.03, 0.09), 0.5, (0.25, 0.50, 0.80, 1.0))
 
 
-def add_can(mj: mujoco.MjSpec, place: Place) -> None:
+def add_can(mj: mujoco.MjSpec, place: Place) -> list[float]:
     """A full drinks can: 0.35 kg, 66 mm in diameter, 115 mm high."""
-    _add(mj, place, mujoco.mjtGeom.mjGEOM_CYLINDER, (0.033, 0.0575, 0.0), 0.35, (0.75, 0.75, 0.78, 1.0))
+    return _add(mj, place, mujoco.mjtGeom.mjGEOM_CYLINDER, (0.033, 0.0575, 0.0), 0.35, (0.75, 0.75, 0.78, 1.0))
 
 
-OBJECTS: dict[str, Callable[[mujoco.MjSpec, Place], None]] = {
+OBJECTS: dict[str, Callable[[mujoco.MjSpec, Place], list[float]]] = {
     "cylinder": add_cylinder,
     "box": add_box,
     "can": add_can,
@@ -48,10 +48,12 @@ def _add(
     size: tuple[float, float, float],
     mass: float,
     rgba: tuple[float, float, float, float],
-) -> None:
+) -> list[float]:
+    """Add an object; position and quaternion wxyz of its free joint."""
     half_height = size[2] or size[1]
     x, y, z = place
-    body = mj.worldbody.add_body(name=OBJECT_BODY, pos=(x, y, z + half_height))
+    pos = (x, y, z + half_height)
+    body = mj.worldbody.add_body(name=OBJECT_BODY, pos=pos)
     body.add_freejoint().name = f"{OBJECT_BODY}_free"
     body.add_geom(
         name=OBJECT_BODY,
@@ -63,3 +65,4 @@ def _add(
         condim=_CONDIM,
         priority=1,
     )
+    return [*pos, 1.0, 0.0, 0.0, 0.0]

@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from models.scenes.file import SceneFile, attach_file
 from models.scenes.furniture import FURNITURE, add_floor
 from models.scenes.objects import OBJECTS
 from models.spec import RobotSpecError
@@ -23,26 +24,33 @@ SCENES = scene_names()
 """Names of all scenes."""
 
 
-def add_scene(mj: mujoco.MjSpec, scene: str, friction: float) -> None:
-    """Put a scene around the robot.
+def add_scene(mj: mujoco.MjSpec, scene: str | SceneFile, friction: float) -> list[float]:
+    """Put a scene around the robot, on a floor at z = 0.
 
     Args:
         mj: Model with the robot already in it, so that the robot's joints come first.
-        scene: One of `SCENES`.
+        scene: One of `SCENES`, or a file.
         friction: Coulomb coefficient of the floor.
 
+    Returns:
+        Positions of the joints that were added.
+
     Raises:
-        RobotSpecError: If there is no such scene.
+        RobotSpecError: If there is no such scene, or a file is none.
     """
+    if isinstance(scene, SceneFile):
+        add_floor(mj, friction)
+        return attach_file(mj, scene)
     names = scene_names()
     if scene not in names:
         near = difflib.get_close_matches(scene, names, n=1)
         hint = f"did you mean '{near[0]}'? " if near else ""
-        raise RobotSpecError(f"no scene '{scene}'; {hint}there are: {', '.join(names)}")
+        raise RobotSpecError(f"no scene '{scene}'; {hint}there are: {', '.join(names)}, and MuJoCo files (.xml)")
     add_floor(mj, friction)
     furniture, _, thing = scene.partition("_")
     if furniture in FURNITURE:
         build: Callable[[mujoco.MjSpec], tuple[float, float, float]] = FURNITURE[furniture]
         place = build(mj)
         if thing:
-            OBJECTS[thing](mj, place)
+            return OBJECTS[thing](mj, place)
+    return []

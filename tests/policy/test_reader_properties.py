@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from models.spec import RobotSpecError
 from policy.errors import PolicyError
 from tests.support.hostile_files import READERS, folder_reader, spoil
 from wholebody.errors import WholebodyError
@@ -29,7 +30,7 @@ def read_or_refuse(reader, folder, seed):
     said = ""
     try:
         reader.read(folder)
-    except (PolicyError, WholebodyError, OSError) as refusal:
+    except (PolicyError, WholebodyError, RobotSpecError, OSError) as refusal:
         said = str(refusal)
     assert said.isprintable(), harm
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -137,6 +138,44 @@ def read_spec(folder: Path) -> ActionSpec:
     return ActionSpec.from_json(read_text(folder / "spec.json", SPEC_MAX))
 
 
+SCENE = """<mujoco>
+  <compiler angle="degree" meshdir="meshes"/>
+  <asset>
+    <mesh name="wedge" file="wedge.obj"/>
+    <texture name="grid" type="2d" builtin="checker" width="64" height="64" rgb1="1 1 1" rgb2="0 0 0"/>
+    <material name="grid" texture="grid"/>
+  </asset>
+  <worldbody>
+    <geom name="ground" type="plane" size="0 0 1"/>
+    <geom name="wall" type="box" size="0.02 1 0.5" pos="0.6 0 0.5" material="grid"/>
+    <geom type="mesh" mesh="wedge" pos="1 1 0"/>
+    <body name="ball" pos="0.5 0.3 1.1" euler="0 0 90"><freejoint/><geom type="sphere" size="0.05" mass="0.2"/></body>
+    <body name="door" pos="4 -3 0"><joint name="hinge" axis="0 0 1" ref="10"/><geom type="box" size="1 1 1"/></body>
+    <body name="lamp" pos="1 -2 1.5"><joint type="ball"/><geom type="box" size="0.02 0.3 0.4"/></body>
+  </worldbody>
+</mujoco>
+"""
+WEDGE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def write_scene(folder: Path) -> None:
+    _write(folder / "scene.xml", SCENE)
+    (folder / "meshes").mkdir(exist_ok=True)
+    _write(folder / "meshes" / "wedge.obj", WEDGE)
+
+
+def read_scene(folder: Path) -> object:
+    """A file that a robot is to stand in, compiled without the robot."""
+    import mujoco
+
+    from models.scenes import add_scene
+    from wholebody.sim.scene_file import scene_of
+
+    mj = mujoco.MjSpec()
+    add_scene(mj, scene_of(str(folder / "scene.xml")), 0.8)
+    return mj.compile()
+
+
 READERS = {
     "chunk": Reader(write_chunk, lambda folder: read_chunk_file(folder / "chunk.npz").chunk()),
     "motion": Reader(write_motion, lambda folder: motion_chunk(read_motion_csv(folder / "motion.csv"))),
@@ -149,6 +188,7 @@ READERS = {
     "recording": Reader(
         lambda folder: _write_recording(folder / "run.npz"), lambda folder: read_record(folder / "run.npz")
     ),
+    "scene": Reader(write_scene, read_scene),
 }
 """Readers whose good inputs are made here; those of LeRobot's folders are given a folder to copy (`folder_reader`)."""
 
@@ -169,7 +209,7 @@ def spoil(folder: Path, rng: np.random.Generator) -> str:
     file = files[rng.integers(len(files))]
     # What says what the others are is the best place for lies.
     if rng.random() < 0.6:
-        small = [one for one in files if one.suffix in (".json", ".jsonl", ".yaml", ".npz", ".csv", ".frame")]
+        small = [one for one in files if one.suffix in (".json", ".jsonl", ".yaml", ".npz", ".csv", ".frame", ".xml")]
         file = small[rng.integers(len(small))] if small else file
     fitting = [harm for suffixes, harm in HARMS if not suffixes or file.suffix in suffixes]
     harm = fitting[rng.integers(len(fitting))]
@@ -246,6 +286,43 @@ def hostile_yaml(file: Path, rng: np.random.Generator) -> None:
     if rng.random() < 0.2:
         lines = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9) if i else '1'}]" for i in range(12)] + lines
     file.write_text("\n".join(lines))
+
+
+def hostile_xml(file: Path, rng: np.random.Generator) -> None:
+    """One attribute has another value, or an element another name; or a declaration comes first."""
+    text = file.read_text()
+    values = (*TEXTS, *NUMBERS, "1e9 1e9", "/dev/zero", "free", "mesh", "plane", "\U0001f600")
+    at = [found.span(1) for found in re.finditer(r'="([^"]*)"', text)]
+    names = [
+        "include",
+        "plugin",
+        "replicate",
+        "composite",
+        "extension",
+        "option",
+        "size",
+        "flexcomp",
+        "attach",
+        "model",
+        "keyframe",
+        "hfield",
+        "skin",
+    ]
+    match rng.integers(4):
+        case 0:
+            bomb = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 9 if i else "x" * 99}">' for i in range(12))
+            text = f"<!DOCTYPE m [{bomb}]>{text.replace('wall', '&a11;')}"
+        case 1:
+            text = text.replace(
+                "<worldbody>", f'<worldbody><{names[rng.integers(len(names))]} file="x.xml" count="1e9"/>'
+            )
+        case 2:
+            text = text.replace("<worldbody>", "<worldbody>" + "<body>" * 50_000)
+        case _:
+            start, end = at[rng.integers(len(at))]
+            value = str(values[rng.integers(len(values))]).replace("<", "&lt;").replace('"', "&quot;")
+            text = text[:start] + value + text[end:]
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
 
 
 def hostile_row(file: Path, rng: np.random.Generator) -> None:
@@ -348,6 +425,7 @@ HARMS: tuple[tuple[tuple[str, ...], Callable[[Path, np.random.Generator], None]]
     *[((".json", ".jsonl"), hostile_value)] * 6,
     *[((".yaml",), hostile_yaml)] * 6,
     *[((".csv",), hostile_row)] * 4,
+    *[((".xml",), hostile_xml)] * 6,
     *[((".npz",), hostile_archive)] * 6,
     *[((".frame",), hostile_frame)] * 6,
 )

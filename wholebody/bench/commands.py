@@ -11,6 +11,7 @@ import typer
 
 bench = typer.Typer(no_args_is_help=True, help="Measurements that the documentation quotes.")
 
+Hands = Annotated[bool, typer.Option(help="With the Dex3 hands, 43 joints, or without, 29.")]
 SOLVERS = "compiled,daqp,quadprog,proxqp,piqp,osqp"
 
 
@@ -18,6 +19,7 @@ SOLVERS = "compiled,daqp,quadprog,proxqp,piqp,osqp"
 def solvers(
     names: Annotated[str, typer.Option(help="QP solvers, or placo for the backend of that name.")] = SOLVERS,
     seconds: Annotated[float, typer.Option(help="Length of the lissajous, with its 2 s of blending in.")] = 10.0,
+    hands: Hands = True,
     json_to: Annotated[str, typer.Option("--json", help="Also write the rows as JSON to a file.")] = "",
 ) -> None:
     """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
@@ -34,7 +36,7 @@ def solvers(
         raise ValueError(f"unknown solvers {unknown}; available: {', '.join(known)}")
     typer.echo(_line(HEADINGS))
     typer.echo(_line(["---"] * len(HEADINGS)))
-    spec, rows = g1(), []
+    spec, rows = g1(hands), []
     for name in wanted:
         for policy, length in ((standing(2.0), 2.0), (reach(0.5, 1.0), 4.0), (lissajous(), seconds)):
             rows += study(spec, name, [policy], seconds=length, episode=EpisodeConfig(hold=1.0))
@@ -50,7 +52,7 @@ def tick(
         str, typer.Option(help="parity: the rows of others; default: ours; kinematic: no dynamics.")
     ] = "default",
     ticks: Annotated[int, typer.Option(help="Timed ticks; the script is repeated as often as needed.")] = 3000,
-    hands: Annotated[bool, typer.Option(help="With the Dex3 hands, 43 joints, or without, 29.")] = True,
+    hands: Hands = True,
     variant: Annotated[str, typer.Option(help="Limits that bind: none, torque, speed, friction or near.")] = "none",
 ) -> None:
     """Time one controller tick on the reach script and print one line of JSON."""
@@ -67,26 +69,28 @@ def tick(
 def loop(
     policy: Annotated[str, typer.Option(help="Scripted policy to follow.")] = "lissajous",
     seconds: Annotated[float, typer.Option(help="Simulated time after a second of standing.")] = 10.0,
+    hands: Hands = True,
 ) -> None:
     """Time controller and 2 ms physics together, planning apart, and print one line of JSON."""
     from wholebody.bench.loop import bench_loop
 
     if not 0.0 < seconds < float("inf"):
         raise ValueError(f"{seconds} s is no time to follow a policy for; it must be finite and above 0")
-    typer.echo(json.dumps(bench_loop(policy, seconds)))
+    typer.echo(json.dumps(bench_loop(policy, seconds, hands=hands)))
 
 
 @bench.command()
 def memory(
     policy: Annotated[str, typer.Option(help="Scripted policy to follow, over and over again.")] = "wave",
     ticks: Annotated[int, typer.Option(help="How many, rounded up to whole runs.")] = 100_000,
+    hands: Hands = True,
 ) -> None:
     """Print how much memory controller and plant take after one run and after many, as one line of JSON."""
     from wholebody.bench.loop import bench_memory
 
     if ticks < 1:
         raise ValueError(f"{ticks} ticks; at least one is needed")
-    typer.echo(json.dumps(bench_memory(policy, ticks)))
+    typer.echo(json.dumps(bench_memory(policy, ticks, hands=hands)))
 
 
 def _line(cells: tuple[str, ...] | list[str]) -> str:

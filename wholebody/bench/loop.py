@@ -35,7 +35,7 @@ class _Parts:
     """What MuJoCo's step began with: positions, speeds, accelerations of the step before and torques."""
 
 
-def bench_loop(policy: str, seconds: float) -> dict:
+def bench_loop(policy: str, seconds: float, *, hands: bool = True) -> dict:
     """Follow a scripted policy in MuJoCo and time controller and plant; planning is timed apart.
 
     A control period is `Supervisor.step` and `MujocoPlant.step`: everything between two states of the robot, with the
@@ -44,13 +44,14 @@ def bench_loop(policy: str, seconds: float) -> dict:
     Args:
         policy: Name of a scripted policy.
         seconds: Simulated time after the settling time [s].
+        hands: Whether the robot has its Dex3 hands.
 
     Returns:
         ``real_time``: control period over mean time of a period, once with the mean and once with the median (times
         between two interrupts of the machine); distributions of controller, plant, and MuJoCo's own steps once more
         by themselves [us]; ``plan_ms``: median time of a plan.
     """
-    spec = g1()
+    spec = g1(hands)
     supervisor, plant, parts = Supervisor(spec), MujocoPlant(spec), _Parts()
     _episode(scripted_policy(policy), supervisor, plant, seconds, parts)
     both = np.array(parts.controller) + np.array(parts.plant)
@@ -68,18 +69,19 @@ def bench_loop(policy: str, seconds: float) -> dict:
     }
 
 
-def bench_memory(policy: str, ticks: int) -> dict:
+def bench_memory(policy: str, ticks: int, *, hands: bool = True) -> dict:
     """Follow a scripted policy over and over again in MuJoCo: how much memory controller and plant take.
 
     Args:
         policy: Name of a scripted policy.
         ticks: How many, rounded up to whole runs of the policy; each run begins with the settling time.
+        hands: Whether the robot has its Dex3 hands.
 
     Returns:
         ``first_mb``, ``last_mb``: the largest resident size of the process up to the end of the first run and of the
         last one [MB]; ``ticks`` made until then.
     """
-    spec, script, sizes, made = g1(), scripted_policy(policy), [], 0
+    spec, script, sizes, made = g1(hands), scripted_policy(policy), [], 0
     supervisor, plant = Supervisor(spec), MujocoPlant(spec)
     while made < ticks:
         parts = _Parts()

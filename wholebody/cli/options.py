@@ -36,6 +36,12 @@ def completed_layout(incomplete: str) -> list[str]:
     return [name for name in LAYOUTS if name.startswith(incomplete)]
 
 
+RobotModel = Annotated[
+    Literal["", "g1_dex3", "g1"],
+    Option(
+        help="g1_dex3: with Dex3 hands; g1: with rubber hands, so that fingers are left out. [default: by settings]"
+    ),
+]
 CsvFps = Annotated[float, Option(help="Frames per second of motion files.")]
 AssumeSpec = Annotated[
     str,
@@ -79,10 +85,11 @@ class Simulation:
 
     scene: Annotated[
         str,
-        Option(help="What stands around the robot: floor, table, shelf, table_cylinder, ... [default: by input]"),
+        Option(help="Around the robot: floor, table, shelf, table_cylinder, ... or a MuJoCo file. [default: by input]"),
     ] = ""
     hold: Annotated[float, Option(help="Seconds of standing after the last step: falls can come late.")] = 4.0
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
+    robot: RobotModel = ""
     realistic: Annotated[bool, Option(help="Tell the controller what real sensors would.")] = False
     delay_ms: Annotated[float, Option(help="Age of the state when the controller gets it, in ms.")] = 0.0
     payload_kg: Annotated[

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from wholebody.cli.console import waiting
+from wholebody.cli.console import complain, waiting
 from wholebody.config.bounds import require_run
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wholebody.episode.run import Cameras
     from wholebody.verdict.check import Checker
 
+UNSEEN = "the planner sees the robot and the floor alone: what the robot touches of the scene is in the verdict"
 SCENE_OF = {"grasp": "table_cylinder"}
 """Scenes of scripted policies that need more than the floor."""
 
@@ -36,8 +37,11 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
     from wholebody.verdict.check import Checker
 
     settings = load_config(options.config) if options.config else ControllerConfig()
-    settings = replace(settings, planning=planning(settings.planning, options))
+    robot = replace(settings.robot, model=options.robot or settings.robot.model)
+    settings = replace(settings, robot=robot, planning=planning(settings.planning, options))
     sensors = replace(REALISTIC if options.realistic else SensorConfig(), delay=1e-3 * options.delay_ms)
+    if scene.lower().endswith(".xml"):
+        complain(f"{scene}: {UNSEEN}")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
         return Checker(
             scene,

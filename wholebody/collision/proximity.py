@@ -252,16 +252,17 @@ ARM = ("elbow_link", "wrist_pitch_link", "wrist_yaw_link", "hand_palm_link", "ha
 FINGERS = ("hand_index_0_link", "hand_index_1_link", "hand_middle_0_link", "hand_middle_1_link")
 
 
-def watched_pairs() -> list[tuple[str, str]]:
-    """Pairs of bodies that a hand motion of a standing robot can bring together."""
+def watched_pairs(*, hands: bool = True) -> list[tuple[str, str]]:
+    """Pairs of bodies that a hand motion of a standing robot, with Dex3 or rubber hands, can bring together."""
+    arms, fingers = (ARM, FINGERS) if hands else ((*ARM[:3], "rubber_hand"), ())
     pairs = []
     for side in ("left", "right"):
         legs = [f"{side}_{leg}" for leg in ("hip_roll_link", "hip_yaw_link", "knee_link")]
         trunk = ["torso_link", "pelvis_contour_link", *legs]
-        pairs += [(f"{side}_{arm}", body) for arm in ARM for body in trunk]
-        pairs += [(f"{side}_{finger}", body) for finger in FINGERS[1::2] for body in ("torso_link", *legs[1:])]
+        pairs += [(f"{side}_{arm}", body) for arm in arms for body in trunk]
+        pairs += [(f"{side}_{finger}", body) for finger in fingers[1::2] for body in ("torso_link", *legs[1:])]
         pairs += [("torso_link", leg) for leg in legs]
-        pairs += [(f"{side}_{arm}", "head_link") for arm in ("shoulder_yaw_link", *ARM)]
+        pairs += [(f"{side}_{arm}", "head_link") for arm in ("shoulder_yaw_link", *arms)]
         pairs += [(f"{side}_shoulder_yaw_link", body) for body in ("torso_link", *legs[1:])]
-    hands = (*ARM[1:], *FINGERS)
-    return pairs + [(f"left_{a}", f"right_{b}") for a in hands for b in hands]
+    parts = (*arms[1:], *fingers)
+    return pairs + [(f"left_{a}", f"right_{b}") for a in parts for b in parts]

@@ -13,6 +13,7 @@ from wholebody.config.controller import (
     SafetyConfig,
     TrajectoryConfig,
 )
+from wholebody.config.robot import RobotConfig
 from wholebody.config.verdict import VerdictConfig
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "HandConfig",
     "PlannerConfig",
     "PlanningConfig",
+    "RobotConfig",
     "SafetyConfig",
     "TrajectoryConfig",
     "VerdictConfig",

@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 
+from models.g1 import ARM
 from wholebody.config import ControllerConfig
 from wholebody.errors import ConfigError, InputError
 
@@ -27,6 +28,8 @@ OF_UNIT: dict[str, Bounds] = {
     "1/s^2": (0.0, 1e6),
     "N": (0.0, 1e4),
     "N m": (0.0, 1e4),
+    "N m/rad": (0.0, 2000.0),
+    "N m s/rad": (0.0, 100.0),
 }
 """Bounds of a unit; weights, in one over a unit squared, have `OF_WEIGHTS`."""
 OF_WEIGHTS: Bounds = (0.0, 1e6)
@@ -38,6 +41,10 @@ OF_NAME: dict[str, Bounds] = {
     "leak": (0.01, 10.0),
     "planner.slowdowns": (1.0, 10.0),
     "planner.settle": (0.0, 5.0),
+    "robot.linkage_effort": (10.0, 60.0),
+    "robot.stance.knee": (0.2, 1.6),
+    "robot.stance.feet_apart": (0.16, 0.5),
+    **{f"robot.stance.{name}": (-3.2, 3.2) for name in ARM},
 }
 """Closer bounds of settings, by their full name."""
 OF_LAST_NAME: dict[str, Bounds] = {

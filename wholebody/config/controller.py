@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import radians
 
+from wholebody.config.robot import RobotConfig
 from wholebody.config.verdict import VerdictConfig
 
 START_MAX = (0.3, radians(60.0))
@@ -304,6 +305,7 @@ class ControllerConfig:
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     verdict: VerdictConfig = field(default_factory=VerdictConfig)
     planning: PlanningConfig = field(default_factory=PlanningConfig)
+    robot: RobotConfig = field(default_factory=RobotConfig)
     leak: float = 0.3
     """Time constant with which the desired state forgets its difference from the measured one [s]."""
     friction: float = 0.6

@@ -150,8 +150,6 @@ def _number(value: object, _: type) -> float:
         number = float("nan")
     if not isfinite(number):
         raise ValueError(f"must be a finite number in SI units, got {value!r:.80}")
-    if number < 0.0:
-        raise ValueError(f"must be at least 0, got {value!r:.80}")
     return number
 
 

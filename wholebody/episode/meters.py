@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.spec import RobotSpec
+from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.executor.executor import Executor
 from wholebody.episode.chunk_seams import SeamMeter
@@ -28,11 +30,12 @@ class Meters:
         self._seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
         self._plan: PlanReport | None = None
         self._palms = supervisor.palm_reference()
+        self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
     def offered(self, chunk: ActionChunk, executor: Executor) -> None:
         """Take note of a chunk that the supervisor gets."""
         self.result.fps = chunk.fps
-        self.result.notes += [Note(executor.clock.now(), text) for text in chunk.notes]
+        self.result.notes += [Note(executor.clock.now(), text) for text in (*chunk.notes, *self._left_out)]
 
     def refused(self, answer: StatusReport | None, executor: Executor) -> None:
         """Tell the executor where the supervisor does not follow its chunk."""
@@ -77,6 +80,14 @@ class Meters:
         faults = (event for event in result.execution.events if event.code != Reason.STARVED)
         result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
         return result
+
+
+def _left_out(robot: RobotSpec, layout: ActionSpec) -> tuple[str, ...]:
+    """What a layout asks of fingers that the robot does not have, as a note on every chunk."""
+    asked = [slot.name for slot in layout.slots if slot.name.endswith(("_hand", "_grasp"))]
+    if not asked or any(tool.finger_joints for tool in robot.tools):
+        return ()
+    return (f"the robot has no fingers: what the layout asks of {', '.join(asked)} is left out",)
 
 
 def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
+from models.g1 import g1
 from models.spec import RobotSpec
 from policy.base import Policy
 from policy.clock import SimulatedClock
@@ -27,6 +28,8 @@ from wholebody.sim.recorder import Followed, Recorder
 from wholebody.sim.sensors import Sensors
 from wholebody.types import RobotState
 
+RELAXED = np.array(g1().hand_neutral).reshape(2, 7)
+"""What a policy is told of the fingers of a robot that has none, left then right [rad]."""
 Cameras = Callable[[], Mapping[str, np.ndarray]]
 """Images of the present moment: camera name to uint8 (height, width, 3), RGB."""
 
@@ -67,7 +70,7 @@ def observe(
         images: Camera name to image, uint8, shape (height, width, 3).
     """
     joints = state.q[7:][supervisor.robot.pin_to_motor]
-    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+    fingers = fingers_of(spec, joints)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
     return Observation(
@@ -96,6 +99,12 @@ def followed(supervisor: Supervisor, now: float) -> Followed:
         rate=supervisor.rate,
         planning_time=supervisor.handover.planning_time,
     )
+
+
+def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
+    """Fingers of left and right hand (7,) among joints in motor order [rad]; relaxed ones of a robot without."""
+    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+    return fingers if any(map(len, fingers)) else list(RELAXED)
 
 
 def run_episode(

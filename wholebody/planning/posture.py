@@ -12,7 +12,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from models.g1 import g1
 from models.spec import RobotSpec
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
@@ -20,6 +19,7 @@ from policy.geometry.rotations import angle_between, nearest_rotation, rotation_
 from policy.reading import FPS_MAX, FPS_MIN
 from policy.scripted.policy import minimum_jerk
 from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
 from wholebody.errors import InputError
 from wholebody.planning.posture_path import PosturePath, PosturePaths
 from wholebody.planning.still_postures import (  # fmt: skip
@@ -246,7 +246,7 @@ class PostureSolver:
 
 
 def solve(T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, config: ControllerConfig | None = None) -> Solution:
-    """`PostureSolver.solve` for the G1 with its hands; the solver is kept for the last settings."""
+    """`PostureSolver.solve` for the robot of the configuration; the solver is kept for the last settings."""
     return _solver(config or ControllerConfig()).solve(T_world_lhand, T_world_rhand)
 
 
@@ -259,13 +259,13 @@ def path_to(
     seq: int = 0,
     config: ControllerConfig | None = None,
 ) -> PosturePath:
-    """`PostureSolver.path_to` for the G1 with its hands; the solver is that of `solve`."""
+    """`PostureSolver.path_to` for the robot of the configuration; the solver is that of `solve`."""
     return _solver(config or ControllerConfig()).path_to(posture, start, duration=duration, fps=fps, seq=seq)
 
 
 @lru_cache(maxsize=1)
 def _solver(config: ControllerConfig) -> PostureSolver:
-    return PostureSolver(g1(), config)
+    return PostureSolver(describe(config.robot), config)
 
 
 def _pose(T: np.ndarray, name: str) -> np.ndarray:

@@ -86,10 +86,10 @@ def rest_row(T_world_hand: np.ndarray, q_finger: np.ndarray | None = None) -> np
 
     Args:
         T_world_hand: Pose, shape ``(4, 4)``.
-        q_finger: Finger joints, shape ``(7,)``, [rad]; zero where none are given.
+        q_finger: Finger joints, shape ``(7,)``, or ``(0,)`` of a hand without fingers, [rad]; zero if not given.
     """
     row = np.zeros(ROW)
     row[P], row[QUAT] = T_world_hand[:3, 3], matrix_to_quaternion(T_world_hand[:3, :3], "xyzw")
     if q_finger is not None:
-        row[Q_FINGER] = q_finger
+        row[Q_FINGER][: len(q_finger)] = q_finger
     return row

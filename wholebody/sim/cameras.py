@@ -136,8 +136,9 @@ def _draw(scene: str, hands: bool, sizes: Mapping[str, Iterable[int]]) -> None:
 
     from models.g1 import g1
     from models.mujoco_model import build_mujoco
+    from wholebody.sim.scene_file import scene_of
 
-    mj = lit(build_mujoco(g1(hands=hands), scene=scene, visuals=True))
+    mj = lit(build_mujoco(g1(hands=hands), scene=scene_of(scene), visuals=True))
     for name in sizes:
         _add_camera(mj, name)
     mj.visual.global_.offheight = max(height for height, _ in sizes.values())

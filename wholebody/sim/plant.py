@@ -13,6 +13,7 @@ from wholebody.config.bounds import require_run
 from wholebody.errors import InputError, SimulationError
 from wholebody.jit.entry import Entry
 from wholebody.sim.kernels import motors
+from wholebody.sim.scene_file import scene_of
 from wholebody.types import JointCommand, RobotState, check_command
 
 _drive, _read = Entry(motors.drive), Entry(motors.read)
@@ -28,7 +29,7 @@ class MujocoPlant:
 
     Args:
         spec: The robot.
-        scene: Name of a scene of `models.scenes`.
+        scene: Name of a scene of `models.scenes`, or a MuJoCo file (.xml).
         timestep: Physics step [s].
         control_dt: Time that one command is applied for, a multiple of the timestep [s].
         payload_kg: Mass held by the left and right hand [kg].
@@ -54,7 +55,8 @@ class MujocoPlant:
         for mass in payload_kg:
             require_run("payload_kg", mass)
         self.spec, self.control_dt, self._steps = spec, control_dt, steps
-        self.model = load_mujoco(spec, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
+        world = scene_of(scene)
+        self.model = load_mujoco(spec, scene=world, timestep=timestep, payload_kg=payload_kg, friction=friction)
         # MuJoCo would put a robot whose state is not finite back to its first pose, at time 0, and go on.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = mujoco.MjData(self.model)

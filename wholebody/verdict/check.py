@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import cattrs
 
-from models.g1 import g1
 from models.spec import FLOOR_FRICTION
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
+from wholebody.config.description import describe
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -26,8 +26,8 @@ class Checker:
     """Holds the loaded robot, so that many inputs are cheap.
 
     Args:
-        scene: Name of a scene of `models.scenes`.
-        config: Of the controller.
+        scene: Name of a scene of `models.scenes`, or a MuJoCo file (.xml).
+        config: Of the robot and its controller.
         episode: How an episode runs.
         sensors: Errors of the sensors; the controller gets the true state if not given.
         timestep: Physics step [s].
@@ -46,8 +46,8 @@ class Checker:
         payload_kg: tuple[float, float] = (0.0, 0.0),
         friction: float = FLOOR_FRICTION,
     ) -> None:
-        spec = g1()
         config = config or ControllerConfig()
+        spec = describe(config.robot)
         self.scene, self.episode, dt = scene, episode or EpisodeConfig(), config.dt
         world = {"timestep": min(timestep, dt), "payload_kg": payload_kg, "friction": friction}
         # The plant first: a scene that does not exist is told at once.

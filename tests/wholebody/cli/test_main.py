@@ -10,7 +10,8 @@ import pytest
 from models.scenes import SCENES
 from policy.scripted.library import SCRIPTS
 from tests.support.commands import wholebody
-from wholebody.cli import run as run_command
+from tests.support.hostile_files import write_scene
+from wholebody.cli.commands import run as run_command
 from wholebody.cli.simulated import SCENE_OF
 from wholebody.cli.sources import NO_END
 from wholebody.episode.timing import Timing
@@ -37,6 +38,24 @@ def test_the_help_names_every_script_and_leaves_no_unit_out(inside):
 def test_no_command_is_cut_off_in_the_list_of_commands(inside, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert "..." not in inside("--help").stdout.partition("Commands:")[2]
+
+
+def test_c5_the_robot_without_hands_runs_in_a_scene_from_a_file(inside, tmp_path):
+    write_scene(tmp_path)
+    scene = str(tmp_path / "scene.xml")
+    answer = inside("run", "wave", "--robot", "g1", "--scene", scene, *SHORT, "--json", str(tmp_path / "v.json"))
+    assert (answer.returncode, answer.stdout.partition(":")[0]) == (0, "FEASIBLE  wave")
+    assert f"{scene}: the planner sees the robot and the floor alone" in answer.stderr
+    (verdict,) = json.loads((tmp_path / "v.json").read_text())
+    assert verdict["config"]["robot"]["model"] == "g1"
+    assert "the robot has no fingers" in answer.stdout
+
+
+def test_c5_a_scene_that_is_refused_ends_with_code_2_and_a_sentence(inside, tmp_path):
+    (tmp_path / "s.xml").write_text('<mujoco><worldbody><include file="/etc/passwd"/></worldbody></mujoco>')
+    answer = inside("run", "wave", "--scene", str(tmp_path / "s.xml"), *SHORT)
+    assert (answer.returncode, answer.stdout) == (2, "")
+    assert "has <include>; bodies and geoms" in answer.stderr.splitlines()[-1]
 
 
 def test_scripts_that_need_a_scene_get_it():

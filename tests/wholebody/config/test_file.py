@@ -48,7 +48,7 @@ def test_an_empty_file_is_the_default(tmp_path):
         ({"dt": "2 ms"}, "dt must be a finite number in SI units, got '2 ms'"),
         ({"hand": {"kp": True}}, "must be a finite number"),
         ({"hand": {"kp": None}}, "must be a finite number"),
-        ({"hand": {"kp": -1.0}}, "hand.kp must be at least 0, got -1.0"),
+        ({"hand": {"kp": -1.0}}, "hand.kp is -1; 0 to 1e+06 1/s^2 is expected"),
         ({"hand": 3}, "hand must be a mapping"),
         ([1, 2], "must be a mapping"),
         (False, "must be a mapping"),

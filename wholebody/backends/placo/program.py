@@ -110,7 +110,7 @@ class PlacoProgram:
         with TemporaryDirectory() as folder:
             # placo measures every pair in every solve: all 1159 would take longer than everything else.
             path = Path(folder) / "collisions.json"
-            path.write_text(json.dumps(watched_pairs()))
+            path.write_text(json.dumps(watched_pairs(hands=bool(self.robot.spec.hand_neutral))))
             self.placo.load_collision_pairs(str(path))
         self._collision = self.solver.add_avoid_self_collisions_constraint()
         self._collision.self_collisions_margin = limits.safety.self_distance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from wholebody.cli.console import say, waiting
+from wholebody.cli.options import RobotModel
 
 
 def config() -> None:
@@ -13,12 +14,13 @@ def config() -> None:
     print(dump_config(ControllerConfig()), end="")
 
 
-def warmup() -> None:
+def warmup(*, robot: RobotModel = "") -> None:
     """Compile the control tick once, for all later runs."""
+    from wholebody.config.robot import RobotConfig
     from wholebody.episode.warm_up import warm_up
 
     text = "compiling the control tick and the plan: about a minute, once"
     say(text, to_errors=True)
     with waiting(text):
-        seconds = warm_up()
+        seconds = warm_up(RobotConfig(model=robot) if robot else None)
     say(f"ready after {seconds:.0f} s; later runs load what was compiled", to_errors=True)

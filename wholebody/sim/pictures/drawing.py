@@ -72,10 +72,11 @@ class Painter:
         from models.g1 import g1
         from models.mujoco_model import build_mujoco
         from models.pinocchio_model import load_pinocchio
+        from wholebody.sim.scene_file import scene_of
 
         spec = g1(hands=any("_hand_" in name for name in record["joint_names"]))
         pin_model = load_pinocchio(spec)
-        self._model = bright(lit(build_mujoco(spec, scene=str(record["scene"]), visuals=True))).compile()
+        self._model = bright(lit(build_mujoco(spec, scene=scene_of(str(record["scene"])), visuals=True))).compile()
         self._data, self._rest = mujoco.MjData(self._model), np.zeros(pin_model.nv)
         self._conversion = Conversion(spec, pin_model, self._model)
         free = np.flatnonzero(self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[1:]

@@ -1,0 +1,84 @@
+"""Which G1 it is, how it stands and how stiff its motors are; part of `wholebody.config.ControllerConfig`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from models.g1 import ARM, GAINS, STANCE_DEX3
+
+_HIP, _KNEE, _ANKLE, _WAIST, _SHOULDER, _ELBOW, _WRIST, _FINGERS = GAINS
+_ARM = dict(zip(ARM, STANCE_DEX3["arm"], strict=True))
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainConfig:
+    """Gains of the position loop of a motor."""
+
+    kp: float
+    """Stiffness [N m/rad]."""
+    kd: float
+    """Damping [N m s/rad]."""
+
+
+_OF = {pattern: GainConfig(kp=kp, kd=kd) for pattern, (kp, kd) in GAINS.items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainsConfig:
+    """Gains of all motors, both sides alike."""
+
+    hip: GainConfig = _OF[_HIP]
+    knee: GainConfig = _OF[_KNEE]
+    ankle: GainConfig = _OF[_ANKLE]
+    waist: GainConfig = _OF[_WAIST]
+    shoulder: GainConfig = _OF[_SHOULDER]
+    """Pitch and roll."""
+    elbow: GainConfig = _OF[_ELBOW]
+    """Of the shoulder's yaw, too."""
+    wrist: GainConfig = _OF[_WRIST]
+    fingers: GainConfig = _OF[_FINGERS]
+
+
+@dataclass(frozen=True, kw_only=True)
+class StanceConfig:
+    """How the robot stands, both sides alike: angles of the left one.
+
+    Hips and ankles follow: soles flat, pelvis upright, the centre of mass over the middle of the soles.
+    """
+
+    knee: float = STANCE_DEX3["leg"][3]
+    """[rad]"""
+    feet_apart: float = 0.238
+    """Distance between the middles of the soles [m]."""
+    shoulder_pitch: float = _ARM["shoulder_pitch"]
+    """[rad]"""
+    shoulder_roll: float = _ARM["shoulder_roll"]
+    """[rad]"""
+    shoulder_yaw: float = _ARM["shoulder_yaw"]
+    """[rad]"""
+    elbow: float = _ARM["elbow"]
+    """Zero is a forearm at right angles [rad]."""
+    wrist_roll: float = _ARM["wrist_roll"]
+    """[rad]"""
+    wrist_pitch: float = _ARM["wrist_pitch"]
+    """[rad]"""
+    wrist_yaw: float = _ARM["wrist_yaw"]
+    """[rad]"""
+
+    @property
+    def arm(self) -> tuple[float, ...]:
+        """Joints of the left arm, shape (7,), [rad]."""
+        return tuple(getattr(self, name) for name in ARM)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """The robot that is controlled and simulated."""
+
+    model: str = "g1_dex3"
+    """'g1_dex3' with two Dex3-1 hands, 43 joints, or 'g1' with rubber hands, 29 joints."""
+    linkage_effort: float = 35.0
+    """Torque limit of ankles and waist roll and pitch: 35 in the URDF, 50 in Unitree's MJCF [N m]."""
+    gains: GainsConfig = GainsConfig()
+    stance: StanceConfig = StanceConfig()
+    """Where it begins, and what the plan prefers. The default of 'g1' has its arms a little otherwise."""
