@@ -17,7 +17,7 @@ def plot(
         Path | None, typer.Option("--output", "-o", help="Picture (.png) to write; beside the recording if not given.")
     ] = None,
 ) -> None:
-    """Draw margins, errors, torques and times of a recording, with their bounds."""
+    """Draw margins, errors, torques and times of a recording."""
     from wholebody.sim.pictures.plot import PLOT_COLUMNS
     from wholebody.sim.pictures.plot import plot as draw
     from wholebody.sim.record import read_record
