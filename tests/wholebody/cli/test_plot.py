@@ -6,12 +6,14 @@ import pytest
 from tests.support.recordings import made_record, save
 
 
-def test_the_command_writes_the_picture_beside_the_recording(inside, tmp_path):
+def test_the_picture_is_written_beside_the_recording_and_over_no_sheet(inside, tmp_path):
     save(made_record(50), tmp_path / "run.npz")
+    (tmp_path / "run.png").write_bytes(b"a sheet")
     answer = inside("plot", str(tmp_path / "run.npz"))
     assert (answer.returncode, answer.stdout) == (0, "")
-    assert answer.stderr == f"wrote {tmp_path / 'run.png'}\n"
-    assert (tmp_path / "run.png").is_file()
+    assert answer.stderr == f"wrote {tmp_path / 'run-plot.png'}\n"
+    assert (tmp_path / "run-plot.png").is_file()
+    assert (tmp_path / "run.png").read_bytes() == b"a sheet"
 
 
 @pytest.mark.parametrize(

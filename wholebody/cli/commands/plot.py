@@ -25,7 +25,8 @@ def plot(
     if output is None:
         if not record.name:
             raise ValueError(f"'{record}' has no name to call a picture by; say with --output where it goes")
-        output = record.with_suffix(".png")
+        # A sheet of the same run may be called as the recording is.
+        output = record.with_name(f"{record.stem}-plot.png")
     check_places("", sheet=output)
     draw(read_record(record, PLOT_COLUMNS), output, record.name)
     say(f"wrote {output}", to_errors=True)

@@ -41,7 +41,8 @@ def captioned(image: np.ndarray, scene: Scene, why: str = "") -> np.ndarray:
     band, pen = _paper(width, CAPTION)
     status, numbers = scene.words()
     title = f"{scene.time:.2f} s" + (f"   {why}" if why else "")
-    pen.text((EDGE, 6), shorten(title, int(letters * SMALL / LARGE), placeholder=" ..."), fill=INK, font_size=LARGE)
+    size = LARGE if pen.textlength(title, font_size=LARGE) <= width - 2 * EDGE else SMALL
+    pen.text((EDGE, 6), shorten(title, letters, placeholder=" ..."), fill=INK, font_size=size)
     lines = wrap(shorten(status, STATUS_LINES * letters, placeholder=" ..."), letters)[:STATUS_LINES]
     colour = _bytes(STATUS_COLOUR[scene.status])
     for i, line in enumerate(lines):

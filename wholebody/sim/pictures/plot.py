@@ -170,9 +170,9 @@ def _logarithmic(axes: Axes) -> None:
 def _bound(axes: Axes, value: float, name: str, *, left: bool = False) -> None:
     axes.axhline(value, color=BOUND, lw=1.0, ls="--", zorder=1)
     place, side = (0.005, "left") if left else (0.995, "right")
-    axes.annotate(
-        name, (place, value), xycoords=("axes fraction", "data"), ha=side, va="bottom", fontsize=7, color=BOUND
-    )
+    paper = {"facecolor": "white", "alpha": 0.7, "linewidth": 0.0, "pad": 0.5}
+    place = {"xy": (place, value), "xycoords": ("axes fraction", "data"), "ha": side, "va": "bottom"}
+    axes.annotate(name, **place, fontsize=7, color=BOUND, bbox=paper)
 
 
 def _finish(axes: Axes, label: str) -> None:
