@@ -76,7 +76,7 @@ configs: $(VENV)/.core-installed ## Write configs/default.yaml anew from the def
 
 lock: $(VENV)/.core-installed ## Resolve the two locks again (make lock ARGS=--upgrade for newer versions)
 	$(call compile,--all-extras --constraint requirements/pins.txt,all)
-	$(call compile,--constraint requirements/all.txt,core)
+	$(call compile,--extra live --constraint requirements/all.txt,core)
 	@! grep -nE '://|^-' requirements/all.txt requirements/core.txt || { echo "a lock names a host or a path" >&2; exit 1; }
 
 # The core lock is constrained by the other one: a package has the same version in both.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
+from time import sleep
 from typing import Protocol
 
 from policy.base import Policy
@@ -81,7 +82,12 @@ class ThreadWorker:
     """Runs a policy in a thread of its own.
 
     A call that hangs cannot be broken off: its thread is a daemon, so that at least the program can end.
+
+    Attributes:
+        latency: Added to every call [s]: what a slower policy would be like.
     """
+
+    latency = 0.0
 
     def __init__(self, policy: Policy, clock: Clock) -> None:
         self.policy, self.clock = policy, clock
@@ -112,6 +118,7 @@ class ThreadWorker:
             chunk = error = None
             try:
                 chunk = job.run(self.policy)
+                sleep(self.latency)
             except BaseException as raised:  # noqa: BLE001 - whatever it is goes to the executor, which logs it
                 error = raised
             # Past an Exception the policy itself has ended; the thread stays, for a reset.

@@ -114,6 +114,9 @@ class PolicyServer:
     def close(self) -> None:
         """Hang up and stop listening."""
         self._server.shutdown()
+        # websockets does it from version 17 on.
+        if self._client is not None:
+            _hang_up(self._client)
         if self._thread is not None:
             self._thread.join()
         self._worker.close()

@@ -36,7 +36,7 @@ FLOORS = (
     {"wholebody.backends"},
     {"wholebody.execution"},
     {"wholebody.episode"},
-    {"wholebody.verdict", "wholebody.bench"},
+    {"wholebody.verdict", "wholebody.bench", "wholebody.live"},
     {"wholebody.cli", "benchmarks"},
 )
 # The same inside policy, where most rooms are folders and the rest single files.
@@ -53,7 +53,7 @@ POLICY_FLOORS = (
     {"remote", "lerobot"},
 )
 # Only these know policy, controller and plant at once.
-COMPOSITION = {"episode", "verdict", "bench", "cli"}
+COMPOSITION = {"episode", "verdict", "bench", "live", "cli"}
 
 # Loaded only inside their adapter, policy/lerobot.
 ADAPTER_ONLY = {"torch", "torchvision", "lerobot", "transformers", "safetensors", "datasets"}

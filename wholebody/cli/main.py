@@ -13,6 +13,7 @@ from wholebody.cli.commands.check import check
 from wholebody.cli.commands.convert import convert
 from wholebody.cli.commands.doctor import doctor
 from wholebody.cli.commands.layouts import layouts
+from wholebody.cli.commands.live import live
 from wholebody.cli.commands.plot import plot
 from wholebody.cli.commands.run import run
 from wholebody.cli.commands.serve_policy import serve_policy
@@ -25,7 +26,7 @@ from wholebody.cli.options import flat
 MISUSE = 2
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
-for command in (check, run, plot, convert, layouts, spec, doctor, serve_policy, warmup, config):
+for command in (check, run, live, plot, convert, layouts, spec, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
 

@@ -49,6 +49,7 @@ class Supervisor:
 
     Attributes:
         chunk: The chunk that is being followed, or None.
+        plan: Its plan.
         handover: The plan on its way, and how many came too late.
     """
 
@@ -78,7 +79,7 @@ class Supervisor:
         self.plan_report: PlanReport | None = None
         self.last_tick: TickReport | None = None
         self._now = now
-        self._plan: ChunkPlan | None = None
+        self.plan: ChunkPlan | None = None
         self.chunk: ActionChunk | None = None
         self._newest: ActionChunk | None = None
         self._chunk_end = 0.0
@@ -117,7 +118,7 @@ class Supervisor:
     @property
     def moved_for(self) -> Reason | None:
         """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
-        return None if self._plan is None else self._plan.report.moved_at(self._follower.s)
+        return None if self.plan is None else self.plan.report.moved_at(self._follower.s)
 
     @property
     def rate(self) -> float:
@@ -138,11 +139,11 @@ class Supervisor:
         Returns:
             Rows (n, 40) a hand, derivatives with respect to the path; None while no chunk is followed.
         """
-        if self._plan is None:
+        if self.plan is None:
             return None
         follower = self._follower
         s = follower.s + follower.rate * (np.asarray(times) - self._now)
-        left, right = (path.sample(np.clip(s, self._plan.start, self._plan.end)) for path in self._plan.paths)
+        left, right = (path.sample(np.clip(s, self.plan.start, self.plan.end)) for path in self.plan.paths)
         return left, right
 
     def accept(self, chunk: ActionChunk, now: float | None = None) -> StatusReport:
@@ -166,9 +167,9 @@ class Supervisor:
         self._newest, self._refusal = chunk, None
         self._waiting, self._retry = chunk, self._now
         self._try_waiting(self._now)
-        if self.handover.busy or self._plan is None:
+        if self.handover.busy or self.plan is None:
             return self.take_refusal() or statuses.TRACKING
-        return self.take_refusal() or statuses.plan_status(self._plan.report, self._follower.rate)
+        return self.take_refusal() or statuses.plan_status(self.plan.report, self._follower.rate)
 
     def take_refusal(self) -> StatusReport | None:
         """Why the chunk that was accepted last is not followed after all, said once; None if there is nothing."""
@@ -193,9 +194,9 @@ class Supervisor:
         if self._standing:
             start = replace(start, body=self._resting())
         # On its plan, the robot only asks whether there is a quicker one by now.
-        ahead = self._plan is not None and self._follower.s < self._plan.end
+        ahead = self.plan is not None and self._follower.s < self.plan.end
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0
-        before = self._plan and rest_of_plan(self._plan, start, self.config.planner.posture.dt)
+        before = self.plan and rest_of_plan(self.plan, start, self.config.planner.posture.dt)
         self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again))
         self._exchange(self._now)
 
@@ -205,7 +206,7 @@ class Supervisor:
         answer = handover.collect(now, self._now)
         if answer is not None:
             self._judge_plan(answer)
-        taken = handover.take(self._now, None if self._plan is None else follower.s, follower.rate)
+        taken = handover.take(self._now, None if self.plan is None else follower.s, follower.rate)
         if taken is not None:
             self._take_over(taken)
         dropped = handover.take_dropped()
@@ -239,7 +240,7 @@ class Supervisor:
         if self._standing and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
             self._waiting, self._retry = self._waiting or taken.chunk, self._now
             return
-        self._plan, self.chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
+        self.plan, self.chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
         self.plan_report, self._chunk_end = taken.plan.report, float(taken.chunk.times[-1])
         last = self._chunk_end - taken.chunk.t_obs
         self._follower.begin(taken.plan, last, beyond=taken.beyond, share=taken.share)
@@ -250,7 +251,7 @@ class Supervisor:
         trajectory = standing_trajectory(self.robot, self._resting().q, support, margin)
         self._follower.stand(trajectory, hands_at_rest(self.robot, self._last_state.q))
         self.handover.cancel()
-        self._plan, self._standing = None, True
+        self.plan, self._standing = None, True
         self._waiting, self._retry = self._waiting or self._newest, self._now
 
     def _resting(self) -> BodyState:
@@ -279,9 +280,9 @@ class Supervisor:
             self.status = statuses.STANDING_LOST
             return damping_command(self.spec, self.robot, state)
         self._exchange(now)
-        if self._plan is not None and follower.trust <= TRUST_MIN:
+        if self.plan is not None and follower.trust <= TRUST_MIN:
             self._stand()
-        elif self._plan is not None and follower.trust < 1.0 and not self.handover.busy:
+        elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
         self._last_state, self._now = state, max(now, self._now)
@@ -300,13 +301,13 @@ class Supervisor:
             self.status = statuses.NO_HANDS
         elif self._standing:
             self.status = statuses.OFF_PLAN
-        elif self._plan is None:
+        elif self.plan is None:
             self.status = self._refused or statuses.NO_CHUNK
-        elif self._follower.s > self._plan.end or self._now > self._chunk_end + 0.5:
+        elif self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
             self.status = self._refused or statuses.STARVED
         else:
             follower = self._follower
-            self.status = self._refused or statuses.plan_status(self._plan.report, follower.rate, follower.s)
+            self.status = self._refused or statuses.plan_status(self.plan.report, follower.rate, follower.s)
 
     def _refuse(self, refusal: StatusReport) -> StatusReport:
         self._refused = self.status = refusal

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -194,6 +196,29 @@ class MujocoPlant:
             duration: [s]
         """
         self._pushes.append((self._body_id(body), np.asarray(force, dtype=float), start, start + duration))
+
+    def hold(self, payload_kg: Sequence[float]) -> None:
+        """Change the masses in the left and right hand [kg] while time goes on.
+
+        Raises:
+            InputError: If the plant was made without a mass in that hand, or one is beyond what a hand can hold.
+        """
+        for tool, mass in zip(self.spec.tools, payload_kg, strict=True):
+            require_run("payload_kg", mass)
+            ball = self._body_id(f"{tool.side}_payload")
+            self.model.body_inertia[ball] *= mass / self.model.body_mass[ball]
+            self.model.body_mass[ball] = mass
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
+    def set_friction(self, friction: float) -> None:
+        """Change the friction coefficient of the floor.
+
+        Raises:
+            InputError: If it is not above 0.
+        """
+        if not (np.isfinite(friction) and friction > 0.0):
+            raise InputError(f"friction is {friction}; a number above 0 is expected")
+        self.model.geom_friction[np.isin(self.model.geom_bodyid, list(self._feet)), 0] = friction
 
     def contacts(self) -> list[tuple[str, str]]:
         """Pairs of bodies that touch now, feet on the floor left out."""

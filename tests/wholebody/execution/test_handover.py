@@ -133,7 +133,7 @@ def test_only_a_plan_that_ends_at_rest_and_balanced_is_taken(supervisor, plant):
     state = begin(supervisor, plant)
     supervisor.accept(wave(supervisor, state), state.time)
     run(supervisor, plant, state, LEAD + 0.004)
-    plan, support = supervisor._plan, supervisor.controller.balance.support
+    plan, support = supervisor.plan, supervisor.controller.balance.support
     assert ends_at_rest(plan, support, 0.02)
     trajectory = plan.trajectory
     for name, value in (("v", 0.3), ("q", np.nan), ("com", 0.2)):
@@ -155,7 +155,7 @@ def test_a_robot_that_is_slower_than_foreseen_takes_the_plan_over_where_it_begin
     run(supervisor, plant, state, LEAD + 0.004)
     handover = Handover(Slow(), PlanningConfig(), 0.002)
     start = supervisor._follower.foreseen(50)
-    answer = PlanAnswer(PlanRequest(supervisor.chunk, 1.0, 1.1, start), supervisor._plan)
+    answer = PlanAnswer(PlanRequest(supervisor.chunk, 1.0, 1.1, start), supervisor.plan)
     handover.keep(answer)
     assert handover.take(1.05, start.s, 1.0) is None, "it is not due"
     assert handover.take(1.1, start.s - 0.01, 0.5) is None, "the robot is not there"

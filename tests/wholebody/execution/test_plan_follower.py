@@ -36,7 +36,7 @@ def planned():
     policy.reset()
     chunk = policy.infer(observe(SPEC, supervisor, state))
     supervisor.accept(chunk)
-    return supervisor, state, supervisor._plan, chunk.times[-1] - chunk.t_obs
+    return supervisor, state, supervisor.plan, chunk.times[-1] - chunk.t_obs
 
 
 def beginning(planned):

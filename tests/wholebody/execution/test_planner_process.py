@@ -1,0 +1,87 @@
+"""Strategy: a real process that plans; the same plan as here, and what happens when it is killed."""
+
+import time
+
+import numpy as np
+import pytest
+
+from models.g1 import g1
+from policy.scripted.library import scripted_policy
+from wholebody.config import ControllerConfig
+from wholebody.episode.run import observe
+from wholebody.errors import PlanningError
+from wholebody.execution.background_planner import PlanRequest, ThreadPlanner
+from wholebody.execution.planner_process import PlannerProcess
+from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+
+
+@pytest.fixture(scope="module")
+def request_and_plan():
+    """A request of a supervisor, and the plan that it makes of it itself."""
+    kept = []
+
+    class Here:
+        def __init__(self, compute):
+            self.compute = compute
+
+        def submit(self, request):
+            kept.append((request, self.compute(request)))
+
+        def poll(self, now):
+            return None
+
+        def close(self):
+            pass
+
+    spec = g1()
+    state = MujocoPlant(spec).state()
+    supervisor = Supervisor(spec, planner=Here)
+    supervisor.reset(state)
+    supervisor.step(state)
+    supervisor.accept(scripted_policy("wave").infer(observe(spec, supervisor, state)))
+    return kept[0]
+
+
+@pytest.fixture(scope="module")
+def process():
+    process = PlannerProcess(g1(), ControllerConfig())
+    yield process
+    process.close()
+
+
+def test_the_plan_is_the_one_that_is_made_here(process, request_and_plan):
+    request, here = request_and_plan
+    there = process(request)
+    np.testing.assert_array_equal(there.trajectory.q, here.trajectory.q)
+    assert there.report.reasons == here.report.reasons
+    assert len(process.seconds) == 1
+
+
+def test_a_chunk_without_a_plan_is_an_answer(process, request_and_plan):
+    request, _ = request_and_plan
+    broken = PlanRequest(request.chunk, request.asked, float("nan"), request.start)
+    with pytest.raises(PlanningError):
+        process(broken)
+
+
+def test_a_killed_planner_is_told_and_another_one_takes_its_place(process, request_and_plan):
+    request, here = request_and_plan
+    planner = ThreadPlanner(process)
+    process._process.kill()
+    planner.submit(request)
+    answer = _answer(planner)
+    assert isinstance(answer.error, PlanningError)
+    again = PlanRequest(request.chunk, request.asked, request.due, request.start, request.before)
+    planner.submit(again)
+    np.testing.assert_array_equal(_answer(planner).plan.trajectory.q, here.trajectory.q)
+    planner.close()
+
+
+def _answer(planner):
+    end = time.monotonic() + 120.0
+    while time.monotonic() < end:
+        if (answer := planner.poll(0.0)) is not None:
+            return answer
+        time.sleep(0.01)
+    raise TimeoutError

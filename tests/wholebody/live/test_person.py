@@ -1,0 +1,102 @@
+"""Strategy: a page that sends what no slider would, and a robot that takes note of what it is told."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from policy.executor.executor import ExecutorConfig
+from policy.scripted.library import scripted_policy
+from wholebody.live.glance import Wish
+from wholebody.live.hands import DraggedHands
+from wholebody.live.person import BOUNDS, Person
+
+POSES = np.tile(np.eye(4), (2, 1, 1))
+
+
+class Page:
+    def __init__(self):
+        self.sent, self.alive = [], True
+
+    def wishes(self):
+        sent, self.sent = self.sent, []
+        yield from sent
+
+    def show(self, glance):
+        """Not looked at."""
+
+
+class Clock:
+    def now(self):
+        return 0.0
+
+
+@pytest.fixture
+def person():
+    supervisor = SimpleNamespace(
+        palm_reference=lambda: {"left": np.eye(4), "right": np.eye(4)},
+        config=SimpleNamespace(planning=SimpleNamespace(lead=0.1)),
+    )
+    loop = SimpleNamespace(executor=None, clock=Clock(), task="", supervisor=supervisor)
+    orders = []
+    robot = SimpleNamespace(order=orders.append, orders=orders)
+    sources = {"wave": scripted_policy("wave"), "hands": DraggedHands()}
+    person = Person(Page(), loop, robot, sources, ExecutorConfig(), [])
+    person.test = SimpleNamespace(page=person._page, loop=loop, robot=robot, sources=sources)
+    person.asking(True)
+    person._shown = np.inf
+    yield person
+    person.asking(False)
+
+
+def wish(person, what, *numbers):
+    person.test.page.sent.append((what, np.array(numbers, dtype=float)))
+    person.look(0.0)
+
+
+@pytest.mark.parametrize("what", [Wish.PUSH, Wish.PAYLOAD, Wish.FRICTION, Wish.LATENCY, Wish.SOURCE, Wish.TARGETS])
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_what_is_no_number_is_not_done(person, what, number):
+    wish(person, what, *[number] * 32)
+    assert person.test.robot.orders == []
+    assert person.test.loop.executor.policy is person.test.sources["wave"]
+
+
+@pytest.mark.parametrize("what", [Wish.PUSH, Wish.PAYLOAD, Wish.FRICTION])
+def test_what_is_beyond_the_bounds_is_done_at_the_bound(person, what):
+    wish(person, what, 1e300, -1e300)
+    (order,) = person.test.robot.orders
+    assert order.what == what.name.lower()
+    assert order.numbers == BOUNDS[what][::-1]
+
+
+def test_a_source_that_there_is_not_is_the_last_one(person):
+    wish(person, Wish.SOURCE, 1e9)
+    assert person.test.loop.executor.policy is person.test.sources["hands"]
+
+
+def test_dragging_takes_the_hands_over_whatever_ran(person):
+    wish(person, Wish.TARGETS, *POSES.ravel())
+    hands = person.test.sources["hands"]
+    assert person.test.loop.executor.policy is hands
+    np.testing.assert_array_equal(hands.targets, POSES)
+
+
+def test_a_pose_that_is_none_is_not_gone_to(person):
+    wish(person, Wish.TARGETS, *(2.0 * POSES).ravel())
+    assert person.test.sources["hands"].targets is None
+
+
+def test_the_latency_of_the_policy_is_that_of_the_next_source_too(person):
+    wish(person, Wish.LATENCY, 0.2)
+    assert person.test.loop.executor.worker.latency == 0.2
+    wish(person, Wish.SOURCE, 1)
+    assert person.test.loop.executor.worker.latency == 0.2
+
+
+def test_a_pause_ends_with_the_page(person):
+    person.test.page.alive = False
+    person.test.robot.origin, person.test.loop.lateness = 0.0, SimpleNamespace(pause=lambda: None)
+    wish(person, Wish.PAUSE, 1.0)
+    assert [order.what for order in person.test.robot.orders] == ["pause", "resume"]
+    assert person.test.robot.origin >= 0.0

@@ -1,0 +1,149 @@
+"""``wholebody live``: the loop on the wall clock."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Option
+
+from wholebody.cli.console import check_places, say, waiting, write_text
+from wholebody.cli.options import SOURCES, Input, JsonTo, Sampling, completed_script
+
+LINE_EVERY = 1.0
+"""Time between two lines on the terminal [s]."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Where the page is."""
+
+    headless: Annotated[bool, Option("--headless", help="No page; runs the first source.")] = False
+    host: Annotated[str, Option(help="Address of the page; others than this computer see 0.0.0.0.")] = "127.0.0.1"
+    port: Annotated[int, Option(help="Port of the page; the next free one if it is taken.")] = 8080
+
+
+@dataclass(frozen=True)
+class Around:
+    """What is around the robot and its policy."""
+
+    scene: Annotated[str, Option(help="What stands around the robot.")] = "floor"
+    config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
+    hold: Annotated[float, Option(help="Seconds of standing after the last step.")] = 4.0
+    replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
+
+
+def live(
+    *,
+    sources: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help=f"{SOURCES} Several can be chosen from on the page; the first one runs. If none is given: hands that "
+            "are dragged on the page.",
+            autocompletion=completed_script,
+        ),
+    ] = None,
+    shown: Shown,
+    given: Input,
+    around: Around,
+    sampling: Sampling,
+    json_to: JsonTo = "",
+) -> None:
+    """Run the loop on the wall clock: MuJoCo, planner and policy beside it, and a page to see and disturb it.
+
+    Exit code 1 after a fall.
+    """
+    from policy.executor.executor import ExecutorConfig
+    from policy.scripted.library import SCRIPTS
+    from wholebody.cli.simulated import check_times
+    from wholebody.cli.sources import length, opened
+    from wholebody.config import ControllerConfig
+    from wholebody.config.file import load_config
+    from wholebody.live.glance import HANDS
+    from wholebody.live.hands import DraggedHands
+    from wholebody.live.page_process import PageProcess
+    from wholebody.live.robot_process import World
+    from wholebody.live.session import Session, SessionConfig
+
+    check_times(given.duration, around.hold)
+    check_places(json_to)
+    settings = load_config(around.config) if around.config else ControllerConfig()
+    named = sources or (["wave"] if shown.headless else [])
+    policies = {name: opened(name, given, **sampling.choices()) for name in named}
+    seconds = length(policies[named[0]], given.duration) if shown.headless else given.duration or None
+    asking, world = ExecutorConfig(replace_every=around.replace_every), World(scene=around.scene)
+    quiet, page = json_to == "-", None
+    with waiting("loading the robot and the planner, compiling if it is the first time", quiet):
+        if not shown.headless:
+            policies |= {HANDS: DraggedHands()} | {
+                name: opened(name, given) for name in SCRIPTS if name not in policies
+            }
+            page = PageProcess(world, list(policies), shown.host, shown.port)
+        about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
+        session = Session(settings, world, about, page)
+    if page is not None:
+        say(f"http://{shown.host}:{page.port} shows the robot; Ctrl-C ends it", to_errors=True)
+    try:
+        session.run(policies, _nothing if quiet else _Lines(session), asking)
+    finally:
+        robot = session.close()
+        if page is not None:
+            page.close()
+    _tell(session.summary() | {"robot": robot}, json_to, quiet=quiet)
+
+
+def _tell(summary: dict, json_to: str, *, quiet: bool) -> None:
+    """The end of a run, as JSON and in words.
+
+    Raises:
+        Exit: With code 1 after a fall.
+    """
+    if json_to:
+        write_text(json_to, json.dumps(summary, indent=2))
+    if not quiet:
+        say(*_report(summary))
+    raise typer.Exit(1 if summary["fell"] else 0)
+
+
+def _nothing(now: float) -> None:
+    """Standard output is for JSON alone."""
+
+
+class _Lines:
+    """A line a second: time, status, lateness."""
+
+    def __init__(self, session: object) -> None:
+        self._session, self._next = session, LINE_EVERY
+
+    def __call__(self, now: float) -> None:
+        if now < self._next:
+            return
+        self._next = now + LINE_EVERY
+        loop, supervisor = self._session.loop, self._session.supervisor
+        status = supervisor.status
+        said = f"{status.status.value}{f', {status.reason}' if status.reason else ''}"
+        text = f"{now:7.1f} s  {said:30s}  ticks missed {loop.lateness.missed}, plans late {supervisor.handover.late}"
+        sys.stderr.write(f"\r{text}" if sys.stderr.isatty() else f"wholebody: {text}\n")
+        sys.stderr.flush()
+
+
+def _report(summary: dict) -> list[str]:
+    """The end of a run in words."""
+    loop, planning, palms = summary["loop"], summary["planning"], summary["palm_error_mm"]
+    tick, bins = loop["tick_ms"], loop["late_ms"]
+    refused = ", ".join(f"{code} {count}" for code, count in summary["chunks"]["refused"].items())
+    lines = [
+        f"{'FELL' if summary['fell'] else 'stood'}: {loop['ticks']} ticks of {loop['period_ms']:g} ms, "
+        f"{loop['missed_ticks']} missed, {loop['gaps']} gaps above 4 ms",
+        f"palms: {palms['rms']:.2f} mm RMS, {palms['max']:.2f} mm at most; time factor {summary['time_factor']:.3f}",
+        f"ticks: {tick['p50']:.2f} ms, 99 % within {tick['p99']:.2f}, longest {tick['max']:.2f}; late by: "
+        + ", ".join(f"{name} ms {count}" for name, count in bins.items() if count),
+        f"plans: {planning['plans']}, {planning['cpu_p50_ms']:.0f} ms of CPU, {planning['cpu_max_ms']:.0f} at most, "
+        f"{planning['late']} late",
+        f"chunks: {summary['chunks']['accepted']} taken{f', refused: {refused}' if refused else ''}",
+    ]
+    return lines + [f"not granted: {text}" for text in summary["not_granted"]]

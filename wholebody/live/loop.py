@@ -1,0 +1,180 @@
+"""The control loop on the wall clock: a state in, a command out, every control period."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from time import monotonic, sleep
+from typing import Protocol
+
+import numpy as np
+
+from models.spec import RobotSpec
+from policy.executor.executor import Executor
+from wholebody.episode.chunk_seams import commanded_chunk
+from wholebody.episode.run import observe
+from wholebody.episode.tracking_error import TrackingError
+from wholebody.execution.supervisor import Supervisor
+from wholebody.live.lateness import Lateness
+from wholebody.types import JointCommand, RobotState, Status, StatusReport
+
+GRACE = 0.5
+"""Share of a control period for which a state may be late before the loop goes on without it."""
+
+
+class RobotLink(Protocol):
+    """A robot, or what behaves like one; `wholebody.live.robot_process.RobotProcess` is MuJoCo."""
+
+    origin: float
+
+    def receive(self, timeout: float) -> RobotState | None:
+        """The newest state that has not been taken, waited for up to ``timeout`` [s]."""
+
+    def send(self, command: JointCommand) -> None:
+        """Command the motors; never waits."""
+
+
+class Statue:
+    """A robot that does not move."""
+
+    def __init__(self, state: RobotState) -> None:
+        self._state, self.origin = state, monotonic()
+
+    def receive(self, timeout: float) -> RobotState:
+        """The same as ever, of the present time."""
+        sleep(timeout)
+        return replace(self._state, time=monotonic() - self.origin)
+
+    def send(self, command: JointCommand) -> None:
+        """Not heard."""
+
+
+class RobotClock:
+    """The robot's clock: seconds since an instant of `time.monotonic`. A `policy.clock.Clock`."""
+
+    def __init__(self, robot: RobotLink) -> None:
+        self._robot = robot
+
+    def now(self) -> float:
+        """Present time [s]."""
+        return monotonic() - self._robot.origin
+
+
+@dataclass
+class Told:
+    """What happened in a run of the loop.
+
+    Attributes:
+        seconds: Time in each status, by its name [s].
+        reasons: The same by reason.
+        refusals: How many chunks were refused, by reason.
+        accepted: How many chunks were given to the supervisor.
+        stale: Ticks that began without a new state.
+        fallen: When standing was lost [s], or None.
+    """
+
+    seconds: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+    refusals: Counter[str] = field(default_factory=Counter)
+    accepted: int = 0
+    stale: int = 0
+    fallen: float | None = None
+
+
+class ControlLoop:
+    """Runs a supervisor on the wall clock. Nothing in it waits but for the robot's state.
+
+    Args:
+        spec: The robot.
+        supervisor: Reset already.
+        robot: Where states come from and commands go.
+        state: The one that the supervisor was reset with.
+        task: What the policy is told to do.
+
+    Attributes:
+        executor: Where chunks come from, on the robot's clock; None: there are none.
+        lateness: Of the ticks so far.
+        told: What happened so far.
+        errors: Of the palms at the steps of the chunks.
+        state: The newest one.
+    """
+
+    def __init__(
+        self, spec: RobotSpec, supervisor: Supervisor, robot: RobotLink, state: RobotState, task: str = ""
+    ) -> None:
+        self.spec, self.supervisor, self.robot, self.state, self.task = spec, supervisor, robot, state, task
+        self.executor: Executor | None = None
+        self.dt = supervisor.config.dt
+        self.lateness, self.told, self.errors = Lateness(self.dt), Told(), TrackingError(supervisor)
+        self.clock = RobotClock(robot)
+
+    def run(self, going: Callable[[float], bool]) -> None:
+        """Tick until told to stop.
+
+        Args:
+            going: Called after every tick with the present time [s]; whether to go on. It must not wait.
+        """
+        tick = max(int(self.clock.now() / self.dt), 0) + 1
+        more = True
+        while more:
+            due = tick * self.dt
+            state = self.robot.receive(max(due + GRACE * self.dt - self.clock.now(), 0.0))
+            now = self.clock.now()
+            self.lateness.began(now, due)
+            self._tick(state, now)
+            self.lateness.ended(self.clock.now() - now)
+            more = going(now)
+            following = max(tick + 1, int(self.clock.now() / self.dt))
+            self.lateness.missed += following - tick - 1
+            tick = following
+
+    def restart(self, state: RobotState) -> None:
+        """Go on with a robot that was put somewhere else."""
+        self.state = state
+        self.supervisor.reset(state)
+        self.errors, self.told.fallen = TrackingError(self.supervisor), None
+        self.lateness.pause()
+
+    def _tick(self, state: RobotState | None, now: float) -> None:
+        told, supervisor = self.told, self.supervisor
+        if state is None:
+            told.stale += 1
+        else:
+            self.state = state
+        self.robot.send(supervisor.step(self.state, now))
+        if self.executor is not None:
+            self._poll(now)
+        self._refused(supervisor.take_refusal())
+        if supervisor.plan_report is not None:
+            self.errors.follow(supervisor.chunk, supervisor.plan_report)
+            if state is not None:
+                self.errors.measure(state, supervisor.palm_reference(), supervisor.status.reason)
+        status = supervisor.status
+        told.seconds[status.status.value] += self.dt
+        if status.reason:
+            told.reasons[str(status.reason)] += self.dt
+        if status.status is Status.DAMPING and told.fallen is None:
+            told.fallen = now
+
+    def _poll(self, now: float) -> None:
+        """Ask for a chunk if one is due; give one that has come to the supervisor."""
+        seen = partial(observe, self.spec, self.supervisor, self.state, self.task)
+        chunk = self.executor.poll(seen, partial(commanded_chunk, self.supervisor))
+        if chunk is not None:
+            self.told.accepted += 1
+            self._refused(self.supervisor.accept(chunk, now))
+
+    def _refused(self, answer: StatusReport | None) -> None:
+        if answer is not None and answer.status is Status.HOLD and answer.reason:
+            self.told.refusals[str(answer.reason)] += 1
+            self.executor.refused(answer.reason, answer.detail)
+
+
+def palm_error(loop: ControlLoop) -> tuple[float, float]:
+    """Root mean square and largest distance of the palms from the chunks as given, so far [m]."""
+    errors = loop.errors.result().errors
+    if not errors.size:
+        return 0.0, 0.0
+    return float(np.sqrt((errors**2).mean())), float(errors.max())

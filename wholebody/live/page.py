@@ -1,0 +1,300 @@
+"""The page in the browser: the robot, where its palms are to be, how it stands, and what a person can do to it.
+
+It draws what `wholebody.sim.pictures.scene` says there is to see.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections import deque
+from html import escape
+from select import select
+from time import monotonic
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import viser
+from viser import uplot
+
+from models.conversion import Conversion
+from models.g1 import g1
+from models.mujoco_model import load_mujoco
+from models.pinocchio_model import load_pinocchio, palm_frame_ids
+from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
+from wholebody.live import wire
+from wholebody.live.glance import HANDS, Glance, Wish
+from wholebody.live.meshes import Part, parts
+from wholebody.live.robot_process import World, WorldView
+from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
+from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Mark, Scene
+
+FPS = 30.0
+"""Pictures a second."""
+HISTORY = 20.0
+"""Length of the time lines [s]."""
+LINES_PER_S = 10.0
+"""Points of the time lines a second."""
+SIDES = ("left", "right")
+GHOST_OPACITY = 0.25
+
+
+class Page:
+    """Serves the page.
+
+    Args:
+        world: Where the robot stands.
+        sources: Names that can be chosen.
+        host, port: Where it is served.
+    """
+
+    def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
+        spec = g1()
+        self._spec, self._pin = spec, load_pinocchio(spec)
+        self._pin_data = self._pin.createData()
+        self._model = load_mujoco(spec, scene=world.scene)
+        self._data = mujoco.MjData(self._model)
+        mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
+        mujoco.mj_forward(self._model, self._data)
+        self._conversion = Conversion(spec, self._pin, self._model)
+        self._palms = palm_frame_ids(spec, self._pin)
+        self._support = _support(spec, self._model, self._data)
+        self._sources, self._wishes = sources, deque()
+        self._server = viser.ViserServer(host=host, port=port, label="wholebody live", verbose=False)
+        self.port = self._server.get_port()
+        self._lines = {name: deque(maxlen=int(HISTORY * LINES_PER_S)) for name in ("time", *_LINES)}
+        self._draw_world(parts(spec, world.scene))
+        self._make_handles()
+        self._make_panel()
+
+    def _draw_world(self, bodies: list[Part]) -> None:
+        """Meshes of robot and scene, each below a frame that follows its body; and the same as a ghost."""
+        scene = self._server.scene
+        scene.set_up_direction("+z")
+        scene.add_grid("/floor", width=4.0, height=4.0, plane="xy", cell_size=0.25, shadow_opacity=0.2)
+        self._server.initial_camera.position, self._server.initial_camera.look_at = (1.9, 1.2, 1.25), (0.1, 0.0, 0.7)
+        self._frames, self._ghost = {}, {}
+        for part in bodies:
+            for prefix, frames, opacity in (("/robot", self._frames, None), ("/ghost", self._ghost, GHOST_OPACITY)):
+                if opacity and not part.robot:
+                    continue
+                frames.setdefault(part.body, scene.add_frame(f"{prefix}/{part.body}", show_axes=False))
+                name = f"{prefix}/{part.body}/{part.name}"
+                colour = part.colour if opacity is None else (80, 140, 230)
+                scene.add_mesh_simple(
+                    name,
+                    part.vertices,
+                    part.faces,
+                    color=colour,
+                    opacity=opacity,
+                    side="double",
+                    cast_shadow=not opacity,
+                )
+        self._marks: dict[str, object] = {}
+
+    def _make_handles(self) -> None:
+        """A handle at each palm; dragging one makes the hands follow it."""
+        self._handles, self._dragging = [], set()
+        for side in SIDES:
+            handle = self._server.scene.add_transform_controls(f"/handle/{side}", scale=0.16, line_width=3.0)
+            self._handles.append(handle)
+
+            @handle.on_update
+            async def _(event: object, side: str = side) -> None:
+                (self._dragging.discard if event.phase == "end" else self._dragging.add)(side)
+                self._wishes.append((Wish.TARGETS, *self._targets().ravel()))
+
+    def _targets(self) -> np.ndarray:
+        """Poses of the handles, shape (2, 4, 4)."""
+        T = np.tile(np.eye(4), (2, 1, 1))
+        for i, handle in enumerate(self._handles):
+            T[i, :3, :3] = quaternion_to_matrix(np.array(handle.wxyz), "wxyz")
+            T[i, :3, 3] = handle.position
+        return T
+
+    def _make_panel(self) -> None:
+        """Words, buttons, sliders and time lines."""
+        gui = self._server.gui
+        gui.configure_theme(show_share_button=False, show_logo=False, control_layout="collapsible")
+        self._words = gui.add_html("")
+        source = gui.add_dropdown("source", self._sources, hint="where the chunks come from")
+        source.on_update(lambda _: self._wish(Wish.SOURCE, self._sources.index(source.value)))
+        self._source = source
+        row = gui.add_button_group("time", ("pause", "go on", "reset"))
+        row.on_click(lambda _: self._on_time(row.value))
+        with gui.add_folder("disturb", expand_by_default=False):
+            size = gui.add_slider("push [N s]", 0.0, 20.0, 0.5, 5.0, hint="momentum, given at the torso in 0.1 s")
+            angle = gui.add_slider("direction [deg]", -180, 180, 15, 0, hint="0: from behind, 90: to the left")
+            gui.add_button("push").on_click(lambda _: self._push(size.value, angle.value))
+            load = [gui.add_slider(f"{side} hand [kg]", 0.0, 3.0, 0.1, 0.0) for side in SIDES]
+            for slider in load:
+                slider.on_update(lambda _: self._wish(Wish.PAYLOAD, *(s.value for s in load)))
+            friction = gui.add_slider("floor friction", 0.2, 1.2, 0.05, 0.8)
+            friction.on_update(lambda _: self._wish(Wish.FRICTION, friction.value))
+            latency = gui.add_slider("policy latency [ms]", 0, 500, 10, 0)
+            latency.on_update(lambda _: self._wish(Wish.LATENCY, 1e-3 * latency.value))
+        with gui.add_folder("time lines"):
+            self._plots = {name: _plot(gui, name, unit) for name, unit in _LINES.items()}
+
+    def _wish(self, what: Wish, *numbers: float) -> None:
+        self._wishes.append((what, *numbers))
+
+    def _on_time(self, pressed: str) -> None:
+        if pressed == "reset":
+            self._wish(Wish.RESET)
+        else:
+            self._wish(Wish.PAUSE, float(pressed == "pause"))
+
+    def _push(self, momentum: float, angle: float) -> None:
+        direction = np.radians(angle)
+        force = momentum / _PUSH_DURATION * np.array([np.cos(direction), np.sin(direction), 0.0])
+        self._wish(Wish.PUSH, *force, _PUSH_DURATION)
+
+    def run(self, loop: socket.socket, robot: socket.socket) -> None:
+        """Show what comes until the loop is gone."""
+        nq, nv = self._pin.nq, self._pin.nv
+        view, shown, drawn = None, -np.inf, -np.inf
+        while True:
+            select([loop, robot], [], [], 0.02)
+            try:
+                while self._wishes:
+                    wire.send(loop, *self._wishes.popleft())
+                told = wire.newest(robot)
+                view = WorldView.of(told) if told is not None else view
+                message = wire.newest(loop)
+            except EOFError:
+                return
+            now = monotonic()
+            if message is None or view is None or now - shown < 0.8 / FPS:
+                continue
+            shown = now
+            glance = Glance.of(message, nq, nv)
+            with self._server.atomic():
+                scene = self._show(glance, view)
+                if now - drawn >= 1.0 / LINES_PER_S:
+                    drawn = now
+                    self._tell(glance, scene)
+            self._server.flush()
+
+    def _show(self, glance: Glance, view: WorldView) -> Scene:
+        state = glance.state
+        self._place(self._frames, state.q, view.objects)
+        planned = bool(np.isfinite(glance.planned).all())
+        if planned:
+            self._place(self._ghost, glance.planned, view.objects)
+        for frame in self._ghost.values():
+            frame.visible = planned
+        pin.centerOfMass(self._pin, self._pin_data, state.q, state.v)
+        pin.updateFramePlacements(self._pin, self._pin_data)
+        com, velocity = self._pin_data.com[0].copy(), self._pin_data.vcom[0]
+        capture = com[:2] + velocity[:2] / natural_frequency(com[2])
+        followed, status = glance.followed, glance.followed.status
+        scene = Scene(
+            time=state.time,
+            q=state.q,
+            objects=view.objects,
+            asked=followed.asked,
+            commanded=followed.commanded,
+            measured=np.array([self._pin_data.oMf[frame].homogeneous for frame in self._palms]),
+            support=self._support,
+            pressure=view.pressure,
+            com=com,
+            capture_point=capture,
+            status=status.status,
+            reason=status.reason,
+            rate=followed.rate,
+        )
+        for i, mark in enumerate(scene.marks()):
+            self._mark(f"/marks/{mark.show.name.lower()}/{i}", mark)
+        if not self._dragging and self._sources[glance.source] != HANDS:
+            for handle, T in zip(self._handles, followed.commanded, strict=True):
+                handle.position, handle.wxyz = T[:3, 3], matrix_to_quaternion(T[:3, :3], "wxyz")
+        return scene
+
+    def _place(self, frames: dict[str, object], q: np.ndarray, objects: np.ndarray) -> None:
+        """Put the frames of all bodies where they are in a configuration."""
+        data = self._data
+        self._conversion.to_mujoco(q, np.zeros(self._pin.nv), data.qpos, data.qvel)
+        free = np.flatnonzero(self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[1:]
+        for joint, pose in zip(free, objects, strict=False):
+            address = self._model.jnt_qposadr[joint]
+            data.qpos[address : address + 7] = pose
+        mujoco.mj_kinematics(self._model, data)
+        for name, frame in frames.items():
+            body = data.body(name)
+            frame.position, frame.wxyz = body.xpos.copy(), body.xquat.copy()
+
+    def _mark(self, name: str, mark: Mark) -> None:
+        """Draw a mark, or move it to where it is now."""
+        colour, opacity = tuple(round(255 * part) for part in mark.show.colour[:3]), mark.show.colour[3]
+        scene, old = self._server.scene, self._marks.get(name)
+        points = mark.points.astype(np.float32)
+        if mark.kind is Kind.LINE:
+            if old is None:
+                self._marks[name] = scene.add_line_segments(name, points[None], colour, thickness=2.0 * mark.size)
+            else:
+                old.points = points[None]
+        elif mark.kind is Kind.AREA:
+            if old is None:
+                fan = np.array([[0, i, i + 1] for i in range(1, len(points) - 1)], dtype=np.uint32)
+                self._marks[name] = scene.add_mesh_simple(
+                    name, points, fan, color=colour, opacity=opacity, side="double"
+                )
+        elif old is not None:
+            old.position = mark.points[0]
+        elif mark.kind is Kind.DISC:
+            self._marks[name] = scene.add_cylinder(name, mark.size, 0.002, color=colour, opacity=opacity)
+        else:
+            radius = mark.size or 0.022
+            self._marks[name] = scene.add_icosphere(name, radius, color=colour, opacity=opacity, position=points[0])
+
+    def _tell(self, glance: Glance, scene: Scene) -> None:
+        """Words and time lines."""
+        status, numbers = scene.words()
+        colour = "#" + "".join(f"{round(255 * part):02x}" for part in STATUS_COLOUR[scene.status][:3])
+        self._words.content = (
+            f'<div style="padding:0 1em 0.5em;font-size:0.85em;line-height:1.5">'
+            f'<b style="color:{colour}">{escape(status)}</b><br>'
+            f"{numbers}<br>{scene.time:.1f} s, tick {1e3 * glance.tick:.2f} ms, {glance.missed} missed, "
+            f"plan {1e3 * glance.followed.planning_time:.0f} ms, {glance.late} late</div>"
+        )
+        errors, margin = scene.errors, scene.balance_margin
+        values = {
+            "balance margin": np.nan if margin is None else 1e3 * margin,
+            "palm error": np.nan if errors is None else 1e3 * errors.max(),
+            "tick": 1e3 * glance.tick,
+            "planning": 1e3 * glance.followed.planning_time,
+        }
+        self._lines["time"].append(scene.time)
+        for name, value in values.items():
+            self._lines[name].append(value)
+        time = np.array(self._lines["time"])
+        for name, plot in self._plots.items():
+            plot.data = (time, np.array(self._lines[name]))
+
+
+_LINES = {"balance margin": "mm", "palm error": "mm", "tick": "ms", "planning": "ms"}
+_PUSH_DURATION = 0.1
+"""[s]"""
+
+
+def _plot(gui: viser.GuiApi, name: str, unit: str) -> object:
+    series = (uplot.Series(label="s"), uplot.Series(label=unit, stroke="#0072b2", width=1.5))
+    empty = (np.array([0.0, 1.0]), np.array([0.0, 0.0]))
+    return gui.add_uplot(
+        empty,
+        series,
+        title=f"{name} [{unit}]",
+        height=110,
+        scales={"x": uplot.Scale(time=False)},
+        legend=uplot.Legend(show=False),
+    )
+
+
+def _support(spec: object, model: mujoco.MjModel, data: mujoco.MjData) -> SupportPolygon:
+    """Where the robot stands in its stance."""
+    points = [
+        data.body(foot.frame).xpos + foot.points @ data.body(foot.frame).xmat.reshape(3, 3).T for foot in spec.feet
+    ]
+    return convex_polygon(np.vstack(points)[:, :2])

@@ -1,0 +1,102 @@
+"""The page in a process of its own: shows what loop and robot tell it, and tells the loop what a person does."""
+
+from __future__ import annotations
+
+import signal
+import socket
+from collections.abc import Iterator
+from multiprocessing import get_context
+
+import numpy as np
+
+from wholebody.errors import InputError
+from wholebody.live import pacing, wire
+from wholebody.live.glance import Glance, Wish
+from wholebody.live.robot_process import World
+
+START_TIMEOUT = 60.0
+"""Longest time until the page can be asked for [s]."""
+
+
+class PageProcess:
+    """The loop's side of the page.
+
+    Args:
+        world: Where the robot stands.
+        sources: Names that can be chosen; the first one runs.
+        host: Address that the page is served at.
+        port: Its port; the next free one if it is taken.
+
+    Raises:
+        InputError: If it cannot be served, or the packages that it needs are missing.
+
+    Attributes:
+        port: Where it is served.
+        robot_end: For the robot's process, which tells the page about the world.
+    """
+
+    def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
+        context = get_context("spawn")
+        self._end, loop = wire.wire()
+        self.robot_end, robot = wire.wire()
+        here, there = context.Pipe()
+        arguments = (loop, robot, there, world, sources, host, port)
+        self._process = context.Process(target=_main, args=arguments, name="page", daemon=True)
+        self._process.start()
+        for end in (loop, robot, there):
+            end.close()
+        try:
+            answer = here.recv() if here.poll(START_TIMEOUT) else f"the page did not come up in {START_TIMEOUT:g} s"
+        except EOFError:
+            answer = "the page's process ended while it was loading"
+        if isinstance(answer, str):
+            self.close()
+            raise InputError(answer)
+        self.port: int = answer
+
+    def show(self, glance: Glance) -> None:
+        """Show an instant; never waits."""
+        wire.send(self._end, *glance.message())
+
+    def wishes(self) -> Iterator[tuple[Wish, np.ndarray]]:
+        """What people wanted since the last call; nothing once the page is gone."""
+        try:
+            for message in wire.messages(self._end):
+                yield Wish(int(message[0])), message[1:]
+        except EOFError:
+            return
+
+    @property
+    def alive(self) -> bool:
+        """Whether the page is still there."""
+        return self._process.is_alive()
+
+    def close(self) -> None:
+        """End the page."""
+        self._process.kill()
+        self._process.join()
+
+
+def _main(
+    loop: socket.socket,
+    robot: socket.socket,
+    there: object,
+    world: World,
+    sources: list[str],
+    host: str,
+    port: int,
+) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pacing.give_way()
+    try:
+        from wholebody.live.page import Page
+
+        page = Page(world, sources, host, port)
+    except ImportError as error:
+        there.send(f"the page needs the package {error.name}: pip install 'g1-wholebody[live]', or say --headless")
+        return
+    except (OSError, RuntimeError) as error:
+        there.send(f"the page cannot be served at {host}:{port}: {error}")
+        return
+    there.send(page.port)
+    page.run(loop, robot)

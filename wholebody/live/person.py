@@ -1,0 +1,185 @@
+"""The person at the page: what they are shown, and what they do to robot, policy and time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from time import monotonic, sleep
+
+import numpy as np
+
+from policy.base import Policy
+from policy.chunk import ROTATION_TOLERANCE
+from policy.executor.executor import Executor, ExecutorConfig
+from policy.executor.worker import ThreadWorker
+from policy.geometry.rotations import rotation_residual
+from wholebody.episode.run import followed
+from wholebody.errors import InputError
+from wholebody.live.glance import Glance, Wish
+from wholebody.live.hands import DraggedHands
+from wholebody.live.loop import ControlLoop
+from wholebody.live.page_process import PageProcess
+from wholebody.live.robot_process import MASS_MIN, Order, RobotProcess
+
+FPS = 30.0
+"""How often the page is shown an instant."""
+LOOK_AGAIN = 0.02
+"""How often a paused loop looks what is wanted [s]."""
+RESET_TIME = 0.1
+"""Time for the robot to be put back to its stance [s]."""
+REPLACE_EVERY = 3
+"""Steps after which the way of dragged hands is asked for again: a tenth of a second."""
+PUSHED = "torso_link"
+BOUNDS: dict[Wish, tuple[float, float]] = {
+    Wish.TARGETS: (-5.0, 5.0),
+    Wish.PUSH: (-500.0, 500.0),
+    Wish.PAYLOAD: (MASS_MIN, 10.0),
+    Wish.FRICTION: (0.05, 2.0),
+    Wish.LATENCY: (0.0, 2.0),
+}
+"""Of the numbers of a wish, in its units; the page is not trusted, since whoever reaches it can send any."""
+
+
+class Person:
+    """Between the page and the loop; without a page it only runs the first source.
+
+    Args:
+        page: The page, or None.
+        loop: The control loop.
+        robot: The robot.
+        sources: By name.
+        config: How chunks are asked for.
+        planned: CPU times of the plans so far [s].
+    """
+
+    def __init__(
+        self,
+        page: PageProcess | None,
+        loop: ControlLoop,
+        robot: RobotProcess,
+        sources: Mapping[str, Policy],
+        config: ExecutorConfig,
+        planned: Sequence[float],
+    ) -> None:
+        self._page, self._loop, self._robot, self._sources = page, loop, robot, list(sources.values())
+        self._config, self._planned = config, planned
+        for policy in self._sources:
+            if isinstance(policy, DraggedHands):
+                policy.palms = loop.supervisor.palm_reference
+        self._source, self._latency, self._shown, self._wanted = 0, 0.0, 0.0, False
+
+    def asking(self, wanted: bool) -> None:
+        """Whether chunks are asked for now."""
+        if wanted != self._wanted:
+            self._wanted = wanted
+            self._choose(self._source)
+
+    def _choose(self, source: int) -> None:
+        """Ask this source from now on, from its beginning, or none."""
+        loop, self._source = self._loop, source
+        if loop.executor is not None:
+            loop.executor.close()
+            loop.executor = None
+        if not self._wanted:
+            return
+        policy, config = self._sources[source], self._config
+        if isinstance(policy, DraggedHands):
+            config = ExecutorConfig(replace_every=REPLACE_EVERY)
+        worker = ThreadWorker(policy, loop.clock)
+        worker.latency = self._latency
+        loop.executor = Executor(policy, loop.clock, config=config, worker=worker)
+        loop.executor.lead = max(config.lead, loop.supervisor.config.planning.lead)
+        loop.executor.reset(loop.task)
+
+    def look(self, now: float) -> None:
+        """Show the page an instant if it is time [s], and do what is wanted; waits only in a pause."""
+        if self._page is None:
+            return
+        paused = self._obey()
+        if now - self._shown >= 1.0 / FPS:
+            self._shown = now
+            self._page.show(self._glance(now))
+        if paused:
+            self._pause()
+
+    def _obey(self) -> bool:
+        """Do what is wanted; whether that is a pause."""
+        paused = False
+        for wish, numbers in self._page.wishes():
+            if wish is Wish.PAUSE:
+                paused = bool(numbers[0])
+            else:
+                self._do(wish, numbers)
+        return paused
+
+    def _do(self, wish: Wish, numbers: np.ndarray) -> None:
+        """Do what is wanted, within its bounds; what is no number is not done."""
+        if not np.isfinite(numbers).all():
+            return
+        numbers = np.clip(numbers, *BOUNDS.get(wish, (0.0, len(self._sources) - 1.0)))
+        if wish is Wish.TARGETS:
+            self._drag(numbers.reshape(2, 4, 4))
+        elif wish is Wish.SOURCE:
+            self._choose(int(numbers[0]))
+        elif wish is Wish.LATENCY:
+            self._latency = float(numbers[0])
+            if self._loop.executor is not None:
+                self._loop.executor.worker.latency = self._latency
+        elif wish is Wish.RESET:
+            self._reset()
+        else:
+            body = PUSHED if wish is Wish.PUSH else ""
+            self._robot.order(Order(wish.name.lower(), tuple(numbers.tolist()), body))
+
+    def _drag(self, targets: np.ndarray) -> None:
+        """Take the palms to where they are held, whatever ran before; a pose that is none is not gone to."""
+        if rotation_residual(targets[:, :3, :3]).max() > ROTATION_TOLERANCE:
+            return
+        hands = next(i for i, policy in enumerate(self._sources) if isinstance(policy, DraggedHands))
+        if self._source != hands:
+            self._choose(hands)
+        self._sources[hands].targets = targets
+
+    def _pause(self) -> None:
+        """Let the world stand until it is to go on; for the robot no time passes."""
+        begin = monotonic()
+        self._robot.order(Order("pause"))
+        while self._still_paused():
+            sleep(LOOK_AGAIN)
+        shift = monotonic() - begin
+        self._robot.order(Order("resume", (shift,)))
+        self._robot.origin += shift
+        self._loop.lateness.pause()
+
+    def _still_paused(self) -> bool:
+        for wish, numbers in self._page.wishes():
+            if wish is Wish.PAUSE and not numbers[0]:
+                return False
+            if wish is not Wish.PAUSE:
+                self._do(wish, numbers)
+        return self._page.alive
+
+    def _reset(self) -> None:
+        """The robot in its stance, at rest, and the source from its beginning."""
+        loop = self._loop
+        self._robot.order(Order("reset"))
+        sleep(RESET_TIME)
+        state = self._robot.receive(RESET_TIME)
+        if state is None:
+            raise InputError("the robot did not answer after it was put back to its stance")
+        loop.restart(state)
+        self._choose(self._source)
+
+    def _glance(self, now: float) -> Glance:
+        loop, supervisor = self._loop, self._loop.supervisor
+        planned = np.full(len(loop.state.q), np.nan) if supervisor.plan is None else supervisor.plan.trajectory.q[-1]
+        planning = self._planned[-1] if self._planned else 0.0
+        return Glance(
+            state=loop.state,
+            followed=replace(followed(supervisor, now), planning_time=planning),
+            planned=planned,
+            tick=loop.lateness.last_tick,
+            missed=loop.lateness.missed,
+            late=supervisor.handover.late,
+            source=self._source,
+        )

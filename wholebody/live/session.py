@@ -1,0 +1,151 @@
+"""A run on the wall clock from beginning to end: everything is started, warmed up, run, and ended."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from time import monotonic
+
+import numpy as np
+
+from models.g1 import g1
+from policy.base import Policy
+from policy.executor.executor import Executor, ExecutorConfig
+from policy.scripted.library import scripted_policy
+from wholebody.config import ControllerConfig
+from wholebody.episode.warm_up import compile_plan
+from wholebody.execution.background_planner import ThreadPlanner
+from wholebody.execution.planner_process import PlannerProcess
+from wholebody.execution.supervisor import Supervisor
+from wholebody.live import pacing
+from wholebody.live.loop import ControlLoop, Statue, palm_error
+from wholebody.live.page_process import PageProcess
+from wholebody.live.person import Person
+from wholebody.live.robot_process import RobotProcess, World
+from wholebody.types import RobotState
+
+WARM_UP = 1.0
+"""Time for which the loop first runs on a robot that stands still [s]: it loads what is compiled."""
+START_IN = 0.1
+"""From the decision to let time run until it does [s]."""
+
+
+@dataclass(frozen=True)
+class SessionConfig:
+    """How long, and when what happens.
+
+    Attributes:
+        duration: Time for which chunks are asked for [s]; None: until told to stop.
+        settle: Standing before the first chunk [s].
+        hold: Standing after the last one [s].
+        task: What the policy is told to do.
+    """
+
+    duration: float | None = None
+    settle: float = 1.0
+    hold: float = 4.0
+    task: str = ""
+
+
+class Session:
+    """The robot's process, the planner's, the page's, and the control loop, which is this one.
+
+    Args:
+        config: Of the controller.
+        world: Where the robot stands.
+        session: How long.
+        page: Where everything is shown, and can be disturbed; nowhere if not given.
+
+    Attributes:
+        missed: What the system did not grant, in sentences.
+    """
+
+    def __init__(
+        self, config: ControllerConfig, world: World, session: SessionConfig, page: PageProcess | None = None
+    ) -> None:
+        # Before the processes start: they inherit it.
+        os.environ.update(pacing.BLAS_THREADS)
+        self._session, self._page, spec = session, page, g1()
+        self._planner = PlannerProcess(spec, config, begin=_planner_begins)
+        self._robot = RobotProcess(world, config.dt)
+        try:
+            state = self._robot.start(page and page.robot_end)
+            self._planner.wait()
+            self.supervisor = Supervisor(spec, config, planner=lambda _: ThreadPlanner(self._planner))
+            self._warm_up(state)
+            self._planner.seconds.clear()
+            self.supervisor.reset(state)
+        except BaseException:
+            self.close()
+            raise
+        self.loop = ControlLoop(spec, self.supervisor, self._robot, state, session.task)
+        self.missed: list[str] = []
+
+    def _warm_up(self, state: RobotState) -> None:
+        """Run the loop once, with everything in it, on a robot that does not move."""
+        self.supervisor.reset(state)
+        loop = ControlLoop(self.supervisor.spec, self.supervisor, Statue(state), state)
+        loop.executor = Executor(scripted_policy("wave"), loop.clock)
+        loop.executor.reset()
+        loop.run(lambda now: now < WARM_UP)
+        loop.executor.close()
+
+    def run(self, sources: Mapping[str, Policy], tell: Callable[[float], None], asking: ExecutorConfig) -> None:
+        """Run policies, the first one first; an interrupt (Ctrl-C) ends it in order.
+
+        Args:
+            sources: Sources of chunks, by name; a person can choose another one on the page.
+            tell: Called after every tick with the present time [s]; must not wait.
+            asking: How chunks are asked for.
+        """
+        person = Person(self._page, self.loop, self._robot, sources, asking, self._planner.seconds)
+        session, end = self._session, self._session.settle + (self._session.duration or np.inf)
+
+        def going(now: float) -> bool:
+            person.asking(session.settle <= now < end)
+            person.look(now)
+            tell(now)
+            return now < end + session.hold
+
+        self.missed = pacing.keep_time()
+        self._robot.go(monotonic() + START_IN)
+        try:
+            self.loop.run(going)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            person.asking(False)
+
+    def close(self) -> dict[str, float]:
+        """End the processes; how the robot's kept time."""
+        self._planner.close()
+        return self._robot.close()
+
+    def summary(self) -> dict[str, object]:
+        """Numbers of the run, times in milliseconds, distances in millimetres."""
+        told, (rms, worst) = self.loop.told, palm_error(self.loop)
+        plans = 1e3 * np.array(self._planner.seconds or [0.0])
+        return {
+            "loop": self.loop.lateness.summary(),
+            "ticks_without_state": told.stale,
+            "planning": {
+                "plans": len(self._planner.seconds),
+                "cpu_p50_ms": float(np.median(plans)),
+                "cpu_max_ms": float(plans.max()),
+                "late": self.supervisor.handover.late,
+            },
+            "chunks": {"accepted": told.accepted, "refused": dict(told.refusals)},
+            "palm_error_mm": {"rms": 1e3 * rms, "max": 1e3 * worst},
+            "time_factor": self.supervisor.time_factor,
+            "seconds": dict(told.seconds),
+            "reasons": dict(told.reasons),
+            "fell": told.fallen is not None,
+            "not_granted": self.missed,
+        }
+
+
+def _planner_begins() -> None:
+    """In the planner's process: it gives way, and has planned once before it is asked."""
+    pacing.give_way()
+    compile_plan()
