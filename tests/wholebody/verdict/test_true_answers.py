@@ -147,7 +147,7 @@ def test_4_palms_go_where_they_go_with_the_fingers_at_their_limit(checker):
         file, recorder = chunk_file(20, to=(0.1, 0.0, 0.0)), checker.recorder()
         file.actions[:, 18] = angle
         checker.check(replay(file), "input", 0.6, recorder=recorder)
-        commanded.append(recorder.arrays()["T_world_palms"][:, :, :3, 3])
+        commanded.append(recorder.arrays()["T_world_palms_commanded"][:, :, :3, 3])
     assert np.linalg.norm(commanded[0] - commanded[1], axis=2).max() < 1e-3
 
 
