@@ -4,6 +4,8 @@
 as given               the chunk's own speed, the planner's weights
 slower                 the same at each of ``planner.slowdowns``, where the faster one is unsafe or far off
 relaxed orientation    palms may turn away from their orientation where they miss their position
+free orientation       the same with less weight still, where that is not enough
+firm bounds            palms pull less, where they pull a bound past its tolerance
 unreachable            low weights on the hands, for targets out of reach and chunks that mean nothing
 fallback               low weights on the hands, where nothing above is safe
 stop                   no weight on the hands: come to rest
@@ -21,6 +23,9 @@ import numpy as np
 from wholebody.config import PlannerConfig, TrajectoryConfig
 from wholebody.planning.attempt import Attempt
 from wholebody.planning.limit_projection import JUMP
+
+FIRM = 3.0
+"""Factor on the scales of the palms where bounds are exceeded for them: the bounds weigh nine times as much."""
 
 
 class Begin(Enum):
@@ -50,11 +55,22 @@ def _relaxed(config: PlannerConfig) -> TrajectoryConfig:
     return replace(config.posture, orientation=config.orientation_relaxed)
 
 
+def _free(config: PlannerConfig) -> TrajectoryConfig:
+    return replace(config.posture, orientation=config.orientation_free)
+
+
+def _firm(config: PlannerConfig) -> TrajectoryConfig:
+    posture = config.posture
+    return replace(posture, position=FIRM * posture.position, orientation=FIRM * posture.orientation)
+
+
 AS_GIVEN = Strategy("as_given", lambda c: c.posture, Begin.PLAN_BEFORE)
 ANEW = Strategy("as_given", lambda c: c.posture, Begin.START)
 """As given again, where beginning with the plan before led to where the search cannot leave."""
 SLOWER = Strategy("slower", lambda c: c.posture, Begin.START)
+FIRM_BOUNDS = Strategy("firm_bounds", _firm, Begin.LAST_ATTEMPT)
 RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, Begin.LAST_ATTEMPT)
+FREE_ORIENTATION = Strategy("free_orientation", _free, Begin.LAST_ATTEMPT)
 UNREACHABLE = Strategy("unreachable", lambda c: c.weights_unreachable, Begin.PLAN_BEFORE)
 FALLBACK = Strategy("fallback", lambda c: c.weights_fallback, Begin.PLAN_BEFORE)
 FALLBACK_ANEW = Strategy("fallback", lambda c: c.weights_fallback, Begin.START)
@@ -100,9 +116,13 @@ def _at_speed(config: PlannerConfig, attempt: Try, slowdown: float) -> Attempt:
     if now.warm_started and not good:
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
-    if now.tracking_error > config.relax_error:
-        relaxed = attempt(RELAXED_ORIENTATION, slowdown, now.knots.q[1:])
-        now = min(now, relaxed, key=lambda one: (one.violation > config.violation_max, one.tracking_error))
+    for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
+        if now.tracking_error > config.relax_error:
+            relaxed = attempt(strategy, slowdown, now.knots.q[1:])
+            now = min(now, relaxed, key=lambda one: (one.violation > config.violation_max, one.tracking_error))
+    if now.violation > config.violation_max:
+        firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
+        now = firm if firm.is_safe(config) else now
     return now
 
 

@@ -11,6 +11,7 @@ from models.pinocchio_model import stance_q
 from policy import Observation
 from policy.scripted.library import reach, scripted_policy
 from policy.scripted.policy import to_chunk
+from tests.support.lissajous_variants import variant
 from wholebody.config import ControllerConfig
 from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.statuses import plan_status
@@ -95,6 +96,27 @@ def test_where_the_hands_are_not_quite_where_the_plan_begins_they_go_on_from_whe
         assert np.allclose(path.sample(plan.start).p, row[:3], atol=1e-9)
         s = plan.start + np.arange(0.0, 0.2, GRID)
         assert np.linalg.norm(path.sample(s).a, axis=1).max() < 20.0
+
+
+def test_a_waist_at_its_limit_costs_millimetres_and_no_time(setup):
+    """A bound that a posture exceeds is exceeded at any speed: the chunk was slowed 2.5 times, 0.29 m late."""
+    planner, start, rows, _ = setup
+    body, hands, before, step = start, HandMotion(rows), None, planner.config.posture.dt
+    policy, reports = variant(15), []
+    for t_obs in np.arange(6) * 25 / 30:
+        chunk = to_chunk(policy.script(t_obs + np.arange(50) / 30.0), "wbc32", 0, t_obs, 30.0, 50)
+        plan = planner.plan(chunk, t_obs + 0.1, body, hands, before)
+        reports.append(plan.report)
+        q, v, s = plan.trajectory.q, plan.trajectory.v, 0.1 + 25 / 30
+        row = plan.trajectory.row(s)
+        body, hands = (
+            BodyState(q[row], v[row]),
+            HandMotion(np.concatenate([path.sample([s]).rows for path in plan.paths])),
+        )
+        before = q[[plan.trajectory.row(x) for x in np.arange(s + step, plan.end, step)]]
+    assert "firm_bounds" in [report.strategy for report in reports]
+    assert [report.slowdown for report in reports] == [1.0] * 6
+    assert max(report.tracking_error.max() for report in reports) < 0.01
 
 
 def test_a_start_past_a_bound_has_a_safe_plan_that_leads_back_inside(setup):
