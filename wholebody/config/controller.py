@@ -238,7 +238,7 @@ class PlannerConfig:
     """Where no plan leads from the present motion to the chunk: the hands do not count; likewise."""
     orientation_relaxed: float = 0.02
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
-    orientation_free: float = 0.1
+    orientation_free: float = 0.05
     """The same where that is not enough [rad]."""
     relax_error: float = 0.008
     """Distance of a planned palm from its target above which these are tried [m]."""
