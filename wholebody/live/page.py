@@ -18,10 +18,10 @@ import viser
 from viser import uplot
 
 from models.conversion import Conversion
-from models.g1 import g1
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, palm_frame_ids
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
+from wholebody.config.description import describe
 from wholebody.live import wire
 from wholebody.live.glance import HANDS, Glance, Wish
 from wholebody.live.meshes import Part, parts
@@ -50,7 +50,7 @@ class Page:
     """
 
     def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
-        spec = g1()
+        spec = describe(world.robot)
         self._spec, self._pin = spec, load_pinocchio(spec)
         self._pin_data = self._pin.createData()
         self._model = load_mujoco(spec, scene=world.scene)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
+import sys
 from collections.abc import Iterator
 from multiprocessing import get_context
 
@@ -88,6 +90,8 @@ def _main(
 ) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pacing.give_way()
+    # Standard output is the command's; viser prints its address there.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     try:
         from wholebody.live.page import Page
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.spec import FLOOR_FRICTION
+from wholebody.config.robot import RobotConfig
 from wholebody.errors import SimulationError
 from wholebody.live import pacing, wire
 from wholebody.types import JointCommand, RobotState
@@ -35,8 +36,9 @@ START_TIMEOUT = 120.0
 
 @dataclass(frozen=True)
 class World:
-    """Where the robot stands. Masses in its hands [kg] and the floor's friction as in `wholebody.sim.plant`."""
+    """Robot and surroundings. Masses in its hands [kg] and the floor's friction as in `wholebody.sim.plant`."""
 
+    robot: RobotConfig = field(default_factory=RobotConfig)
     scene: str = "floor"
     payload_kg: tuple[float, float] = (0.0, 0.0)
     friction: float = FLOOR_FRICTION
@@ -162,14 +164,14 @@ class RobotProcess:
 def _main(end: socket.socket, page: socket.socket | None, orders: Connection, world: World, control_dt: float) -> None:
     """The robot's process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    from models.g1 import g1
+    from wholebody.config.description import describe
     from wholebody.sim.plant import MujocoPlant
 
     try:
         # A mass in each hand that is next to nothing can be changed to another one later.
         masses = tuple(max(mass, MASS_MIN) for mass in world.payload_kg) if page else world.payload_kg
         settings = {"scene": world.scene, "payload_kg": masses, "friction": world.friction}
-        plant = MujocoPlant(g1(), control_dt=control_dt, **settings)
+        plant = MujocoPlant(describe(world.robot), control_dt=control_dt, **settings)
     except Exception as error:  # noqa: BLE001 - told to the other side, which ends with it
         orders.send(error)
         return

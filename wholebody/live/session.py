@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from time import monotonic
 
 import numpy as np
 
-from models.g1 import g1
 from policy.base import Policy
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
+from wholebody.config.robot import RobotConfig
 from wholebody.episode.warm_up import compile_plan
 from wholebody.execution.background_planner import ThreadPlanner
 from wholebody.execution.planner_process import PlannerProcess
@@ -66,8 +68,8 @@ class Session:
     ) -> None:
         # Before the processes start: they inherit it.
         os.environ.update(pacing.BLAS_THREADS)
-        self._session, self._page, spec = session, page, g1()
-        self._planner = PlannerProcess(spec, config, begin=_planner_begins)
+        self._session, self._page, spec = session, page, describe(config.robot)
+        self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, config.robot))
         self._robot = RobotProcess(world, config.dt)
         try:
             state = self._robot.start(page and page.robot_end)
@@ -145,7 +147,7 @@ class Session:
         }
 
 
-def _planner_begins() -> None:
+def _planner_begins(robot: RobotConfig) -> None:
     """In the planner's process: it gives way, and has planned once before it is asked."""
     pacing.give_way()
-    compile_plan()
+    compile_plan(robot)

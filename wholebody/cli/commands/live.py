@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +12,7 @@ import typer
 from typer import Option
 
 from wholebody.cli.console import check_places, say, waiting, write_text
-from wholebody.cli.options import SOURCES, Input, JsonTo, Sampling, completed_script
+from wholebody.cli.options import SOURCES, Input, JsonTo, RobotModel, Sampling, completed_script
 
 LINE_EVERY = 1.0
 """Time between two lines on the terminal [s]."""
@@ -31,7 +31,8 @@ class Shown:
 class Around:
     """What is around the robot and its policy."""
 
-    scene: Annotated[str, Option(help="What stands around the robot.")] = "floor"
+    scene: Annotated[str, Option(help="Around the robot: floor, table, ... or a MuJoCo file.")] = "floor"
+    robot: RobotModel = ""
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
     hold: Annotated[float, Option(help="Seconds of standing after the last step.")] = 4.0
     replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
@@ -72,10 +73,11 @@ def live(
     check_times(given.duration, around.hold)
     check_places(json_to)
     settings = load_config(around.config) if around.config else ControllerConfig()
+    settings = replace(settings, robot=replace(settings.robot, model=around.robot or settings.robot.model))
     named = sources or (["wave"] if shown.headless else [])
     policies = {name: opened(name, given, **sampling.choices()) for name in named}
     seconds = length(policies[named[0]], given.duration) if shown.headless else given.duration or None
-    asking, world = ExecutorConfig(replace_every=around.replace_every), World(scene=around.scene)
+    asking, world = ExecutorConfig(replace_every=around.replace_every), World(settings.robot, around.scene)
     quiet, page = json_to == "-", None
     with waiting("loading the robot and the planner, compiling if it is the first time", quiet):
         if not shown.headless:
