@@ -205,8 +205,11 @@ class Page:
             reason=status.reason,
             rate=followed.rate,
         )
-        for i, mark in enumerate(scene.marks()):
-            self._mark(f"/marks/{mark.show.name.lower()}/{i}", mark)
+        marks = {f"/marks/{mark.name}": mark for mark in scene.marks()}
+        for name, mark in marks.items():
+            self._mark(name, mark)
+        for name, drawn in self._marks.items():
+            drawn.visible = name in marks
         if not self._dragging and self._sources[glance.source] != HANDS:
             for handle, T in zip(self._handles, followed.commanded, strict=True):
                 handle.position, handle.wxyz = T[:3, 3], matrix_to_quaternion(T[:3, :3], "wxyz")

@@ -17,8 +17,10 @@ VERSION = 1
 """Of the format."""
 FILE_MAX, ARRAY_MAX, TOTAL_MAX = 512 * 2**20, 128 * 2**20, 2**30
 """Largest recording, its largest array, and all that are unpacked together [bytes]: ten minutes of everything."""
+ROWS_MAX, WIDTH_MAX = 2_000_000, 10_000
+"""Most control periods, an hour of them, and most characters of a text."""
 TEXT_MAX = 300
-"""Most characters of a sentence in a recording."""
+"""Most characters of a sentence that is recorded."""
 NUMBER_MAX = 1e12
 """Largest number of a run, in any unit; what comes near it has long broken down."""
 MAY_BE_NAN = ("T_world_palms_asked", "pressure", "pressure_margin")
@@ -147,6 +149,9 @@ def read_record(path: str | Path, wanted: Collection[str] = COLUMNS) -> Record:
 
 def _check(arrays: Mapping[str, np.ndarray], wanted: Collection[str]) -> None:
     """Columns that are all there, of the right kinds and shapes, and say what can be."""
+    n = arrays["time"].shape[0] if np.ndim(arrays.get("time")) == 1 else 1
+    if not 1 <= n <= ROWS_MAX:
+        raise ReadingError(f"has {n} control periods; 1 to {ROWS_MAX} are read")
     missing = sorted(set(wanted) - set(arrays))
     if missing:
         text = f"has no column '{missing[0]}': is it a recording? `wholebody run --record FILE` writes one"
@@ -158,12 +163,10 @@ def _check(arrays: Mapping[str, np.ndarray], wanted: Collection[str]) -> None:
         if array.dtype.kind not in kinds or (column.kind == "f" and array.dtype.itemsize != 8):
             raise ReadingError(f"has '{name}' of type {array.dtype}; {_KINDS[column.kind]} is expected")
         _check_shape(name, array.shape, column.shape, lengths)
-        sound = np.abs(array) <= NUMBER_MAX if column.kind == "f" else np.True_
-        if not (sound | np.isnan(array) if name in MAY_BE_NAN else sound).all():
+        if array.dtype.kind == "U" and array.dtype.itemsize > 4 * WIDTH_MAX:
+            raise ReadingError(f"has '{name}' of {array.dtype.itemsize // 4} characters; at most {WIDTH_MAX} are read")
+        if column.kind == "f" and not _is_sound(array, may_be_nan=name in MAY_BE_NAN):
             raise ReadingError(f"has '{name}' that is not finite, or beyond {NUMBER_MAX:g} {column.unit}".rstrip())
-    n = lengths["n"]
-    if n == 0:
-        raise ReadingError("has no control period: nothing was run")
     if not (np.diff(arrays["time"]) > 0.0).all():
         raise ReadingError("has times that do not increase")
     for name, known in (("status", {status.value for status in Status}), ("reason", {"", *Reason})):
@@ -175,6 +178,12 @@ def _check(arrays: Mapping[str, np.ndarray], wanted: Collection[str]) -> None:
             index = arrays[name]
             if index.min() < 0 or index.max() >= len(arrays[table]):
                 raise ReadingError(f"has '{name}' {index.max()}, and {len(arrays[table])} of '{table}'")
+
+
+def _is_sound(array: np.ndarray, *, may_be_nan: bool) -> bool:
+    """Whether all numbers are finite and of a run; the least and the largest of what has a NaN is one."""
+    values = np.nan_to_num(array, posinf=np.inf, neginf=-np.inf) if may_be_nan else array
+    return not array.size or bool(values.min() >= -NUMBER_MAX and values.max() <= NUMBER_MAX)
 
 
 _KINDS = {"f": "a number of 64 bits", "i": "a whole number", "U": "text"}

@@ -1,5 +1,6 @@
 """Strategy: the command writes the picture of a recording made of numbers, or says in one sentence why not."""
 
+import imageio.v3 as iio
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ def test_the_picture_is_written_beside_the_recording_and_over_no_sheet(inside, t
     answer = inside("plot", str(tmp_path / "run.npz"))
     assert (answer.returncode, answer.stdout) == (0, "")
     assert answer.stderr == f"wrote {tmp_path / 'run-plot.png'}\n"
-    assert (tmp_path / "run-plot.png").is_file()
+    assert iio.imread(tmp_path / "run-plot.png").shape[:2] == (1080, 990)
     assert (tmp_path / "run.png").read_bytes() == b"a sheet"
 
 

@@ -44,6 +44,8 @@ def test_what_draws_and_plots_reads_no_more_than_it_needs(tmp_path, wanted):
         ({"reason": np.full(5, "bored")}, "unknown reason 'bored'"),
         ({"detail": np.full(5, 2)}, "'detail' 2, and 2 of 'details'"),
         ({"contacts": np.full(5, -1)}, "'contacts'"),
+        ({"scene": np.array("x" * 10_001)}, "'scene' of 10001 characters; at most 10000 are read"),
+        ({"time": np.zeros(2_000_001)}, "has 2000001 control periods"),
         ({"version": np.array(7)}, "format 7; 1 is read"),
         ({"extra": np.zeros(3)}, "unknown array 'extra'"),
     ],
@@ -66,7 +68,7 @@ def test_a_chunk_file_is_no_recording(tmp_path):
 
 
 def test_a_recording_of_nothing_is_refused(tmp_path):
-    with pytest.raises(FileFormatError, match="no control period"):
+    with pytest.raises(FileFormatError, match="has 0 control periods; 1 to 2000000 are read"):
         read_record(save(made_record(0), tmp_path / "run.npz"))
 
 

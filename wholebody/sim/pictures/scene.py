@@ -73,7 +73,7 @@ class Mark:
         kind: What it looks like.
         points: Centre of a ball or a disc, ends of a line, corners of an area counter-clockwise; shape (k, 3), [m].
         size: Radius of a ball or a disc, or half the thickness of a line [m].
-        side: Of a hand.
+        side: Whose palm or hand it is about, if one's.
         T_world_palm: Of a hand, shape (4, 4).
     """
 
@@ -83,6 +83,11 @@ class Mark:
     size: float = 0.0
     side: str = ""
     T_world_palm: np.ndarray | None = None
+
+    @property
+    def name(self) -> str:
+        """The same in every scene, for those who move what they have drawn; no two marks of a scene have the same."""
+        return "_".join(part for part in (self.show.name.lower(), self.kind.value, self.side) if part)
 
 
 STATUS_COLOUR: dict[Status, Colour] = {
@@ -188,17 +193,18 @@ class Scene:
         return marks
 
     def _palms(self) -> list[Mark]:
-        marks = [Mark(Show.COMMANDED, Kind.BALL, T[None, :3, 3], 0.018) for T in self.commanded]
+        balls = zip(SIDES, self.commanded, strict=True)
+        marks = [Mark(Show.COMMANDED, Kind.BALL, T[None, :3, 3], 0.018, side) for side, T in balls]
         if self.asked is None:
             return marks
         for hand, side in enumerate(SIDES):
             asked, error, turn = self.asked[hand], self.errors[hand], self.turns[hand]
             ends = np.stack([self.measured[hand, :3, 3], asked[:3, 3]])
             if error >= APART or (turn >= TURNED and not self.orientation_free[hand]):
-                marks.append(Mark(Show.ERROR, Kind.LINE, ends, 0.006))
+                marks.append(Mark(Show.ERROR, Kind.LINE, ends, 0.006, side))
                 marks.append(Mark(Show.ASKED, Kind.HAND, ends[1:], 0.0, side, asked))
             else:
-                marks.append(Mark(Show.ASKED, Kind.BALL, ends[1:], 0.03))
+                marks.append(Mark(Show.ASKED, Kind.BALL, ends[1:], 0.03, side))
         return marks
 
 

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 
-import imageio.v3 as iio
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -33,13 +32,6 @@ def record():
     planning = np.repeat([0.0, 0.04, 0.06], 1000)
     changed = {"T_world_palms_measured": measured, "torque_asked": asked, "planning_time": planning}
     return made_record(3000, balance_margin=np.array(0.02), **changed)
-
-
-def test_a_plot_is_one_picture(record, tmp_path):
-    plot(record, tmp_path / "run.png", "run.npz")
-    image = iio.imread(tmp_path / "run.png")
-    assert image.shape[:2] == (1080, 990)
-    assert image[..., :3].std() > 20.0
 
 
 def test_a_recording_of_one_period_before_any_chunk_is_plotted(tmp_path):

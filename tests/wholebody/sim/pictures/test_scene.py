@@ -95,6 +95,14 @@ def test_in_the_air_there_is_no_pressure():
     assert "in the air" in scene.words()[1]
 
 
+def test_every_mark_has_a_name_of_its_own_and_keeps_it():
+    scenes = SCENE, replace(SCENE, measured=SCENE.asked), replace(SCENE, pressure=None, asked=None)
+    names = [[mark.name for mark in scene.marks()] for scene in scenes]
+    assert all(len(set(some)) == len(some) for some in names)
+    assert {"asked_hand_left", "error_line_right", "mass_line", "mass_ball"} <= set(names[0])
+    assert set(names[2]) < set(names[0])
+
+
 def test_every_status_has_a_colour():
     assert set(STATUS_COLOUR) == set(Status)
 
