@@ -14,6 +14,7 @@ NEED_LEROBOT = [
     "policy/lerobot/*",
     "policy/dataset/*",
     "policy/recorded/test_dataset_replay.py",
+    "project/test_readme_commands.py",
     "wholebody/cli/test_dataset.py",
     "wholebody/cli/test_lerobot_doctor.py",
 ]
