@@ -9,6 +9,7 @@ import pytest
 import typer
 
 from wholebody.cli.main import app
+from wholebody.config import ControllerConfig
 from wholebody.resources import verdict_schema
 from wholebody.types import Reason
 
@@ -97,7 +98,8 @@ def test_every_file_and_folder_that_is_named_exists(document):
     text = now(document.read_text())
     files = re.findall(r"(?<![\w./*<-])((?:[\w-]+/)*\w[\w-]*\.py)\b", text)
     folders = re.findall(rf"`((?:{'|'.join(CODE)})/[\w/]*/)`", text)
-    named = [name for name in [*files, *folders] if not (ROOT / name).exists()]
+    folders += re.findall(r"`([\w./-]*\*[\w.*-]*\.py)`", text)
+    named = [name for name in [*files, *folders] if not any(ROOT.glob(name))]
     assert named == [], f"{document.name} names {named}"
 
 
@@ -113,6 +115,17 @@ def test_every_name_that_a_code_block_imports_exists(document):
     for module, names in re.findall(line, document.read_text(), re.MULTILINE):
         for name in names.split(", "):
             assert exists(f"{module}.{name}"), f"{document.name}: from {module} import {name}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_the_settings_that_are_named_exist_and_have_the_values_that_are_told(document):
+    pattern = r"`((?:planner|planning|safety|verdict|body|hands)\.(?!schema)[a-z_.]*[a-z_])`(?: = ([\d.]*\d))?"
+    for name, told in re.findall(pattern, document.read_text()):
+        value = ControllerConfig()
+        for part in name.split("."):
+            assert hasattr(value, part), f"{document.name}: {name}"
+            value = getattr(value, part)
+        assert not told or float(told) == value, f"{document.name}: {name} = {told}"
 
 
 def test_what_modules_are_called_now_exists():

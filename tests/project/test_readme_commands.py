@@ -39,13 +39,13 @@ def folder(tmp_path_factory):
     for motion in (folder / "motion.csv", folder / "DIR" / "motion.csv"):
         convert(folder / "chunk.npz", motion)
     write_v30(folder / "DATASET", cameras=False)
-    tiny.write_checkpoint("act", folder / "CHECKPOINT", with_spec=False)
+    tiny.write_checkpoint("act", folder / "CHECKPOINT")
     return folder
 
 
 @pytest.fixture(scope="module")
 def address(folder):
-    """Of the policy that the README serves, once its layout is written."""
+    """Of the policy that the README serves."""
     call = [sys.executable, "-c", CODE, *SERVE.split(), "--port", "0"]
     with subprocess.Popen(call, cwd=folder, text=True, stdout=subprocess.PIPE) as server:
         yield server.stdout.readline().split()[-1]
