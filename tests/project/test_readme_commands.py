@@ -33,9 +33,10 @@ def commands():
 def folder(tmp_path_factory):
     """Where there is what the README names: chunk.npz, motion.csv, DIR, DATASET, CHECKPOINT, docs."""
     folder = tmp_path_factory.mktemp("readme")
-    CliRunner().invoke(app, ["layouts", "wbc32", "--write", str(folder / "chunk.npz")])
     for name in ("DIR", "docs"):
         (folder / name).mkdir()
+    for chunk in (folder / "chunk.npz", folder / "DIR" / "chunk.npz"):
+        CliRunner().invoke(app, ["layouts", "wbc32", "--write", str(chunk)])
     for motion in (folder / "motion.csv", folder / "DIR" / "motion.csv"):
         convert(folder / "chunk.npz", motion)
     write_v30(folder / "DATASET", cameras=False)
