@@ -1,4 +1,7 @@
-"""Strategy: every command of the README is typed as it stands there, one after the other in one folder, but shorter."""
+"""Strategy: every command of the README is typed as it stands there, one after the other in one folder, but shorter.
+
+Those that draw, serve or start several processes take long and have short tests elsewhere: here with the long studies.
+"""
 
 import os
 import shlex
@@ -17,6 +20,7 @@ from wholebody.cli.main import app
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = {name: ["--duration", "0.4", "--hold", "0"] for name in ("run", "check")}
 SERVE, COMPLETE, WARM_UP = "serve-policy CHECKPOINT", "--install-completion", "warmup"
+LONG = ("--video", "--sheet", "-j 4", SERVE, "ws://")
 CODE = "from wholebody.cli.main import main; main()"
 
 
@@ -26,7 +30,9 @@ def commands():
     lines = [line for block in text.split("```sh\n")[1:] for line in block.partition("```")[0].splitlines()]
     lines += text.split("`")[1::2]
     typed = [line.partition("#")[0].strip() for line in lines if line.startswith("wholebody ")]
-    return list(dict.fromkeys(line.removeprefix("wholebody ") for line in typed))
+    lines = dict.fromkeys(line.removeprefix("wholebody ") for line in typed)
+    marks = [pytest.mark.regression if any(part in line for part in LONG) else () for line in lines]
+    return [pytest.param(line, marks=mark) for line, mark in zip(lines, marks, strict=True)]
 
 
 @pytest.fixture(scope="module")
