@@ -35,10 +35,11 @@ SIZES = {
     "max_state_dim": (1, 1024),
     "max_action_dim": (1, 1024),
     "empty_cameras": (0, 16),
+    "expert_width_multiplier": (0.01, 4.0),
 }
 """Least and largest number of steps, frames, tokens and entries in ``config.json``."""
-SIZE_MAX = 10_000_000
-"""Largest other whole number there."""
+LAYERS_MAX, WIDTH_MAX, OTHER_MAX = 128, 16_384, 10_000_000
+"""Most layers of a network, largest width of one, and largest count of training steps and other number there."""
 FEATURES_MAX, SIDE_MAX = 32, 8192
 """Most features of a policy, and entries of each along an axis."""
 
@@ -51,11 +52,12 @@ def check_sizes(config: PreTrainedConfig) -> None:
     """
     cure = "give num_steps for denoising steps; else take config.json from the training run"
     for name, value in vars(config).items():
-        if not isinstance(value, int | float) or isinstance(value, bool):
-            continue
-        least, most = SIZES.get(name, (-SIZE_MAX, SIZE_MAX))
-        if not least <= value <= most:
-            raise fail("config", f"{name} of '{config.type}' is {value:g}; {least} to {most} is expected", cure)
+        for number in value if isinstance(value, tuple | list) else (value,):
+            if not isinstance(number, int | float) or isinstance(number, bool):
+                continue
+            least, most = _bounds(name, number)
+            if not least <= number <= most:
+                raise fail("config", f"{name} of '{config.type}' is {number:g}; {least} to {most} is expected", cure)
     features = {**(config.input_features or {}), **(config.output_features or {})}
     for key, feature in list(features.items())[: FEATURES_MAX + 1]:
         shape = tuple(feature.shape)
@@ -64,6 +66,17 @@ def check_sizes(config: PreTrainedConfig) -> None:
             raise fail("config", f"{text}; up to 4 lengths from 1 to {SIDE_MAX} are expected", cure)
     if len(features) > FEATURES_MAX:
         raise fail("config", f"'{config.type}' has {len(features)} features; at most {FEATURES_MAX} are taken", cure)
+
+
+def _bounds(name: str, number: float) -> tuple[float, float]:
+    """Least and largest value of a number of ``config.json``, by its name: -1 is as many layers as there are."""
+    if name in SIZES:
+        return SIZES[name]
+    if "layer" in name or "ensemble" in name:
+        return -1, LAYERS_MAX
+    if isinstance(number, float) or "steps" in name:
+        return -OTHER_MAX, OTHER_MAX
+    return -1, WIDTH_MAX
 
 
 def camera_keys(config: PreTrainedConfig) -> dict[str, str]:

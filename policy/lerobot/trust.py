@@ -24,6 +24,8 @@ STATE_MAX = 64 * 2**20
 """Largest file of a step's numbers [bytes]; statistics have 30 kB."""
 FOLDER_JSON_MAX = 128 * 2**20
 """Largest JSON file of a tokenizer [bytes]; Gemma's has 34 MB."""
+BACKBONE_LAYERS_MAX, BACKBONE_WIDTH_MAX, VOCABULARY_MAX = 128, 32_768, 1_000_000
+"""Most layers, largest width and most tokens of a backbone's ``config.json``."""
 _STEPS_MAX = 64
 """Most steps of a pipeline; real ones have 4 to 8."""
 _PACKAGE = "lerobot."
@@ -86,6 +88,20 @@ def check_model_folder(folder: Path, check: str = "processors") -> None:
         if isinstance(data, dict) and "auto_map" in data:
             text = f"{file} names code to be run (auto_map)"
             raise fail(check, text, "a tokenizer is data here: save it again with a class of transformers' own")
+        if file.name == "config.json" and (found := _too_large(data)) is not None:
+            raise fail(check, f"{file} has {found}, as no backbone has", "copy the backbone again")
+
+
+def _too_large(data: object) -> str | None:
+    """The first number of a backbone's configuration that no network has, as ``name value``, if there is one."""
+    for name, value in data.items() if isinstance(data, dict) else ():
+        if isinstance(value, dict) and (inner := _too_large(value)) is not None:
+            return inner
+        wide = VOCABULARY_MAX if name == "vocab_size" else BACKBONE_WIDTH_MAX
+        most = BACKBONE_LAYERS_MAX if name.endswith("layers") else wide
+        if name.endswith(("layers", "_size", "heads", "_dim")) and isinstance(value, int) and value > most:
+            return f"{printable(name, 80)} {value} (at most {most})"
+    return None
 
 
 @contextlib.contextmanager

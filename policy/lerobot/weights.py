@@ -11,6 +11,7 @@ import io
 import logging
 import os
 from collections.abc import Iterator
+from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from lerobot.policies.pretrained import PreTrainedPolicy
 
 WEIGHTS_FILE = "model.safetensors"
+NUMBERS_MAX, SPARE = 8_000_000_000, 1_000_000
+"""Most numbers of a network without a file, twice those of π0.5, and how many a network may compute by itself."""
 _NAMED_MAX = 3
 """Tensors that a sentence names; the others are counted."""
 
@@ -37,6 +40,7 @@ def load_network(folder: Path, config: PreTrainedConfig) -> PreTrainedPolicy:
     file = folder / WEIGHTS_FILE
     stored = _stored_shapes(file)
     kind = get_policy_class(config.type)
+    _require_size(kind, config, 2 * sum(map(prod, stored.values())) + SPARE, f"what {file} has")
     try:
         with quiet():
             network = kind.from_pretrained(folder, config=config, strict=True)
@@ -61,7 +65,9 @@ def random_network(config: PreTrainedConfig) -> PreTrainedPolicy:
     """
     from lerobot.policies.factory import get_policy_class
 
-    return _ready(_built(get_policy_class(config.type), config))
+    kind = get_policy_class(config.type)
+    _require_size(kind, config, NUMBERS_MAX, f"{NUMBERS_MAX:,}")
+    return _ready(_built(kind, config))
 
 
 @contextlib.contextmanager
@@ -94,6 +100,23 @@ def _built(kind: type[PreTrainedPolicy], config: PreTrainedConfig) -> PreTrained
         if config.type == "smolvla":
             cure = f"its backbone '{config.vlm_model_name}' must be on this machine: say tokenizer=FOLDER"
         raise fail("weights", f"the network of '{config.type}' cannot be built: {error}", cure) from error
+
+
+def _require_size(kind: type[PreTrainedPolicy], config: PreTrainedConfig, most: int, than: str) -> None:
+    """Refuse a network that is larger than its file before it takes memory.
+
+    Tied tensors are stored once. π0 and π0.5 cannot be built without memory; their sizes are a variant's, by its name.
+    """
+    import torch
+
+    try:
+        with quiet(), torch.device("meta"):
+            numbers = sum(tensor.numel() for tensor in kind(config).state_dict().values())
+    except (RuntimeError, KeyError, ValueError, OSError, ImportError, NotImplementedError):
+        return
+    if numbers > most:
+        text = f"config.json describes a network of {numbers:,} numbers, which is more than {than}"
+        raise fail("weights", text, "take config.json and weights from the same training run")
 
 
 def _stored_shapes(file: Path) -> dict[str, tuple[int, ...]]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import resource
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from policy.lerobot.features import camera_keys, check_features, chunk_length, c
 from policy.lerobot.policy import LeRobotPolicy
 from policy.lerobot.spec import write_specs
 from policy.lerobot.stats import ACTION, STATE
+from policy.lerobot.trust import check_model_folder
 from tests.support import tiny_policies as tiny
 
 
@@ -190,7 +192,8 @@ def test_a_folder_that_is_no_checkpoint_is_named(tmp_path):
         ("num_inference_steps", 10**9, "num_inference_steps of 'diffusion' is 1e\\+09; 1 to 1000"),
         ("n_obs_steps", 10**6, "n_obs_steps of 'diffusion' is 1e\\+06; 1 to 64"),
         ("horizon", 10**6, "horizon of 'diffusion' is 1e\\+06; 1 to 1000"),
-        ("diffusion_step_embed_dim", 10**9, "is 1e\\+09; -10000000 to 10000000"),
+        ("diffusion_step_embed_dim", 10**9, "is 1e\\+09; -1 to 16384"),
+        ("down_dims", [512, 10**6], "down_dims of 'diffusion' is 1e\\+06; -1 to 16384"),
     ],
 )
 def test_sizes_that_no_policy_has_are_refused_before_a_network_is_built(name, value, said, tmp_path, tmp_path_factory):
@@ -199,6 +202,40 @@ def test_sizes_that_no_policy_has_are_refused_before_a_network_is_built(name, va
     file.write_text(json.dumps(json.loads(file.read_text()) | {name: value}))
     with pytest.raises(CheckpointError, match=said):
         read_config(folder, LoadOptions(device="cpu"))
+
+
+@pytest.mark.parametrize(("name", "most"), [("n_encoder_layers", 128), ("dim_model", 16384)])
+def test_b3_the_width_and_the_depth_of_a_network_are_bounded(name, most, tmp_path, tmp_path_factory):
+    """A million layers, or layers of a million numbers, took all memory or an hour before a word was said."""
+    folder = tiny.copied("act", tmp_path_factory, tmp_path)
+    file = folder / "config.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {name: 10**6}))
+    with pytest.raises(CheckpointError, match=rf"{name} of 'act' is 1e\+06; -1 to {most} is expected"):
+        read_config(folder, LoadOptions(device="cpu"))
+
+
+@pytest.mark.parametrize("random", [False, True])
+def test_b3_a_network_larger_than_its_file_is_refused_before_it_takes_memory(random, tmp_path, tmp_path_factory):
+    """Within its bounds, 128 layers of 16384 numbers are 550 GB; the file of this one has some MB."""
+    folder = tiny.copied("act", tmp_path_factory, tmp_path)
+    file = folder / "config.json"
+    large = {"dim_model": 16384, "dim_feedforward": 16384, "n_encoder_layers": 64}
+    file.write_text(json.dumps(json.loads(file.read_text()) | large))
+    if random:
+        (folder / "model.safetensors").unlink()
+    begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(CheckpointError, match=r"describes a network of \d[\d,]+ numbers, which is more than"):
+        LeRobotPolicy.from_pretrained(folder, device="cpu", allow_random_weights=random)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - begin < 500_000  # [KiB]
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"), [("text_config", "hidden_size", 10**6), ("vision_config", "num_hidden_layers", 10**6)]
+)
+def test_b3_a_backbone_of_any_size_is_no_backbone(part, name, value, tmp_path):
+    (tmp_path / "config.json").write_text(json.dumps({part: {name: value}}))
+    with pytest.raises(CheckpointError, match=rf"has {name} 1000000 \(at most \d+\), as no backbone has"):
+        check_model_folder(tmp_path)
 
 
 def test_denoising_steps_and_seeds_of_the_user_have_bounds_too(tmp_path_factory):
