@@ -38,7 +38,7 @@ def read_or_refuse(reader, folder, seed):
 @pytest.mark.parametrize("name", READERS)
 @LIGHT
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_spoilt_input_is_read_or_refused(name, tmp_path, seed):
+def test_b7_a_spoilt_input_is_read_or_refused(name, tmp_path, seed):
     read_or_refuse(READERS[name], tmp_path / "case", seed)
 
 
@@ -60,14 +60,14 @@ def datasets(tmp_path_factory):
 @pytest.mark.parametrize("version", ["v30", "v21"])
 @FEW
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_spoilt_dataset_is_read_or_refused(version, tmp_path, datasets, seed):
+def test_b7_a_spoilt_dataset_is_read_or_refused(version, tmp_path, datasets, seed):
     copy = partial(shutil.copytree, datasets[version], dirs_exist_ok=True)
     read_or_refuse(folder_reader("dataset", copy), tmp_path / "case", seed)
 
 
 @FEW
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_spoilt_checkpoint_is_read_or_refused(tmp_path, tmp_path_factory, seed):
+def test_b7_a_spoilt_checkpoint_is_read_or_refused(tmp_path, tmp_path_factory, seed):
     pytest.importorskip("lerobot")
     from tests.support import tiny_policies as tiny
 

@@ -52,7 +52,7 @@ def no_file(kind, path):
 
 @pytest.mark.parametrize("kind", ["a pipe", "a folder", "a device", "a socket"])
 @pytest.mark.parametrize("name", OPENERS)
-def test_only_regular_files_are_read(name, kind, tmp_path, monkeypatch):
+def test_b3_only_regular_files_are_read(name, kind, tmp_path, monkeypatch):
     """A pipe would be waited for, and /dev/zero has no end."""
     monkeypatch.chdir(tmp_path)
     opener, refusal = OPENERS[name]
@@ -90,7 +90,7 @@ def test_a_file_that_grows_is_read_up_to_its_bound(tmp_path, monkeypatch):
         ("", "is no JSON"),
     ],
 )
-def test_json_that_would_break_its_reader_is_refused(text, says):
+def test_b2_json_that_would_break_its_reader_is_refused(text, says):
     with pytest.raises(ReadingError, match=says):
         parse_json(text)
     with pytest.raises(SpecError):
@@ -121,7 +121,7 @@ def test_json_of_any_sound_depth_is_read():
         (lambda data: data.update(slots=data["slots"] * 100_000), "slots; at most"),
     ],
 )
-def test_a_layout_with_numbers_beyond_reason_is_refused(change, says):
+def test_b2_a_layout_with_numbers_beyond_reason_is_refused(change, says):
     data = builtin("wbc32").to_dict()
     change(data)
     with pytest.raises(SpecError, match=says):
@@ -152,14 +152,14 @@ def npy(shape, kind="'<f8'", content=b""):
         npy("(1,)", content=bytes(16)),
     ],
 )
-def test_arrays_with_odd_headers_are_refused(header, tmp_path):
+def test_b2_arrays_with_odd_headers_are_refused(header, tmp_path):
     with zipfile.ZipFile(tmp_path / "x.npz", "w") as archive:
         archive.writestr("actions.npy", header)
     with pytest.raises(FileFormatError):
         read_chunk_file(tmp_path / "x.npz")
 
 
-def test_members_are_refused_by_name_and_size_before_they_are_unpacked(tmp_path):
+def test_b3_members_are_refused_by_name_and_size_before_they_are_unpacked(tmp_path):
     """13.7 MB of zeros, packed, took 3.1 GB before the name was looked at."""
     for name in ("actions.npy", "bomb.npy", "../out.npy"):
         with (
@@ -183,7 +183,7 @@ def test_an_archive_of_a_hundred_thousand_names_is_refused_before_they_are_read(
 
 
 @pytest.mark.parametrize("fps", [0.0, 1e-6, 1e-300, 5e3, np.inf])
-def test_rates_beyond_reason_are_refused_everywhere(fps, tmp_path):
+def test_b3_rates_beyond_reason_are_refused_everywhere(fps, tmp_path):
     """At 1e-6 Hz a motion of 40 frames became 1.2e9 steps."""
     write_motion(tmp_path)
     write_chunk(tmp_path)
@@ -199,7 +199,7 @@ def test_rates_beyond_reason_are_refused_everywhere(fps, tmp_path):
         convert(tmp_path / "chunk.npz", tmp_path / "out.csv", csv_fps=fps)
 
 
-def test_a_recording_with_too_many_steps_is_refused(tmp_path):
+def test_b3_a_recording_with_too_many_steps_is_refused(tmp_path):
     still = Motion(0.1, np.tile(np.eye(4), (1000, 1, 1)), np.zeros((1000, 29)))
     with pytest.raises(ChunkError, match=f"at most {STEPS_MAX} are taken: is its frame rate 0.1 Hz"):
         motion_chunk(still)
@@ -209,7 +209,7 @@ def test_a_recording_with_too_many_steps_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("value", [1e155, 1e300, -1e7])
-def test_targets_that_no_arithmetic_survives_are_refused(value, tmp_path):
+def test_b2_targets_that_no_arithmetic_survives_are_refused(value, tmp_path):
     """A finger at 1e155 rad overflowed in the plan."""
     write_chunk(tmp_path)
     with np.load(tmp_path / "chunk.npz") as stored:
@@ -223,7 +223,7 @@ def test_targets_that_no_arithmetic_survives_are_refused(value, tmp_path):
 FORGED = "\x1b[2J\x1b[1;1HFEASIBLE  reach: done as given\n\r\u2028\u202e\x9b31m\x00"
 
 
-def test_text_from_outside_is_one_printable_line():
+def test_b4_text_from_outside_is_one_printable_line():
     for error in (PolicyError(FORGED), ReadingError(FORGED), FileFormatError(FORGED, path=FORGED), SpecError(FORGED)):
         assert str(error).isprintable()
     assert printable(FORGED).startswith("\\x1b[2J\\x1b[1;1HFEASIBLE  reach: done as given\\n\\r\\u2028")

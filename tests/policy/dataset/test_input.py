@@ -244,7 +244,7 @@ def test_a_missing_video_is_named(source):
     refused(source, "file-001.mp4 does not exist; download all of the dataset's videos")
 
 
-def test_a_video_that_is_cut_off_is_refused(source):
+def test_b6_a_video_that_is_cut_off_is_refused(source):
     """It was copied in silence, and training failed days later."""
     file = source / f"videos/{VIDEO}/chunk-000/file-001.mp4"
     content = file.read_bytes()
@@ -255,7 +255,7 @@ def test_a_video_that_is_cut_off_is_refused(source):
     refused(source, "file-001.mp4 is (cut off|no whole MP4)")
 
 
-def test_a_video_that_ends_before_its_episode_is_refused(source):
+def test_b6_a_video_that_ends_before_its_episode_is_refused(source):
     name = f"videos/{VIDEO}/to_timestamp"
 
     def longer(table):
@@ -267,7 +267,7 @@ def test_a_video_that_ends_before_its_episode_is_refused(source):
 
 
 @pytest.mark.parametrize("fps", [15, 60, 29])
-def test_a_rate_that_is_not_that_of_the_timestamps_is_refused(source, fps):
+def test_b6_a_rate_that_is_not_that_of_the_timestamps_is_refused(source, fps):
     file = source / "meta" / "info.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {"fps": fps}))
     refused(source, f"its timestamps pass at 30 Hz, meta/info.json says fps {fps}")

@@ -196,7 +196,9 @@ def test_a_folder_that_is_no_checkpoint_is_named(tmp_path):
         ("down_dims", [512, 10**6], "down_dims of 'diffusion' is 1e\\+06; -1 to 16384"),
     ],
 )
-def test_sizes_that_no_policy_has_are_refused_before_a_network_is_built(name, value, said, tmp_path, tmp_path_factory):
+def test_b3_sizes_that_no_policy_has_are_refused_before_a_network_is_built(
+    name, value, said, tmp_path, tmp_path_factory
+):
     folder = tiny.copied("diffusion", tmp_path_factory, tmp_path)
     file = folder / "config.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | {name: value}))

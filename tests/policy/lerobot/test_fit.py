@@ -69,7 +69,7 @@ def test_a_layout_of_50_steps_beside_an_act_of_100_is_refused_with_the_command_t
         LeRobotPolicy.from_pretrained(run)
 
 
-def test_spec_writes_layouts_with_the_checkpoints_own_steps_and_its_datasets_rate(run, tmp_path):
+def test_c3_spec_writes_layouts_with_the_checkpoints_own_steps_and_its_datasets_rate(run, tmp_path):
     done = wholebody("spec", run, "--layout", "wbc32", "--from", dataset(tmp_path / "data"))
     folder = run / "checkpoints" / "last" / "pretrained_model"
     assert f"wrote {folder / ACTION_SPEC_FILE}: wbc32-v1-" in done.stdout
@@ -111,14 +111,14 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(run, tmp_path):
 
 
 @pytest.mark.parametrize("below", ["", "checkpoints", "checkpoints/last", "checkpoints/000100/pretrained_model"])
-def test_the_last_checkpoint_of_a_training_run_is_found(run, below):
+def test_c4_the_last_checkpoint_of_a_training_run_is_found(run, below):
     assert is_checkpoint(str(run / below))
     wholebody("spec", run / below, "--layout", "wbc32")
     assert open_source(str(run / below), 60.0, None).spec.horizon == 100
 
 
 @pytest.mark.parametrize("command", ["run", "check", "doctor", "spec"])
-def test_a_hub_id_gets_the_command_that_downloads_it(command, tmp_path, monkeypatch):
+def test_c4_a_hub_id_gets_the_command_that_downloads_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options = {"run": ("--duration", "1"), "check": ("--duration", "1"), "spec": ("--layout", "wbc32")}.get(command, ())
     try:
@@ -129,7 +129,7 @@ def test_a_hub_id_gets_the_command_that_downloads_it(command, tmp_path, monkeypa
     assert "hf download lerobot/pi05_base --local-dir FOLDER" in said
 
 
-def test_a_policy_of_another_robot_gets_the_sentence_that_helps():
+def test_c4_a_policy_of_another_robot_gets_the_sentence_that_helps():
     config = tiny.config("act")
     config.output_features[ACTION] = PolicyFeature(FeatureType.ACTION, (6,))
     config.action_feature_names = ["shoulder_pan.pos", "shoulder_lift.pos", "elbow_flex.pos", "wrist_flex.pos"]

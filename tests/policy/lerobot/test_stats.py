@@ -229,21 +229,21 @@ def normalise_by(mode):
 
 
 @pytest.mark.parametrize("name", ["policy_preprocessor", "policy_postprocessor"])
-def test_a_normalisation_that_is_not_undone_is_refused(name, act):
+def test_b6_a_normalisation_that_is_not_undone_is_refused(name, act):
     """IDENTITY on one side and MEAN_STD on the other was "the same before and after"."""
     said = refusal(edited(act, name, normalise_by("IDENTITY")))
     assert "action is normalised by MEAN_STD in config.json" in said
     assert f"IDENTITY in the {'pre' if 'pre' in name else 'post'}-processor" in said
 
 
-def test_processors_that_agree_with_each_other_but_not_with_the_configuration_are_refused(act):
+def test_b6_processors_that_agree_with_each_other_but_not_with_the_configuration_are_refused(act):
     for name in ("policy_preprocessor", "policy_postprocessor"):
         edited(act, name, normalise_by("IDENTITY"))
     assert "MEAN_STD in config.json, IDENTITY in the pre-processor" in refusal(act)
 
 
 @pytest.mark.parametrize(("name", "where"), [("policy_preprocessor", "pre"), ("policy_postprocessor", "post")])
-def test_a_checkpoint_without_a_normaliser_is_refused(name, where, act):
+def test_b6_a_checkpoint_without_a_normaliser_is_refused(name, where, act):
     """It was a warning, and numbers of the network went to the robot as they were."""
 
     def without(data):

@@ -68,7 +68,7 @@ def refusal(folder, **options):
 
 
 @pytest.mark.parametrize("file", [PRE, POST])
-def test_a_step_that_names_a_command_is_refused_and_not_run(file, act, canary):
+def test_b1_a_step_that_names_a_command_is_refused_and_not_run(file, act, canary):
     add_step(act, {"class": "os.system", "config": {"command": canary.command}}, file)
     said = refusal(act)
     assert not canary.sang
@@ -80,7 +80,7 @@ def test_a_step_that_names_a_command_is_refused_and_not_run(file, act, canary):
     assert canary.sang
 
 
-def test_a_step_that_names_a_module_is_refused_before_it_is_imported(act, canary, tmp_path, monkeypatch):
+def test_b1_a_step_that_names_a_module_is_refused_before_it_is_imported(act, canary, tmp_path, monkeypatch):
     (tmp_path / "chirping.py").write_text(canary.source)
     monkeypatch.syspath_prepend(tmp_path)
     add_step(act, {"class": "chirping.Step"})
@@ -96,7 +96,7 @@ def test_a_step_with_a_registered_name_and_a_class_does_not_import_the_class(act
 
 
 @pytest.mark.parametrize("command", ["run", "check", "doctor", "serve-policy"])
-def test_no_command_runs_what_a_checkpoint_names(command, act, canary, monkeypatch, capsys):
+def test_b1_no_command_runs_what_a_checkpoint_names(command, act, canary, monkeypatch, capsys):
     add_step(act, {"class": "os.system", "config": {"command": canary.command}})
     length = ["--duration", "1"] if command in ("run", "check") else []
     monkeypatch.setattr(sys, "argv", ["wholebody", command, str(act), *length])
@@ -120,7 +120,7 @@ def write_code_tokenizer(folder, canary):
     return folder
 
 
-def test_a_step_that_trusts_foreign_code_is_refused(act, canary, tmp_path):
+def test_b1_a_step_that_trusts_foreign_code_is_refused(act, canary, tmp_path):
     folder = write_code_tokenizer(tmp_path / "fast", canary)
     step = {
         "registry_name": "action_tokenizer_processor",
@@ -136,7 +136,7 @@ def test_a_step_that_trusts_foreign_code_is_refused(act, canary, tmp_path):
     assert canary.sang
 
 
-def test_a_tokenizer_that_brings_code_is_refused_whatever_is_typed(tmp_path, tmp_path_factory, canary, monkeypatch):
+def test_b1_a_tokenizer_that_brings_code_is_refused_whatever_is_typed(tmp_path, tmp_path_factory, canary, monkeypatch):
     """transformers asks "Do you wish to run the custom code? [y/N]" on the terminal."""
     folder = tiny.copied("pi05", tmp_path_factory, tmp_path)
     write_code_tokenizer(folder / "tokenizer", canary)
@@ -164,7 +164,7 @@ def test_a_tokenizer_elsewhere_that_brings_code_is_refused_whatever_is_typed(
     assert not canary.sang
 
 
-def test_a_backbone_that_brings_code_is_refused(tmp_path, tmp_path_factory, canary, monkeypatch):
+def test_b1_a_backbone_that_brings_code_is_refused(tmp_path, tmp_path_factory, canary, monkeypatch):
     folder = tiny.copied("smolvla", tmp_path_factory, tmp_path)
     other = write_code_tokenizer(tmp_path / "vlm", canary)
     edit(folder / "config.json", lambda data: data.update(vlm_model_name=str(other)))
@@ -183,7 +183,7 @@ def test_transformers_is_as_it_was_afterwards():
 
 
 @pytest.mark.parametrize("kind", sorted(set(PreTrainedConfig.get_known_choices()) - set(POLICY_TYPES)))
-def test_a_policy_type_that_loads_what_its_file_names_is_refused(kind, tmp_path):
+def test_b1_a_policy_type_that_loads_what_its_file_names_is_refused(kind, tmp_path):
     (tmp_path / "config.json").write_text(json.dumps({"type": kind, "action_tokenizer_name": str(tmp_path)}))
     with pytest.raises(CheckpointError, match=f"policy type '{kind}', which loads code or models that its file names"):
         check_policy_type(tmp_path / "config.json")
@@ -220,7 +220,7 @@ def test_a_step_that_nobody_registered_is_refused(step, act):
 
 
 @pytest.mark.parametrize("name", ["reward_classifier_processor", "groot_n1_7_vlm_encode_v1", "eo1_qwen_processor"])
-def test_a_step_that_loads_a_model_by_name_is_refused(name, act):
+def test_b1_a_step_that_loads_a_model_by_name_is_refused(name, act):
     add_step(act, {"registry_name": name, "config": {"pretrained_path": str(act)}})
     with pytest.raises(CheckpointError, match=f"'{name}', which loads code or models that it names"):
         check_steps(act / PRE)

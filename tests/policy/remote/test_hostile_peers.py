@@ -44,7 +44,7 @@ def silent_client(server):
     return connection
 
 
-def test_two_hundred_silent_clients_do_not_keep_the_robot_out():
+def test_b5_two_hundred_silent_clients_do_not_keep_the_robot_out():
     """Each was waited for, one after the other, under a lock: 400 s."""
     with PolicyServer(scripted_policy("wave"), port=0) as server, ExitStack() as held:
         for _ in range(200):
@@ -70,7 +70,7 @@ def test_a_client_that_never_asks_gives_way(monkeypatch):
         policy.close()
 
 
-def test_refused_requests_and_clients_are_logged_on_one_line(caplog):
+def test_b5_refused_requests_and_clients_are_logged_on_one_line(caplog):
     caplog.set_level(logging.WARNING, "policy.remote.server")
     with PolicyServer(scripted_policy("wave"), port=0) as server, raw(server) as client:
         client.recv(3.0)
@@ -97,7 +97,7 @@ def seen(time=0.0):
 
 
 @pytest.mark.parametrize("broken", [b"\xff\xff\xff\xff", b"\x82\xff" + b"\xff" * 8, b"\xc2\x01a", b"\x82\x81abcd"])
-def test_a_broken_frame_is_told_at_once(broken):
+def test_b5_a_broken_frame_is_told_at_once(broken):
     """websockets waits for its peer to hang up; a run of 2 s took 124."""
 
     def script(wire):
@@ -113,7 +113,7 @@ def test_a_broken_frame_is_told_at_once(broken):
         assert time.monotonic() - begin < 3.0
 
 
-def test_an_answer_that_nobody_asked_for_is_not_taken_for_the_next():
+def test_b5_an_answer_that_nobody_asked_for_is_not_taken_for_the_next():
     def twice(wire):
         wire.send(SERVER["metadata"])
         wire.receive()
@@ -137,7 +137,7 @@ def test_an_answer_that_nobody_asked_for_is_not_taken_for_the_next():
         assert peer.connections == 2
 
 
-def test_answers_of_ten_thousand_rows_are_refused():
+def test_b3_answers_of_ten_thousand_rows_are_refused():
     def script(wire):
         wire.send(SERVER["metadata"])
         wire.receive()

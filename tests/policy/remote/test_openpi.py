@@ -11,7 +11,7 @@ from tests.support.openpi_peer import SERVER, Peer
 from tests.support.policy_cases import observation
 
 
-def test_the_default_keys_are_those_of_liberos_example():
+def test_c4_the_default_keys_are_those_of_liberos_example():
     assert KeyMap.named("") == KeyMap.named("libero") == LIBERO
     assert LIBERO.images == {"head": "observation/image", "left_wrist": "observation/wrist_image"}
     assert (LIBERO.state, LIBERO.prompt, LIBERO.actions) == ("observation/state", "prompt", "actions")
@@ -44,7 +44,7 @@ def test_a_map_that_cannot_be_read_is_refused_with_one_that_could(text, says):
         KeyMap.named(text)
 
 
-def test_a_run_on_an_openpi_server_sends_images_grey_where_there_are_no_pictures():
+def test_c4_a_run_on_an_openpi_server_sends_images_grey_where_there_are_no_pictures():
     requests = []
 
     def script(wire):

@@ -41,7 +41,7 @@ def completed(inside, monkeypatch):
     return call
 
 
-def test_the_shell_completes_commands_options_scripts_and_layouts(completed, inside, monkeypatch):
+def test_c8_the_shell_completes_commands_options_scripts_and_layouts(completed, inside, monkeypatch):
     assert {"run", "check", "layouts", "spec", "serve-policy"} <= set(completed("wholebody "))
     assert set(completed("wholebody run ")) == set(SCRIPTS)
     assert completed("wholebody layouts wbc") == [name for name in LAYOUTS if name.startswith("wbc")]
@@ -51,7 +51,7 @@ def test_the_shell_completes_commands_options_scripts_and_layouts(completed, ins
     assert "complete -o default" in inside().stdout
 
 
-def test_json_is_a_list_that_grows_by_a_line_a_verdict_as_they_come(tmp_path):
+def test_c8_json_is_a_list_that_grows_by_a_line_a_verdict_as_they_come(tmp_path):
     target = tmp_path / "verdicts.json"
     with JsonVerdicts(str(target)) as written:
         written.add(FEASIBLE)
@@ -91,7 +91,7 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_is_simulated(insi
 
 
 @pytest.mark.parametrize(("reason", "code"), [(Reason.REFUSED, 1), (Reason.STARVED, 1), (Reason.SELF_CONTACT, 0)])
-def test_a_strict_run_ends_with_1_for_a_refused_or_starved_input(inside, monkeypatch, reason, code):
+def test_c8_a_strict_run_ends_with_1_for_a_refused_or_starved_input(inside, monkeypatch, reason, code):
     found = Violation(code=reason, severity=Severity.REPAIR, subject="the first of them")
     verdict = replace(FEASIBLE, verdict="feasible_after_repair", violations=[found])
     made = SimpleNamespace(check=lambda *_, **__: (verdict, None))
@@ -100,7 +100,7 @@ def test_a_strict_run_ends_with_1_for_a_refused_or_starved_input(inside, monkeyp
     assert inside("run", "wave", "--strict").returncode == code
 
 
-def test_inputs_side_by_side_are_answered_in_their_order_with_the_largest_exit_code(tmp_path):
+def test_c8_inputs_side_by_side_are_answered_in_their_order_with_the_largest_exit_code(tmp_path):
     """A long input first: its answer comes first all the same."""
     actions = np.tile(stance_numbers(builtin("wbc32")), (60, 1))
     np.savez(tmp_path / "long.npz", actions=actions, fps=30.0, spec="wbc32")

@@ -51,7 +51,7 @@ def until(said, capsys):
     return text
 
 
-def test_in_a_pipe_what_takes_long_says_so_in_plain_lines_again_and_again(quick, capsys):
+def test_c6_in_a_pipe_what_takes_long_says_so_in_plain_lines_again_and_again(quick, capsys):
     with console.waiting("loading the robot"):
         for _ in range(2):
             assert set(until("loading", capsys).splitlines()) == {"wholebody: loading the robot (0 s)"}
@@ -61,7 +61,7 @@ def test_in_a_pipe_what_takes_long_says_so_in_plain_lines_again_and_again(quick,
     assert capsys.readouterr().err == ""
 
 
-def test_in_a_pipe_a_first_run_says_that_it_compiles_and_then_how_far_it_is(quick, capsys):
+def test_c6_in_a_pipe_a_first_run_says_that_it_compiles_and_then_how_far_it_is(quick, capsys):
     with console.progress_bar("wave", quiet=False) as progress:
         text = until("compiling", capsys)
         assert text.startswith("wholebody: wave: 0 s simulated (0 s)\n")
@@ -77,7 +77,7 @@ def test_nothing_is_said_beside_json_on_standard_output(quick, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_warming_up_says_in_a_pipe_what_it_does(monkeypatch, capsys):
+def test_c6_warming_up_says_in_a_pipe_what_it_does(monkeypatch, capsys):
     monkeypatch.setattr("wholebody.episode.warm_up.warm_up", lambda: 61.0)
     warmup()
     assert capsys.readouterr().err.splitlines() == [

@@ -56,7 +56,7 @@ def ended(monkeypatch, capsys):
         (("--replace-every", "1000000000"), "replace_every is 1000000000; at most 1000"),
     ],
 )
-def test_a_number_beyond_reason_ends_with_one_sentence_that_has_bound_and_unit(arguments, says, ended):
+def test_b2_a_number_beyond_reason_ends_with_one_sentence_that_has_bound_and_unit(arguments, says, ended):
     assert says in ended("run", "reach", *arguments)
 
 
@@ -96,7 +96,7 @@ def test_a_decay_of_minus_one_favours_the_newest():
         assert isinstance(ensemble.add(policy.infer(observation(time))), ActionChunk)
 
 
-def test_names_and_notes_reach_the_terminal_printable(capsys):
+def test_b4_names_and_notes_reach_the_terminal_printable(capsys):
     say("FEASIBLE  x", FORGED)
     complain(FORGED)
     said = capsys.readouterr()
@@ -106,14 +106,14 @@ def test_names_and_notes_reach_the_terminal_printable(capsys):
         assert line.isprintable()
 
 
-def test_a_file_name_cannot_forge_a_verdict(tmp_path, ended):
+def test_b4_a_file_name_cannot_forge_a_verdict(tmp_path, ended):
     name = str(tmp_path / f"{FORGED}.npz")
     said = ended("check", name)
     assert "\\x1b[2J" in said
 
 
 @pytest.mark.parametrize(("logger", "lines"), [("policy.remote.client", 2), ("websockets.server", 1)])
-def test_logs_reach_the_terminal_printable(logger, lines):
+def test_b4_logs_reach_the_terminal_printable(logger, lines):
     text = _Sentences().format(logging.LogRecord(logger, logging.ERROR, "", 0, "a failed:\n| b\x1b[2J", (), None))
     assert text.count("\n") == lines - 1
     assert all(line.isprintable() for line in text.splitlines())

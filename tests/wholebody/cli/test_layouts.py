@@ -23,7 +23,7 @@ def test_layouts_without_a_name_lists_them_one_a_line():
     assert [line.split()[0] for line in said[: len(LAYOUTS)]] == list(LAYOUTS)
 
 
-def test_layouts_prints_every_slot_unit_frame_limit_and_stance_and_writes_an_example(tmp_path):
+def test_c2_layouts_prints_every_slot_unit_frame_limit_and_stance_and_writes_an_example(tmp_path):
     said = layouts("wbc32", "--write", tmp_path / "example.npz")
     for words in (
         "left_wrist_position: position [m], left_wrist_yaw_link in the pelvis\n",
@@ -55,7 +55,7 @@ def test_layouts_misused_says_what_would_work(arguments, says):
         CliRunner().invoke(app, ["layouts", *arguments], catch_exceptions=False)
 
 
-def test_the_twelve_line_numpy_program_of_the_documents_makes_a_feasible_chunk(monkeypatch, tmp_path, capsys):
+def test_c2_the_twelve_line_numpy_program_of_the_documents_makes_a_feasible_chunk(monkeypatch, tmp_path, capsys):
     program = ROOT / "examples" / "wbc32_chunk.py"
     body = program.read_text().split('"""', 2)[2].strip()
     assert body in (ROOT / "docs" / "policy_contract.md").read_text()

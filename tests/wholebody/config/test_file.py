@@ -125,7 +125,7 @@ NUMBERS = [
 
 
 @pytest.mark.parametrize(("owner", "path", "value"), NUMBERS, ids=[path for _, path, _ in NUMBERS])
-def test_every_setting_has_bounds_that_hold_its_default_and_are_in_the_message(owner, path, value):
+def test_b2_every_setting_has_bounds_that_hold_its_default_and_are_in_the_message(owner, path, value):
     meaning = meanings(owner)[path.rpartition(".")[2]]
     least, most = bounds_of(path, meaning)
     assert all(least <= number <= most for number in (value if isinstance(value, tuple) else (value,)))
@@ -159,7 +159,7 @@ def test_every_setting_has_bounds_that_hold_its_default_and_are_in_the_message(o
         ("? [a]\n: 1", "is not YAML|unknown setting"),
     ],
 )
-def test_yaml_that_would_break_its_reader_is_refused(text, says, tmp_path):
+def test_b2_yaml_that_would_break_its_reader_is_refused(text, says, tmp_path):
     file = tmp_path / "c.yaml"
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     with pytest.raises(ConfigError, match=says) as refusal:
@@ -167,7 +167,7 @@ def test_yaml_that_would_break_its_reader_is_refused(text, says, tmp_path):
     assert str(refusal.value).isprintable()
 
 
-def test_an_alias_bomb_is_refused_before_it_is_unfolded(tmp_path):
+def test_b3_an_alias_bomb_is_refused_before_it_is_unfolded(tmp_path):
     rows = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9) if i else '1'}]" for i in range(12)]
     (tmp_path / "c.yaml").write_text("\n".join(rows))
     with pytest.raises(ConfigError, match="has an alias"):

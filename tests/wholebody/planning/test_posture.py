@@ -45,7 +45,7 @@ def moved(T, offset):
     return out
 
 
-def test_joint_targets_for_two_wrist_poses_are_balanced_and_reach_them(cases, solver):
+def test_c1_joint_targets_for_two_wrist_poses_are_balanced_and_reach_them(cases, solver):
     generator, times, missed = np.random.default_rng(3), [], 0
     solver.solve(*stance_wrists(cases))
     for _ in range(PAIRS):
@@ -81,7 +81,7 @@ def test_torques_and_joints_are_by_name_and_those_of_the_configuration(cases, so
 
 
 @pytest.mark.parametrize("offset", [(2.0, 0.0, 0.0), (0.0, 0.0, -1.5), (-0.5, 0.0, 0.0), (100.0, 0.0, 0.0)])
-def test_out_of_reach_is_the_nearest_posture_inside_the_bounds_and_says_why(cases, solver, offset):
+def test_c1_out_of_reach_is_the_nearest_posture_inside_the_bounds_and_says_why(cases, solver, offset):
     left, right = stance_wrists(cases)
     found = solver.solve(moved(left, offset), moved(right, offset))
     assert not found.reached
