@@ -101,14 +101,14 @@ def test_a_wave_is_feasible_and_json_stands_alone_on_standard_output():
     assert verdicts[0]["fell"] is False
 
 
-def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judged(tmp_path):
+def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judged(inside, tmp_path):
     path, output = tmp_path / "far.npz", tmp_path / "verdicts.json"
     # Both wrists 3 m ahead of the pelvis, level: rotations by their first two columns.
     wrist = [3.0, 0.2, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     np.savez(path, actions=np.tile([*wrist, *wrist, *np.zeros(14)], (10, 1)), fps=30.0, spec="wbc32")
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK")
-    answer = wholebody("check", str(broken), str(path), *SHORT, "--json", str(output))
+    answer = inside("check", str(broken), str(path), *SHORT, "--json", str(output))
     assert answer.returncode == 2
     assert answer.stderr.startswith(f"wholebody: {broken}: ")
     assert answer.stdout.startswith("INFEASIBLE  ")
@@ -139,11 +139,12 @@ def test_misuse_is_told_before_anything_is_simulated(inside, tmp_path, monkeypat
     assert answer.stdout == ""
 
 
-def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(tmp_path):
+def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(inside, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "c.yaml").write_text("solver: quadprog\n")
     options = ("--record", "run.npz", "--sheet", "run.png", "--config", "c.yaml", "--json", "run.json")
     more = ("--realistic", "--delay-ms", "4", "--payload-kg", "0.5", "0.5")
-    answer = wholebody("run", "wave", *SHORT, *options, *more, cwd=tmp_path)
+    answer = inside("run", "wave", *SHORT, *options, *more)
     assert answer.returncode == 0, answer.stderr
     with np.load(tmp_path / "run.npz", allow_pickle=False) as data:
         assert len(data["time"]) == round(1.4 / 0.002)
@@ -152,12 +153,12 @@ def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(tmp_path):
     assert (tmp_path / "run.png").exists() or "libegl1" in answer.stderr
 
 
-def test_a_folder_of_motions_becomes_a_table(tmp_path):
+def test_a_folder_of_motions_becomes_a_table(inside, tmp_path):
     """A row a motion, and in the JSON what the row was made of."""
     rows = np.zeros((20, 36))
     rows[:, 2], rows[:, 6] = 0.79, 1.0
     np.savetxt(tmp_path / "still.csv", rows, delimiter=",")
-    answer = wholebody("run", "--motions", str(tmp_path), *SHORT, "--json", str(tmp_path / "study.json"))
+    answer = inside("run", "--motions", str(tmp_path), *SHORT, "--json", str(tmp_path / "study.json"))
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.splitlines()[0].split()[:3] == ["motion", "fell", "demandable"]
     assert answer.stdout.splitlines()[1].split()[:2] == ["still", "no"]
