@@ -9,10 +9,10 @@ from wholebody.config.controller import (
     ControllerConfig,
     HandConfig,
     PlannerConfig,
-    PlanningConfig,
     SafetyConfig,
     TrajectoryConfig,
 )
+from wholebody.config.planning import PlanningConfig
 from wholebody.config.robot import RobotConfig
 from wholebody.config.verdict import VerdictConfig
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import radians
 
+from wholebody.config.planning import PlanningConfig
 from wholebody.config.robot import RobotConfig
 from wholebody.config.verdict import VerdictConfig
 
@@ -271,20 +272,6 @@ class PlannerConfig:
     """The same for orientation [rad]."""
     slowdowns: tuple[float, ...] = (1.5, 2.5)
     """Factors tried in turn when a chunk is too fast for its plan."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlanningConfig:
-    """When a plan is asked for, and how long it takes in simulation, where time goes on meanwhile."""
-
-    lead: float = 0.1
-    """Time from asking for a plan to the instant at which it takes over [s]; 0: at once, the robot waits."""
-    lead_max: float = 0.8
-    """Longest lead; a plan that comes too late is asked for again with twice the lead [s]."""
-    latency: str = "fixed"
-    """Of a simulated planner: 'fixed' takes `lead` times `factor`, 'measured' the CPU time used times `factor`."""
-    factor: float = 1.0
-    """How many times longer than that it takes."""
 
 
 @dataclass(frozen=True, kw_only=True)
