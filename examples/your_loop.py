@@ -13,17 +13,17 @@ from policy import Executor, ExecutorConfig, scripted_policy
 from wholebody import JointCommand, MujocoPlant, Robot, StandingOdometry, Status, Supervisor, ThreadPlanner, observe
 
 
-def drive(robot, policy, seconds):
+def drive(robot, policy, seconds, task=""):
     """The loop. Yours: ``robot.now()``, ``robot.read()``, which waits for the next readings, ``robot.write()``."""
     spec = g1()
     odometry, supervisor = StandingOdometry(spec), Supervisor(spec, planner=ThreadPlanner)
     executor = Executor(policy, clock=robot, config=ExecutorConfig(lead=supervisor.config.planning.lead))
     supervisor.reset(odometry.state(**robot.read()))
-    executor.reset(task="wave hello")
+    executor.reset(task)
     said = None
     while robot.now() < seconds:
         state = odometry.state(**robot.read())
-        chunk = executor.poll(partial(observe, spec, supervisor, state))
+        chunk = executor.poll(partial(observe, spec, supervisor, state, task))
         answer = supervisor.take_refusal() if chunk is None else supervisor.accept(chunk, robot.now())
         if answer is not None and answer.status is Status.HOLD and answer.reason:
             executor.refused(answer.reason, answer.detail)

@@ -34,6 +34,16 @@ def test_the_ten_line_program_runs_and_the_robot_stands(capsys):
     assert "fell: False" in capsys.readouterr().out
 
 
+def test_the_program_for_two_wrist_poses_runs_and_its_way_leads_there(capsys):
+    program = ROOT / "examples" / "two_wrists.py"
+    posing = program.read_text().partition("left, right")[2].partition("print(posture)")[0]
+    assert posing in (ROOT / "README.md").read_text()
+    runpy.run_path(str(program))
+    said = capsys.readouterr().out
+    assert said.startswith("reached: left wrist")
+    assert float(re.search(r"left wrist ([\d.]+) mm off\n$", said)[1]) < 2.0
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_every_command_and_option_exists(document):
     group = typer.main.get_command(app)
