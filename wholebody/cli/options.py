@@ -152,8 +152,8 @@ class Pictures:
     """What a run is recorded and drawn to."""
 
     video: Annotated[Path | None, Option(help="Write a video (.mp4) of the run.")] = None
-    sheet: Annotated[Path | None, Option(help="Write six frames of the run as one picture (.png).")] = None
-    record: Annotated[Path | None, Option(help="Write every control period to an .npz.")] = None
+    sheet: Annotated[Path | None, Option(help="Write six frames, where something happens, as a picture (.png).")] = None
+    record: Annotated[Path | None, Option(help="Write every control period (.npz), for wholebody plot.")] = None
 
     def wanted(self) -> bool:
         """Whether there is any."""
