@@ -62,7 +62,7 @@ def test_run_takes_a_latency_and_says_what_came_of_it():
     [
         (("--latency-ms", "300", "100"), "0 <= low <= high"),
         (("--replace-every", "0"), "replace_every is 0; at least 1"),
-        (("--ensemble", "nan"), "decay nan"),
+        (("--ensemble", "nan"), "decay is nan"),
         (("--real-time-chunking",), "infer_after"),
     ],
 )
