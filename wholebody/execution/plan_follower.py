@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import pinocchio as pin
 
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
+from wholebody.execution.deviation import Deviation
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
@@ -72,6 +72,7 @@ class PlanFollower:
     ) -> None:
         self._controller = controller
         robot, spec, safety = controller.robot, controller.spec, config.safety
+        self._deviation = Deviation(robot)
         self._settings, self._clock = np.zeros(1, kernel.SETTINGS), np.zeros(1, kernel.CLOCK)
         settings, clock = self._settings[0], self._clock[0]
         settings.dt, settings.grid_step = config.dt, GRID
@@ -114,7 +115,7 @@ class PlanFollower:
 
         Args:
             ticks: How many.
-            q: Configuration now, shape (nq,). Off the plan, the body is foreseen as far from it as it is now.
+            q: Configuration now, shape (nq,). Off the plan, the body is foreseen as far off it as it is now.
         """
         clock, smoothing = self._clock.copy(), self._smoothing
         smoothing = smoothing._replace(state=smoothing.state.copy(), target=smoothing.target.copy())
@@ -123,8 +124,7 @@ class PlanFollower:
         row = rows[kernel.nearest(settings, now.s, len(rows))]
         rate, planned = float(now.rate) if settings.moving > 0.0 else 0.0, row.q.copy()
         if q is not None and self.trust < 1.0:
-            model, present = self._controller.robot.model, rows[kernel.nearest(settings, self.s, len(rows))].q
-            planned = pin.integrate(model, planned, pin.difference(model, present, q))
+            planned = self._deviation.carried(rows[kernel.nearest(settings, self.s, len(rows))].q, planned, q)
         return Foreseen(float(now.s), rate, BodyState(planned, rate * row.v), HandMotion(smoothing.state["motion"]))
 
     def distance(self, q: np.ndarray, planned: np.ndarray | None = None) -> float:
