@@ -17,7 +17,7 @@ import numpy as np
 from wholebody.sim.opengl import lit, plain
 from wholebody.sim.pictures.caption import captioned, legend
 from wholebody.sim.pictures.moments import moments
-from wholebody.sim.pictures.scene import SCENE_COLUMNS, SIDES, Kind, Mark, Scene, scene_of
+from wholebody.sim.pictures.scene import SCENE_COLUMNS, SIDES, Kind, Mark, Scene, scene_at
 from wholebody.sim.record import Record, read_record
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def frames(record: Record, rows: Sequence[int], why: Sequence[str] = ()) -> Iter
     """Captioned pictures of control periods; ``why`` says of each why it is shown."""
     painter = Painter(record)
     for done, row in enumerate(rows):
-        scene = scene_of(record, int(row))
+        scene = scene_at(record, int(row))
         yield captioned(painter.paint(scene), scene, why[done] if why else "")
         print(done + 1, len(rows), flush=True)  # noqa: T201 - what the process that started this one reads
 

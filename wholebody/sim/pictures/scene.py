@@ -213,7 +213,7 @@ def on_floor(points: np.ndarray, layer: float = 1.0) -> np.ndarray:
     return np.column_stack([points, np.full(len(points), layer * ON_FLOOR)])
 
 
-def scene_of(record: Record, row: int) -> Scene:
+def scene_at(record: Record, row: int) -> Scene:
     """The scene of a control period of a recording.
 
     Args:

@@ -15,7 +15,7 @@ from wholebody.sim.pictures import render as rendering
 from wholebody.sim.pictures.caption import CAPTION, captioned, legend
 from wholebody.sim.pictures.drawing import HEIGHT, WIDTH
 from wholebody.sim.pictures.render import render
-from wholebody.sim.pictures.scene import scene_of
+from wholebody.sim.pictures.scene import scene_at
 
 TILE = HEIGHT + CAPTION
 
@@ -65,7 +65,7 @@ def test_a_video_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path
 
 
 def test_a_caption_says_when_what_and_why_above_the_picture():
-    image, scene = np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8), scene_of(made_record(3), 0)
+    image, scene = np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8), scene_at(made_record(3), 0)
     plain, chosen = captioned(image, scene), captioned(image, scene, "end; " + 20 * "smallest balance margin: 3 mm; ")
     assert (plain[CAPTION:] == image).all()
     assert plain.shape == chosen.shape == (TILE, WIDTH, 3)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.recordings import SQUARE, made_record
 from wholebody.robot.support_polygon import convex_polygon
-from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Scene, Show, scene_of
+from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Scene, Show, scene_at
 from wholebody.types import Reason, Status
 
 
@@ -111,7 +111,7 @@ def test_a_recording_tells_the_same():
     record = made_record(3, detail=np.array([0, 1, 1]), reason=np.array(["", "tracking", ""]))
     record["status"][1], record["T_world_palms_measured"][1, 0, 0, 3] = "slowed", 0.03
     record["T_world_palms_asked"][0], record["pressure"][2] = np.nan, np.nan
-    first, second, third = (scene_of(record, row) for row in range(3))
+    first, second, third = (scene_at(record, row) for row in range(3))
     assert first.asked is None
     assert (second.time, second.status, second.reason, second.detail) == (0.002, Status.SLOWED, Reason.TRACKING, "said")
     assert second.errors == pytest.approx([0.03, 0.0])
