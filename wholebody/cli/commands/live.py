@@ -54,9 +54,9 @@ def live(
     sampling: Sampling,
     json_to: JsonTo = "",
 ) -> None:
-    """Run the loop on the wall clock: MuJoCo, planner and policy beside it, and a page to see and disturb it.
+    """Run the loop on the wall clock, with a page to see it.
 
-    Exit code 1 after a fall.
+    MuJoCo, planner and policy are beside it; the page can disturb the robot. Exit code 1 after a fall.
     """
     from policy.executor.executor import ExecutorConfig
     from policy.scripted.library import SCRIPTS
