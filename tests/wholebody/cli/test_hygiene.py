@@ -51,8 +51,8 @@ def ended(monkeypatch, capsys):
         (("--payload-kg", "0", "-1"), "payload_kg is -1 kg"),
         (("--latency-ms", "0", "inf"), "--latency-ms has inf ms; 0 to 3.6e+06 ms is expected"),
         (("--latency-ms", "0", "1e300"), "--latency-ms has 1e+300 ms"),
-        (("--ensemble", "1e9"), "decay 1000000000.0"),
-        (("--ensemble", "nan"), "decay nan"),
+        (("--ensemble", "1e9"), "decay is 1000000000.0; a number from -10 to 10"),
+        (("--ensemble", "nan"), "decay is nan; a number from -10 to 10"),
         (("--replace-every", "1000000000"), "replace_every is 1000000000; at most 1000"),
     ],
 )
