@@ -46,7 +46,7 @@ def errors(robot, targets):
     return [np.linalg.norm(T[:3, 3] - W[:3, 3]) for T, W in zip(wrists(robot.state.q), targets, strict=True)]
 
 
-def test_the_loop_of_the_page_is_that_of_the_example():
+def test_c1_the_loop_of_the_page_is_that_of_the_example():
     (code,) = [block.split("```")[0] for block in PAGE.split("```python\n") if "while robot.now()" in block]
     assert code.strip() in "\n".join(line[4:] for line in EXAMPLE.read_text().splitlines())
     assert len(code.partition("while ")[2].splitlines()[1:]) <= 10

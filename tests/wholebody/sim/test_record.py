@@ -83,7 +83,7 @@ def test_more_than_is_unpacked_is_refused_by_name(tmp_path, monkeypatch):
         read_record(path, ("q",))
 
 
-def test_the_document_has_the_columns_of_the_format():
+def test_c7_the_document_has_the_columns_of_the_format():
     text = (ROOT / "docs" / "pictures.md").read_text()
     for heading, columns in (("A row a control period", PERIODS), ("The same all along", CONSTANTS)):
         table = text.partition(f"**{heading}**")[2].partition("\n\n**")[0].partition("\n## ")[0]

@@ -41,7 +41,7 @@ def test_the_largest_error_is_shown_with_its_palm_and_size():
     assert found[400] == "largest error: right palm 123 mm"
 
 
-def test_the_smallest_balance_margin_is_shown():
+def test_c7_the_smallest_balance_margin_is_shown():
     margin = np.full(N, 0.1)
     margin[300] = 0.012
     assert chosen(made_record(N, pressure_margin=margin))[300] == "smallest balance margin: 12 mm"

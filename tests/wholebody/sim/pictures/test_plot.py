@@ -52,7 +52,7 @@ def test_an_orientation_that_is_free_has_no_bound(record):
     assert levels(panel(plotting._turns, free)) == set()
 
 
-def test_margins_have_the_edge_and_the_margin_of_the_configuration(record):
+def test_c7_margins_have_the_edge_and_the_margin_of_the_configuration(record):
     assert levels(panel(plotting._margins, record)) == {0.0, 20.0}
 
 

@@ -84,7 +84,7 @@ def test_a_child_that_takes_too_long_for_a_frame_is_given_up(recording, tmp_path
 
 
 @pytest.mark.parametrize("name", ["run.mp4", "sheet.png"])
-def test_ctrl_c_in_mid_video_leaves_the_whole_file_from_before_or_none(recording, tmp_path, monkeypatch, name):
+def test_c6_ctrl_c_in_mid_video_leaves_the_whole_file_from_before_or_none(recording, tmp_path, monkeypatch, name):
     def broken_off(backend, recording, output, *_):
         Path(output).write_bytes(b"half of it")
         raise KeyboardInterrupt

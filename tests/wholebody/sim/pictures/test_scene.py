@@ -40,7 +40,7 @@ def marks(scene, show):
     return [mark for mark in scene.marks() if mark.show is show]
 
 
-def test_the_asked_palms_are_ghosts_of_both_hands_and_lines_lead_there_from_the_measured_ones():
+def test_c7_the_asked_palms_are_ghosts_of_both_hands_and_lines_lead_there_from_the_measured_ones():
     ghosts, lines = marks(SCENE, Show.ASKED), marks(SCENE, Show.ERROR)
     assert [(mark.kind, mark.side) for mark in ghosts] == [(Kind.HAND, "left"), (Kind.HAND, "right")]
     assert (ghosts[1].T_world_palm == SCENE.asked[1]).all()
@@ -59,7 +59,7 @@ def test_a_hand_that_is_where_it_is_asked_to_be_hides_its_ghost_behind_a_halo():
     assert not marks(there, Show.ERROR)
 
 
-def test_support_pressure_and_capture_point_lie_on_the_floor_one_over_the_other():
+def test_c7_support_pressure_and_capture_point_lie_on_the_floor_one_over_the_other():
     (area,), (pressure,), (capture,) = (marks(SCENE, show) for show in (Show.SUPPORT, Show.PRESSURE, Show.CAPTURE))
     assert area.kind is Kind.AREA
     assert area.points[:, :2] == pytest.approx(convex_polygon(SQUARE).vertices)
@@ -67,7 +67,7 @@ def test_support_pressure_and_capture_point_lie_on_the_floor_one_over_the_other(
     assert 0.0 < area.points[0, 2] < capture.points[0, 2] < pressure.points[0, 2] < 0.01
 
 
-def test_status_and_reason_and_the_numbers_are_said_in_words():
+def test_c7_status_and_reason_and_the_numbers_are_said_in_words():
     status, numbers = SCENE.words()
     assert status == "slowed (out_of_reach): targets moved by up to 0.100 m"
     assert numbers == "left palm off by 120 mm, 0°, right palm off by 100 mm, 20°, balance margin 40 mm, speed 0.80"
