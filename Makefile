@@ -16,7 +16,7 @@ ARGS ?=
 MOTIONS ?=
 # Checkout of openpi, whose own server is then met: make test-openpi OPENPI=~/openpi
 OPENPI ?=
-QUICK = not regression and not latest and not openpi
+QUICK = not regression and not latest and not openpi and not browser
 # What pytest answers where ARGS leave no test to run.
 NONE_CHOSEN = 5
 REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
@@ -24,7 +24,7 @@ REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest test-openpi fuzz-readers bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest test-openpi test-browser fuzz-readers bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -59,11 +59,14 @@ regression-update: $(VENV)/.all-installed ## Run the long studies and store thei
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	@$(LATEST)/bin/wholebody warmup
-	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not openpi and not alone" $(ARGS)
-	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
+	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not openpi and not browser and not alone" $(ARGS)
+	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and not browser and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
 
 test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's own client and server, in their own environment
 	OPENPI_PYTHON=$(OPENPI_VENV)/bin/python OPENPI_CHECKOUT="$(OPENPI)" $(BIN)/python $(PYTEST) -m openpi $(ARGS)
+
+test-browser: $(VENV)/.all-installed ## Look at the live page in Chromium, from the system's packages
+	$(BIN)/python $(PYTEST) -m browser $(ARGS)
 
 fuzz-readers: $(VENV)/.all-installed ## Read 10,000 broken and hostile files under limits of memory and time
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.studies.fuzz_readers $(ARGS)

@@ -19,7 +19,7 @@ from viser import uplot
 
 from models.conversion import Conversion
 from models.mujoco_model import load_mujoco
-from models.pinocchio_model import load_pinocchio, palm_frame_ids
+from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.config.description import describe
 from wholebody.live import wire
@@ -65,7 +65,12 @@ class Page:
         self.port = self._server.get_port()
         self._lines = {name: deque(maxlen=int(HISTORY * LINES_PER_S)) for name in ("time", *_LINES)}
         self._draw_world(parts(spec, world.scene))
+        # What is seen until the loop runs.
+        stance = stance_q(spec, self._pin)
+        self._place(self._frames, stance, np.zeros((0, 7)))
         self._make_handles()
+        pin.framesForwardKinematics(self._pin, self._pin_data, stance)
+        self._hold(np.array([self._pin_data.oMf[frame].homogeneous for frame in self._palms]))
         self._make_panel()
 
     def _draw_world(self, bodies: list[Part]) -> None:
@@ -73,13 +78,15 @@ class Page:
         scene = self._server.scene
         scene.set_up_direction("+z")
         scene.add_grid("/floor", width=4.0, height=4.0, plane="xy", cell_size=0.25, shadow_opacity=0.2)
-        self._server.initial_camera.position, self._server.initial_camera.look_at = (1.9, 1.2, 1.25), (0.1, 0.0, 0.7)
+        self._server.initial_camera.position, self._server.initial_camera.look_at = (1.4, 0.95, 1.15), (0.1, 0.0, 0.65)
         self._frames, self._ghost = {}, {}
+        self._planned = scene.add_frame("/ghost", show_axes=False, visible=False)
         for part in bodies:
             for prefix, frames, opacity in (("/robot", self._frames, None), ("/ghost", self._ghost, GHOST_OPACITY)):
                 if opacity and not part.robot:
                     continue
-                frames.setdefault(part.body, scene.add_frame(f"{prefix}/{part.body}", show_axes=False))
+                if part.body not in frames:
+                    frames[part.body] = scene.add_frame(f"{prefix}/{part.body}", show_axes=False)
                 name = f"{prefix}/{part.body}/{part.name}"
                 colour = part.colour if opacity is None else (80, 140, 230)
                 scene.add_mesh_simple(
@@ -117,7 +124,7 @@ class Page:
         """Words, buttons, sliders and time lines."""
         gui = self._server.gui
         gui.configure_theme(show_share_button=False, show_logo=False, control_layout="collapsible")
-        self._words = gui.add_html("")
+        self._words = gui.add_html('<div style="padding:0 1em 0.5em;font-size:0.85em">the robot is being loaded</div>')
         source = gui.add_dropdown("source", self._sources, hint="where the chunks come from")
         source.on_update(lambda _: self._wish(Wish.SOURCE, self._sources.index(source.value)))
         self._source = source
@@ -183,8 +190,7 @@ class Page:
         planned = bool(np.isfinite(glance.planned).all())
         if planned:
             self._place(self._ghost, glance.planned, view.objects)
-        for frame in self._ghost.values():
-            frame.visible = planned
+        self._planned.visible = planned
         pin.centerOfMass(self._pin, self._pin_data, state.q, state.v)
         pin.updateFramePlacements(self._pin, self._pin_data)
         com, velocity = self._pin_data.com[0].copy(), self._pin_data.vcom[0]
@@ -211,9 +217,13 @@ class Page:
         for name, drawn in self._marks.items():
             drawn.visible = name in marks
         if not self._dragging and self._sources[glance.source] != HANDS:
-            for handle, T in zip(self._handles, followed.commanded, strict=True):
-                handle.position, handle.wxyz = T[:3, 3], matrix_to_quaternion(T[:3, :3], "wxyz")
+            self._hold(followed.commanded)
         return scene
+
+    def _hold(self, palms: np.ndarray) -> None:
+        """Put the handles at palm poses (2, 4, 4)."""
+        for handle, T in zip(self._handles, palms, strict=True):
+            handle.position, handle.wxyz = T[:3, 3], matrix_to_quaternion(T[:3, :3], "wxyz")
 
     def _place(self, frames: dict[str, object], q: np.ndarray, objects: np.ndarray) -> None:
         """Put the frames of all bodies where they are in a configuration."""
