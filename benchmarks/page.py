@@ -2,8 +2,8 @@
 
     python benchmarks/page.py [--drags 20]
 
-Prints how often the robot's pose came, how long after a drag was sent its palm had moved by 2 mm, and what the loop says
-of its ticks meanwhile.
+Prints how often the robot's pose came, how long after a drag was sent its palm had moved by 2 mm, and what the loop
+says of its ticks meanwhile.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class Browser:
             for domain in ("Page", "Runtime", "Network", "Log"):
                 self.call(f"{domain}.enable")
             width, height = self.size
-            mobile = width < 600  # noqa: PLR2004
+            mobile = width < 600
             metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}
             self.call("Emulation.setDeviceMetricsOverride", **metrics)
         except BaseException:
