@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from wholebody.sim.pictures.scene import SIDES
 from wholebody.sim.record import Record
 from wholebody.types import Status
 
@@ -16,8 +17,8 @@ BRIEF = 0.1
 """A status that lasts less is left out, unless balance is at stake [s]."""
 STEP, STANDING = 0.1, 0.001
 """How often the way of the palms is measured [s], and what standing still counts as [m/s]."""
-ERROR_SEEN, MARGIN_SEEN = 0.001, 0.001
-"""Differences in error and in margin that are worth a frame [m]."""
+ERROR_SEEN, MARGIN_SEEN = 0.001, 0.01
+"""Error, and margin less than it is most of the time, that are worth a frame [m]."""
 GRAVE = (Status.STOP.value, Status.DAMPING.value)
 
 
@@ -35,6 +36,10 @@ class Moment:
     why: str
     begins: bool = False
 
+    def text(self) -> str:
+        """Why, at the instant itself."""
+        return f"{self.why} begins" if self.begins else self.why
+
 
 def moments(record: Record, count: int) -> list[Moment]:
     """Instants of a recording in the order of time, at most so many.
@@ -51,12 +56,12 @@ def moments(record: Record, count: int) -> list[Moment]:
         near = [row for row in chosen if abs(time[row] - time[moment.row]) < APART]
         if near:
             row = min(near, key=lambda row: abs(row - moment.row))
-            if moment.begins and not (row >= moment.row and _same_status(record, row, moment.row)):
+            if moment.begins and not _lasts(record, moment.row, row):
                 continue  # a picture says only what is so in it
-            when = "" if row == moment.row else f" {'since' if moment.begins else 'at'} {time[moment.row]:.2f} s"
-            chosen[row].append(f"{moment.why}{when}")
+            when = f"{'since' if moment.begins else 'at'} {time[moment.row]:.2f} s"
+            chosen[row].append(moment.text() if row == moment.row else f"{moment.why} {when}")
         elif len(chosen) < count:
-            chosen[moment.row] = [f"{moment.why} begins" if moment.begins else moment.why]
+            chosen[moment.row] = [moment.text()]
     way = _way(record)
     while len(chosen) < min(count, len(record)):
         chosen[_between(way, sorted(chosen))] = ["on the way"]
@@ -66,14 +71,14 @@ def moments(record: Record, count: int) -> list[Moment]:
 def _extremes(record: Record) -> list[Moment]:
     """The end, the largest error and the smallest margin."""
     found = [Moment(len(record) - 1, "end")]
-    errors = np.nan_to_num(record.palm_errors()).max(axis=1)
-    row = int(errors.argmax())
-    if errors[row] >= ERROR_SEEN:
-        side = ("left", "right")[int(np.nan_to_num(record.palm_errors()[row]).argmax())]
-        found.append(Moment(row, f"largest error: {side} palm {1e3 * errors[row]:.0f} mm"))
+    errors = np.nan_to_num(record.palm_errors())
+    row, hand = np.unravel_index(errors.argmax(), errors.shape)
+    if errors[row, hand] >= ERROR_SEEN:
+        found.append(Moment(int(row), f"largest error: {SIDES[hand]} palm {1e3 * errors[row, hand]:.0f} mm"))
     margins = np.nan_to_num(record["pressure_margin"], nan=np.inf)
+    margins[0] = np.inf  # before the first step no motor has given anything yet
     row = int(margins.argmin())
-    if margins[row] < margins[0] - MARGIN_SEEN:
+    if margins[row] < np.median(margins) - MARGIN_SEEN:
         found.append(Moment(row, f"smallest balance margin: {1e3 * margins[row]:.0f} mm"))
     return found
 
@@ -93,8 +98,9 @@ def _changes(record: Record) -> list[Moment]:
     return [Moment(int(begin), why, begins=True) for _, _, begin, why in sorted(found)]
 
 
-def _same_status(record: Record, first: int, second: int) -> bool:
-    return all(record[name][first] == record[name][second] for name in ("status", "reason"))
+def _lasts(record: Record, first: int, last: int) -> bool:
+    """Whether status and reason stay as they are from one row to a later one."""
+    return last >= first and all(len(set(record[name][first : last + 1])) == 1 for name in ("status", "reason"))
 
 
 def _way(record: Record) -> np.ndarray:

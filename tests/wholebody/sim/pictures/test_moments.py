@@ -47,6 +47,14 @@ def test_c7_the_smallest_balance_margin_is_shown():
     assert chosen(made_record(N, pressure_margin=margin))[300] == "smallest balance margin: 12 mm"
 
 
+def test_a_margin_that_is_always_the_same_or_only_begins_small_is_no_event():
+    margin = np.linspace(0.099, 0.1, N)
+    margin[0] = 0.04
+    assert "margin" not in str(chosen(made_record(N, pressure_margin=margin)))
+    in_the_air = np.full(N, np.nan)
+    assert "margin" not in str(chosen(made_record(N, pressure_margin=in_the_air)))
+
+
 def test_the_worst_statuses_are_shown_first_when_there_is_not_room_for_all():
     parts = [
         (100, "slowed", "tracking"),
@@ -83,6 +91,9 @@ def test_what_happens_at_once_is_one_picture_that_says_only_what_is_so_in_it():
     assert together[500] == "largest error: left palm 200 mm; hold (starved) since 0.98 s"
     before = chosen(made_record(N, T_world_palms_measured=measured, **statuses((510, "hold", "starved"))))
     assert before[500] == "largest error: left palm 200 mm"
+    again = statuses(*((460 + 20 * k, "stop", "qp_failed" if k % 2 else "off_plan") for k in range(6)))
+    since = chosen(made_record(N, T_world_palms_measured=measured, **again))
+    assert since[500] == "largest error: left palm 200 mm; stop (off_plan) begins"
 
 
 def test_what_is_left_over_shows_the_motion():
