@@ -75,6 +75,18 @@ def test_every_link_leads_to_a_file(document):
         assert (document.parent / target).exists(), f"{document.name} links to {target}"
 
 
+def anchor(heading):
+    """What a link to a heading ends with."""
+    return re.sub(r"[^\w\- ]", "", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_link_into_a_document_leads_to_a_heading(document):
+    for target, place in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", document.read_text()):
+        text = (document.parent / target).read_text() if target else document.read_text()
+        assert place in [anchor(line) for line in re.findall(r"^#+ (.+)$", text, re.MULTILINE)], f"{target}#{place}"
+
+
 def test_every_answer_is_explained():
     answers = json.loads(verdict_schema().read_text())["$defs"]["verdict"]["properties"]["verdict"]["enum"]
     text = (ROOT / "docs" / "verdict.md").read_text()
