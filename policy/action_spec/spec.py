@@ -84,13 +84,9 @@ class ActionSpec:
         """Name, version and the first digits of the hash, as in ``wbc32-v1-0a1b2c3d4e5f``."""
         return f"{self.name}-v{self.version}-{self.hash[:12]}"
 
-    @cached_property
-    def _slots(self) -> dict[str, Slot]:
-        return {slot.name: slot for slot in self.slots}
-
     def slot(self, name: str) -> Slot | None:
         """The slot that drives something, or None."""
-        return self._slots.get(name)
+        return next((slot for slot in self.slots if slot.name == name), None)
 
     @property
     def orientation_free(self) -> tuple[bool, bool]:

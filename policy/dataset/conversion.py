@@ -41,6 +41,7 @@ from policy.kinematics.forward import kinematics
 if TYPE_CHECKING:
     import pyarrow
 
+PELVIS_STANDS = "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"
 PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 """Whether the joints of a feature were sent to the motors or read from them."""
 KEPT = "source."
@@ -127,7 +128,7 @@ def convert_dataset(
             folder=Path(target),
             source=dataset,
             spec=spec,
-            assumptions={**_pelvis(), **conversions[ACTION].assumptions},
+            assumptions={"pelvis": PELVIS_STANDS, **conversions[ACTION].assumptions},
             notes=(*notes, *more),
             trips=dict(work.trips),
             cpu_seconds=time.process_time() - began,
@@ -266,10 +267,6 @@ def _still_note(key: str, names: list[str], settings: DatasetSettings) -> str:
         f"{key}: {some} hardly move, so a normaliser would blow noise up to the whole range; --least-range 0.01 puts a "
         "floor under it"
     )
-
-
-def _pelvis() -> dict[str, str]:
-    return {"pelvis": "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"}
 
 
 def _files(result: ConvertedDataset, conversions: Mapping[str, JointConversion], settings: DatasetSettings) -> dict:

@@ -39,7 +39,9 @@ class SimulatedWorker:
             chunk = job.run(self.policy)
         except (Exception, SystemExit) as raised:  # noqa: BLE001 - as in ThreadWorker; an interrupt ends the simulation
             error = raised
-        took = perf_counter() - started if self.latency is None else self._latency(job)
+        took = perf_counter() - started
+        if self.latency is not None:
+            took = self.latency() if job.observation is not None else 0.0
         begin = max([self.clock.now(), *(outcome.done for outcome in self._pending)])
         dead = error is not None and not isinstance(error, Exception)
         self._pending.append(Outcome(job, begin + took, chunk, error, dead))
@@ -54,9 +56,6 @@ class SimulatedWorker:
     def close(self) -> None:
         """Forget what is pending."""
         self._pending = []
-
-    def _latency(self, job: Job) -> float:
-        return self.latency() if job.observation is not None else 0.0
 
 
 def simulated_executor(

@@ -9,7 +9,6 @@ from math import isfinite
 from pathlib import Path
 from typing import get_args, get_type_hints
 
-import cattrs
 import yaml
 
 from policy.errors import printable
@@ -125,24 +124,22 @@ def _structure(owner: object, changes: object, place: Place, path: tuple[str, ..
 
 
 def _value(kind: type, value: object, place: Place, path: tuple[str, ...]) -> object:
-    converter = cattrs.Converter()
-    converter.register_structure_hook(float, _number)
-    converter.register_structure_hook(int, _whole)
-    converter.register_structure_hook(str, _text)
-    converter.register_structure_hook(bool, _flag)
-    name = ".".join(path)
-    if get_args(kind) and not isinstance(value, list | tuple):
-        raise ConfigError(f"{place(path)}: {name} must be a list of numbers, got {value!r:.80}", setting=name)
+    """A value of a setting's type: a number, a name, or a list of numbers."""
+    entries = get_args(kind)
     try:
-        return converter.structure(value, kind)
-    except (cattrs.BaseValidationError, ValueError) as error:
-        reasons = [str(error)]
-        if isinstance(error, cattrs.BaseValidationError):
-            reasons = cattrs.transform_error(error, format_exception=lambda reason, _: str(reason))
-        raise ConfigError(f"{place(path)}: {name} {'; '.join(reasons)}", setting=name) from error
+        if not entries:
+            return _text(value) if kind is str else _number(value)
+        if not isinstance(value, list | tuple):
+            raise ValueError(f"must be a list of numbers, got {value!r:.80}")
+        if Ellipsis not in entries and len(value) != len(entries):
+            raise ValueError(f"must be a list of {len(entries)} numbers, got {len(value)}")
+        return tuple(_number(entry) for entry in value)
+    except ValueError as error:
+        name = ".".join(path)
+        raise ConfigError(f"{place(path)}: {name} {error}", setting=name) from error
 
 
-def _number(value: object, _: type) -> float:
+def _number(value: object) -> float:
     """A finite number, or the text of one."""
     try:
         number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else float("nan")
@@ -153,22 +150,7 @@ def _number(value: object, _: type) -> float:
     return number
 
 
-def _whole(value: object, _: type) -> int:
-    if isinstance(value, str) and len(value) < 20 and value.removeprefix("-").isdecimal():
-        return int(value)
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError(f"must be a whole number, got {value!r:.80}")
-    return value
-
-
-def _flag(value: object, _: type) -> bool:
-    flags = {"true": True, "false": False}
-    if str(value).lower() not in flags:
-        raise ValueError(f"must be true or false, got {value!r:.80}")
-    return flags[str(value).lower()]
-
-
-def _text(value: object, _: type) -> str:
+def _text(value: object) -> str:
     if not isinstance(value, str):
         raise ValueError(f"must be a name, got {value!r:.80}")
     return value

@@ -78,12 +78,9 @@ class TrackingError:
         self._uncovered = (0.0, 0.0)
 
     def follow(self, chunk: ActionChunk | None, report: PlanReport | None) -> None:
-        """The chunk that is being followed; where it is another one than before, it counts from now on."""
-        if chunk is not None and chunk is not self._chunk:
-            self.add(chunk, report)
-
-    def add(self, chunk: ActionChunk, report: PlanReport) -> None:
-        """A chunk that was accepted, with its plan; it replaces the one before."""
+        """The chunk that is being followed, with its plan; another one than before replaces that from now on."""
+        if chunk is None or chunk is self._chunk:
+            return
         # Steps that were due before it came, or as it came, belong to the chunk before; chunks begin at ticks, so the
         # same step is due up to a tick earlier or later in both.
         begin = float(chunk.t_obs + max(report.steps[0], 0.0))
@@ -114,17 +111,14 @@ class TrackingError:
         time = float(self._due[k])
         since = (time - before.time) / max(state.time - before.time, 1e-9)
         share = min(max(since, 0.0), 1.0)
-        asked, measured = self._wanted(k), _between(self._reached(before), self._reached(state), share)
+        asked = _palms(chunk, k, self._offsets)
+        measured = _between(self._reached(before), self._reached(state), share)
         led = _between(led_before, now[1], share)
         self._times.append(time)
         self._off.append(np.array([_off(asked, measured), _off(asked, led), _off(led, measured)]))
         self._demandable.append(self._fair[k])
         self._reasons.append(reason)
         self._look_at_fingers(k, time)
-
-    def _wanted(self, k: int) -> list[pin.SE3]:
-        """Palm poses in world that a step asks for, left first."""
-        return _palms(self._chunk, k, self._offsets)
 
     def _reached(self, state: RobotState) -> list[pin.SE3]:
         """Palm poses in world of a state, left first."""

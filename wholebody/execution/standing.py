@@ -1,4 +1,4 @@
-"""Stand where the robot is, off any plan: hands let go of, the capture point over the soles."""
+"""Off any plan: standing where the robot is, hands let go of, and joints only damped once standing is lost."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import SupportPolygon
+from wholebody.types import JointCommand, RobotState
 
+DAMPING_KD = 8.0
+"""Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
 PROJECTIONS = 4
 """Times that a point is projected on all edges: one each, and again for what that moved over another."""
 
@@ -69,3 +73,11 @@ def inside(support: SupportPolygon, point: np.ndarray, margin: float) -> np.ndar
         for normal, offset in zip(support.normals, support.offsets - margin, strict=True):
             point -= max(normal @ point - offset, 0.0) * normal
     return point
+
+
+def damping_command(spec: RobotSpec, robot: Robot, state: RobotState) -> JointCommand:
+    """Joints only damped. Wrists and fingers are too light for the full damping: at 500 Hz it would shake them."""
+    zero = np.zeros(spec.n_joints)
+    light = [("_wrist_" in name or "_hand_" in name) for name in spec.joint_names]
+    kd = np.where(light, spec.kd, DAMPING_KD)
+    return JointCommand(state.time, state.q[7:][robot.pin_to_motor], zero, zero, zero, kd)

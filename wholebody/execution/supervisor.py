@@ -16,11 +16,16 @@ from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
 from wholebody.execution import statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
-from wholebody.execution.fallback import damping_command
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
-from wholebody.execution.standing import hands_as_measured, hands_at_rest, resting_posture, standing_trajectory
+from wholebody.execution.standing import (
+    damping_command,
+    hands_as_measured,
+    hands_at_rest,
+    resting_posture,
+    standing_trajectory,
+)
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport

@@ -89,8 +89,7 @@ def continued(
 
 def _both(T: np.ndarray, quat: np.ndarray, fps: float, limits: HandLimits) -> tuple[np.ndarray, np.ndarray]:
     """`nearest` positions and quaternions, whose rates are half of the angular ones."""
-    half = MotionLimits(*(0.5 * x for x in astuple(limits.orientation)))
-    return nearest(T[:, :3, 3], fps, limits.position), nearest(quat, fps, half)
+    return nearest(T[:, :3, 3], fps, limits.position), nearest(quat, fps, limits.orientation.scaled(0.5))
 
 
 def nearest(values: np.ndarray, fps: float, limits: MotionLimits) -> np.ndarray:

@@ -62,7 +62,7 @@ def _poses(T: np.ndarray, fps: float, limits: HandLimits) -> np.ndarray:
     """Poses (H, 4, 4), smooth where they scatter; the same array where they do not."""
     p, R = T[:, :3, 3], T[:, :3, :3]
     moved = _scatters(np.diff(p, axis=0), fps, limits.position)
-    turned = _scatters(_turns(R), fps, limits.orientation)
+    turned = _scatters(matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2)), fps, limits.orientation)
     if not (moved or turned):
         return T
     return make_transform(_smooth_rotations(R) if turned else R, smooth(p) if moved else p)
@@ -93,11 +93,6 @@ def _basis(steps: int) -> tuple[np.ndarray, np.ndarray]:
     D = np.diff(np.eye(steps), ORDER, axis=0)
     roughness, U = np.linalg.eigh(D.T @ D)
     return np.maximum(roughness, 0.0), U
-
-
-def _turns(R: np.ndarray) -> np.ndarray:
-    """Turn from each step to the next, world axes, shape (H - 1, 3), [rad]."""
-    return matrix_to_rotvec(R[1:] @ np.swapaxes(R[:-1], 1, 2))
 
 
 def _scatters(steps: np.ndarray, fps: float, limits: MotionLimits) -> bool:

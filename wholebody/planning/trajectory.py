@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from policy.geometry.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
+from policy.geometry.se3 import bracket
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot
@@ -113,7 +114,9 @@ def track_along(curve: CubicBSpline, start: float, end: float, momenta: Centroid
     # Neighbours are close, so normalised quaternions will do between rotations.
     quat = [_same_side(x) for x in matrix_to_quaternion(turns, "xyzw")]
     parts = [com, com_velocity, com_acceleration, momentum, momentum_rate, *spin, *change, *quat]
-    parts = np.split(_between(coarse, grid, np.hstack(parts)), np.cumsum([3] * 9 + [4]), axis=1)
+    values, (low, share) = np.hstack(parts), bracket(coarse, grid)
+    values = values[low] + share[:, None] * (values[low + 1] - values[low])
+    parts = np.split(values, np.cumsum([3] * 9 + [4]), axis=1)
     quat = np.stack(parts[9:])
     R = quaternion_to_matrix(quat / np.linalg.norm(quat, axis=2, keepdims=True), "xyzw")
     bodies = list(zip(R, parts[5:7], parts[7:9], strict=True))
@@ -133,14 +136,6 @@ def track_along(curve: CubicBSpline, start: float, end: float, momenta: Centroid
         rates[-1] = 0.0
     track.height[1:, -1] = 0.0
     return track
-
-
-def _between(steps: np.ndarray, grid: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Rows (K, k) at steps, linearly on the grid; both increase."""
-    low = np.clip(np.searchsorted(steps, grid, side="right") - 1, 0, len(steps) - 2)
-    share = np.clip((grid - steps[low]) / np.diff(steps)[low], 0.0, 1.0)[:, None]
-    here = values[low]
-    return here + share * (values[low + 1] - here)
 
 
 def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

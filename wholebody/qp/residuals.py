@@ -28,7 +28,7 @@ def kkt_residuals(qp: QuadraticProgram, x: np.ndarray, y: np.ndarray, z: np.ndar
         _largest(x - qp.x_max),
         _largest(qp.x_min - x),
         0.0 if np.isfinite(x).all() else np.nan,
-        key=_nan_first,
+        key=lambda value: np.inf if np.isnan(value) else value,
     )
     gradient = qp.H @ x + qp.g + qp.A.T @ y + qp.C.T @ z + z_box
     # The penalty of the slacks is no measure of what the tasks want: with it, anything would look small.
@@ -44,10 +44,6 @@ def _largest(values: np.ndarray, *, absolute: bool = False) -> float:
     if values.size == 0:
         return 0.0
     return float(np.max(np.abs(values)) if absolute else max(np.max(values), 0.0))
-
-
-def _nan_first(value: float) -> float:
-    return np.inf if np.isnan(value) else value
 
 
 def _gap(value: np.ndarray, lower: np.ndarray, upper: np.ndarray, multiplier: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@ The answer of any solver is judged by `kkt_residuals`; a solver's own success fl
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from time import thread_time
 
@@ -32,10 +31,13 @@ PROXQP_ACCURACY = 1e-7
 """Absolute accuracy asked of it; polishing does the rest."""
 PROXQP_INFEASIBILITY = 1e-30
 """Its default 1e-4 takes one in fifteen of our feasible programs for infeasible at the first iteration."""
-OSQP_SETTINGS = {"eps_abs": 1e-5, "eps_rel": 0.0, "max_iter": 20000}
-"""Without its own polishing, which prints to standard output; ours follows. A relative accuracy would let forces of
-500 N be wrong where joints of 0.5 rad/s^2 should not be."""
-PIQP_SETTINGS = {"eps_abs": 1e-8, "eps_rel": 1e-9}
+_SETTINGS: dict[str, dict[str, float]] = {
+    "quadprog": {},
+    "piqp": {"eps_abs": 1e-8, "eps_rel": 1e-9},
+    "osqp": {"eps_abs": 1e-5, "eps_rel": 0.0, "max_iter": 20000},
+}
+"""Of the solvers asked through qpsolvers. osqp without its own polishing, which prints to standard output; ours
+follows. A relative accuracy would let its forces of 500 N be wrong where joints of 0.5 rad/s^2 should not be."""
 
 
 def available() -> tuple[str, ...]:
@@ -62,7 +64,7 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
     start = thread_time()
     if solver == "daqp":
         answer = _judge(qp, "daqp", _solve_daqp(qp))
-    elif solver in _BACKENDS:
+    elif solver in PRIMAL_TOLERANCE:
         answer = _solve_prepared(qp, solver, slack=False)
         # Only a robot that has been pushed over a safety bound needs slack.
         answer = answer if answer.ok else _solve_prepared(qp, solver, slack=True)
@@ -73,13 +75,14 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
 
 def _solve_prepared(qp: QuadraticProgram, solver: str, *, slack: bool) -> QPSolution:
     prepared = prepare(qp, slack=slack)
-    candidate = _BACKENDS[solver](prepared.program)
+    program = prepared.program
+    candidate = _solve_proxqp(program) if solver == "proxqp" else _solve_qpsolvers(program, solver)
     if candidate is None:
         return _judge(qp, solver, None)
     answer = _judge(qp, solver, prepared.restore(candidate))
     if _worst(answer) < EXACT:
         return answer
-    polished = _judge(qp, solver, prepared.restore(polish(prepared.program, candidate)))
+    polished = _judge(qp, solver, prepared.restore(polish(program, candidate)))
     return polished if _worst(polished) < _worst(answer) else answer
 
 
@@ -129,19 +132,7 @@ def _solve_proxqp(qp: QuadraticProgram) -> Candidate | None:
     return r.x, r.y, r.z[:m], r.z[m:]
 
 
-def _solve_quadprog(qp: QuadraticProgram) -> Candidate | None:
-    return _solve_qpsolvers(qp, "quadprog", {})
-
-
-def _solve_piqp(qp: QuadraticProgram) -> Candidate | None:
-    return _solve_qpsolvers(qp, "piqp", PIQP_SETTINGS)
-
-
-def _solve_osqp(qp: QuadraticProgram) -> Candidate | None:
-    return _solve_qpsolvers(qp, "osqp", OSQP_SETTINGS)
-
-
-def _solve_qpsolvers(qp: QuadraticProgram, solver: str, settings: dict) -> Candidate | None:
+def _solve_qpsolvers(qp: QuadraticProgram, solver: str) -> Candidate | None:
     import qpsolvers
 
     has_upper, has_lower = np.isfinite(qp.upper), np.isfinite(qp.lower)
@@ -153,7 +144,7 @@ def _solve_qpsolvers(qp: QuadraticProgram, solver: str, settings: dict) -> Candi
         from scipy.sparse import csc_matrix
 
         problem.P, problem.G, problem.A = csc_matrix(qp.H), csc_matrix(G), csc_matrix(qp.A)
-    solution = qpsolvers.solve_problem(problem, solver, **settings)
+    solution = qpsolvers.solve_problem(problem, solver, **_SETTINGS[solver])
     if solution.x is None or solution.z is None:
         return None
     n_upper = int(has_upper.sum())
@@ -162,11 +153,3 @@ def _solve_qpsolvers(qp: QuadraticProgram, solver: str, settings: dict) -> Candi
     z[has_lower] -= solution.z[n_upper:]
     z_box = solution.z_box if solution.z_box is not None and solution.z_box.size else np.zeros(len(qp.g))
     return solution.x, solution.y, z, z_box
-
-
-_BACKENDS: dict[str, Callable[[QuadraticProgram], Candidate | None]] = {
-    "quadprog": _solve_quadprog,
-    "proxqp": _solve_proxqp,
-    "piqp": _solve_piqp,
-    "osqp": _solve_osqp,
-}

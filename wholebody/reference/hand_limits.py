@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from math import inf, isfinite
 
 import numpy as np
 
 from wholebody.errors import InputError
-from wholebody.reference.kernels.smoother_memory import LIMITS
-from wholebody.reference.layout import FINGERS
+from wholebody.reference.kernels.smoother_memory import FINGERS, LIMITS
 
 OUTER = (1.5, 5.0, 10.0)
 """Factors on speed, acceleration and jerk from what a motion is given to what is stopped as a jump."""
@@ -32,9 +31,10 @@ class MotionLimits:
             if not (isfinite(value) and value > 0.0):
                 raise InputError(f"{item.name} limit is {value}; a positive finite number is expected", field=item.name)
 
-    def scaled(self, factor: float) -> MotionLimits:
-        """Every limit times a factor."""
-        return MotionLimits(self.speed * factor, self.acceleration * factor, self.jerk * factor)
+    def scaled(self, *factors: float) -> MotionLimits:
+        """Every limit times a factor, one for all or one each."""
+        speed, acceleration, jerk = factors if len(factors) > 1 else 3 * factors
+        return MotionLimits(self.speed * speed, self.acceleration * acceleration, self.jerk * jerk)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class HandLimits:
     @property
     def outer(self) -> HandLimits:
         """What the last stage lets pass: knots are met whatever they demand, and recordings of people demand more."""
-        return replace(self, position=_wider(self.position), orientation=_wider(self.orientation))
+        return replace(self, position=self.position.scaled(*OUTER), orientation=self.orientation.scaled(*OUTER))
 
     def record(self) -> np.ndarray:
         """What the smoother reads, one record of `smoother_memory.LIMITS`, shape ``(1,)``."""
@@ -92,8 +92,3 @@ class HandLimits:
             record[name] = [getattr(group, name) for group in groups]
         record["finger_lower"], record["finger_upper"] = self.finger_lower, self.finger_upper
         return record
-
-
-def _wider(limits: MotionLimits) -> MotionLimits:
-    """Limits times `OUTER`."""
-    return MotionLimits(*(factor * limit for factor, limit in zip(OUTER, astuple(limits), strict=True)))

@@ -10,7 +10,7 @@ import numpy as np
 from policy.geometry.rotations import rotation_residual
 from wholebody.errors import InputError
 from wholebody.reference.hand_limits import HandLimits, MotionLimits
-from wholebody.reference.layout import FINGERS
+from wholebody.reference.kernels.smoother_memory import FINGERS
 from wholebody.reference.rotation import continuous_quaternions
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
 

@@ -15,9 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
-
-FINGERS = 7
-ROW = 40
+from policy.geometry.se3 import make_transform
+from wholebody.reference.kernels.smoother_memory import ROW
 
 P, V, A = slice(0, 3), slice(3, 6), slice(6, 9)
 QUAT, W, ALPHA = slice(9, 13), slice(13, 16), slice(16, 19)
@@ -43,26 +42,9 @@ class HandMotion:
     ddq_finger = property(lambda self: self.rows[..., DDQ_FINGER], doc="Finger accelerations (..., 7) [rad/s^2].")
 
     @property
-    def R(self) -> np.ndarray:
-        """R_world_hand (..., 3, 3)."""
-        return quaternion_to_matrix(self.quat, "xyzw")
-
-    @property
     def T_world_hand(self) -> np.ndarray:
         """Pose (..., 4, 4)."""
-        T = np.zeros((*self.rows.shape[:-1], 4, 4))
-        T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = self.R, self.p, 1.0
-        return T
-
-    @property
-    def twist(self) -> np.ndarray:
-        """Linear then angular velocity in world axes at the hand's origin (..., 6)."""
-        return np.concatenate([self.v, self.w], axis=-1)
-
-    @property
-    def acceleration(self) -> np.ndarray:
-        """Linear then angular acceleration in world axes at the hand's origin (..., 6)."""
-        return np.concatenate([self.a, self.alpha], axis=-1)
+        return make_transform(quaternion_to_matrix(self.quat, "xyzw"), self.p)
 
 
 def time_scaled(motion: HandMotion, rate: float | np.ndarray, change: float | np.ndarray) -> HandMotion:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-
-import cattrs
+from dataclasses import asdict, replace
 
 from models.spec import FLOOR_FRICTION
 from policy.base import Policy
@@ -94,4 +92,4 @@ class Checker:
             progress=progress,
         )
         config = self.supervisor.config
-        return judge(name, result, cattrs.unstructure(config), bounds=config.verdict), result
+        return judge(name, result, asdict(config), bounds=config.verdict), result

@@ -64,7 +64,7 @@ def still(meter, start=0.0, end=0.4):
 
 def test_every_step_is_scored_once_against_what_was_asked():
     meter = tracking_error()
-    meter.add(chunk(moved=(0.03, 0.0, 0.04)), report())
+    meter.follow(chunk(moved=(0.03, 0.0, 0.04)), report())
     palms = still(meter).result()
     times, errors = palms.times, palms.errors
     assert np.allclose(times, np.arange(1, STEPS) / FPS)  # the first was due as the chunk came
@@ -78,7 +78,7 @@ def test_every_step_is_scored_once_against_what_was_asked():
 
 def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
     meter = tracking_error()
-    meter.add(chunk(turned=(0.0, 0.0, 0.1)), report())
+    meter.follow(chunk(turned=(0.0, 0.0, 0.1)), report())
     palms = still(meter).result()
     errors = palms.errors
     for turns in (palms.turns, palms.moved_turns):
@@ -92,7 +92,7 @@ def test_a_turned_hand_has_an_angle_and_its_palm_is_off_by_the_lever():
 def test_errors_are_taken_at_the_steps_not_at_the_ticks():
     """A base that moves at 1 m/s is 2 mm further a tick later."""
     meter, q = tracking_error(), stance_q(SPEC, MODEL)
-    meter.add(chunk(), report())
+    meter.follow(chunk(), report())
     for tick in range(200):
         moved = q.copy()
         moved[0] += 0.003 * tick
@@ -104,7 +104,7 @@ def test_errors_are_taken_at_the_steps_not_at_the_ticks():
 def test_2_what_was_commanded_is_taken_at_the_steps_too_with_the_reason_of_that_time():
     """A command that moves on at 1 m/s is compared between the ticks, and not a tick too late."""
     meter, q = tracking_error(), stance_q(SPEC, MODEL)
-    meter.add(chunk(), report())
+    meter.follow(chunk(), report())
     for tick in range(200):
         reason = Reason.OUT_OF_REACH if tick * 0.003 > 0.2 else None
         meter.measure(RobotState(0.003 * tick, q, np.zeros(MODEL.nv)), commanded(ahead=0.003 * tick), reason)
@@ -118,7 +118,7 @@ def test_4_fingers_past_their_range_are_told_by_joint_with_the_worst_value():
     one = chunk()
     one.q_lhand[2:4, 0] = [5.0, -7.0]
     meter = tracking_error()
-    meter.add(one, report())
+    meter.follow(one, report())
     (excess,) = (fingers := still(meter).result().fingers).values()
     assert list(fingers) == ["left_hand_thumb_0_joint"]
     assert (excess.worst, excess.bound) == (-7.0, pytest.approx(-1.0472, abs=1e-3))
@@ -127,9 +127,9 @@ def test_4_fingers_past_their_range_are_told_by_joint_with_the_worst_value():
 
 def test_a_later_chunk_replaces_the_rest_of_the_one_before():
     meter = tracking_error()
-    meter.add(chunk(moved=(0.1, 0.0, 0.0)), report())
+    meter.follow(chunk(moved=(0.1, 0.0, 0.0)), report())
     still(meter, end=0.11)
-    meter.add(chunk(t_obs=0.11), report())
+    meter.follow(chunk(t_obs=0.11), report())
     palms = still(meter, 0.11, 0.5).result()
     times, errors = palms.times, palms.errors
     assert np.allclose(times[:4], [1.0 / 30.0, 2.0 / 30.0, 0.1, 0.11 + 1.0 / 30.0])
@@ -140,32 +140,32 @@ def test_a_later_chunk_replaces_the_rest_of_the_one_before():
 def test_5_time_between_chunks_that_is_in_neither_is_told():
     """A chunk may come in time, and be planned only after the last step of the one before."""
     meter = tracking_error()
-    meter.add(chunk(), report())
-    meter.add(chunk(t_obs=STEPS / FPS), report())
+    meter.follow(chunk(), report())
+    meter.follow(chunk(t_obs=STEPS / FPS), report())
     assert meter.result().uncovered == (0.0, 0.0)
     late = report()
     late.steps = late.steps + 0.1
-    meter.add(chunk(t_obs=2 * STEPS / FPS), late)
+    meter.follow(chunk(t_obs=2 * STEPS / FPS), late)
     assert meter.result().uncovered == pytest.approx(((2 * STEPS - 1) / FPS, 0.1))
 
 
 def test_a_step_that_two_chunks_have_in_common_is_scored_once():
     """A plan begins with the state that it was made from, one tick before the chunk is taken over."""
     meter = tracking_error()
-    meter.add(chunk(), report())
+    meter.follow(chunk(), report())
     still(meter, end=0.1)
     second = report()
     second.steps = second.steps - 0.002
-    meter.add(chunk(t_obs=0.1), second)
+    meter.follow(chunk(t_obs=0.1), second)
     assert np.allclose(still(meter, 0.1, 0.3).result().times, np.arange(1, 10) / FPS)
 
 
 def test_a_step_that_the_next_chunk_has_a_millisecond_later_is_scored_once():
     """Chunks begin at ticks, so their steps do not fall on the steps of the one before to the millisecond."""
     meter = tracking_error()
-    meter.add(chunk(), report())
+    meter.follow(chunk(), report())
     still(meter, end=0.104)
-    meter.add(chunk(t_obs=0.1 - 2 / FPS + 0.001), report())
+    meter.follow(chunk(t_obs=0.1 - 2 / FPS + 0.001), report())
     times = still(meter, 0.104, 0.3).result().times
     assert np.diff(times).min() > 0.5 / FPS
     assert len(times) == 8
