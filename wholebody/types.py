@@ -11,8 +11,9 @@ import numpy as np
 from wholebody.errors import InputError
 
 _FLOAT = np.dtype(float)
-_QUATERNION_TOLERANCE = 1e-3
-"""Largest deviation of a base quaternion's norm from 1: above the rounding of float32 logs, below any real fault."""
+QUATERNION_TOLERANCE = 1e-3
+"""Largest deviation of a base quaternion's norm from 1 [no unit]; chosen: above the rounding of float32 logs, below any
+real fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,10 +175,10 @@ def check_state(state: RobotState, n_joints: int) -> RobotState:
         _check_array("state.q", state.q, 7 + n_joints)
         _check_array("state.v", state.v, 6 + n_joints)
     norm = hypot(*state.q[3:7].tolist())
-    if not abs(norm - 1.0) <= _QUATERNION_TOLERANCE:
+    if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
         raise InputError(
             f"state.q[3:7], the base quaternion xyzw, has norm {norm:.6g}; "
-            f"it must be 1 within {_QUATERNION_TOLERANCE:g}",
+            f"it must be 1 within {QUATERNION_TOLERANCE:g}",
             field="state.q",
             value=norm,
         )

@@ -19,7 +19,7 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState
 
 SETTLE = 1.0
-"""Standing before the first chunk [s]."""
+"""Standing before the first chunk [s]; chosen: as in `EpisodeConfig`."""
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for."""
 

@@ -55,6 +55,8 @@ PARITY = ControllerConfig(
 """Tasks, weights and rows of tsid's benchmark: four-point cones, normal forces, torque, position, speed, acceleration.
 
 Its normal force is bounded for each foot, 5 to 1000 N; here each of four points has a quarter of that: stricter.
+Source:
+    The benchmark of tsid in `docs/performance.md`; units as in `ControllerConfig` [SI].
 """
 
 KINEMATIC = replace(
@@ -65,7 +67,11 @@ KINEMATIC = replace(
         PARITY.body, com_weight=(400.0, 400.0, 400.0), torso_weight=4.0, posture_weight=0.25, finger_weight=0.25
     ),
 )
-"""Hard feet, centre of mass over the soles, joint positions and speeds; weights as in the benchmark of placo-kin."""
+"""Hard feet, centre of mass over the soles, joint positions and speeds; weights [SI].
+
+Source:
+    The benchmark of placo-kin in `docs/performance.md`.
+"""
 
 ROWS = {"parity": PARITY, "default": ControllerConfig(), "kinematic": KINEMATIC}
 """Configurations by name."""
@@ -94,7 +100,8 @@ VARIANTS = {
     "friction": Variant(friction=0.02),
     "near": Variant(shift=(-0.10, -0.12, 0.0)),
 }
-"""Variants by name: what binds in each is counted in the result."""
+"""Variants by name, shares and shifts [m] chosen so that the limits bind: what binds in each is counted in the
+result."""
 
 
 def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none") -> dict:

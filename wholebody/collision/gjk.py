@@ -32,16 +32,16 @@ another algorithm has to find it: the shapes touch, or rounding won."""
 STEPS = 64
 """Steps after which rounding has won; from a cold start it takes about ten."""
 GAP = 1e-12
-"""Distance to the supporting plane at which the nearest point is found [m]."""
+"""Distance to the supporting plane at which the nearest point is found [m]; chosen: rounding of lengths of a metre."""
 GAP_ACCEPTED = 1e-8
-"""The same where no step brings the simplex nearer any more [m]."""
+"""The same where no step brings the simplex nearer any more [m]; chosen, no trial is on record."""
 SCRATCH = 35
 """Room that `distance` works in."""
 TOUCHING = 1e-8
-"""Distance below which shapes, without their radius, count as touching: their normal would be rounding [m]."""
+"""Distance below which shapes, without their radius, count as touching [m]; chosen: their normal would be rounding."""
 
 
-def support_vertex(x, y, z, at, vertices, start, neighbours):
+def support_vertex(x, y, z, at, vertices, start, neighbours) -> int:
     """Vertex furthest along a direction, climbed to from vertex ``at`` over the edges of the hull."""
     best = x * vertices[at, 0] + y * vertices[at, 1] + z * vertices[at, 2]
     while True:
@@ -55,7 +55,7 @@ def support_vertex(x, y, z, at, vertices, start, neighbours):
             return at
 
 
-def support_cylinder(x, y, z, row):
+def support_cylinder(x, y, z, row) -> tuple[float, float, float]:
     """Point of a cylinder furthest along a direction."""
     a, b, c = row[AXIS], row[AXIS + 1], row[AXIS + 2]
     along = x * a + y * b + z * c
@@ -66,7 +66,7 @@ def support_cylinder(x, y, z, row):
     return row[0] + half * a + around * u, row[1] + half * b + around * v, row[2] + half * c + around * w
 
 
-def relative(R_a, p_a, R_b, p_b, move):
+def relative(R_a, p_a, R_b, p_b, move) -> None:
     """Placement of body b in the axes of body a, ``R`` (9) and ``p`` (3) into ``move`` (12,)."""
     x, y, z = p_b[0] - p_a[0], p_b[1] - p_a[1], p_b[2] - p_a[2]
     for i in range(3):
@@ -75,14 +75,14 @@ def relative(R_a, p_a, R_b, p_b, move):
         move[9 + i] = R_a[0, i] * x + R_a[1, i] * y + R_a[2, i] * z
 
 
-def difference(point, move, w):
+def difference(point, move, w) -> None:
     """``w = a - b`` in the axes of body a, of a row ``a (3) b (3)`` with each point in the axes of its own body."""
     for i in range(3):
         b = move[3 * i] * point[3] + move[3 * i + 1] * point[4] + move[3 * i + 2] * point[5] + move[9 + i]
         w[i] = point[i] - b
 
 
-def begin(shapes, vertices, point, hints):
+def begin(shapes, vertices, point, hints) -> None:
     """Any point of the difference: the middle of the round shapes, the vertices of the last climb of the hulls."""
     first, rounds_a, second, rounds_b = shapes
     for k in range(3):
@@ -90,7 +90,7 @@ def begin(shapes, vertices, point, hints):
         point[3 + k] = rounds_b[k] if second[KIND] != HULL else vertices[hints[1], k]
 
 
-def furthest(x, y, z, shape, row, at, side, hulls, point):
+def furthest(x, y, z, shape, row, at, side, hulls, point) -> int:
     """Write the support point of a shape along a direction into half of ``point``; the vertex it is, if any."""
     vertices, start, neighbours = hulls
     if shape[KIND] == CYLINDER:
@@ -102,7 +102,7 @@ def furthest(x, y, z, shape, row, at, side, hulls, point):
     return at
 
 
-def approach(shapes, hulls, enough, move, n, simplex, hints, W, v, weights, trial):
+def approach(shapes, hulls, enough, move, n, simplex, hints, W, v, weights, trial) -> tuple[int, float]:
     """Move the simplex to where it is nearest to the origin.
 
     Args:
@@ -151,7 +151,7 @@ def approach(shapes, hulls, enough, move, n, simplex, hints, W, v, weights, tria
     return n if gap <= GAP_ACCEPTED else 0, -1.0
 
 
-def nearest_point(W, n, weights, v):
+def nearest_point(W, n, weights, v) -> float:
     """``v`` (3,) by the weights of ``n`` points; its distance from the origin."""
     for k in range(3):
         v[k] = 0.0
@@ -160,7 +160,7 @@ def nearest_point(W, n, weights, v):
     return math.sqrt(dot3(v, v))
 
 
-def support_point(shapes, hulls, move, v, hints, point):
+def support_point(shapes, hulls, move, v, hints, point) -> None:
     """Write the support point of the difference against ``v`` (3,) as a row ``a (3) b (3)``."""
     first, row_a, second, row_b = shapes
     x, y, z = v[0], v[1], v[2]
@@ -173,7 +173,7 @@ def support_point(shapes, hulls, move, v, hints, point):
 
 def distance(
     first, second, row_a, row_b, vertices, start, neighbours, enough, R_a, p_a, R_b, p_b, simplex, state, scratch, out
-):
+) -> tuple[float, int]:
     """Distance of two shapes with the nearest points.
 
     Args:

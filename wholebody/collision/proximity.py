@@ -13,7 +13,8 @@ from models.spec import RobotSpec
 from wholebody.errors import InputError
 
 STANCE_SLACK = 0.002
-"""A pair that the stance brings closer than the distance asked for keeps this much less than it has there [m]."""
+"""A pair that the stance brings closer than the distance asked for keeps this much less than it has there [m]; chosen,
+no trial is on record."""
 
 
 class Proximity:

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 
 
-def dot3(a, b):
+def dot3(a, b) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def segment(W, a, b, weights):
+def segment(W, a, b, weights) -> None:
     """Weights of the ends in the point of a segment nearest to the origin."""
     x, y, z = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
     along = -(x * W[a, 0] + y * W[a, 1] + z * W[a, 2])
@@ -25,7 +25,7 @@ def segment(W, a, b, weights):
     weights[a], weights[b] = 1.0 - t, t
 
 
-def triangle(W, a, b, c, weights):
+def triangle(W, a, b, c, weights) -> None:
     """Weights of the corners in the point of a triangle nearest to the origin."""
     ux, uy, uz = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
     vx, vy, vz = W[c, 0] - W[a, 0], W[c, 1] - W[a, 1], W[c, 2] - W[a, 2]
@@ -58,7 +58,7 @@ def triangle(W, a, b, c, weights):
             weights[a] = 1.0 - weights[b] - weights[c]
 
 
-def outside(W, a, b, c, d):
+def outside(W, a, b, c, d) -> bool:
     """Whether the origin may be on the other side of the plane ``abc`` than ``d``; a flat tetrahedron has no inside."""
     ux, uy, uz = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
     vx, vy, vz = W[c, 0] - W[a, 0], W[c, 1] - W[a, 1], W[c, 2] - W[a, 2]
@@ -69,7 +69,7 @@ def outside(W, a, b, c, d):
     return origin * height <= 0.0 or abs(height) <= 1e-13 * size
 
 
-def tetrahedron(W, weights, trial):
+def tetrahedron(W, weights, trial) -> bool:
     """Weights of the corners in the nearest point of a tetrahedron; False if the origin is in it."""
     best = math.inf
     for out in range(4):
@@ -88,7 +88,7 @@ def tetrahedron(W, weights, trial):
     return best < math.inf
 
 
-def nearest_of(W, n, weights, trial):
+def nearest_of(W, n, weights, trial) -> bool:
     """Weights of the ``n`` points of a simplex in its point nearest to the origin; False if the origin is inside."""
     if n == 1:
         weights[0] = 1.0
@@ -101,7 +101,7 @@ def nearest_of(W, n, weights, trial):
     return True
 
 
-def keep(W, simplex, n, weights):
+def keep(W, simplex, n, weights) -> int:
     """Drop the points without a weight; the number of those that are left."""
     kept = 0
     for i in range(n):

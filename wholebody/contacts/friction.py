@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Directions of its sides in the floor plane."""
+"""Directions of its sides in the floor plane [no unit]; definition."""
 
 
 def pyramid_slope(friction: float) -> float:

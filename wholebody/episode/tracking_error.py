@@ -16,9 +16,9 @@ from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState
 
 DEMANDABLE_SPEED, DEMANDABLE_ACCELERATION, DEMANDABLE_DISTANCE = 1.1, 15.0, 0.005
-"""What a recorded motion may ask of a wrist [m/s, m/s^2], and of the trajectory [m]."""
+"""What a recorded motion may ask of a wrist [m/s, m/s^2], and of the trajectory [m]; definition, see `demandable`."""
 FINGER_TOLERANCE = 1e-3
-"""How far a finger may be asked past its range: the rounding of files [rad]."""
+"""How far a finger may be asked past its range [rad]; chosen: the rounding of files."""
 
 
 @dataclass

@@ -10,10 +10,7 @@ import pinocchio as pin
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.errors import InputError
-from wholebody.types import RobotState
-
-NORM_TOLERANCE = 1e-3
-"""Largest deviation of a quaternion's norm from 1 [no unit]: above the rounding of float32, below any real fault."""
+from wholebody.types import QUATERNION_TOLERANCE, RobotState
 
 
 class StandingOdometry:
@@ -63,7 +60,7 @@ class StandingOdometry:
                 f"quat_xyzw has shape {quat.shape} and gyro {w.shape}; a quaternion (4,) x, y, z, w and an angular "
                 "velocity (3,) [rad/s] of the pelvis are expected"
             )
-        if not abs(np.linalg.norm(quat) - 1.0) <= NORM_TOLERANCE:
+        if not abs(np.linalg.norm(quat) - 1.0) <= QUATERNION_TOLERANCE:
             quat[:] = np.nan
         q = np.concatenate([np.zeros(3), quat, self._all(joints, "joints")])
         v = np.concatenate([np.zeros(3), w, self._all(speeds, "speeds")])

@@ -16,10 +16,8 @@ from policy.chunk import ActionChunk
 from wholebody.config import PlanningConfig
 from wholebody.errors import ConfigError, InputError, PlanningError
 from wholebody.execution.plan_follower import Foreseen
+from wholebody.execution.state_monitor import ROUNDING
 from wholebody.planning.plan import ChunkPlan
-
-EARLY = 1e-9
-"""Rounding of times that are sums of control periods [s]."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ class SimulatedPlanner:
 
     def poll(self, now: float) -> PlanAnswer | None:
         """The answer, if its simulated time has passed."""
-        if self._answer is None or now < self._done - EARLY:
+        if self._answer is None or now < self._done - ROUNDING:
             return None
         answer, self._answer = self._answer, None
         return answer

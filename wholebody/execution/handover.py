@@ -14,13 +14,14 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.support_polygon import SupportPolygon
 
 REST_SPEED = 0.05
-"""Speed of any joint or the base below which a plan ends at rest [rad/s, m/s]."""
+"""Speed of any joint or the base below which a plan ends at rest [rad/s, m/s]; chosen, no trial is on record."""
 WAIT = 0.1
-"""Time for which a plan waits for a robot that is slower along the present one than was foreseen [s]."""
+"""Time for which a plan waits for a robot that is slower along the present one than was foreseen [s]; chosen, no trial
+is on record."""
 RATE_MIN = 0.05
-"""Speed along a plan below which it is as good as at rest."""
+"""Share of its speed along a plan below which that is as good as at rest; chosen, no trial is on record."""
 SAME = 1e-6
-"""Difference of two parameters that is rounding [s]."""
+"""Difference of two parameters that is rounding [s]; chosen: far below a tick."""
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
 NO_PATH = np.zeros(0)
 
 WRIST_WEIGHT = 1.0 / 3.0
-"""How much the distance of a wrist joint from the plan counts: little weight hangs on it."""
+"""Weight of the distance of a wrist joint from the plan; chosen: little mass hangs on it."""
 
 
 ELAPSED_MAX = 1.0
-"""Longest time that is followed in one tick [s]; what lies further back is left out."""
+"""Longest time that is followed in one tick [s]; what lies further back is left out; chosen, no trial is on record."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from wholebody.planning.plan import PlanReport
 from wholebody.types import Reason, Status, StatusReport
 
 RATE_SAID = 0.98
-"""Share of its speed below which a chunk is said to be slowed."""
+"""Share of its speed below which a chunk is said to be slowed; chosen, no trial is on record."""
 
 TRACKING = StatusReport(Status.TRACKING)
 """Nothing to say: also of a chunk whose plan is being computed."""

@@ -14,18 +14,11 @@ from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
-from wholebody.execution import statuses
+from wholebody.execution import standing, statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
-from wholebody.execution.standing import (
-    damping_command,
-    hands_as_measured,
-    hands_at_rest,
-    resting_posture,
-    standing_trajectory,
-)
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
@@ -35,7 +28,8 @@ from wholebody.robot.standing import has_lost_standing
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
 
 RETRY = 0.2
-"""Time from one attempt to join a chunk, or to stand off the plan, to the next [s]."""
+"""Time from one attempt to join a chunk, or to stand off the plan, to the next [s]; chosen: twice the default
+`planning.lead`."""
 
 logger = logging.getLogger(__name__)
 
@@ -100,7 +94,7 @@ class Supervisor:
         check_state(state, self.robot.n_joints)
         self.controller.reset(state)
         self._monitor.reset(state)
-        trajectory, rows = SampledTrajectory.still(self.robot, state.q), hands_at_rest(self.robot, state.q)
+        trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
         self._last_state = state
@@ -194,7 +188,7 @@ class Supervisor:
         """Have a chunk planned from where the robot will be on its plan once the lead is over."""
         self._retry, ticks = self._now + RETRY, self.handover.ticks
         if self._standing:
-            self._smoother.reset(hands_as_measured(self.robot, self._smoother.motion.rows))
+            self._smoother.reset(standing.hands_as_measured(self.robot, self._smoother.motion.rows))
         start, due = self._follower.foreseen(ticks, self._last_state.q), self._now + ticks * self.config.dt
         if self._standing:
             start = replace(start, body=self._resting())
@@ -253,8 +247,8 @@ class Supervisor:
     def _stand(self) -> None:
         """Follow no plan: come to rest where the robot is, hands let go of, until there is a plan from there."""
         support, margin = self.controller.balance.support, self.config.planner.posture.com_margin
-        trajectory = standing_trajectory(self.robot, self._resting().q, support, margin)
-        self._follower.stand(trajectory, hands_at_rest(self.robot, self._last_state.q))
+        trajectory = standing.standing_trajectory(self.robot, self._resting().q, support, margin)
+        self._follower.stand(trajectory, standing.hands_at_rest(self.robot, self._last_state.q))
         self.handover.cancel()
         self.plan, self._standing = None, True
         self._waiting, self._retry = self._waiting or self._newest, self._now
@@ -262,7 +256,7 @@ class Supervisor:
     def _resting(self) -> BodyState:
         """Where the robot comes to rest off any plan."""
         state = self._last_state
-        return BodyState.still(resting_posture(state.q, state.v, self.config.body.posture_kd), self.robot.nv)
+        return BodyState.still(standing.resting_posture(state.q, state.v, self.config.body.posture_kd), self.robot.nv)
 
     def step(self, state: RobotState, now: float | None = None) -> JointCommand:
         """Command for one control period.
@@ -283,7 +277,7 @@ class Supervisor:
             self._fallen, self._now, self._last_state = True, now, state
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
-            return damping_command(self.spec, self.robot, state)
+            return standing.damping_command(self.spec, self.robot, state)
         self._exchange(now)
         if self.plan is not None and follower.trust <= TRUST_MIN:
             self._stand()

@@ -12,7 +12,8 @@ from wholebody.planning.preparation import PreparedChunk, most_near
 from wholebody.types import Reason
 
 MOVED_MIN = 1e-3
-"""Distance by which steps of a chunk are moved from which that is told [m]: less is within the scatter of a policy."""
+"""Distance by which steps of a chunk are moved from which that is told [m]; chosen: less is within the scatter of a
+policy."""
 
 
 @dataclass(frozen=True)

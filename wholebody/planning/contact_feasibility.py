@@ -16,18 +16,19 @@ from wholebody.planning.trajectory import COARSE, GRID, SampledTrajectory
 from wholebody.planning.trajopt.robot_tables import HALF_SOLE, RobotTables
 
 EDGE_MARGIN = 0.005
-"""Distance from the edge of the support at which the pressure can still be held [m]: soles are soft there."""
+"""Distance from the edge of the support at which the pressure can still be held [m]; chosen: soles are soft there."""
 DRIFT_GAIN = 2.0
-"""How far past a drift the zero-moment point goes to take it back, in terms of the drift: the gain at which the
-capture point returns as fast as the pendulum took it away (2 - 1 = 1)."""
+"""Factor on a drift by which the zero-moment point goes past it to take it back; derived: the capture point then
+returns as fast as the pendulum took it away (2 - 1 = 1)."""
 RECOVERY_TIME = 0.2
-"""Time in which the controller makes up for an impulse that was missing [s]: at its default `safety.balance_gain` of
-5 / s."""
+"""Time in which the controller makes up for an impulse that was missing [s]; derived: its default `safety.balance_gain`
+is 5 / s."""
 BOX = np.array([0.1, 0.1, 0.06, 0.05, 0.025])
-"""Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]. It saves
-time only; a wrench in the box is in the cone."""
+"""Half sizes of the box of wrenches that is scaled to fit into the cone: forces per weight, the others [m]; chosen: it
+saves time only, a wrench in the box is in the cone."""
 LIFT_MIN = 0.1
-"""Least vertical force per mass by which moments are divided [m/s^2]: in free fall there is no zero-moment point."""
+"""Least vertical force per mass by which moments are divided [m/s^2]; chosen: in free fall there is no zero-moment
+point."""
 SEPARATED, INSIDE = 1, -1
 """daqp's exit flags: a plane between wrench and cone is found; there is none."""
 

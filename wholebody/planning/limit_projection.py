@@ -21,9 +21,11 @@ from wholebody.reference import HandLimits, HandMotion, MotionLimits
 from wholebody.reference.rotation import continuous_quaternions
 
 DEMAND = (1.0, 1.0, 1.5)
-"""Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the limits: for a hand 20 m/s^2, 600 m/s^3."""
+"""Speed, acceleration and jerk of a chunk's steps, per axis, in terms of the limits: for a hand 20 m/s^2, 600 m/s^3;
+chosen, no trial is on record."""
 JUMP, IMPLAUSIBLE_SHARE = 0.06, 0.25
-"""Steps that have to be moved by more than that [m] are implausible: they keep this share of the bounds."""
+"""Steps that have to be moved by more than that [m] are implausible: they keep this share of the bounds; chosen, no
+trial is on record."""
 N_BEFORE = 3
 """Steps of the motion so far that the new ones go on from."""
 SOFT, SOLVED = 8, (1, 2)

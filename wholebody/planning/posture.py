@@ -36,25 +36,28 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState, check_state
 
 NEAR = 0.02
-"""Room to a bound, in terms of its tolerance, up to which the bound is said to hold the posture back."""
+"""Room to a bound, in terms of its tolerance, up to which the bound is said to hold the posture back; chosen, no trial
+is on record."""
 PALM_SCALES = {"position": 1e-3, "position_give": 0.3, "orientation": 4e-3, "orientation_give": 0.5}
-"""Scales of the palms, finer than a plan's, and the errors [m, rad] past which they pull no harder."""
+"""Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: finer than a plan's."""
 GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
-"""The same where the targets are missed: the bounds are not to be bent."""
+"""The same where the targets are missed [m, rad]; chosen: the bounds are not to be bent."""
 FIRM = 0.01
-"""Factor on the scales of the bounds at the end, so that nothing wanted buys `WITHIN` of them."""
+"""Factor on the scales of the bounds at the end; chosen: nothing wanted buys `WITHIN` of them."""
 STAGES, STAGE_STEPS = 12, 15
 """Targets between the stance and those that are missed, and most steps to each."""
 LEVER = 0.25
-"""Length at which an error of orientation counts as much as one of position [m]: a forearm."""
+"""Length at which an error of orientation counts as much as one of position [m]; chosen: a forearm."""
 STARTS = 12
 """Most postures that the search begins at, the stance included."""
 SPREAD = 0.5
-"""Deviation of the random ones from the stance, as a share of each joint's range, for waist and arms."""
+"""Deviation of the random ones from the stance, as a share of each joint's range, for waist and arms; chosen, no trial
+is on record."""
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
-"""Shortest and longest way [s]."""
+"""Shortest and longest way [s]; chosen, no trial is on record."""
 ROTATION_RESIDUAL_MAX = 1e-3
-"""How far a target's matrix may be from a rotation, as `rotation_residual`; it is replaced by the nearest one."""
+"""How far a target's matrix may be from a rotation, as `rotation_residual` [no unit]; chosen: above float32 rounding.
+It is replaced by the nearest one."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 
 CURVES, DETOUR = 200, 0.6
 """Most curves that are tried, and deviation of the last one's control point from the middle of the straight one, as a
-share of each joint's range, for waist and arms."""
+share of each joint's range, for waist and arms; chosen, no trial is on record."""
 POSTURES = 64
 """Postures at which a curve is judged: hands that move by a metre move by some 15 mm from one to the next."""
 

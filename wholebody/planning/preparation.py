@@ -15,8 +15,8 @@ from wholebody.planning.smoothing import smoothed_chunk
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
 
 JOIN_SHARE = 0.6
-"""Share of the usual speed, acceleration and jerk with which a chunk is joined that begins elsewhere: it does not
-say how to get there."""
+"""Share of the usual speed, acceleration and jerk with which a chunk is joined that begins elsewhere; chosen: it does
+not say how to get there."""
 
 
 @dataclass(frozen=True)

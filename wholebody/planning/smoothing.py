@@ -20,15 +20,17 @@ from policy.geometry.se3 import make_transform
 from wholebody.reference import HandLimits, MotionLimits
 
 SCATTER_SHARE = 0.5
-"""Share of a chunk's steps at which the jerk must turn round; of white noise it is 0.8, of a glitch or a jump 0.1."""
+"""Share of a chunk's steps at which the jerk must turn round; measured: 0.8 of white noise, 0.1 of a glitch or a
+jump."""
 JERK_SHARE = 0.25
-"""Share of the jerk limit below which scatter does not matter: for a hand 0.1 mm at 50 Hz, 0.5 mm at 30 Hz."""
+"""Share of the jerk limit below which scatter does not matter; derived: for a hand 0.1 mm at 50 Hz, 0.5 mm at 30 Hz."""
 SPREAD_MIN = 0.3
-"""Least second singular value of a mean of rotations; scatter of 0.5 rad leaves 0.8, one from all there are 0.2."""
+"""Least second singular value of a mean of rotations [no unit]; measured: scatter of 0.5 rad leaves 0.8, one from all
+there are 0.2."""
 ORDER = 3
 """Of the differences that are penalised: jerk. Penalising acceleration would flatten what moves."""
 STIFFNESS = 10.0 ** np.linspace(-2.0, 9.0, 45)
-"""Penalties that are tried on them: from next to nothing to an arc, for any number of steps."""
+"""Penalties that are tried on them [no unit]; chosen: from next to nothing to an arc, for any number of steps."""
 CAUTION = 1.4
 """Weight of the degrees of freedom; with 1 it takes noise for motion every so often.
 

@@ -28,11 +28,12 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.planning.trajopt.weights import tolerances
 
 POSITION_REACHED, ORIENTATION_REACHED = 1e-3, np.deg2rad(0.2)
-"""Errors of a wrist up to which a target is reached [m, rad]."""
+"""Errors of a wrist up to which a target is reached [m, rad]; definition."""
 WITHIN = 0.01
-"""Excess over a bound, in terms of its tolerance, that counts as none: 0.1 mm of a distance, 0.5 mrad of a joint."""
+"""Excess over a bound, in terms of its tolerance, that counts as none; chosen: 0.1 mm of a distance, 0.5 mrad of a
+joint."""
 STEP_MIN = 1e-6
-"""Largest entry of a step that ends a round [m, rad]."""
+"""Largest entry of a step that ends a round [m, rad]; chosen: far below `POSITION_REACHED`."""
 
 
 class Constraint(StrEnum):

@@ -30,7 +30,7 @@ from wholebody.robot.state import Robot
 from wholebody.tasks.base import Objective
 
 UNBOUNDED = 1e9
-"""Stands for infinity on variables: some solvers dislike true infinities in bounds."""
+"""Stands for infinity on variables [m/s^2, rad/s^2, N]; chosen: some solvers dislike true infinities in bounds."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,9 +22,10 @@ from wholebody.qp.problem import QuadraticProgram
 Candidate = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """x (n,), multipliers y of the equalities, z of the inequalities and z_box of the bounds, as in `QPSolution`."""
 FREE = 1e8
-"""Bounds on variables beyond this are none."""
+"""Bounds on variables beyond this are none [units of the variable]; chosen: a tenth of `UNBOUNDED`."""
 POLISH_REGULARISATION = 1e-9
-"""Keeps the polishing system regular where active rows depend on each other; refinement takes its effect out."""
+"""Keeps the polishing system regular where active rows depend on each other [no unit]; chosen: refinement takes its
+effect out."""
 POLISH_REFINEMENTS = 5
 """Steps of iterative refinement."""
 

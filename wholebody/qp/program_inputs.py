@@ -24,11 +24,12 @@ from wholebody.tasks.body_tasks import BodyTasks
 ITERATION_LIMIT = 200
 """Changes of the working set after which the readable program is asked: a dual method can cycle."""
 TOLERANCE = 1e-9
-"""Violation from which a row enters the working set [m/s^2, rad/s^2, N, N m]."""
+"""Violation from which a row enters the working set [m/s^2, rad/s^2, N, N m]; chosen: a thousandth of what is
+accepted."""
 EXTRA_ROWS = 24
 """Room for the rows of further tasks, and of further limits, where there are any."""
-PRIMAL_ACCEPTED, DUAL_ACCEPTED = 1e-6, 1e-6
-"""Largest accepted residuals, an order below those of the other solvers."""
+ACCEPTED = 1e-6
+"""Largest accepted residuals [m/s^2, rad/s^2, N, N m; scaled]; chosen: an order below those of the other solvers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +142,7 @@ def fill_body(p: BodyInputs, tick: Packed) -> None:
     tick.posture_kp[:], tick.posture_kd[:], tick.posture_weight[:] = posture.kp, posture.kd, posture.weight
     tick.posture_feedback_max = posture.feedback_max
     tick.balance_margin, tick.balance_gain, tick.dt = p.balance.margin, p.balance.gain, p.config.dt
-    tick.tolerance, tick.primal_accepted, tick.dual_accepted = TOLERANCE, PRIMAL_ACCEPTED, DUAL_ACCEPTED
+    tick.tolerance, tick.primal_accepted, tick.dual_accepted = TOLERANCE, ACCEPTED, ACCEPTED
     tick.n_contacts, tick.hands, tick.iteration_limit = len(p.feet), 1, ITERATION_LIMIT
     tick.trust[:] = tick.row_scale[:] = 1.0
 

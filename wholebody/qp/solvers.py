@@ -15,22 +15,23 @@ from wholebody.qp.presolve import Candidate, polish, prepare
 from wholebody.qp.problem import QPSolution, QuadraticProgram, Residuals
 from wholebody.qp.residuals import kkt_residuals
 
-PRIMAL_TOLERANCE = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-3}
-"""Largest accepted constraint violation per solver [m/s^2, rad/s^2, N, N m]; osqp is a low-accuracy method."""
-DUAL_TOLERANCE = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-3}
-"""Largest accepted scaled stationarity and complementarity residual per solver."""
+ACCEPTED = {"daqp": 1e-5, "quadprog": 1e-5, "proxqp": 1e-4, "piqp": 1e-5, "osqp": 1e-3}
+"""Largest accepted violation of a constraint, and scaled stationarity and complementarity residual, per solver [m/s^2,
+rad/s^2, N, N m; scaled]; chosen: osqp is a low-accuracy method."""
 EXACT = 1e-9
-"""Residuals below which an answer is not polished."""
+"""Residuals below which an answer is not polished [units of the rows]; chosen, no trial is on record."""
 BOX_GAP = 1e-6
-"""Least distance kept between a variable's bounds: quadprog calls a pinched box inconsistent."""
+"""Least distance kept between a variable's bounds [units of the variable]; chosen: quadprog calls a pinched box
+inconsistent."""
 DAQP_ITERATION_LIMIT = 200
 """daqp can cycle; past this many iterations the next solver is asked."""
 PROXQP_ITERATION_LIMIT = 1000
 """It needs 4 to 40 on our programs."""
 PROXQP_ACCURACY = 1e-7
-"""Absolute accuracy asked of it; polishing does the rest."""
+"""Absolute accuracy asked of it [units of the rows]; chosen: polishing does the rest."""
 PROXQP_INFEASIBILITY = 1e-30
-"""Its default 1e-4 takes one in fifteen of our feasible programs for infeasible at the first iteration."""
+"""In its own terms [no unit]; by trial: its default 1e-4 takes one in fifteen of our feasible programs for infeasible
+at the first iteration."""
 _SETTINGS: dict[str, dict[str, float]] = {
     "quadprog": {},
     "piqp": {"eps_abs": 1e-8, "eps_rel": 1e-9},
@@ -45,7 +46,7 @@ def available() -> tuple[str, ...]:
     import qpsolvers
 
     installed = {*qpsolvers.dense_solvers, *qpsolvers.sparse_solvers}
-    return tuple(name for name in PRIMAL_TOLERANCE if name in installed)
+    return tuple(name for name in ACCEPTED if name in installed)
 
 
 def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
@@ -64,7 +65,7 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
     start = thread_time()
     if solver == "daqp":
         answer = _judge(qp, "daqp", _solve_daqp(qp))
-    elif solver in PRIMAL_TOLERANCE:
+    elif solver in ACCEPTED:
         answer = _solve_prepared(qp, solver, slack=False)
         # Only a robot that has been pushed over a safety bound needs slack.
         answer = answer if answer.ok else _solve_prepared(qp, solver, slack=True)
@@ -93,7 +94,7 @@ def _judge(qp: QuadraticProgram, solver: str, candidate: Candidate | None) -> QP
         return QPSolution(nothing, np.zeros(len(qp.b)), np.zeros(len(qp.lower)), nothing, empty, False, solver)
     x, y, z, z_box = candidate
     residuals = kkt_residuals(qp, x, y, z, z_box)
-    ok = residuals.within(PRIMAL_TOLERANCE[solver], DUAL_TOLERANCE[solver])
+    ok = residuals.within(ACCEPTED[solver], ACCEPTED[solver])
     return QPSolution(x, y, z, z_box, residuals, ok, solver)
 
 

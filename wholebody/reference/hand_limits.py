@@ -11,7 +11,8 @@ from wholebody.errors import InputError
 from wholebody.reference.kernels.smoother_memory import FINGERS, LIMITS
 
 OUTER = (1.5, 5.0, 10.0)
-"""Factors on speed, acceleration and jerk from what a motion is given to what is stopped as a jump."""
+"""Factor on each of speed, acceleration and jerk from what a motion is given to what is stopped as a jump; chosen, no
+trial is on record."""
 
 
 @dataclass(frozen=True)

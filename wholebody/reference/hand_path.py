@@ -23,7 +23,7 @@ from wholebody.reference.rotation import angular_rates, unit_quaternion
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
 
 CELL = 0.002
-"""Width of a look-up cell [s]: one control tick at 500 Hz."""
+"""Width of a look-up cell [s]; chosen: one control tick at 500 Hz."""
 
 
 @dataclass(frozen=True)

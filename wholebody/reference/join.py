@@ -17,16 +17,19 @@ from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_
 from wholebody.reference.spline import PiecewiseQuintic, quintic, shift
 
 JOIN_SHARES = (0.25, 0.25, 0.25)
-"""Shares of the limits on speed, acceleration and jerk that the correction may use; the rest is for the path."""
+"""Share of each of the limits on speed, acceleration and jerk that the correction may use; chosen: the rest is for the
+path."""
 HURRY = 4.0
-"""By how much more a velocity is corrected than a position: the longer it lasts, the further it leads away."""
+"""Factor by which a velocity is corrected more than a position; chosen: the longer it lasts, the further it leads
+away."""
 DURATIONS = np.geomspace(0.1, 4.0, 17)
-"""Join times that are tried [s]: from three steps of a 30 Hz chunk to longer than any chunk."""
+"""Join times that are tried [s]; chosen: from three steps of a 30 Hz chunk to longer than any chunk."""
 PATIENCE = 2.5
-"""Longer than that nothing is joined for the sake of comfort [s]."""
+"""Longer than that nothing is joined for the sake of comfort [s]; chosen, no trial is on record."""
 
 SMALL = (0.012, 0.06, 0.1)
-"""Position [m], orientation [quaternion's length] and fingers [rad]: a correction below is no difference."""
+"""Position [m], orientation [quaternion's length] and fingers [rad]: a correction below is no difference; chosen, no
+trial is on record."""
 
 _S = np.linspace(0.0, 1.0, 25)
 _UNIT = PiecewiseQuintic(

@@ -18,13 +18,14 @@ POSITION, ROTATION, FINGER = slice(0, 3), slice(3, 7), slice(7, 14)
 PARTS = (POSITION, ROTATION, FINGER)
 
 OUTLIER_SPEED = 2.0
-"""Knots are outliers where the hand would need more than this many times its speed limit between them."""
+"""Times the speed limit that the hand would need between knots that are outliers; chosen, no trial is on record."""
 OUTLIER_ACCELERATION = 3.0
-"""A knot is an outlier where its second difference is more than this many times the acceleration limit."""
+"""Times the acceleration limit that the second difference of a knot has that is an outlier; chosen, no trial is on
+record."""
 BRAKE_MIN = 0.05
-"""Shortest start from rest and shortest stop [s]."""
+"""Shortest start from rest and shortest stop [s]; chosen, no trial is on record."""
 ROTATION_TOLERANCE = 1e-3
-"""Largest residual of a knot's rotation matrix: above float32 rounding, below any real fault."""
+"""Largest residual of a knot's rotation matrix [no unit]; chosen: above float32 rounding, below any real fault."""
 
 
 def part_size(values: np.ndarray, part: slice) -> np.ndarray:

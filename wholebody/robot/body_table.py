@@ -13,7 +13,7 @@ REVOLUTE = {
     "JointModelRY": (0.0, 1.0, 0.0),
     "JointModelRZ": (0.0, 0.0, 1.0),
 }
-"""Joint types whose axis is known by name; others carry it."""
+"""Axes of the joint types that are known by name [no unit], Pinocchio's definition; others carry theirs."""
 
 
 def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:

@@ -7,9 +7,9 @@ from math import acos, cos, radians
 from wholebody.types import RobotState
 
 TILT_MAX = radians(60.0)
-"""Largest angle between the pelvis axis and the vertical [rad]."""
+"""Largest angle between the pelvis axis and the vertical [rad]; chosen: nothing brings a robot back from there."""
 HEIGHT_MIN = 0.20
-"""Least height of the pelvis [m]."""
+"""Least height of the pelvis [m]; chosen: below any squat."""
 
 _COSINE_MIN = cos(TILT_MAX)
 

@@ -56,7 +56,7 @@ MOUNTS = {
     "left_wrist": Mount("left_wrist_yaw_link", (0.03, 0.0, 0.09), 0.7, 58.0),
     "right_wrist": Mount("right_wrist_yaw_link", (0.03, 0.0, 0.09), 0.7, 58.0),
 }
-"""Cameras by name."""
+"""Cameras by name [m, rad, deg]; the wrists' are chosen."""
 
 
 class RenderedCameras:

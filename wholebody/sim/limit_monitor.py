@@ -11,9 +11,10 @@ from wholebody.robot.support_polygon import convex_polygon
 from wholebody.sim.plant import MujocoPlant
 
 POSITION_TOLERANCE = 2e-3
-"""How far a joint may pass its position limit before it counts: MuJoCo's limits are springs [rad]."""
+"""How far a joint may pass its position limit before it counts [rad]; chosen: MuJoCo's limits are springs."""
 EDGE = 1e-3
-"""Distance of the centre of pressure from the edge of the soles below which the robot tips over that edge [m]."""
+"""Distance of the centre of pressure from the edge of the soles below which the robot tips over that edge [m]; chosen,
+no trial is on record."""
 
 
 @dataclass(frozen=True)

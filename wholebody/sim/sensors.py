@@ -50,7 +50,8 @@ REALISTIC = SensorConfig(
     speed_noise=0.02,
     velocity_cutoff=40.0,
 )
-"""A G1 as assumed for the sensing bars: 0.3 deg of bias, 2 mrad of offsets, 40 Hz; noise as in the prototype."""
+"""A G1 as assumed for the sensing bars [rad, rad/s, Hz, s], chosen: 0.3 deg of bias, 2 mrad of offsets, 40 Hz; noise as
+in the prototype."""
 
 
 class Sensors:

@@ -17,7 +17,7 @@ class ComTask:
     """
 
     feedback_max = 5.0
-    """Largest kp * error [m/s^2]."""
+    """Largest kp * error [m/s^2]; chosen, no trial is on record."""
 
     def __init__(self, *, kp: float, kd: float, weight: tuple[float, float, float]) -> None:
         self.kp, self.kd = kp, kd

@@ -22,7 +22,7 @@ class HandTask:
     """
 
     feedback_max = (30.0, 60.0)
-    """Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2]."""
+    """Largest proportional acceleration, linear [m/s^2] and angular [rad/s^2]; chosen, no trial is on record."""
 
     def __init__(self, frame: str, *, kp: float, kd: float, position_weight: float, orientation_weight: float) -> None:
         self.frame, self.kp, self.kd = frame, kp, kd

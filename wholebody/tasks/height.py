@@ -17,7 +17,7 @@ class HeightTask:
     """
 
     feedback_max = 5.0
-    """Largest |kp * error| [m/s^2]."""
+    """Largest |kp * error| [m/s^2]; chosen, no trial is on record."""
 
     def __init__(self, frame: str, *, kp: float, kd: float, weight: float) -> None:
         self.frame, self.kp, self.kd = frame, kp, kd

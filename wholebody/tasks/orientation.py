@@ -18,7 +18,7 @@ class OrientationTask:
     """
 
     feedback_max = 20.0
-    """Largest kp * error [rad/s^2]."""
+    """Largest kp * error [rad/s^2]; chosen, no trial is on record."""
 
     def __init__(self, frame: str, *, kp: float, kd: float, weight: float) -> None:
         self.frame, self.kp, self.kd = frame, kp, kd

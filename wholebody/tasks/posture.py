@@ -17,7 +17,7 @@ class PostureTask:
     """
 
     feedback_max = 100.0
-    """Largest |kp * error| per joint [rad/s^2]."""
+    """Largest |kp * error| per joint [rad/s^2]; chosen, no trial is on record."""
 
     def __init__(self, *, kp: np.ndarray, kd: np.ndarray, weight: np.ndarray) -> None:
         self.kp, self.kd, self.weight = kp, kd, weight

@@ -19,7 +19,7 @@ FOR_PEOPLE = {
     "s": (1.0, " s"),
     "": (1.0, ""),
 }
-"""Factor and unit in which people read a value, by its SI unit."""
+"""Factor and unit in which people read a value, by its SI unit; definition."""
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {

@@ -25,7 +25,7 @@ ANSWERS: dict[Severity, Answer] = {
 }
 """The answer by the worst violation; without any, feasible."""
 WITHIN = 0.02
-"""Palm error of `Verdict.within_20mm` [m]."""
+"""Palm error of `Verdict.within_20mm` [m]; definition."""
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
 

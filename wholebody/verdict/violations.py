@@ -17,9 +17,9 @@ from wholebody.types import Reason, Status
 from wholebody.verdict.approach import approach_steps
 
 SLOWDOWN_FEASIBLE = 1.01
-"""Time factor up to which a motion counts as unslowed."""
+"""Time factor up to which a motion counts as unslowed; chosen, no trial is on record."""
 TORQUE_TIME = 0.05
-"""How long a motor may be asked for more than its limit; less is a position loop's answer to a jolt [s]."""
+"""How long a motor may be asked for more than its limit [s]; chosen: less is a position loop's answer to a jolt."""
 LISTED = 5
 """Violations of one kind that are listed: the worst."""
 MOVING = (Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE)

@@ -27,11 +27,12 @@ from wholebody.robot.state import Robot
 from wholebody.tasks.base import Objective, Task
 
 FOOT_GAIN = 50.0
-"""How fast a foot that is not at its place goes back there [1/s]."""
+"""How fast a foot that is not at its place goes back there [1/s]; chosen: ten ticks of 2 ms."""
 SPEED_PENALTY = 1e-6
-"""Penalty on squared speeds [1/(m/s)^2, 1/(rad/s)^2]: makes the program strictly convex."""
+"""Penalty on squared speeds [1/(m/s)^2, 1/(rad/s)^2]: makes the program strictly convex; chosen: far below any weight
+of a task."""
 RETREAT = 0.1
-"""Largest speed that is demanded of a centre of mass outside the support [m/s]."""
+"""Largest speed that is demanded of a centre of mass outside the support [m/s]; chosen, no trial is on record."""
 
 
 def build(

@@ -18,7 +18,8 @@ from wholebody.qp.problem import QPSolution, Residuals
 from wholebody.tasks.momentum import AngularMomentumTask
 
 PHYSICS_TOLERANCE = 1e-3
-"""Largest error of an accepted answer in the equation of motion and the contacts [N, N m, m/s^2, rad/s^2]."""
+"""Largest error of an accepted answer in the equation of motion and the contacts [N, N m, m/s^2, rad/s^2]; chosen, no
+trial is on record."""
 
 
 class PlacoController(WholeBodyController):

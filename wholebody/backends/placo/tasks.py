@@ -10,6 +10,7 @@ import pinocchio as pin
 import placo
 
 from wholebody.errors import InputError
+from wholebody.qp.kernels.targets import DAMPING
 from wholebody.robot.state import Robot
 from wholebody.tasks.base import Task, limited
 from wholebody.tasks.com import ComTask
@@ -17,9 +18,6 @@ from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask
 from wholebody.tasks.orientation import OrientationTask
 from wholebody.tasks.posture import PostureTask
-
-RELAXED_DAMPING = 10.0
-"""With which joints slow down when nothing but standing is asked for [1/s]."""
 
 
 def mirror(solver: placo.DynamicsSolver, task: Task, robot: Robot) -> _HandMirror | _ComMirror | _OrientationMirror:
@@ -119,7 +117,7 @@ class _PostureMirror:
         task, q = self.task, robot.q[7:]
         target = q + np.clip(task.q_ref - q, -task.feedback_max / task.kp, task.feedback_max / task.kp)
         for part, joints, (kp, kd, _) in self.parts:
-            part.kp, part.kd = (0.0, RELAXED_DAMPING) if relaxed else (kp, kd)
+            part.kp, part.kd = (0.0, DAMPING) if relaxed else (kp, kd)
             for i in joints:
                 rates = (0.0, 0.0) if relaxed else (float(task.dq_ref[i]), float(task.ddq_ref[i]))
                 part.set_joint(self.names[i], float(target[i]), *rates)

@@ -17,7 +17,7 @@ from wholebody.reference.kernels.smoother import smoother_step
 from wholebody.robot.kernels.pendulum import natural_frequency
 
 TRUST_MIN = 1e-3
-"""Least trust in the hands: none at all would leave the arms without a task."""
+"""Least trust in the hands, a share; chosen: none at all would leave the arms without a task."""
 
 
 SETTINGS = record(
@@ -75,7 +75,7 @@ class Body(NamedTuple):
     weights: np.ndarray  # (n_joints,) how much each joint's distance from the plan counts
 
 
-def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row, elapsed, allowed):
+def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row, elapsed, allowed) -> None:
     """One tick: advance clock and smoother in place, and write the reference.
 
     Args:
@@ -104,12 +104,12 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row, elaps
     now.trust = trust(settings, q, row, body.weights)
 
 
-def foresee(plan, clock, smoothing, ticks):
+def foresee(plan, clock, smoothing, ticks) -> None:
     """Advance copies of clock and smoother by control periods, as `follow` will if the speed stays allowed."""
     run(plan, clock[0], smoothing, ticks, plan.settings[0].dt)
 
 
-def run(plan, now, smoothing, ticks, dt):
+def run(plan, now, smoothing, ticks, dt) -> None:
     """Advance the clock ``now`` and the smoother by a number of steps of ``dt`` [s] each."""
     settings, target = plan.settings[0], smoothing.target
     for _ in range(ticks):
@@ -126,7 +126,7 @@ def run(plan, now, smoothing, ticks, dt):
         smoother_step(smoothing.state, target, smoothing.limits, dt)
 
 
-def tracking_share(settings, row, palms):
+def tracking_share(settings, row, palms) -> float:
     """Share of the planned speed that the palms' errors at the last tick allow, 0 to 1."""
     error = 0.0
     for i in range(2):
@@ -137,7 +137,7 @@ def tracking_share(settings, row, palms):
     return clipped((settings.error_stop - error) / (settings.error_stop - settings.error_slow))
 
 
-def balance_share(settings, edges, com, com_velocity):
+def balance_share(settings, edges, com, com_velocity) -> float:
     """Share of the planned speed that the capture point's distance from the support's edge allows, 0 to 1."""
     omega = natural_frequency(com[2])
     x, y, margin = com[0] + com_velocity[0] / omega, com[1] + com_velocity[1] / omega, math.inf
@@ -146,12 +146,12 @@ def balance_share(settings, edges, com, com_velocity):
     return clipped(margin / settings.balance_slow)
 
 
-def clipped(x):
+def clipped(x) -> float:
     """Between 0 and 1."""
     return min(max(x, 0.0), 1.0)
 
 
-def palm(motion, offset, out):
+def palm(motion, offset, out) -> None:
     """The wrist's motion, seen at the palm point: rotation (9), position (3), twist (6) and acceleration (6)."""
     x, y, z, w = motion[9], motion[10], motion[11], motion[12]
     out[0], out[1], out[2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
@@ -172,12 +172,12 @@ def palm(motion, offset, out):
     out[21], out[22], out[23] = ax, ay, az
 
 
-def nearest(settings, s, n):
+def nearest(settings, s, n) -> int:
     """Nearest of ``n`` rows of the trajectory; the ends are held."""
     return min(max(round((s - settings.grid_start) / settings.grid_step), 0), n - 1)
 
 
-def follow_trajectory(planned, rate, row):
+def follow_trajectory(planned, rate, row) -> None:
     """One row of the trajectory at the speed ``rate``, into the reference."""
     n = planned.ddq.shape[0]
     for j in range(n):
@@ -196,7 +196,7 @@ def follow_trajectory(planned, rate, row):
     follow_turn(planned.torso, rate, row, TORSO)
 
 
-def follow_turn(planned, rate, row, at):
+def follow_turn(planned, rate, row, at) -> None:
     """Rotation (9), angular rate (3) and acceleration (3) at the speed ``rate``."""
     for i in range(9):
         row[at + i] = planned[i]
@@ -205,7 +205,7 @@ def follow_turn(planned, rate, row, at):
         row[at + 12 + i] = rate**2 * planned[12 + i]
 
 
-def follow_fingers(state, fingers, row):
+def follow_fingers(state, fingers, row) -> None:
     """Fingers do what the smoother commands."""
     n = (row.shape[0] - POSTURE) // 3
     for i in range(2):
@@ -215,7 +215,7 @@ def follow_fingers(state, fingers, row):
                 row[POSTURE + d * n + j] = state[i].motion[19 + 7 * d + c]
 
 
-def trust(settings, q, row, weights):
+def trust(settings, q, row, weights) -> float:
     """Factor on the weights of the hands, 0 to 1: less where the body has left its plan."""
     distance = 0.0
     for j in range(weights.shape[0]):

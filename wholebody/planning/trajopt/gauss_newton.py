@@ -29,9 +29,9 @@ GAIN_MIN = 2e-3
 PROMISE_MIN = 1e-3
 """Share of the cost: a step that promises less, on the exact active set, is not taken."""
 PROMISE_MIN_SOFT = 1e-2
-"""The same in rounds with soft bounds, which need not converge."""
+"""The same share in rounds with soft bounds, which need not converge."""
 KNOT_GAIN_MIN = 0.03
-"""Cost per knot: where the first motion was feasible, a step that gains less is the last one."""
+"""Cost per knot [no unit]: where the first motion was feasible, a step that gains less is the last one."""
 STEP_MAX = 0.4
 """Largest entry of a step that the linearisation is trusted for [m, rad]."""
 ABANDON = 2.0

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 FIRST_RATE = 1.5
-"""A cubic B-spline that begins at q0 with velocity v0 has the first control point P0 = 3/2 q0 - 1/2 P1 + dt/2 v0, so
-its first velocity between control points is (P1 - P0) / dt = 3/2 (P1 - q0) / dt - 1/2 v0."""
+"""Factor, derived: a cubic B-spline that begins at q0 with velocity v0 has the first control point P0 = 3/2 q0 - 1/2 P1
++ dt/2 v0, so its first velocity between control points is (P1 - P0) / dt = 3/2 (P1 - q0) / dt - 1/2 v0."""
 N_BODY = 35
 """Velocities of the body without fingers: `LOWER` of base and legs, `UPPER` of waist and arms."""
 LOWER, UPPER = 18, 17

@@ -15,15 +15,16 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.planning.trajopt.workspace import Motion
 
 SPLINE_OFFSET_MAX = 0.02
-"""Most that counts of a palm's offset from its control point [m, rad]. At the 20 m/s^2 of `HandLimits` it is 15 mm
-(dt^2 / 6 times the acceleration); more comes from motions that are still far from the solution."""
+"""Most that counts of a palm's offset from its control point [m, rad]; derived: at the 20 m/s^2 of `HandLimits` it is
+15 mm (dt^2 / 6 times the acceleration); more comes from motions that are still far from the solution."""
 SMOOTHING_PASSES, SMOOTHED_BEFORE = 8, 3
 """How often the binomial filter (1/4, 1/2, 1/4) runs over the motion that the search begins with, and how many of the
 knots given it takes in: 8 passes halve a swing with a period of 11 knots (cos^16(pi / 11) = 0.5) and
 damp faster ones more."""
 
 RETURN_TIME = 1.0
-"""Time in which a motion that starts past bounds on configurations is to be back inside [s]."""
+"""Time in which a motion that starts past bounds on configurations is to be back inside [s]; chosen, no trial is on
+record."""
 
 
 class TrajectoryProblem:

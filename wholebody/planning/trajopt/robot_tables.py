@@ -23,7 +23,7 @@ from wholebody.robot.kernels.bodies import PLACEMENT_P
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
 HALF_SOLE = 0.1
-"""Lever at which a moment counts as much as a force [m]: half of the G1's sole of 0.17 m, rounded."""
+"""Lever at which a moment counts as much as a force [m]; from the URDF: half of the G1's sole of 0.17 m, rounded."""
 
 
 class RobotTables:

@@ -23,8 +23,8 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
 PER_EDGE = -1
 """Number of bounds where there is one for each edge of the support."""
 SOFTNESS_MAX = 3.0
-"""Largest factor on the scales of bounds on configurations: past a joint limit a leg can be straight, where steps of
-the base are no longer linear in the joints."""
+"""Largest factor on the scales of bounds on configurations; chosen: past a joint limit a leg can be straight, where
+steps of the base are no longer linear in the joints."""
 
 
 class Bound(NamedTuple):
@@ -57,7 +57,7 @@ BOUNDS = (
     Bound("speed", N_JOINTS, 0.05, 1.0, "rad/s", True),
     Bound("friction", N_FRICTION, 1e-2, 0.3, "share of the weight", False),
 )
-"""In the order of `wholebody.planning.trajopt.layout`."""
+"""In the order of `wholebody.planning.trajopt.layout`, scales and tolerances [unit of each]; chosen as `Bound` says."""
 
 
 def weights(c: TrajectoryConfig) -> Weights:

@@ -28,17 +28,19 @@ from wholebody.qp.kernels.linear_algebra import add_scaled, dot
 SOLVED, INFEASIBLE, TOO_MANY_ITERATIONS, NOT_CONVEX, NO_CONTACT = range(5)
 """What a compiled program answers."""
 NO_BOUND = 1e300
-"""Bound of a side that a row does not have."""
+"""Bound of a side that a row does not have [units of the rows]; chosen: near the largest number there is."""
 REFINEMENTS = 4
 """Largest number of corrections of the answer for rounding."""
 EXACT = 2e-13
-"""Violation of a row of the working set that is taken for none [units of the rows]."""
+"""Violation of a row of the working set that is taken for none [units of the rows]; chosen: rounding of numbers of a
+thousand."""
 
 DEPENDENT = 1e-10
-"""A row whose part outside the working set is smaller than this fraction of it counts as dependent."""
+"""A row whose part outside the working set is a smaller share of it than this counts as dependent; chosen, no trial is
+on record."""
 
 
-def append(m, d, count, nu, Q, R, rhs, scratch):
+def append(m, d, count, nu, Q, R, rhs, scratch) -> bool:
     """Add row ``m`` (nu,) with bound ``d`` to the working set; m is left with its part outside of it.
 
     Returns:
@@ -64,7 +66,7 @@ def append(m, d, count, nu, Q, R, rhs, scratch):
     return True
 
 
-def remove(at, count, nu, Q, R, rhs, lam, rows, sides):
+def remove(at, count, nu, Q, R, rhs, lam, rows, sides) -> None:
     """Take row ``at`` out of the working set of ``count`` rows; the others move up."""
     for k in range(at, count - 1):
         rows[k], sides[k], rhs[k], lam[k] = rows[k + 1], sides[k + 1], rhs[k + 1], lam[k + 1]
@@ -82,7 +84,7 @@ def remove(at, count, nu, Q, R, rhs, lam, rows, sides):
             Q[k, j], Q[k + 1, j] = c * x + s * y, c * y - s * x
 
 
-def multipliers(count, R, rhs, y, wanted):
+def multipliers(count, R, rhs, y, wanted) -> None:
     """``y = R'^-1 rhs`` and the multipliers ``-R^-1 y`` of the working set."""
     for k in range(count):
         total = rhs[k]
@@ -96,7 +98,7 @@ def multipliers(count, R, rhs, y, wanted):
         wanted[k] = total / R[k, k]
 
 
-def settle(count, nu, Q, R, rhs, lam, rows, sides, y, wanted):
+def settle(count, nu, Q, R, rhs, lam, rows, sides, y, wanted) -> int:
     """Drop rows until all multipliers of the working set are those of its boundary and none is negative.
 
     Returns:
@@ -121,7 +123,7 @@ def settle(count, nu, Q, R, rhs, lam, rows, sides, y, wanted):
         count -= 1
 
 
-def exchange(count, R, lam, coefficients):
+def exchange(count, R, lam, coefficients) -> tuple[int, float]:
     """Longest dual step along a dependent row: which row it drives out, and how far, ``(-1, 0)`` if none.
 
     ``coefficients`` (count,) are overwritten with the row in terms of those of the working set.
@@ -143,7 +145,7 @@ def exchange(count, R, lam, coefficients):
     return leaving, step
 
 
-def point_of(count, nu, Q, y, u):
+def point_of(count, nu, Q, y, u) -> None:
     """``u = Q y``."""
     for j in range(nu):
         u[j] = 0.0
@@ -151,7 +153,7 @@ def point_of(count, nu, Q, y, u):
         add_scaled(u, y[k], Q[k], nu)
 
 
-def step_back(count, R, left, Q, u):
+def step_back(count, R, left, Q, u) -> None:
     """Take out of ``u`` what is ``left`` (count,) of the violation of its rows: ``u -= Q R'^-1 left``."""
     for k in range(count):
         total = left[k]
@@ -161,7 +163,7 @@ def step_back(count, R, left, Q, u):
         add_scaled(u, -left[k], Q[k], u.shape[0])
 
 
-def search(tick: Packed, evaluate_point, transform):
+def search(tick: Packed, evaluate_point, transform) -> int:
     """Iterate to the solution, from the working set of the last time; a code.
 
     Leaves the point, the values of the rows there, the working set and its multipliers.
@@ -189,7 +191,7 @@ def search(tick: Packed, evaluate_point, transform):
     return TOO_MANY_ITERATIONS
 
 
-def start(tick: Packed, evaluate_point, transform):
+def start(tick: Packed, evaluate_point, transform) -> int:
     """The working set of the last time, at the free minimiser; its size. Rows below zero are gone since."""
     u, rows, sides, upper, count = tick.u, tick.rows, tick.sides, tick.upper, 0
     for k in range(u.shape[0]):
@@ -204,7 +206,7 @@ def start(tick: Packed, evaluate_point, transform):
     return count
 
 
-def enter(tick: Packed, row, side, count, multiplier, transform):
+def enter(tick: Packed, row, side, count, multiplier, transform) -> bool:
     """Try to add a row to the working set of ``count`` rows; False if it depends on it. Its bound is that at ``u = 0``.
 
     The value at ``u = 0`` is the value now less what ``u`` changed, so no second point has to be kept.
@@ -222,7 +224,7 @@ def enter(tick: Packed, row, side, count, multiplier, transform):
     return True
 
 
-def enter_or_exchange(tick: Packed, row, count, transform):
+def enter_or_exchange(tick: Packed, row, count, transform) -> int:
     """Add a violated row; rows that it depends on leave. Size of the working set, -1 if no row can leave."""
     coefficients, T, side, multiplier = tick.coefficients, tick.T, 1.0, 0.0
     if not tick.value[row] > tick.upper[row]:
@@ -239,7 +241,7 @@ def enter_or_exchange(tick: Packed, row, count, transform):
     return count + 1
 
 
-def refine(tick: Packed, count, evaluate_point):
+def refine(tick: Packed, count, evaluate_point) -> None:
     """Correct the boundary point for what rounding left of the violation of its rows, as long as it gets less.
 
     The correction is added to ``u``: a large penalty makes ``y`` so large that ``Q y`` is rounded at 1e-12, and forces
@@ -254,7 +256,7 @@ def refine(tick: Packed, count, evaluate_point):
         evaluate_point(tick)
 
 
-def violation(tick: Packed, count, left):
+def violation(tick: Packed, count, left) -> float:
     """How far the rows of the working set are beyond their sides, into ``left`` (count,); the largest amount."""
     value, lower, upper, rows, sides, largest = tick.value, tick.lower, tick.upper, tick.rows, tick.sides, 0.0
     for k in range(count):
@@ -264,7 +266,7 @@ def violation(tick: Packed, count, left):
     return largest
 
 
-def worst(tick: Packed, count):
+def worst(tick: Packed, count) -> int:
     """Row that is violated most, in units of ``row_scale``; -1 if none is, or one of the working set.
 
     What is left of the violation of a row of the working set is rounding.

@@ -13,7 +13,7 @@ from wholebody.robot.kernels.frames import frame_columns, move_frames, place_fra
 from wholebody.robot.kernels.rigid_body import dynamics
 
 
-def move(tick: Packed):
+def move(tick: Packed) -> None:
     """Dynamics, frames and their Jacobians at ``q`` and ``v``."""
     q, body, frame_p = tick.q, tick.frame_body, tick.frame_p
     dynamics(
@@ -30,7 +30,7 @@ def move(tick: Packed):
         tick.f_0[k], tick.com[k] = tick.force[0, k], tick.sums[k]
 
 
-def assemble(tick: Packed):
+def assemble(tick: Packed) -> int:
     """Everything before the solution; one of the codes of `active_set`."""
     limits(tick)
     bounds(tick)

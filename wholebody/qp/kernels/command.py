@@ -5,7 +5,7 @@ from __future__ import annotations
 from wholebody.jit.packed import Packed
 
 
-def command(tick: Packed):
+def command(tick: Packed) -> None:
     """Integrate the accelerations into the desired state, and write the command in motor order.
 
     The desired state leaks towards the measured one and stays inside the joint limits; that of the fingers is their

@@ -17,10 +17,10 @@ from wholebody.qp.kernels.linear_algebra import dot, solve_transposed
 from wholebody.robot.kernels.spatial import add_force_at, velocity_at
 
 WIDE = 1e4
-"""Bound on the accelerations of joints that may give way [rad/s^2]."""
+"""Bound on the accelerations of joints that may give way [rad/s^2]; chosen, no trial is on record."""
 
 
-def bounds(tick: Packed):
+def bounds(tick: Packed) -> None:
     """Bounds ``lower`` and ``upper`` of all rows; ``nle`` moves to the right-hand side."""
     lower, upper, soft, nle = tick.lower, tick.upper, tick.soft_upper, tick.nle
     ddq_min, ddq_max, tau_max = tick.ddq_min, tick.ddq_max, tick.tau_max if tick.hands else tick.effort_max
@@ -42,7 +42,7 @@ def bounds(tick: Packed):
         lower[at + i], upper[at + i] = 0.0, NO_BOUND
 
 
-def contact_wrenches(tick: Packed):
+def contact_wrenches(tick: Packed) -> None:
     """Wrench about the base of the forces on each contact, into ``wrench`` (contacts, 6)."""
     f, P, owner, wrench = tick.f, tick.points, tick.owner, tick.wrench
     for c in range(wrench.shape[0]):
@@ -52,7 +52,7 @@ def contact_wrenches(tick: Packed):
         add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], wrench[owner[i]])
 
 
-def torque_values(tick: Packed, out):
+def torque_values(tick: Packed, out) -> None:
     """``M_joints dv - J_points' f`` (n,): torque without ``nle``; fills ``wrench`` on the way."""
     dv, M, S, wrench, moves = tick.dv, tick.M, tick.S, tick.wrench, tick.moves
     nv = dv.shape[0]
@@ -70,7 +70,7 @@ def torque_values(tick: Packed, out):
                 out[j] -= dot(S[6 + j], wrench[k], 6)
 
 
-def evaluate(tick: Packed):
+def evaluate(tick: Packed) -> None:
     """Values of all rows at ``dv``, ``f`` and ``slack``; soft rows that are switched off are left out."""
     dv, f, slack, value, slope = tick.dv, tick.f, tick.slack, tick.value, tick.slope
     J, upper, n_balance = tick.soft_J, tick.soft_upper, tick.n_balance
@@ -93,7 +93,7 @@ def evaluate(tick: Packed):
     value[at], value[at + 1] = slack[0], slack[1]
 
 
-def describe(tick: Packed, row):
+def describe(tick: Packed, row) -> bool:
     """Write one row in full variables into ``a_dv``, ``a_f`` and ``a_slack``; True if it has a part in ``a_f``."""
     a_dv, a_f, a_slack, J = tick.a_dv, tick.a_f, tick.a_slack, tick.soft_J
     nv, k, s = a_dv.shape[0], tick.owner.shape[0], J.shape[0]
@@ -127,7 +127,7 @@ def describe(tick: Packed, row):
     return False
 
 
-def describe_torque(tick: Packed, j):
+def describe_torque(tick: Packed, j) -> bool:
     """The torque row of joint ``j``; True if it moves a contact."""
     a_dv, a_f, M, S, P, owner, moves = tick.a_dv, tick.a_f, tick.M, tick.S, tick.points, tick.owner, tick.moves
     c, found = 6 + j, False
@@ -141,7 +141,7 @@ def describe_torque(tick: Packed, j):
     return found
 
 
-def total_wrench(f, P, w):
+def total_wrench(f, P, w) -> None:
     """``w = G f`` (6,) of point forces (3 k,) at offsets P (k, 3)."""
     for a in range(6):
         w[a] = 0.0
@@ -149,7 +149,7 @@ def total_wrench(f, P, w):
         add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], w)
 
 
-def add_spread(h, P, factor, f):
+def add_spread(h, P, factor, f) -> None:
     """``f += factor G' h`` (3 k,)."""
     for i in range(P.shape[0]):
         x, y, z = velocity_at(h, P[i])
@@ -158,7 +158,7 @@ def add_spread(h, P, factor, f):
         f[3 * i + 2] += factor * z
 
 
-def transform(tick: Packed, row):
+def transform(tick: Packed, row) -> None:
     """Write a row in the variables ``u`` of `active_set` into ``m`` (ny + 3 k + 2,)."""
     m, a_f, a_slack, FZ, W, P, w, h = (
         tick.m, tick.a_f, tick.a_slack, tick.FZ, tick.W, tick.points, tick.six_a, tick.six_b

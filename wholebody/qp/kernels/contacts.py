@@ -7,7 +7,7 @@ from wholebody.qp.kernels.linear_algebra import inverse_6, null_space, particula
 from wholebody.robot.kernels.rotation import rotate, rotation_between
 
 
-def contacts(tick: Packed):
+def contacts(tick: Packed) -> bool:
     """Fill ``Z``, ``dv_p``, the contact points and ``W``; False if the contacts depend on each other."""
     for c in range(tick.n_contacts):
         point_offsets(tick, c)
@@ -18,7 +18,7 @@ def contacts(tick: Packed):
     return inverse_6(tick.gram, tick.K, tick.W)
 
 
-def allowed_motion(tick: Packed):
+def allowed_motion(tick: Packed) -> bool:
     """Basis ``Z`` of what the contacts allow and the shortest ``dv_p`` with ``J dv_p = contact_target``."""
     B, beta, bound, J, target, goal = (
         tick.B, tick.beta, tick.bound_columns, tick.J, tick.contact_target, tick.contact_goal
@@ -34,7 +34,7 @@ def allowed_motion(tick: Packed):
     return True
 
 
-def foot_target(tick: Packed, c):
+def foot_target(tick: Packed, c) -> None:
     """Wanted acceleration of contact ``c``, as `FootContact.acceleration`."""
     q, x, velocity, drift, kp, kd = (
         tick.q,
@@ -51,7 +51,7 @@ def foot_target(tick: Packed, c):
         out[3 + k] = -drift[3 + k] - kd * velocity[3 + k] + kp * turn[k]
 
 
-def point_offsets(tick: Packed, c):
+def point_offsets(tick: Packed, c) -> None:
     """Points of contact ``c`` from the base, world axes."""
     R, x, local, points = tick.frame_R[c], tick.frame_p[c], tick.points_local, tick.points
     each = local.shape[0] // tick.n_contacts
@@ -60,7 +60,7 @@ def point_offsets(tick: Packed, c):
             points[i, a] = x[a] + rotate(R, a, local[i, 0], local[i, 1], local[i, 2])
 
 
-def contact_gram(P, gram):
+def contact_gram(P, gram) -> None:
     """``G G'`` (6, 6) of the contact points at offsets P (k, 3)."""
     for a in range(6):
         for b in range(6):

@@ -16,7 +16,7 @@ from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.linear_algebra import cholesky, solve_transposed, solve_upper
 
 
-def cost(tick: Packed):
+def cost(tick: Packed) -> bool:
     """Reduced Hessian ``H`` and gradient ``g``, factor ``U`` and free minimiser; False if the cost is not convex."""
     H, g, target = tick.H, tick.g, tick.target
     ny = g.shape[0]
@@ -34,12 +34,12 @@ def cost(tick: Packed):
     return factor(H, tick.U, g, tick.y_free)
 
 
-def has_weight(weight):
+def has_weight(weight) -> bool:
     """Whether one of six weights is not zero."""
     return weight[0] + weight[1] + weight[2] + weight[3] + weight[4] + weight[5] > 0.0
 
 
-def reduce_row(row, bound, free, Z, out):
+def reduce_row(row, bound, free, Z, out) -> None:
     """``out = row Z_full``: a row over ``v`` in the reduced variables."""
     nr = Z.shape[1]
     for r in range(nr):
@@ -53,7 +53,7 @@ def reduce_row(row, bound, free, Z, out):
         out[nr + k] = row[free[k]]
 
 
-def expand(tick: Packed):
+def expand(tick: Packed) -> None:
     """``dv = dv_p + Z y``; ``dv_p`` lists the bound columns only."""
     y, dv_p, bound, free, Z, dv = tick.y, tick.dv_p, tick.bound_columns, tick.free_columns, tick.Z, tick.dv
     nr = Z.shape[1]
@@ -66,7 +66,7 @@ def expand(tick: Packed):
         dv[free[k]] = y[nr + k]
 
 
-def reduce_wrench(tick: Packed):
+def reduce_wrench(tick: Packed) -> None:
     """``FZ = F' Z`` (6, ny) and ``w_p = F' dv_p`` (6,)."""
     F, bound, free, Z, dv_p, FZ, w_p = (
         tick.F, tick.bound_columns, tick.free_columns, tick.Z, tick.dv_p, tick.FZ, tick.w_p
@@ -87,7 +87,7 @@ def reduce_wrench(tick: Packed):
             FZ[a, nr + k] = F[free[k], a]
 
 
-def add_products(left, right, ny, H):
+def add_products(left, right, ny, H) -> None:
     """Add ``left' right`` of two blocks of rows (6, ny), symmetric, to the upper triangle of H."""
     r0, r1, r2, r3, r4, r5 = right[0], right[1], right[2], right[3], right[4], right[5]
     for a in range(ny):
@@ -100,7 +100,7 @@ def add_products(left, right, ny, H):
             row[b] += c0 * r0[b] + c1 * r1[b] + c2 * r2[b] + c3 * r3[b] + c4 * r4[b] + c5 * r5[b]
 
 
-def add_block(tick: Packed, J, row, n, target, weight, kd):
+def add_block(tick: Packed, J, row, n, target, weight, kd) -> None:
     """Add ``1/2 sum_r weight_r (J_r x - target_r / kd)^2`` of ``n`` up to six rows of J, from ``row`` on."""
     bound, free, Z, dv_p, H, g = tick.bound_columns, tick.free_columns, tick.Z, tick.dv_p, tick.H, tick.g
     rows, weighted, ny = tick.block_rows, tick.block_weighted, g.shape[0]
@@ -121,7 +121,7 @@ def add_block(tick: Packed, J, row, n, target, weight, kd):
     add_products(rows, weighted, ny, H)
 
 
-def wrench_cost(tick: Packed):
+def wrench_cost(tick: Packed) -> None:
     """Cost ``1/2 w'Kw - k'w`` of the wrench ``w = F' dv`` on the robot: centre of mass, momentum, contact forces."""
     K, k, W, f_0, centre = tick.K, tick.k, tick.W, tick.f_0, tick.centre
     target, weight, mass, penalty = tick.body_target, tick.body_weight, tick.sums[21], tick.penalty_force
@@ -146,7 +146,7 @@ def wrench_cost(tick: Packed):
             k[b] += w * lever[b] * target[3 + a]
 
 
-def add_wrench(tick: Packed):
+def add_wrench(tick: Packed) -> None:
     """Add `wrench_cost` of ``w = w_p + FZ y``."""
     FZ, w_p, K, k, KF, g = tick.FZ, tick.w_p, tick.K, tick.k, tick.block_weighted, tick.g
     ny = g.shape[0]
@@ -165,7 +165,7 @@ def add_wrench(tick: Packed):
     add_products(FZ, KF, ny, tick.H)
 
 
-def add_posture(tick: Packed, penalty):
+def add_posture(tick: Packed, penalty) -> None:
     """Add the posture task and a penalty on all velocities or accelerations."""
     weight, target, bound, free, Z, dv_p, H, g = (
         tick.posture_weight, tick.posture_target, tick.bound_columns, tick.free_columns, tick.Z, tick.dv_p, tick.H,
@@ -190,7 +190,7 @@ def add_posture(tick: Packed, penalty):
             g[nr + k] -= weight[j - 6] * target[j - 6]
 
 
-def factor(H, U, g, y):
+def factor(H, U, g, y) -> bool:
     """Upper Cholesky factor ``U`` of H and the minimiser ``y = -H^-1 g``; False if H is not positive definite."""
     n = g.shape[0]
     for i in range(n):

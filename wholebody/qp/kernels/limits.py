@@ -20,7 +20,7 @@ TRUNK_ROWS = 15
 """Six for the orientation of the pelvis, six for that of the torso, three for the height of the pelvis."""
 
 
-def limits(tick: Packed):
+def limits(tick: Packed) -> None:
     """Bounds of the joints, and all soft rows."""
     joint_bounds(tick)
     if tick.trunk:
@@ -33,7 +33,7 @@ def limits(tick: Packed):
         pair_rows(tick, tick.n_balance + tick.floor_body.shape[0])
 
 
-def braking_acceleration(q, dq, q_max, dq_max, brake, dt):
+def braking_acceleration(q, dq, q_max, dq_max, brake, dt) -> float:
     """Upper side of `viable_acceleration_bounds` for one joint."""
     distance = q_max - q
     by_velocity = (dq_max - dq) / dt
@@ -49,7 +49,7 @@ def braking_acceleration(q, dq, q_max, dq_max, brake, dt):
     return min(by_velocity, by_position, by_viability)
 
 
-def joint_bounds(tick: Packed):
+def joint_bounds(tick: Packed) -> None:
     """Bounds ``ddq_min`` and ``ddq_max``; ``joint_limits`` (5, n) has rows ``q_min q_max dq_max ddq_max brake``."""
     q, v, joints, low, high, dt = tick.q, tick.v, tick.joint_limits, tick.ddq_min, tick.ddq_max, tick.horizon
     for j in range(low.shape[0]):
@@ -62,7 +62,7 @@ def joint_bounds(tick: Packed):
         low[j], high[j] = lower, upper
 
 
-def braking_bound(margin, rate, brake, dt):
+def braking_bound(margin, rate, brake, dt) -> float:
     """`wholebody.limits.base.braking_bound` for one row."""
     if margin < 0.0:
         allowed = margin / (4.0 * dt)
@@ -73,7 +73,7 @@ def braking_bound(margin, rate, brake, dt):
     return (allowed - rate) / dt
 
 
-def balance_rows(tick: Packed):
+def balance_rows(tick: Packed) -> None:
     """Rows of `CapturePointLimit`, one an edge of the support."""
     edges, n_edges, sums, F, J, upper = tick.edges, tick.n_edges, tick.sums, tick.F, tick.soft_J, tick.soft_upper
     margin, gain, mass = tick.balance_margin, tick.balance_gain, sums[TOTAL_MASS]
@@ -90,7 +90,7 @@ def balance_rows(tick: Packed):
             J[e, c] = (nx * F[c, 0] + ny * F[c, 1]) / mass
 
 
-def orientation_rows(tick: Packed, plan, limit, f, at):
+def orientation_rows(tick: Packed, plan, limit, f, at) -> None:
     """Six rows of `OrientationLimit` from slot ``at`` on.
 
     Args:
@@ -115,7 +115,7 @@ def orientation_rows(tick: Packed, plan, limit, f, at):
                 soft_J[slot, c] = sign * J[6 * f + 3 + k, c]
 
 
-def height_rows(tick: Packed, f, at):
+def height_rows(tick: Packed, f, at) -> None:
     """Three rows of `HeightLimit` from slot ``at`` on: lowest, and above and below the plan.
 
     ``height_limit`` is ``band lowest brake dt`` (4,).
@@ -131,7 +131,7 @@ def height_rows(tick: Packed, f, at):
         soft_J[at + 1, c] = J[6 * f + 2, c]
 
 
-def floor_rows(tick: Packed, at):
+def floor_rows(tick: Packed, at) -> None:
     """Rows of `FloorLimit`, a slot for each body from ``at`` on.
 
     The lowest vertex is climbed to from the one that was lowest before.
@@ -155,7 +155,7 @@ def floor_rows(tick: Packed, at):
             upper[at + i] = floor_row(tick, k, point, room, tick.soft_J[at + i])
 
 
-def floor_row(tick: Packed, body, point, room, row):
+def floor_row(tick: Packed, body, point, room, row) -> float:
     """Write the row (nv,) of the lowest point (3,) of a body; its bound."""
     V, A, up = tick.V[body], tick.A[body], tick.scratch[3:6]
     up[0], up[1], up[2] = 0.0, 0.0, 1.0
@@ -166,7 +166,7 @@ def floor_row(tick: Packed, body, point, room, row):
     return braking_bound(room, -rate, tick.floor_brake, tick.floor_dt) + point_drift(V, A, point, up)
 
 
-def pair_rows(tick: Packed, at):
+def pair_rows(tick: Packed, at) -> None:
     """Rows of `SelfCollisionLimit`, from slot ``at`` on; ``pairs`` (k, 10) are normal, nearest points and room."""
     q, pairs, pair_body, n_pairs, upper, V, A = (
         tick.q, tick.pairs, tick.pair_body, tick.n_pairs, tick.soft_upper, tick.V, tick.A
@@ -189,13 +189,13 @@ def pair_rows(tick: Packed, at):
         upper[i] = NO_BOUND
 
 
-def clear(row):
+def clear(row) -> None:
     """Zeros."""
     for c in range(row.shape[0]):
         row[c] = 0.0
 
 
-def leave_out(columns, row):
+def leave_out(columns, row) -> None:
     """Zeros at some columns: velocities whose acceleration is not the program's to choose."""
     for c in range(columns.shape[0]):
         row[columns[c]] = 0.0

@@ -7,7 +7,7 @@ instructions can do without reordering sums.
 import math
 
 
-def dot(a, b, n):
+def dot(a, b, n) -> float:
     """Scalar product of the first ``n`` entries, in four interleaved sums."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     whole = n - n % 4
@@ -21,13 +21,13 @@ def dot(a, b, n):
     return (s0 + s1) + (s2 + s3)
 
 
-def add_scaled(a, factor, b, n):
+def add_scaled(a, factor, b, n) -> None:
     """``a += factor b`` on the first ``n`` entries."""
     for k in range(n):
         a[k] += factor * b[k]
 
 
-def cholesky(H, n):
+def cholesky(H, n) -> bool:
     """Upper factor ``U`` with ``U' U = H``, in place in the upper triangle; False if H is not positive definite."""
     for i in range(n):
         row, m, k = H[i, i:], n - i, 0
@@ -50,7 +50,7 @@ def cholesky(H, n):
     return True
 
 
-def solve_transposed(U, b, n):
+def solve_transposed(U, b, n) -> None:
     """``U' x = b`` in place, U upper triangular."""
     for k in range(n):
         c = b[k] / U[k, k]
@@ -61,13 +61,13 @@ def solve_transposed(U, b, n):
                 left[j] -= c * row[j]
 
 
-def solve_upper(U, b, n):
+def solve_upper(U, b, n) -> None:
     """``U x = b`` in place, U upper triangular."""
     for k in range(n - 1, -1, -1):
         b[k] = (b[k] - dot(U[k, k + 1 :], b[k + 1 :], n - k - 1)) / U[k, k]
 
 
-def inverse_6(A, U, inverse):
+def inverse_6(A, U, inverse) -> bool:
     """Inverse of a symmetric positive definite matrix (6, 6); U is scratch. False if it is not one."""
     for i in range(6):
         for j in range(6):
@@ -81,7 +81,7 @@ def inverse_6(A, U, inverse):
     return True
 
 
-def null_space(B, m, n, beta, Z):
+def null_space(B, m, n, beta, Z) -> bool:
     """Orthonormal basis of the vectors that m rows of length n map to zero, by Householder reflections.
 
     Args:
@@ -123,7 +123,7 @@ def null_space(B, m, n, beta, Z):
     return True
 
 
-def reflect_rows(reflector, factor, start, n, X):
+def reflect_rows(reflector, factor, start, n, X) -> None:
     """``X -= factor w (w' X)`` for ``w`` the reflector from ``start`` on; X has shape (n, any)."""
     width = X.shape[1]
     for r in range(width):
@@ -135,7 +135,7 @@ def reflect_rows(reflector, factor, start, n, X):
             X[j, r] -= c * reflector[j]
 
 
-def particular(B, beta, m, n, b, x):
+def particular(B, beta, m, n, b, x) -> None:
     """Shortest ``x`` (n,) with ``rows x = b`` (m,), from what `null_space` left; b is overwritten."""
     for k in range(m):
         total = b[k]

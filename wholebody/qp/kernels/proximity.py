@@ -8,10 +8,11 @@ from wholebody.collision.gjk import APART, BEYOND, BODY, distance
 from wholebody.jit.packed import Packed
 
 SLACK = 0.01
-"""Distance beyond what matters at which a lower bound will do: a pair that is just out of it would be back soon [m]."""
+"""Distance beyond what matters at which a lower bound will do [m]; chosen: a pair that is just out of it would be back
+soon."""
 
 
-def near_pairs(tick: Packed):
+def near_pairs(tick: Packed) -> int:
     """Measure the pairs that may be near, and list the nearest in ``pairs``.
 
     The nearest of the last time are measured first: whatever is further away than those need not be known exactly.
@@ -49,7 +50,7 @@ def near_pairs(tick: Packed):
     return tick.n_unsure
 
 
-def shrink(tick: Packed):
+def shrink(tick: Packed) -> None:
     """Take from the bound of each pair how far the joints between its bodies may have moved them since."""
     q, before, start, joint = tick.q, tick.q_before, tick.chain_start, tick.chain_joint
     reach, suffix, level, bound, known = tick.reach, tick.suffix, tick.pair_level, tick.distance_bound, tick.known
@@ -67,7 +68,7 @@ def shrink(tick: Packed):
         known[k] = 0
 
 
-def measure(tick: Packed, k, enough):
+def measure(tick: Packed, k, enough) -> None:
     """Distance of pair ``k`` now, if it is not known; a lower bound will do for a room of ``enough``.
 
     Where it stays unsure, the pair is listed as such.
@@ -96,7 +97,7 @@ def measure(tick: Packed, k, enough):
     tick.distance_bound[k], tick.room[k] = found, found - margin
 
 
-def choose(room, n, count, chosen):
+def choose(room, n, count, chosen) -> None:
     """Indices of the ``count`` smallest of ``n`` numbers, smallest first; of equal ones the earlier."""
     held = 0
     for k in range(n):
@@ -111,7 +112,7 @@ def choose(room, n, count, chosen):
         chosen[i] = k
 
 
-def describe_pairs(tick: Packed, count):
+def describe_pairs(tick: Packed, count) -> None:
     """What the rows of the chosen pairs are made of: normal, points and room, and the two bodies."""
     chosen, now, body, shapes, pairs = tick.nearest, tick.pair_now, tick.pair_body, tick.shapes, tick.pair_shapes
     rows, measured, room = tick.pairs, tick.measured, tick.room

@@ -12,12 +12,12 @@ from wholebody.qp.kernels.cost import reduce_row
 from wholebody.qp.kernels.linear_algebra import add_scaled, dot
 
 
-def larger(a, b):
+def larger(a, b) -> float:
     """The larger one; NaN if one of them is, unlike `max`."""
     return a if (a > b or a != a) else b  # noqa: PLR0124
 
 
-def conclude(tick: Packed):
+def conclude(tick: Packed) -> bool:
     """Torques, multipliers of all rows, positive at the upper side, and residuals; whether those are accepted."""
     tau, nle, dual, lam, rows, sides = tick.tau, tick.nle, tick.dual, tick.lam, tick.rows, tick.sides
     now, before = tick.pair_now, tick.pair_before
@@ -34,13 +34,13 @@ def conclude(tick: Packed):
     return accepted(tick)
 
 
-def accepted(tick: Packed):
+def accepted(tick: Packed) -> bool:
     """Whether the residuals are within what is accepted; written so that NaN is refused."""
     r, largest = tick.residuals, tick.dual_accepted
     return r[0] <= tick.primal_accepted and r[1] <= largest and r[2] <= largest
 
 
-def residuals(tick: Packed):
+def residuals(tick: Packed) -> None:
     """Write the primal, stationarity and complementarity residuals; NaN in the answer makes them NaN."""
     value, dual, rows, lower, upper, out = (
         tick.value, tick.dual, tick.rows, tick.lower, tick.upper, tick.residuals
@@ -56,7 +56,7 @@ def residuals(tick: Packed):
     out[2] = found / (1.0 + cost)
 
 
-def primal(tick: Packed):
+def primal(tick: Packed) -> float:
     """Largest violation of a contact row, a root row or an inequality."""
     dv, w, J, F, f_0, goal = tick.dv, tick.six_a, tick.J, tick.F, tick.f_0, tick.contact_target
     nv, found = dv.shape[0], 0.0
@@ -73,7 +73,7 @@ def primal(tick: Packed):
     return larger(violation(tick), found)
 
 
-def violation(tick: Packed):
+def violation(tick: Packed) -> float:
     """Largest violation of an inequality."""
     value, lower, upper, found = tick.value, tick.lower, tick.upper, 0.0
     for i in range(value.shape[0]):
@@ -81,7 +81,7 @@ def violation(tick: Packed):
     return found
 
 
-def task_gradient(tick: Packed):
+def task_gradient(tick: Packed) -> tuple[float, float]:
     """Gradient of the tasks' cost over ``dv`` into ``gradient``; the cost, and the largest given part of it."""
     dv, gradient, J, target, weight = tick.dv, tick.gradient, tick.J, tick.target, tick.weight
     stiffness, posture, penalty = tick.posture_weight, tick.posture_target, tick.penalty_acceleration
@@ -103,7 +103,7 @@ def task_gradient(tick: Packed):
     return total, scale
 
 
-def body_gradient(tick: Packed):
+def body_gradient(tick: Packed) -> tuple[float, float]:
     """Add centre of mass and momentum; the same two answers as `task_gradient`."""
     dv, gradient, F, target, weight, c, w, h = (
         tick.dv, tick.gradient, tick.F, tick.body_target, tick.body_weight, tick.centre, tick.six_a, tick.six_b
@@ -134,7 +134,7 @@ def body_gradient(tick: Packed):
     return total, scale
 
 
-def stationarity(tick: Packed):
+def stationarity(tick: Packed) -> tuple[float, float]:
     """Largest entry of the Lagrangian's gradient along what the equalities allow, scaled; and the cost."""
     f, gradient, gradient_f, slack, left = tick.f, tick.gradient, tick.gradient_f, tick.slack, tick.gradient_slack
     dual, rows, a_slack, penalty = tick.dual, tick.rows, tick.a_slack, tick.penalty_force
@@ -163,7 +163,7 @@ def stationarity(tick: Packed):
     return found, cost
 
 
-def project(tick: Packed):
+def project(tick: Packed) -> None:
     """Take out of the gradients what the multipliers of root rows and contacts can carry."""
     gradient, F, W, P, w, h = tick.gradient, tick.F, tick.W, tick.points, tick.six_a, tick.six_b
     total_wrench(tick.gradient_f, P, w)

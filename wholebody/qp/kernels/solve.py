@@ -11,13 +11,13 @@ from wholebody.qp.kernels.cost import expand
 from wholebody.qp.kernels.linear_algebra import dot, solve_upper
 
 
-def search(tick: Packed):
+def search(tick: Packed) -> int:
     """Iterate to the solution; one of the codes of `active_set`."""
     follow_pairs(tick)
     return active_set.search(tick, point, transform)
 
 
-def follow_pairs(tick: Packed):
+def follow_pairs(tick: Packed) -> None:
     """Rows of pairs in the working set move to where their pair is now, -1 if it has no row any more."""
     rows, now, before = tick.rows, tick.pair_now, tick.pair_before
     last = tick.upper.shape[0] - 2
@@ -27,7 +27,7 @@ def follow_pairs(tick: Packed):
             rows[k] = slot_of(before[rows[k] - first], now, tick.n_pairs, first)
 
 
-def slot_of(pair, now, n, first):
+def slot_of(pair, now, n, first) -> int:
     """Row of a pair in this tick, -1 if it has none."""
     for i in range(n):
         if now[i] == pair:
@@ -35,7 +35,7 @@ def slot_of(pair, now, n, first):
     return -1
 
 
-def point(tick: Packed):
+def point(tick: Packed) -> None:
     """Accelerations, forces and slacks at ``u``, and the values of all rows there."""
     u, slack, ny = tick.u, tick.slack, tick.y.shape[0]
     reduced_point(tick)
@@ -47,7 +47,7 @@ def point(tick: Packed):
     evaluate(tick)
 
 
-def reduced_point(tick: Packed):
+def reduced_point(tick: Packed) -> None:
     """``y = y_free + U^-1 u``."""
     u, y, y_free = tick.u, tick.y, tick.y_free
     ny = y.shape[0]
@@ -58,7 +58,7 @@ def reduced_point(tick: Packed):
         y[i] += y_free[i]
 
 
-def forces(tick: Packed):
+def forces(tick: Packed) -> None:
     """The shortest forces with the wrench that ``dv`` needs, plus those of ``u`` that cancel."""
     u, dv, f, F, W, P, f_0, w, h = (
         tick.u, tick.dv, tick.f, tick.F, tick.W, tick.points, tick.f_0, tick.six_a, tick.six_b

@@ -12,10 +12,10 @@ from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, 
 from wholebody.robot.kernels.rotation import rotation_between
 
 DAMPING = 10.0
-"""With which joints slow down where the program does without the hands [1/s]."""
+"""With which joints slow down where the program does without the hands [1/s]; chosen, no trial is on record."""
 
 
-def targets(tick: Packed):
+def targets(tick: Packed) -> None:
     """Fill ``target``, ``weight`` and their like for the body and the joints."""
     n = tick.n_contacts
     for i in range(2):
@@ -27,7 +27,7 @@ def targets(tick: Packed):
     posture_target(tick)
 
 
-def hand_target(tick: Packed, i, f):
+def hand_target(tick: Packed, i, f) -> None:
     """Hand ``i`` at frame ``f``, as `HandTask`; its reference is rotation (9), position (3), twist and acceleration."""
     q, ref, x, velocity, drift = tick.q, tick.hand_ref[i], tick.frame_p[f], tick.frame_V[f], tick.frame_A[f]
     kp, kd, largest, size = tick.hand_kp, tick.hand_kd, tick.hand_feedback_max, tick.hand_weight
@@ -44,7 +44,7 @@ def hand_target(tick: Packed, i, f):
         weight[k] = trust * size[k // 3]
 
 
-def orientation_target(tick: Packed, ref, gain, f):
+def orientation_target(tick: Packed, ref, gain, f) -> None:
     """Angular rows of frame ``f``, as `OrientationTask`.
 
     Args:
@@ -64,7 +64,7 @@ def orientation_target(tick: Packed, ref, gain, f):
         weight[3 + k] = gain[3]
 
 
-def height_target(tick: Packed, f):
+def height_target(tick: Packed, f) -> None:
     """Vertical row of frame ``f``, as `HeightTask`."""
     ref, gain, z = tick.height_ref, tick.height_gain, tick.q[2] + tick.frame_p[f, 2]
     feedback = min(max(gain[0] * (ref[0] - z), -gain[2]), gain[2])
@@ -72,7 +72,7 @@ def height_target(tick: Packed, f):
     tick.weight[f, 2] = gain[3]
 
 
-def whole_body_target(tick: Packed):
+def whole_body_target(tick: Packed) -> None:
     """Centre of mass and angular momentum, as `ComTask` and `AngularMomentumTask`."""
     sums, ref, target, weight, feedback = tick.sums, tick.com_ref, tick.body_target, tick.body_weight, tick.scratch
     kp, kd, size, damping, momentum_weight = (
@@ -88,7 +88,7 @@ def whole_body_target(tick: Packed):
         weight[3 + k] = momentum_weight
 
 
-def posture_target(tick: Packed):
+def posture_target(tick: Packed) -> None:
     """Joints, as `PostureTask`; without the hands they slow down."""
     q, v, ref, target = tick.q, tick.v, tick.posture_ref, tick.posture_target
     kp, kd, largest = tick.posture_kp, tick.posture_kd, tick.posture_feedback_max

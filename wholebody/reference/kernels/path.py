@@ -14,7 +14,7 @@ HEADER = 5
 CHANNELS = 14
 
 
-def path_row(flat, s, row):
+def path_row(flat, s, row) -> None:
     """Write the row at parameter ``s`` into ``row``, shape ``(40,)``; at rest before and after the path."""
     segments, cells = int(flat[0]), int(flat[4])
     breaks = HEADER + cells
@@ -34,7 +34,7 @@ def path_row(flat, s, row):
         row[12 + c], row[19 + c], row[26 + c] = channel(flat, base + c, x)
 
 
-def channel(flat, k, x):
+def channel(flat, k, x) -> tuple[float, float, float]:
     """Value and two derivatives of the quintic whose first coefficient is entry ``k``, ``x`` after its break."""
     c0, c1, c2 = flat[k], flat[k + CHANNELS], flat[k + 2 * CHANNELS]
     c3, c4, c5 = flat[k + 3 * CHANNELS], flat[k + 4 * CHANNELS], flat[k + 5 * CHANNELS]
@@ -43,7 +43,7 @@ def channel(flat, k, x):
     return y, dy, 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
 
 
-def rotation_part(x, y, z, w, row):
+def rotation_part(x, y, z, w, row) -> None:
     """Unit quaternion, angular velocity and acceleration of a quaternion of any length and its derivatives.
 
     The formulas are those of `wholebody.reference.rotation.angular_rates`. Each component comes with its two

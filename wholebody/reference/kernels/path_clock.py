@@ -7,14 +7,14 @@ and ``p'' s_dot^2 + p' s_ddot``; they are continuous because the rate of ``s_ddo
 import math
 
 CHANGE_MAX, JERK_MAX = 4.0, 40.0
-"""Largest |d2s/dt2| [1/s], so that a full stop takes 0.4 s, and largest |d3s/dt3| [1/s^2]."""
+"""Largest |d2s/dt2| [1/s] and |d3s/dt3| [1/s^2]; chosen: a full stop takes 0.4 s."""
 SETTLE_TICKS = 5.0
-"""The last part of a change of rate is exponential with this time constant in ticks, instead of bang-bang."""
+"""The last part of a change of rate is exponential with this time constant in ticks; chosen: instead of bang-bang."""
 JERK_SHARE = 0.5
-"""Share of the jerk that the braking law counts on; the rest keeps it on the law."""
+"""Share of the jerk that the braking law counts on; chosen: the rest keeps it on the law."""
 
 
-def advanced(s, rate, change, dt, wanted):
+def advanced(s, rate, change, dt, wanted) -> tuple[float, float, float]:
     """The clock one tick later, on its way to another rate.
 
     Args:
@@ -36,7 +36,7 @@ def advanced(s, rate, change, dt, wanted):
     return s + rate * dt + 0.5 * change * dt**2 + jerk * dt**3 / 6.0, after, change + jerk * dt
 
 
-def scale(row, rate, change):
+def scale(row, rate, change) -> None:
     """`wholebody.reference.layout.time_scaled` of one row, in place."""
     for first, second, n in ((3, 6, 3), (13, 16, 3), (26, 33, 7)):
         for k in range(n):

@@ -11,19 +11,22 @@ import numpy as np
 from wholebody.reference.kernels.smoother_memory import clip_norm, norm
 
 MIN_HORIZON = 0.04
-"""Shortest time to go [s]: poles near 90 rad/s for errors too small to need a limit."""
+"""Shortest time to go [s]; chosen: poles near 90 rad/s for errors too small to need a limit."""
 MIN_TICKS = 10.0
-"""Shortest time to go in ticks: keeps the discrete loop close to the continuous one at any rate."""
+"""Shortest time to go in ticks; chosen: keeps the discrete loop close to the continuous one at any rate."""
 PLAN_SHARE = 0.95
-"""Share of the limits that the quintic may use; the rest absorbs sampling and the target's own motion."""
+"""Share of the limits that the quintic may use; chosen: the rest absorbs sampling and the target's own motion."""
 SHRINK = 0.75
-"""The time to go is cut to this where the shorter quintic would still use less than `LAZY` of the limits."""
+"""Factor by which the time to go is cut where the shorter quintic would still use less than `LAZY` of the limits;
+chosen, no trial is on record."""
 LAZY = 0.5
+"""Share of the limits; chosen, no trial is on record."""
 GROWTH = 1.5
+"""Factor from one time to go that is tried to the next; chosen, no trial is on record."""
 TRIALS = 24
 """The time to go grows by dt, 1.5 dt, 2.25 dt, ... until the quintic fits: 24 trials span 67 s at 500 Hz."""
 MAX_HORIZON = 1.0
-"""Longest time to go [s], unless the limits are so low that one move needs more."""
+"""Longest time to go [s], unless the limits are so low that one move needs more; chosen, no trial is on record."""
 
 # Quintic to rest: e(s) = e0 h0(s) + T e0' h1(s) + T^2 e0'' h2(s), s = t / T, with
 # h0 = 1 - 10 s^3 + 15 s^4 - 6 s^5, h1 = s - 6 s^3 + 8 s^4 - 3 s^5, h2 = (s^2 - 3 s^3 + 3 s^4 - s^5) / 2.
@@ -47,7 +50,7 @@ _ACCELERATION = np.stack(
 _JERK = np.array([[-60.0, -36.0, -9.0], [30.0, 15.0, 1.5], [-60.0, -24.0, -3.0]])  # at s = 0, 1/2, 1
 
 
-def move_excess(hand, n, max_v, max_a, max_j, horizon):
+def move_excess(hand, n, max_v, max_a, max_j, horizon) -> float:
     """Largest ratio to its limit of speed, acceleration and jerk along the quintic; at most 1 if the move fits.
 
     The target's velocity and acceleration are taken as constant. A limit that is exceeded
@@ -74,13 +77,13 @@ def move_excess(hand, n, max_v, max_a, max_j, horizon):
     return max(math.sqrt(worst_v) / max_v, math.sqrt(worst_a) / max_a, math.sqrt(worst_j) / max_j)
 
 
-def longest_horizon(limits, k):
+def longest_horizon(limits, k) -> float:
     """Longest time to go [s]: enough for the quintic to reverse from full speed within the limits."""
     speed, acceleration, jerk = limits.speed[k], limits.acceleration[k], limits.jerk[k]
     return max(MAX_HORIZON, 6.0 * speed / acceleration, 12.0 * math.sqrt(speed / jerk))
 
 
-def time_to_go(hand, n, limits, k, dt):
+def time_to_go(hand, n, limits, k, dt) -> float:
     """Duration in which the quintic to zero error stays inside the limits, [s].
 
     The last one less two ticks where that fits; much less where the quintic is lazy; else the first longer one that
@@ -114,7 +117,7 @@ def time_to_go(hand, n, limits, k, dt):
     return best
 
 
-def shorten_error(hand, n, limits, k):
+def shorten_error(hand, n, limits, k) -> None:
     """Aim at a point on the way where the target is too far for one move: the group then cruises towards it.
 
     The feedback of horizon T settles at the closing speed ``5 e / 3 T``; an error of 0.54 T times the speed that the

@@ -21,7 +21,7 @@ from wholebody.reference.kernels.smoother_memory import GROUPS, ROW, clip_norm, 
 from wholebody.reference.kernels.viability import keep_range, keep_viable
 
 
-def read_target(hand, n, v, a, last, limits, k, dt):
+def read_target(hand, n, v, a, last, limits, k, dt) -> None:
     """Motion of the target at the *start* of the tick, from that at its end, whose entries begin at ``v`` and ``a``.
 
     A target is followed at the limits at most. The jerk that its acceleration implies is used as it is up to the limit,
@@ -42,17 +42,17 @@ def read_target(hand, n, v, a, last, limits, k, dt):
         hand.target_a[i] -= hand.target_j[i] * dt
 
 
-def displacement(v, a, jerk, i, dt):
+def displacement(v, a, jerk, i, dt) -> float:
     """Of coordinate ``i`` over a tick of constant jerk."""
     return v[i] * dt + a[i] * (0.5 * dt * dt) + jerk[i] * (dt * dt * dt / 6.0)
 
 
-def target_displacement(hand, i, dt):
+def target_displacement(hand, i, dt) -> float:
     """Of the target."""
     return displacement(hand.target_v, hand.target_a, hand.target_j, i, dt)
 
 
-def quat_product(p, q, out):
+def quat_product(p, q, out) -> None:
     """Product of two quaternions (xyzw) into ``out``, which may be either of them."""
     x = p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1]
     y = p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0]
@@ -62,14 +62,14 @@ def quat_product(p, q, out):
     out[0], out[1], out[2], out[3] = x / size, y / size, z / size, w / size
 
 
-def quat_exp(x, y, z, out):
+def quat_exp(x, y, z, out) -> None:
     """Quaternion (xyzw) of a rotation vector [rad] into ``out``."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
     out[0], out[1], out[2], out[3] = x * scale, y * scale, z * scale, math.cos(0.5 * angle)
 
 
-def quat_error(q, r, error):
+def quat_error(q, r, error) -> None:
     """Write the rotation vector [rad], at most pi long, that turns ``r`` into ``q`` in world axes."""
     x = -q[3] * r[0] + q[0] * r[3] - q[1] * r[2] + q[2] * r[1]
     y = -q[3] * r[1] + q[0] * r[2] + q[1] * r[3] - q[2] * r[0]
@@ -82,7 +82,7 @@ def quat_error(q, r, error):
     error[0], error[1], error[2] = x * scale, y * scale, z * scale
 
 
-def rotation_error(hand, dt):
+def rotation_error(hand, dt) -> None:
     """Error of the orientation at the start of the tick."""
     x, y, z = target_displacement(hand, 0, dt), target_displacement(hand, 1, dt), target_displacement(hand, 2, dt)
     quat_exp(-x, -y, -z, hand.turn)
@@ -90,7 +90,7 @@ def rotation_error(hand, dt):
     quat_error(hand.motion[9:13], hand.turn, hand.error)
 
 
-def rotate(hand, dt):
+def rotate(hand, dt) -> None:
     """Advance the orientation over the tick."""
     v, a, jerk, second = hand.v, hand.a, hand.jerk, dt * dt * dt / 12.0
     quat_exp(  # with the second Magnus term: the axis moves during the tick
@@ -103,7 +103,7 @@ def rotate(hand, dt):
     quat_product(hand.turn, quat, quat)
 
 
-def accept(hand, target):
+def accept(hand, target) -> None:
     """Copy the target to the goal; where it is not finite, the last good pose at rest instead."""
     goal = hand.goal
     size = math.sqrt(target[9] ** 2 + target[10] ** 2 + target[11] ** 2 + target[12] ** 2)
@@ -121,7 +121,7 @@ def accept(hand, target):
         goal[k] = hand.held[i]
 
 
-def clip_finger(goal, limits, i):
+def clip_finger(goal, limits, i) -> None:
     """Clip a finger target to the range of its joint, at rest where it was outside."""
     x = min(max(goal[19 + i], limits.finger_lower[i]), limits.finger_upper[i])
     if x != goal[19 + i]:
@@ -130,12 +130,12 @@ def clip_finger(goal, limits, i):
         goal[33 + i] = 0.0
 
 
-def flush(x):
+def flush(x) -> float:
     """Zero for what has decayed to nothing: subnormal numbers would slow a robot at rest several times."""
     return x if abs(x) > 1e-100 else 0.0
 
 
-def group_tick(hand, limits, k, dt):
+def group_tick(hand, limits, k, dt) -> None:
     """Advance group ``k`` of one hand: 0 position, 1 orientation, from 2 on the fingers."""
     motion, goal, n = hand.motion, hand.goal, (3 if k < 2 else 1)
     x, v, a = (0, 3, 6) if k == 0 else ((9, 13, 16) if k == 1 else (17 + k, 24 + k, 31 + k))
@@ -169,7 +169,7 @@ def group_tick(hand, limits, k, dt):
         rotate(hand, dt)
 
 
-def smoother_step(state, target, limits, dt):
+def smoother_step(state, target, limits, dt) -> None:
     """Advance every hand by one tick, in place.
 
     Args:

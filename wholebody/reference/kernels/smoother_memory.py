@@ -27,7 +27,7 @@ LIMITS = record(
 """Of one hand [m, rad and per s, s^2, s^3]."""
 
 
-def norm(x, n):
+def norm(x, n) -> float:
     """Euclidean norm of the first ``n`` entries."""
     total = 0.0
     for i in range(n):
@@ -35,7 +35,7 @@ def norm(x, n):
     return math.sqrt(total)
 
 
-def clip_norm(x, n, bound):
+def clip_norm(x, n, bound) -> bool:
     """Scale the first ``n`` entries in place to a norm of at most ``bound``; True where it was longer."""
     size = norm(x, n)
     if size <= bound:

@@ -10,10 +10,11 @@ import math
 from wholebody.reference.kernels.smoother_memory import clip_norm, norm
 
 STOP_SHARE = 0.9
-"""Share of jerk and acceleration that a finger's stop at its limit counts on; the rest absorbs the discrete time."""
+"""Share of jerk and acceleration that a finger's stop at its limit counts on; chosen: the rest absorbs the discrete
+time."""
 
 
-def is_viable(hand, n, bound_v, bound_a, bound_stop, max_j, dt):
+def is_viable(hand, n, bound_v, bound_a, bound_stop, max_j, dt) -> bool:
     """Whether the jerk leads over the tick to a state from which the bounds can be kept for ever."""
     speed2, stop2, accel2 = 0.0, 0.0, 0.0
     for i in range(n):
@@ -26,7 +27,7 @@ def is_viable(hand, n, bound_v, bound_a, bound_stop, max_j, dt):
     return accel2 <= bound_a**2 and speed2 <= bound_v**2 and stop2 <= bound_stop**2
 
 
-def keep_viable(hand, n, limits, k, dt):
+def keep_viable(hand, n, limits, k, dt) -> None:
     """Move the jerk towards "acceleration to zero" as far as the limits demand.
 
     What exceeds a limit at the start (a filter reset to a faster motion) bounds instead of it, so it only shrinks.
@@ -60,7 +61,7 @@ def keep_viable(hand, n, limits, k, dt):
             high = share
 
 
-def stop_distance(v, a, max_a, max_j):
+def stop_distance(v, a, max_a, max_j) -> float:
     """How far a coordinate still moves in the positive direction if it stops as fast as the limits allow."""
     speed = v + 0.5 * a * a / max_j  # once the acceleration is zero (or where it last was)
     if (v <= 0.0 and a <= 0.0) or speed <= 0.0:
@@ -72,13 +73,13 @@ def stop_distance(v, a, max_a, max_j):
     return max(0.0, stop + v * a / max_j + a * a * a / (3.0 * max_j * max_j))
 
 
-def stops_within(v, a, j, room, max_a, max_j, dt):
+def stops_within(v, a, j, room, max_a, max_j, dt) -> bool:
     """Whether a coordinate that takes jerk ``j`` over the tick can then stop before it has moved by ``room``."""
     ahead = v * dt + a * (0.5 * dt * dt) + j * (dt * dt * dt / 6.0)
     return ahead + stop_distance(v + a * dt + j * (0.5 * dt * dt), a + j * dt, max_a, max_j) <= room
 
 
-def keep_range(hand, x, lower, upper, limits, k, dt):
+def keep_range(hand, x, lower, upper, limits, k, dt) -> None:
     """Move the jerk of a finger joint until it can stop inside its range.
 
     A joint that is outside already, or too fast to stop inside, gets no worse.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""[m/s^2]; chosen: as in MuJoCo's and Pinocchio's models of the robot."""
 LOWEST_HEIGHT = 0.2
-"""Least height of the pendulum [m]: a robot that has fallen still has a finite frequency."""
+"""Least height of the pendulum [m]; chosen: a robot that has fallen still has a finite frequency."""
 
 
 def natural_frequency(height: float) -> float:

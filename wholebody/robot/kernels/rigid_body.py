@@ -23,7 +23,7 @@ robot about the base for ``dv = 0``, gravity included; mass."""
 SUMS = 22
 
 
-def move_body(s, rate, V_parent, A_parent, V, A):
+def move_body(s, rate, V_parent, A_parent, V, A) -> None:
     """Twist and drift (6,) of the body behind a joint with column ``s`` that turns at a rate [rad/s]."""
     cross_motion(V_parent, s, A)
     for k in range(6):
@@ -31,7 +31,7 @@ def move_body(s, rate, V_parent, A_parent, V, A):
         A[k] = A_parent[k] + rate * A[k]
 
 
-def body_force(n, V, A, gravity, h, force, lifted):
+def body_force(n, V, A, gravity, h, force, lifted) -> None:
     """Momentum ``h`` and force of one body for ``dv = 0``: inertia (drift - gravity) + twist x* momentum."""
     momentum_of(n, V, h)
     for k in range(3):
@@ -41,7 +41,7 @@ def body_force(n, V, A, gravity, h, force, lifted):
     add_cross_force(V, h, force)
 
 
-def mass_matrix(parent, S, inertia, armature, M, F):
+def mass_matrix(parent, S, inertia, armature, M, F) -> None:
     """Full symmetric mass matrix from the inertias of the subtrees; entries of unrelated joints are left at zero."""
     n = parent.shape[0]
     for i in range(n - 1, 0, -1):
@@ -61,7 +61,7 @@ def mass_matrix(parent, S, inertia, armature, M, F):
             M[k, column] = M[column, k] = dot6(S[k], F[column])
 
 
-def whole_robot(q, n, h, force, gravity, sums):
+def whole_robot(q, n, h, force, gravity, sums) -> None:
     """Centre of mass, momentum about it and the rates of both for ``dv = 0``; n, h, force are those of the tree."""
     m = n[0]
     x, y, z = n[1] / m, n[2] / m, n[3] / m
@@ -78,7 +78,7 @@ def whole_robot(q, n, h, force, gravity, sums):
     sums[TOTAL_MASS] = m
 
 
-def dynamics(q, v, table, parent, armature, gravity, R, p, S, V, A, inertia, h, force, M, F, nle, sums):
+def dynamics(q, v, table, parent, armature, gravity, R, p, S, V, A, inertia, h, force, M, F, nle, sums) -> None:
     """Kinematics and dynamics of the robot; see the module's legend.
 
     Args:

@@ -8,12 +8,12 @@ from __future__ import annotations
 import math
 
 
-def rotate(R, a, x, y, z):
+def rotate(R, a, x, y, z) -> float:
     """Component ``a`` of ``R [x y z]``."""
     return R[a, 0] * x + R[a, 1] * y + R[a, 2] * z
 
 
-def base_rotation(q, R):
+def base_rotation(q, R) -> None:
     """Rotation matrix (3, 3) of the base quaternion ``q[3:7]`` (xyzw), which is normalised on the way."""
     size = math.sqrt(q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6])
     x, y, z, w = q[3] / size, q[4] / size, q[5] / size, q[6] / size
@@ -22,7 +22,7 @@ def base_rotation(q, R):
     R[2, 0], R[2, 1], R[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-def rotation_vector(xx, xy, xz, yx, yy, yz, zx, zy, zz):
+def rotation_vector(xx, xy, xz, yx, yy, yz, zx, zy, zz) -> tuple[float, float, float]:
     """Axis times angle [rad] of the rotation with these entries, row by row; the angle is in [0, pi].
 
     Source:
@@ -45,12 +45,12 @@ def rotation_vector(xx, xy, xz, yx, yy, yz, zx, zy, zz):
     return factor * x, factor * y, factor * z
 
 
-def logarithm(R, w):
+def logarithm(R, w) -> None:
     """Rotation vector ``w`` (3,) of a rotation ``R`` (3, 3)."""
     w[0], w[1], w[2] = rotation_vector(R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2])
 
 
-def rotation_between(R_to, R_from, w):
+def rotation_between(R_to, R_from, w) -> None:
     """Rotation vector ``w`` (3,) of ``R_to R_from'``, both (3, 3): the turn in world axes that leads to the first."""
     w[0], w[1], w[2] = rotation_vector(
         dot_rows(R_to, R_from, 0, 0),
@@ -65,6 +65,6 @@ def rotation_between(R_to, R_from, w):
     )
 
 
-def dot_rows(A, B, a, b):
+def dot_rows(A, B, a, b) -> float:
     """Scalar product of row ``a`` of A and row ``b`` of B, three entries."""
     return A[a, 0] * B[b, 0] + A[a, 1] * B[b, 1] + A[a, 2] * B[b, 2]

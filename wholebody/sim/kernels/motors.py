@@ -6,7 +6,7 @@ A dozen calls of numpy on 43 numbers take longer than a third of MuJoCo's step.
 import math
 
 
-def drive(command, index, effort, state, ctrl, torque, asked, anew):
+def drive(command, index, effort, state, ctrl, torque, asked, anew) -> bool:
     """Torques of one physics step: ``clip(tau + kp (q - q_meas) + kd (dq - dq_meas), -effort, effort)``.
 
     Args:
@@ -35,7 +35,7 @@ def drive(command, index, effort, state, ctrl, torque, asked, anew):
     return sound
 
 
-def read(state, index, q, v):
+def read(state, index, q, v) -> None:
     """State in Pinocchio's convention.
 
     Args:

@@ -14,7 +14,7 @@ from wholebody.robot.kernels.rotation import rotate
 from wholebody.robot.kernels.spatial import add_force_at, dot6, velocity_at
 
 
-def place(tick: Packed, q):
+def place(tick: Packed, q) -> None:
     """Bodies at ``q`` (nq,), columns, and mass and mass times centre of every subtree (``mass_moment``)."""
     R, p, S, bodies, parent, moment = tick.R, tick.p, tick.S, tick.bodies, tick.parent, tick.mass_moment
     n = parent.shape[0]
@@ -30,7 +30,7 @@ def place(tick: Packed, q):
             moment[parent[i], a] += moment[i, a]
 
 
-def centre(tick: Packed):
+def centre(tick: Packed) -> None:
     """Centre of mass into ``sums`` and ``com``, and its Jacobian into ``J_com``."""
     S, moment, J = tick.S, tick.mass_moment, tick.J_com
     mass = moment[0, 0]
@@ -43,19 +43,19 @@ def centre(tick: Packed):
         J[2, c] = (n[0] * s[2] + s[3] * n[2] - s[4] * n[1]) / mass
 
 
-def frames(tick: Packed):
+def frames(tick: Packed) -> None:
     """Placements of the frames: contacts, palms, pelvis, torso."""
     place_frames(tick.R, tick.p, tick.frame_body, tick.frame_R_local, tick.frame_p_local, tick.frame_R, tick.frame_p)
 
 
-def jacobians(tick: Packed):
+def jacobians(tick: Packed) -> None:
     """Jacobians of the frames."""
     body, frame_p = tick.frame_body, tick.frame_p
     for f in range(body.shape[0]):
         frame_columns(tick.S, tick.parent, body[f], frame_p[f], tick.J, 6 * f)
 
 
-def support(tick: Packed):
+def support(tick: Packed) -> None:
     """Joint torques ``tau`` that hold the robot still at ``q_measured``, with the shortest forces on the soles."""
     S, W, w, h, load, tau, feet = tick.S, tick.W, tick.six_a, tick.six_b, tick.force, tick.tau, tick.n_contacts
     place(tick, tick.q_measured)
@@ -75,7 +75,7 @@ def support(tick: Packed):
         tau[j] = -dot6(S[6 + j], load[1 + j])
 
 
-def weights(tick: Packed):
+def weights(tick: Packed) -> None:
     """Weight of every subtree about the base: (0, 0, -m g) at its centre."""
     load, moment, g = tick.force, tick.mass_moment, tick.gravity
     for i in range(load.shape[0]):
@@ -84,7 +84,7 @@ def weights(tick: Packed):
         load[i, 2], load[i, 3], load[i, 4] = -g * moment[i, 0], -g * moment[i, 2], g * moment[i, 1]
 
 
-def carry(tick: Packed, h, c):
+def carry(tick: Packed, h, c) -> None:
     """Add the forces ``G' h`` of the points of contact ``c`` to the load of the foot and of all that it hangs on."""
     P, parent, load = tick.points, tick.parent, tick.force
     each = P.shape[0] // tick.n_contacts

@@ -19,7 +19,7 @@ from wholebody.qp.kernels.targets import targets
 from wholebody.robot.kernels.rotation import rotation_between
 
 
-def solve(tick: Packed):
+def solve(tick: Packed) -> int:
     """The program at ``q``, solved and judged; a code of `active_set`, SOLVED only if the answer is accepted."""
     place(tick, tick.q)
     centre(tick)
@@ -40,7 +40,7 @@ def solve(tick: Packed):
     return code
 
 
-def foot_targets(tick: Packed):
+def foot_targets(tick: Packed) -> None:
     """Velocities that bring the feet back to their places."""
     q, frame_p, p_ref, gain = tick.q, tick.frame_p, tick.foot_p_ref, tick.foot_gain
     for c in range(tick.n_contacts):
@@ -50,7 +50,7 @@ def foot_targets(tick: Packed):
             out[k], out[3 + k] = gain * (p_ref[c, k] - q[k] - frame_p[c, k]), gain * out[3 + k]
 
 
-def limits(tick: Packed):
+def limits(tick: Packed) -> None:
     """Bounds of all rows."""
     q, joints, lower, upper, sums, edges = tick.q, tick.joint_limits, tick.lower, tick.upper, tick.sums, tick.edges
     n, n_edges, margin, gain, dt = joints.shape[1], tick.n_edges, tick.balance_margin, tick.balance_gain, tick.dt
@@ -65,7 +65,7 @@ def limits(tick: Packed):
             upper[n + e] = max(gain * left, -tick.retreat)
 
 
-def cost(tick: Packed):
+def cost(tick: Packed) -> bool:
     """Reduced Hessian and gradient, factor and free minimiser; False if it is not convex.
 
     A task's target is ``kd`` times the velocity that it wants.
@@ -87,7 +87,7 @@ def cost(tick: Packed):
     return factor(H, tick.U, g, tick.y_free)
 
 
-def point(tick: Packed):
+def point(tick: Packed) -> None:
     """Velocity at ``u``, and the values of all rows there."""
     v, value, edges, J = tick.dv, tick.value, tick.edges, tick.J_com
     n = v.shape[0] - 6
@@ -100,7 +100,7 @@ def point(tick: Packed):
         value[n + e] = edges[e, 0] * vx + edges[e, 1] * vy
 
 
-def describe(tick: Packed, row):
+def describe(tick: Packed, row) -> None:
     """Write one row over ``v`` into ``a_dv``."""
     a, edges, J = tick.a_dv, tick.edges, tick.J_com
     n = a.shape[0] - 6
@@ -110,14 +110,14 @@ def describe(tick: Packed, row):
         a[6 + row] = 1.0
 
 
-def transform(tick: Packed, row):
+def transform(tick: Packed, row) -> None:
     """Write a row in the variables ``u`` of `active_set` into ``m``."""
     describe(tick, row)
     reduce_row(tick.a_dv, tick.bound_columns, tick.free_columns, tick.Z, tick.m)
     solve_transposed(tick.U, tick.m, tick.m.shape[0])
 
 
-def conclude(tick: Packed):
+def conclude(tick: Packed) -> bool:
     """Multipliers by row and residuals; whether the answer is accepted.
 
     Primal: largest violation of a row or of the feet. Stationarity: gradient in the reduced variables, over one and the
@@ -139,7 +139,7 @@ def conclude(tick: Packed):
     return accepted(tick)
 
 
-def stationarity(tick: Packed):
+def stationarity(tick: Packed) -> tuple[float, float]:
     """Largest entry of the gradient of the Lagrangian in the reduced variables, and its scale."""
     H, g, y, left, m, dual, rows = tick.H, tick.g, tick.y, tick.reduced_gradient, tick.m, tick.dual, tick.rows
     ny, scale, largest = g.shape[0], 1.0, 0.0
@@ -160,7 +160,7 @@ def stationarity(tick: Packed):
     return largest, scale
 
 
-def foot_error(tick: Packed):
+def foot_error(tick: Packed) -> float:
     """Largest difference of a foot's velocity from the one it should have [m/s, rad/s]."""
     J, v, goal, largest = tick.J, tick.dv, tick.contact_target, 0.0
     for r in range(goal.shape[0]):

@@ -12,7 +12,7 @@ from wholebody.planning.trajopt.layout import COM, DISTANCE, FREE_LOWER, LOWER, 
 from wholebody.robot.kernels.pendulum import natural_frequency
 
 
-def approach_margin(k, robot, m):
+def approach_margin(k, robot, m) -> None:
     """Add the approach margin to the bounds DISTANCE of a knot, and its factor to ``m.approach``."""
     for c in range(m.n_near[k]):
         row, rate = m.approach[k, c], 0.0
@@ -24,13 +24,13 @@ def approach_margin(k, robot, m):
             row[j] *= scale
 
 
-def pendulum(k, robot, m):
+def pendulum(k, robot, m) -> float:
     """Natural frequency of the pendulum under the centre of mass [1/s]."""
     height = m.q[k, 2] + m.I_composite[k, 0, 3] / robot.mass
     return natural_frequency(height)
 
 
-def capture_point(k, robot, m):
+def capture_point(k, robot, m) -> None:
     """The bounds on the capture point; the state of the first knot is given."""
     E, omega, tau = robot.normals.shape[0], pendulum(k, robot, m), robot.capture_time
     x, y = m.r[k, COM] + robot.com_stance[0], m.r[k, COM + 1] + robot.com_stance[1]
@@ -47,7 +47,7 @@ def capture_point(k, robot, m):
         m.violation[k, ZMP + 2 * E + e] = violation if k > 0 else -1.0
 
 
-def approach_and_capture_changes(k, robot, m, dv_mid, x, dynamics, out):
+def approach_and_capture_changes(k, robot, m, dv_mid, x, dynamics, out) -> None:
     """How a step changes both: ``x`` (N_FREE,) of this knot, ``dynamics`` (N_DYNAMICS,) of its rows of the dynamics."""
     for c in range(m.n_near[k]):
         d = 0.0
@@ -70,13 +70,13 @@ def approach_and_capture_changes(k, robot, m, dv_mid, x, dynamics, out):
             out[ZMP + 2 * E + e] += robot.normals[e, a] * d
 
 
-def approach_derivative(c, k, m, dt, out):
+def approach_derivative(c, k, m, dt, out) -> None:
     """Add the derivative of the approach margin of a bound DISTANCE, (3 N_FREE,)."""
     for j in range(N_BODY):
         add_speed(j, m.approach[k, c, j], k, m, dt, out)
 
 
-def capture_derivative(e, k, robot, m, dt, out):
+def capture_derivative(e, k, robot, m, dt, out) -> None:
     """Derivative (3 N_FREE,) of the bound on the capture point at one edge."""
     omega, tau, n = pendulum(k, robot, m), robot.capture_time, N_FREE
     for a in range(2):
@@ -90,7 +90,7 @@ def capture_derivative(e, k, robot, m, dt, out):
             add_speed(j, normal * (1.0 / omega + tau) * m.F[k, j, a] / robot.mass, k, m, dt, out)
 
 
-def add_speed(j, weight, k, m, dt, out):
+def add_speed(j, weight, k, m, dt, out) -> None:
     """Add the derivative of the velocity j of a knot, in the free directions of three."""
     f, n, half, K = FREE_LOWER, N_FREE, 0.5 * weight, m.q.shape[0]
     if j >= LOWER:

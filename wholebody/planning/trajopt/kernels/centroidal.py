@@ -8,7 +8,7 @@ from wholebody.robot.kernels.rotation import base_rotation
 from wholebody.robot.kernels.spatial import body_inertia, momentum_of
 
 
-def centroidal(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch):
+def centroidal(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch) -> None:
     """Fill centre of mass, its velocity, angular momentum about it, and turns of frames, at every row.
 
     Args:

@@ -26,7 +26,7 @@ from wholebody.robot.kernels.rotation import logarithm, rotation_between
 from wholebody.robot.kernels.spatial import body_inertia, momentum_of
 
 
-def composite_inertias(robot, R, p, S, inertia, I_composite, F):
+def composite_inertias(robot, R, p, S, inertia, I_composite, F) -> None:
     """Inertias of the bodies, of each with all that hangs on it, and the forces ``F`` for unit accelerations."""
     n = inertia.shape[0]
     for i in range(n):
@@ -42,7 +42,7 @@ def composite_inertias(robot, R, p, S, inertia, I_composite, F):
         momentum_of(I_composite[0], S[j], F[j])
 
 
-def reduce_row(row, free, out):
+def reduce_row(row, free, out) -> None:
     """A row (N_BODY,) in the free directions, (N_FREE,)."""
     for r in range(FREE_LOWER):
         d = 0.0
@@ -53,7 +53,7 @@ def reduce_row(row, free, out):
         out[FREE_LOWER + j] = row[LOWER + j]
 
 
-def configuration_terms(k, robot, task, m, work):
+def configuration_terms(k, robot, task, m, work) -> None:
     """Put the feet of knot ``k`` back; fill palms, inertias, ``r`` and ``J``, and the bounds on configurations."""
     q, free, R, p, S, r, J = m.q[k], m.free[k], m.R[k], m.p[k], m.S[k], m.r[k], m.J[k]
     restore_feet(q, robot, R, p, S, free, work)
@@ -100,7 +100,7 @@ def configuration_terms(k, robot, task, m, work):
         m.violation[k, COM_EDGE + e] = robot.normals[e, 0] * x + robot.normals[e, 1] * y - robot.com_offsets[e]
 
 
-def tilt(k, f, R, limit, turn, m):
+def tilt(k, f, R, limit, turn, m) -> None:
     """The bound on a tilt; ``turn`` (3, N_FREE) are the rows of the frame's orientation."""
     x, y = R[0, 2], R[1, 2]
     lean = math.sqrt(x * x + y * y)

@@ -29,7 +29,7 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
 )
 
 
-def cost(m, weights, penalties, moving):
+def cost(m, weights, penalties, moving) -> float:
     """Cost of a motion; ``penalties`` (n_inequalities,) weigh its bounds, at the first knot only from ``moving`` on."""
     K, total = m.q.shape[0], 0.0
     for k in range(K):
@@ -51,7 +51,7 @@ def cost(m, weights, penalties, moving):
     return total
 
 
-def configuration_cost(r, weights):
+def configuration_cost(r, weights) -> float:
     """Cost of the squares that depend on one configuration."""
     total = 0.0
     for h in range(4):
@@ -65,14 +65,14 @@ def configuration_cost(r, weights):
     return total
 
 
-def palm_scale(h, weights):
+def palm_scale(h, weights) -> tuple[float, float]:
     """Scale of a palm's position (h even) or orientation, and the residual from which its gradient grows no more."""
     if h % 2 == 0:
         return weights.position, weights.position_give
     return weights.orientation, weights.orientation_give
 
 
-def scale_of(i, weights):
+def scale_of(i, weights) -> float:
     """Weight of a row that depends on the configuration, palms aside."""
     if i < TORSO:
         return weights.com
@@ -83,7 +83,7 @@ def scale_of(i, weights):
     return weights.height if i < JOINTS else weights.posture
 
 
-def assemble(m, task, weights, H, g, work):
+def assemble(m, task, weights, H, g, work) -> None:
     """Hessian panels (K + 2, N_FREE, 3 N_FREE) and gradient (K + 2, N_FREE) of half the cost without the bounds.
 
     Palm positions have a Cauchy loss: the gradient is greatest at ``position_give`` and falls beyond, so that a target
@@ -100,7 +100,7 @@ def assemble(m, task, weights, H, g, work):
         add_upper(k, m, task.dt, weights, H, g)
 
 
-def add_configuration(k, m, weights, H, g, work):
+def add_configuration(k, m, weights, H, g, work) -> None:
     """Rows that depend on one configuration."""
     B, v, r = work.frames, work.frame_values, m.r[k]
     for i in range(N_FRAME):
@@ -134,7 +134,7 @@ def add_configuration(k, m, weights, H, g, work):
         slope[FREE_LOWER + u] += w * r[JOINTS + LOWER - 6 + u]
 
 
-def add_dense(k, m, weights, H, g, work):
+def add_dense(k, m, weights, H, g, work) -> None:
     """Zero-moment point and waist torques: rows that depend on everything."""
     B, slope = work.dense, g
     for i in range(2 + WAIST):
@@ -150,7 +150,7 @@ def add_dense(k, m, weights, H, g, work):
         add_gram(B, c * N_FREE, H[k + c])
 
 
-def add_gram(B, start, panel):
+def add_gram(B, start, panel) -> None:
     """Add the first rows of ``B' B``, with the columns of B from ``start`` on, to those of a panel."""
     rows, n = B.shape[0], B.shape[1] - start
     for i in range(N_FREE):
@@ -169,7 +169,7 @@ def add_gram(B, start, panel):
             r += 1
 
 
-def add_lower(k, m, dt, weights, H, g, work):
+def add_lower(k, m, dt, weights, H, g, work) -> None:
     """Accelerations and speeds of base and legs, and the slide of the soles."""
     C, v, block, f, n = work.legs, work.leg_values, work.leg_square, FREE_LOWER, LOWER
     smooth, slide = math.sqrt(weights.smooth), math.sqrt(weights.slide)
@@ -201,7 +201,7 @@ def add_lower(k, m, dt, weights, H, g, work):
                 g[k + c, i] += C[c * f + i, j] * v[j]
 
 
-def add_upper(k, m, dt, weights, H, g):
+def add_upper(k, m, dt, weights, H, g) -> None:
     """Accelerations and speeds of waist and arms."""
     f, n = FREE_LOWER, N_FREE
     here, there = knot_rate(k, m.q.shape[0], dt), knot_rate(k + 1, m.q.shape[0], dt)

@@ -24,10 +24,11 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
 from wholebody.robot.kernels.spatial import cross, cross_motion, dot6
 
 UNLOADED = 0.05
-"""Least share of the weight by which moments are divided for the zero-moment point, which is reported only."""
+"""Least share of the weight by which moments are divided for the zero-moment point, which is reported only; chosen, no
+trial is on record."""
 
 
-def contact_wrench(k, robot, m, work):
+def contact_wrench(k, robot, m, work) -> None:
     """Rows ZMP_FORCE, VERTICAL, HORIZONTAL and YAW: the wrench of the floor about the world's origin, per weight."""
     weight = -robot.mass * robot.gravity[2]
     f, p = work.f[0], m.q[k]
@@ -43,7 +44,7 @@ def contact_wrench(k, robot, m, work):
         wrench_rows(F[LOWER:], p, weight, work.upper[part])
 
 
-def wrench_rows(F, p, weight, rows):
+def wrench_rows(F, p, weight, rows) -> None:
     """The same rows of the forces (n, 6) about a point p."""
     for j in range(F.shape[0]):
         f = F[j]
@@ -53,7 +54,7 @@ def wrench_rows(F, p, weight, rows):
         rows[YAW, j] = (f[5] + p[0] * f[1] - p[1] * f[0]) / weight
 
 
-def sole_accelerations(k, robot, m, work):
+def sole_accelerations(k, robot, m, work) -> None:
     """Rows SOLE: how each sole would accelerate over the floor if pelvis and joints kept their velocities.
 
     Contact models that correct velocities, MuJoCo's among them, let a sole slide with this times their time constant
@@ -88,7 +89,7 @@ def sole_accelerations(k, robot, m, work):
                 work.lower[1, row + e, c] += six[6, c]
 
 
-def slide_column(j, robot, s, V, work):
+def slide_column(j, robot, s, V, work) -> None:
     """Derivatives of an acceleration in axes of its body: ``work.six[3]`` by position, ``work.six[4]`` by velocity."""
     six, psi_dot = work.six, work.psi_dot[j]
     for c in range(6):
@@ -106,7 +107,7 @@ def slide_column(j, robot, s, V, work):
         six[4, c] = work.psi_S_dot[j, c] - six[4, c]
 
 
-def project_dynamics(k, task, m, work):
+def project_dynamics(k, task, m, work) -> None:
     """The rows of the dynamics in the free directions of three knots."""
     K, dt = m.q.shape[0], task.dt
     lower, upper, J, f = work.lower, work.upper, m.J_dynamics[k], FREE_LOWER
@@ -138,7 +139,7 @@ def project_dynamics(k, task, m, work):
             front_u[j] = there * y
 
 
-def dynamics_violations(k, robot, m, at):
+def dynamics_violations(k, robot, m, at) -> None:
     """The bounds on load, torques, zero-moment point, accelerations, speeds and friction, from row ``at`` on."""
     row, violation, sign = m.dynamics[k], m.violation[k], m.sign[k]
     edge, torque = robot.normals.shape[0], at + 1
@@ -163,7 +164,7 @@ def dynamics_violations(k, robot, m, at):
         violation[rates + 2 * n + e] = friction_violation(robot.cone[e], row)
 
 
-def friction_violation(side, row):
+def friction_violation(side, row) -> float:
     """How far rows of the dynamics (N_DYNAMICS,) are beyond one side of the cone of friction."""
     d = side[0] * row[0] + side[1] * row[1] + side[2] * row[VERTICAL]
     return d + side[3] * row[HORIZONTAL] + side[4] * row[HORIZONTAL + 1] + side[5] * row[YAW]

@@ -18,11 +18,11 @@ from wholebody.robot.kernels.rotation import rotation_between
 from wholebody.robot.kernels.spatial import velocity_at
 
 FEET_TOLERANCE, FEET_STEPS = 1e-6, 6
-"""How near the feet are put back to their place [m, rad], far below what contact notices, and the most Newton steps for
-it; they converge quadratically from the few centimetres that a step of the optimiser moves a foot."""
+"""How near the feet are put back to their place [m, rad], chosen far below what contact notices, and the most Newton
+steps for it; they converge quadratically from the few centimetres that a step of the optimiser moves a foot."""
 
 
-def frame_rows(S, carries, x, rows):
+def frame_rows(S, carries, x, rows) -> None:
     """Jacobian (6, n) of a frame at x, world axes; ``carries`` (n,) are the velocities that move it."""
     for j in range(S.shape[0]):
         if carries[j]:
@@ -34,7 +34,7 @@ def frame_rows(S, carries, x, rows):
                 rows[a, j] = 0.0
 
 
-def feet_step_and_nullspace(W, error, V, X, diagonal, sums):
+def feet_step_and_nullspace(W, error, V, X, diagonal, sums) -> None:
     """Least-norm step that corrects an error of the feet, and a basis of the directions that leave them in place.
 
     Householder reflections ``V`` make the columns of ``W`` upper triangular; dependent ones get no step. All columns
@@ -73,7 +73,7 @@ def feet_step_and_nullspace(W, error, V, X, diagonal, sums):
         reflect_free(V[k], k, X, sums)
 
 
-def reflect_feet(v, first, W, sums):
+def reflect_feet(v, first, W, sums) -> None:
     """``W -= v (v' W)`` in place, twelve columns; v is zero before ``first``."""
     for c in range(12):
         sums[c] = 0.0
@@ -87,7 +87,7 @@ def reflect_feet(v, first, W, sums):
             row[c] -= a * sums[c]
 
 
-def reflect_free(v, first, X, sums):
+def reflect_free(v, first, X, sums) -> None:
     """The same for eight columns."""
     for c in range(8):
         sums[c] = 0.0
@@ -101,7 +101,7 @@ def reflect_free(v, first, X, sums):
             row[c] -= a * sums[c]
 
 
-def integrate_base(q, u, w):
+def integrate_base(q, u, w) -> None:
     """Move the base by the twist ``[u; w]`` in its own axes, as Pinocchio's ``integrate``."""
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     square = angle * angle
@@ -127,14 +127,14 @@ def integrate_base(q, u, w):
         q[c] /= size
 
 
-def integrate(q, lower):
+def integrate(q, lower) -> None:
     """Move base and legs of a configuration by ``lower`` (LOWER,), in place."""
     integrate_base(q, lower[:3], lower[3:6])
     for j in range(6, LOWER):
         q[1 + j] += lower[j]
 
 
-def restore_feet(q, robot, R, p, S, free, work):
+def restore_feet(q, robot, R, p, S, free, work) -> None:
     """Put the feet back, moving base and legs as little as possible; fills the kinematics and ``free`` there.
 
     Args:
@@ -172,7 +172,7 @@ def restore_feet(q, robot, R, p, S, free, work):
     place_bodies(q, robot.bodies, robot.parent, LOWER - 5, S.shape[0] - 5, R, p, S)
 
 
-def foot_columns(S, carries, x, at, W):
+def foot_columns(S, carries, x, at, W) -> None:
     """Transposed Jacobian of a sole at x, world axes, in the columns of ``W`` (LOWER, 12) from ``at`` on."""
     for j in range(LOWER):
         s, row = S[j], W[j]

@@ -34,7 +34,7 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
 )
 
 
-def changes(robot, m, dt, z, out, work):
+def changes(robot, m, dt, z, out, work) -> None:
     """How a step ``z`` changes the violations, ``out`` (K, n_inequalities)."""
     K, E, n = m.q.shape[0], robot.normals.shape[0], N_JOINTS
     dv_mid, flat = work.dv_mid, z.reshape(z.size)
@@ -63,7 +63,7 @@ def changes(robot, m, dt, z, out, work):
             row[rate + 2 * n + e] = friction_violation(robot.cone[e], dynamics)
 
 
-def velocity_changes(m, dt, z, dv_mid):
+def velocity_changes(m, dt, z, dv_mid) -> None:
     """Changes of the velocities between knots, ``dv_mid`` (K + 1, N_BODY)."""
     K, f = m.q.shape[0], FREE_LOWER
     for k in range(K + 1):
@@ -79,7 +79,7 @@ def velocity_changes(m, dt, z, dv_mid):
             dv_mid[k, LOWER + u] = knot_rate(k, K, dt) * (z[k + 1, f + u] - z[k, f + u])
 
 
-def configuration_changes(k, robot, m, x, row, sign, work):
+def configuration_changes(k, robot, m, x, row, sign, work) -> None:
     """The same for the bounds on one configuration."""
     E, f, n_near = robot.normals.shape[0], FREE_LOWER, m.n_near[k]
     for i in range(2):
@@ -118,7 +118,7 @@ def configuration_changes(k, robot, m, x, row, sign, work):
         row[COM_EDGE + e] = robot.normals[e, 0] * sx + robot.normals[e, 1] * sy
 
 
-def derivative(i, k, robot, m, dt, out):
+def derivative(i, k, robot, m, dt, out) -> tuple[int, int]:
     """Derivative ``out`` (3 N_FREE,) of one bound of knot k; the first and the last entry that are not zero."""
     E, n = robot.normals.shape[0], N_FREE
     load = COM_EDGE + E
@@ -154,7 +154,7 @@ def derivative(i, k, robot, m, dt, out):
     return 0, 3 * n
 
 
-def configuration_derivative(i, k, robot, m, out):
+def configuration_derivative(i, k, robot, m, out) -> tuple[int, int]:
     """The same for bounds on one configuration, as if the bodies stood still."""
     f, n = FREE_LOWER, N_FREE
     out[:] = 0.0
@@ -182,13 +182,13 @@ def configuration_derivative(i, k, robot, m, out):
     return n, 2 * n
 
 
-def copy(sign, row, out):
+def copy(sign, row, out) -> None:
     """Write a row (N_FREE,) into the middle of ``out``."""
     for j in range(N_FREE):
         out[N_FREE + j] = sign * row[j]
 
 
-def rate_derivative(i, k, m, dt, sign, out):
+def rate_derivative(i, k, m, dt, sign, out) -> tuple[int, int]:
     """The same for accelerations, i < N_JOINTS, and speeds."""
     f, n, j = FREE_LOWER, N_FREE, 6 + i % N_JOINTS
     here, there = knot_rate(k, m.q.shape[0], dt), knot_rate(k + 1, m.q.shape[0], dt)
@@ -207,7 +207,7 @@ def rate_derivative(i, k, m, dt, sign, out):
     return 0, 2 * n + f
 
 
-def add_active(k, lowest, robot, m, dt, penalties, active, H, g, row):
+def add_active(k, lowest, robot, m, dt, penalties, active, H, g, row) -> None:
     """Add the active bounds of one knot to Hessian and gradient of half the cost, to panels from the lowest on."""
     n = N_FREE
     for i in range(active.shape[1]):

@@ -16,14 +16,14 @@ from wholebody.planning.trajopt.kernels.static_torque import static_torque
 from wholebody.planning.trajopt.layout import LOAD
 
 
-def place(robot, task, m, work, first, last):
+def place(robot, task, m, work, first, last) -> None:
     """Everything that depends on the configurations of some knots, distances aside; puts the feet back in place."""
     for k in range(first, last):
         configuration_terms(k, robot, task, m, work)
         static_torque(k, robot, m, work)
 
 
-def rates(robot, task, m, work):
+def rates(robot, task, m, work) -> None:
     """Everything that depends on velocities and accelerations."""
     mid_velocities(m, task, work)
     for k in range(m.q.shape[0]):

@@ -14,10 +14,10 @@ from wholebody.planning.trajopt.kernels.inequalities import add_active, changes
 from wholebody.planning.trajopt.layout import COM_EDGE, N_FREE
 
 FULL_STEP = 0.99
-"""Share of Newton's step from which on it counts as a whole one; the line search is exact to 1e-6."""
+"""Share of Newton's step from which on it counts as a whole one; chosen: the line search is exact to 1e-6."""
 
 
-def step(robot, task, m, penalties, system, work, damping, limit, largest):
+def step(robot, task, m, penalties, system, work, damping, limit, largest) -> tuple[float, float, bool]:
     """Fill ``system.z`` with the step.
 
     Args:
@@ -70,7 +70,7 @@ def step(robot, task, m, penalties, system, work, damping, limit, largest):
     return decrease(K, m, penalties, s), size, exact
 
 
-def advance(K, t, s):
+def advance(K, t, s) -> float:
     """Go along the direction; the largest entry of the step."""
     size = 0.0
     for k in range(2, K + 1):
@@ -81,7 +81,7 @@ def advance(K, t, s):
     return size
 
 
-def find_active(robot, m, s):
+def find_active(robot, m, s) -> int:
     """List the bounds that are exceeded; the first knot at which the list changes, else the number of knots."""
     K, n = s.active.shape
     start, first = COM_EDGE + robot.normals.shape[0], K
@@ -94,7 +94,7 @@ def find_active(robot, m, s):
     return first
 
 
-def newton(first, robot, m, dt, penalties, s, work):
+def newton(first, robot, m, dt, penalties, s, work) -> None:
     """Hessian and gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
     K = m.q.shape[0]
     for k in range(first + 1, K + 2):
@@ -109,7 +109,7 @@ def newton(first, robot, m, dt, penalties, s, work):
             s.panels[k + 1, i, i] += s.damping[k + 1, i]
 
 
-def factor(first, K, s, work):
+def factor(first, K, s, work) -> bool:
     """Cholesky factor ``U' U`` of the panels from knot ``first`` on; False if they are singular."""
     n = N_FREE
     for k in range(first, K):
@@ -134,7 +134,7 @@ def factor(first, K, s, work):
     return True
 
 
-def factor_panel(U):
+def factor_panel(U) -> bool:
     """The upper triangle of the own block and the rows to its right, in place.
 
     Loops begin at zero and run along rows: only those become vector instructions.
@@ -161,13 +161,13 @@ def factor_panel(U):
     return True
 
 
-def subtract(c, row, out, n):
+def subtract(c, row, out, n) -> None:
     """``out -= c row`` of the first n entries."""
     for j in range(n):
         out[j] -= c * row[j]
 
 
-def dot(a, b, n):
+def dot(a, b, n) -> float:
     """Scalar product of the first n entries, in eight interleaved sums."""
     s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
     for i in range(n // 8):
@@ -185,7 +185,7 @@ def dot(a, b, n):
     return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
 
 
-def solve(K, s):
+def solve(K, s) -> None:
     """``y = - (U' U)^-1 gradient``."""
     n, y = N_FREE, s.y
     for k in range(K + 2):
@@ -206,7 +206,7 @@ def solve(K, s):
             rest[0] = (rest[0] - dot(row[1:], rest[1:], m - i - 1)) / row[0]
 
 
-def times(K, H, extra, x, out):
+def times(K, H, extra, x, out) -> None:
     """``out = (H + extra) x``."""
     n = N_FREE
     flat, result = x.reshape(x.size), out.reshape(out.size)
@@ -221,7 +221,7 @@ def times(K, H, extra, x, out):
             subtract(-c, row, there, m)
 
 
-def line_search(K, m, penalties, s):
+def line_search(K, m, penalties, s) -> float:
     """Where between 0 and 1 the cost along the direction is least."""
     slope, curvature = 0.0, 0.0
     for k in range(2, K + 1):
@@ -255,7 +255,7 @@ def line_search(K, m, penalties, s):
     return max(low, 1e-3)
 
 
-def decrease(K, m, penalties, s):
+def decrease(K, m, penalties, s) -> float:
     """By how much the cost falls at z, without the damping."""
     total = 0.0
     for k in range(2, K + 1):

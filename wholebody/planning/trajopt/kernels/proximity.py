@@ -18,7 +18,7 @@ REMEASURE = 0.01
 0.6 m the error, second order in it, is 0.03 mm."""
 
 
-def measure(robot, shapes, task, m, distances, trigger):
+def measure(robot, shapes, task, m, distances, trigger) -> int:
     """Measure the pairs within ``trigger`` of their margin at all knots that have moved.
 
     Returns:
@@ -42,14 +42,14 @@ def measure(robot, shapes, task, m, distances, trigger):
     return touching
 
 
-def place_fingers(robot, angles, R, p):
+def place_fingers(robot, angles, R, p) -> None:
     """Placements of the fingers, which come after the bodies of the plan."""
     for i in range(N_JOINTS + 1, R.shape[0]):
         before = robot.parent[i]
         place_body(robot.bodies[i], angles[i - N_JOINTS - 1], R[before], p[before], R[i], p[i])
 
 
-def centres(shapes, R, p, out):
+def centres(shapes, R, p, out) -> None:
     """Middles of the boxes around the shapes, from the base."""
     for s in range(out.shape[0]):
         b, c = shapes.shapes[s, BODY], shapes.centre[s]
@@ -57,7 +57,7 @@ def centres(shapes, R, p, out):
             out[s, a] = p[b, a] + R[b, a, 0] * c[0] + R[b, a, 1] * c[1] + R[b, a, 2] * c[2]
 
 
-def measure_knot(k, shapes, R, p, distances, trigger, touching):
+def measure_knot(k, shapes, R, p, distances, trigger, touching) -> int:
     """Fill the list of one knot; see `measure`."""
     most, count = distances.pair.shape[1], 0
     centre, reach = distances.centre, shapes.radius
@@ -95,7 +95,7 @@ def measure_knot(k, shapes, R, p, distances, trigger, touching):
     return touching
 
 
-def outside_box(R, half, x, y, z):
+def outside_box(R, half, x, y, z) -> float:
     """Distance of a point, seen from the middle of a box, from the box; R are the axes of the box."""
     total = 0.0
     for c in range(3):
@@ -105,7 +105,7 @@ def outside_box(R, half, x, y, z):
     return math.sqrt(total)
 
 
-def describe(robot, shapes, task, m, distances):
+def describe(robot, shapes, task, m, distances) -> None:
     """The bounds DISTANCE and their derivatives at all knots: first those of the pairs, then those of the floor.
 
     Where little has moved, those of the pairs are the ones measured before, moved on.
@@ -143,7 +143,7 @@ def describe(robot, shapes, task, m, distances):
         describe_floor(k, robot, shapes, task, m, distances)
 
 
-def describe_floor(k, robot, shapes, task, m, distances):
+def describe_floor(k, robot, shapes, task, m, distances) -> None:
     """Add the bounds of the bodies near the floor to those of the pairs, each by its lowest vertex."""
     base, R, p, S, up, x = m.q[k, 2], m.R[k], m.p[k], m.S[k], distances.scratch[:3], distances.scratch[3:6]
     keep, placed = shapes.floor[0], False
@@ -176,7 +176,7 @@ def describe_floor(k, robot, shapes, task, m, distances):
         m.n_near[k] = c + 1
 
 
-def choose(k, distances):
+def choose(k, distances) -> None:
     """Bring the nearest pairs of a knot to the front of its list, in their order."""
     count = distances.count[k]
     chosen = min(count, N_PAIRS)
@@ -196,7 +196,7 @@ def choose(k, distances):
     distances.chosen[k] = chosen
 
 
-def carry(robot, body, sign, normal, x, S, row):
+def carry(robot, body, sign, normal, x, S, row) -> None:
     """Add ``sign`` times how the joints that carry a body move its point x along a normal.
 
     Fingers are locked, and the base, which moves both bodies of a pair alike, is left out.

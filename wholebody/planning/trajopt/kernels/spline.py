@@ -9,7 +9,7 @@ from __future__ import annotations
 from wholebody.planning.trajopt.layout import FIRST_RATE
 
 
-def knot_rate(k, K, dt):
+def knot_rate(k, K, dt) -> float:
     """Factor of the difference between knots k - 1 and k in the velocity between them [1/s]; 0 at both ends."""
     if k in (0, K):
         return 0.0

@@ -11,7 +11,7 @@ from wholebody.robot.kernels.frames import place_frame
 from wholebody.robot.kernels.rotation import base_rotation, rotation_between
 
 
-def spline_offset(robot, task, m, other, largest, work):
+def spline_offset(robot, task, m, other, largest, work) -> None:
     """Put the palms of ``m.r`` on the spline, which is a sixth of the second difference away from a control point.
 
     Args:
@@ -47,7 +47,7 @@ def spline_offset(robot, task, m, other, largest, work):
                 replace(k, 6 * f + 3 + a, w[a], largest, task, m)
 
 
-def replace(k, row, offset, largest, task, m):
+def replace(k, row, offset, largest, task, m) -> None:
     """Put one coordinate of an offset in place of what it was."""
     offset = min(max(offset, -largest), largest)
     m.r[k, row] += offset - task.offset[k, row]

@@ -11,7 +11,7 @@ from wholebody.planning.trajopt.layout import LOWER, N_BODY, STATIC, WAIST
 from wholebody.robot.kernels.spatial import add_cross_force, cross_motion, dot6, momentum_of
 
 
-def static_torque(k, robot, m, work):
+def static_torque(k, robot, m, work) -> None:
     """Bounds STATIC of knot ``k`` and their derivatives; as `inverse_dynamics.torques` without velocities."""
     S, F, row, six = m.S[k], m.F[k], work.rows[0], work.six
     lift, lift_rate, force, force_rate = six[0], six[1], six[2], six[3]

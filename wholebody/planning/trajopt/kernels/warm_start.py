@@ -9,15 +9,15 @@ from wholebody.planning.trajopt.kernels.newton import dot, factor_panel, subtrac
 from wholebody.planning.trajopt.layout import COM_EDGE, FREE_LOWER, LOWER, N_FREE, UPPER
 
 STEP_COST = 30.0
-"""Weight of the step from one knot to the next [1/m^2, 1/rad^2]: without it a knot near a singular pose leaps. A step
-of 0.18 rad costs as much as a palm 2 mm off its target."""
+"""Weight of the step from one knot to the next [1/m^2, 1/rad^2]: without it a knot near a singular pose leaps; chosen:
+a step of 0.18 rad costs as much as a palm 2 mm off its target."""
 STEP_MAX = 0.25
-"""Largest entry of a step [m, rad], for which the linearisation is still good; 3.75 rad/s at 15 knots a second."""
+"""Largest entry of a step [m, rad], chosen so that the linearisation is still good; 3.75 rad/s at 15 knots a second."""
 NEWTON_STEPS = 4
 """Most Newton steps at a knot, each on the active set that the one before led to; the knot after it goes on."""
 
 
-def warm_start(k, robot, m, weights, penalties, system, work, sums):
+def warm_start(k, robot, m, weights, penalties, system, work, sums) -> None:
     """Move a knot, which is where the knot before it is, towards its palm targets."""
     for i in range(N_FREE):
         system.g[k + 1, i] = 0.0
@@ -34,7 +34,7 @@ def warm_start(k, robot, m, weights, penalties, system, work, sums):
     shift(m.free[k], system.z[k + 1], m.q[k], work.lower_step)
 
 
-def newton_step(k, robot, m, penalties, count, s, sums):
+def newton_step(k, robot, m, penalties, count, s, sums) -> None:
     """The step of one knot, on the set of bounds that are exceeded after it."""
     n, z, row, active, change = N_FREE, s.z[k + 1], sums.row, s.active[k], s.change[k]
     U, y = s.panels[k + 1], s.y[k + 1]
@@ -68,7 +68,7 @@ def newton_step(k, robot, m, penalties, count, s, sums):
             break
 
 
-def add_row(weight, value, row, U, y):
+def add_row(weight, value, row, U, y) -> None:
     """Add one bound to Hessian and negative gradient of a knot."""
     n = N_FREE
     for i in range(n):
@@ -78,7 +78,7 @@ def add_row(weight, value, row, U, y):
             U[i, j] += x * row[j]
 
 
-def take_step(m, z, lower, other):
+def take_step(m, z, lower, other) -> None:
     """Write the configurations after a step of the whole motion into another motion."""
     for k in range(m.q.shape[0]):
         for j in range(m.q.shape[1]):
@@ -87,7 +87,7 @@ def take_step(m, z, lower, other):
             shift(m.free[k], z[k + 1], other.q[k], lower)
 
 
-def shift(free, x, q, lower):
+def shift(free, x, q, lower) -> None:
     """Move a configuration by a step of the free directions."""
     for j in range(LOWER):
         lower[j] = 0.0
