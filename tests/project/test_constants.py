@@ -9,14 +9,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SETTINGS = ("config.py", "verdict_config.py", "config_bounds.py")
+SETTINGS = "config"
 DRAWINGS = "pictures"
 """How a drawing looks claims nothing."""
-SOURCES = [
-    path
-    for path in sorted((ROOT / "wholebody").rglob("*.py"))
-    if path.name not in SETTINGS and DRAWINGS not in path.parts
-]
+SOURCES = [path for path in sorted((ROOT / "wholebody").rglob("*.py")) if not {SETTINGS, DRAWINGS} & set(path.parts)]
 UNIT = re.compile(r"\[[^\]]+\]|no unit|\b(share|factor|times|ticks|weight|ratio)\b|in terms of", re.IGNORECASE)
 SOURCE = re.compile(
     r"Source:|data sheet|URDF|\bderived\b|\bmeasured\b|\bby trial\b|\bchosen\b|\bdefinition\b|(MuJoCo|Unitree)'s own",

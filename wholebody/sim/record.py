@@ -22,7 +22,7 @@ ROWS_MAX, WIDTH_MAX = 2_000_000, 10_000
 TEXT_MAX = 300
 """Most characters of a sentence that is recorded."""
 NUMBER_MAX = 1e12
-"""Largest number of a run, in any unit; what comes near it has long broken down."""
+"""Largest number of a run, in any [unit]; chosen: what comes near it has long broken down."""
 MAY_BE_NAN = ("T_world_palms_asked", "pressure", "pressure_margin")
 """Columns in which NaN says that there is nothing."""
 

@@ -19,7 +19,7 @@ FILE_MAX, ASSETS_MAX = 2**20, 16 * 2**20
 ELEMENTS_MAX = 2000
 """Most elements of a file."""
 NUMBER_MAX = 1e6
-"""Largest number in an attribute, in any unit."""
+"""Largest number in an attribute, in any [unit]; chosen, no trial is on record."""
 PIXELS_MAX = 4096
 """Largest width or height of a texture."""
 BODIES = {"worldbody", "body", "frame", "geom", "joint", "freejoint", "inertial", "site", "camera", "light"}
