@@ -61,7 +61,7 @@ class MonotonicClock:
 
 
 class SimulatedClock:
-    """Time that whoever steps the simulation sets."""
+    """Time that the loop of the simulation sets."""
 
     def __init__(self, time: float = 0.0) -> None:
         self.restart(time)

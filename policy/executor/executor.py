@@ -75,8 +75,8 @@ class Executor:
 
     Attributes:
         running: The chunk that was handed out last, as it was handed out.
-        lead: Time that the controller takes to plan a chunk [s]; that of the settings until whoever drives the loop
-            knows better.
+        lead: Time that the controller takes to plan a chunk [s]; that of the settings until the loop that it
+            serves knows better.
 
     Raises:
         PolicyError: If real-time chunking is wanted from a policy that cannot do it.

@@ -22,7 +22,7 @@ def checkpoint_folder(path: str | Path) -> Path:
 
 
 def whereabouts(path: str | Path) -> str:
-    """What would help whoever named a checkpoint that is not there."""
+    """What would help a person who named a checkpoint that is not there."""
     name = str(path)
     if not Path(path).exists() and HUB_ID.fullmatch(name):
         return (

@@ -60,7 +60,7 @@ def read_action_spec(folder: Path, wanted: ActionSpec | None, assumed: ActionSpe
     found = _read(file)
     if wanted is not None:
         try:
-            # How many steps a chunk has is the network's business; whoever decodes takes any number.
+            # How many steps a chunk has is the network's business; decoding takes any number.
             require_same(dataclasses.replace(wanted, horizon=found.horizon), found)
         except SpecError as error:
             raise SpecError(f"{file}: {error}; decode with the checkpoint's own layout, or --assume-spec") from error

@@ -25,7 +25,7 @@ PORT = 8000
 FRAME_MAX = 64 * 2**20
 """Largest frame that is taken [bytes]: twenty raw images of 1280 x 720."""
 RETRY_PAUSE = 0.2
-"""Pause between attempts to connect to a port where nobody listens yet [s]."""
+"""Pause between attempts to connect to a port where no server listens yet [s]."""
 LOOK_INTERVAL = 0.05
 """How often to look whether a connection has failed while an answer is awaited [s]."""
 TRACEBACK_LINES, TRACEBACK_WIDTH = 60, 300
@@ -47,7 +47,7 @@ class RemoteError(PolicyError):
 
 
 class RemoteConnectionError(RemoteError, ConnectionError):
-    """Nobody there, no websocket there, or the connection broke."""
+    """No server there, no websocket there, or the connection broke."""
 
 
 class RemoteTimeoutError(RemoteError, TimeoutError):
@@ -104,10 +104,10 @@ class Channel:
         """Connect and return the server's metadata.
 
         Args:
-            patient: Where nobody listens, try again until the time is over: a server that loads its weights.
+            patient: Where no server listens, try again until the time is over: a server that loads its weights.
 
         Raises:
-            RemoteError: If there is no policy server, or it says why it takes nobody.
+            RemoteError: If there is no policy server, or it says why it takes no client.
         """
         self.close()
         deadline = monotonic() + self.connect_timeout
@@ -120,7 +120,7 @@ class Channel:
                     sleep(RETRY_PAUSE)
                     continue
                 cure = "start the server, or check host and port"
-                raise RemoteConnectionError(f"nobody listens there; {cure}", uri=self.uri) from error
+                raise RemoteConnectionError(f"no server listens there; {cure}", uri=self.uri) from error
         return self._read(self._exchange(None, deadline - monotonic(), "metadata"))
 
     def ask(self, request: Mapping[str, Any], timeout: float) -> Mapping[str, Any]:
@@ -164,7 +164,7 @@ class Channel:
             text = f"no websocket within {self.connect_timeout:g} s; is a policy server on that port?"
             raise RemoteTimeoutError(text, uri=self.uri) from error
         except (OSError, WebSocketException, AssertionError) as error:
-            # websockets asserts that nobody answers before it has asked; an SSH server greets whoever connects.
+            # websockets asserts that no server answers before it has asked; an SSH server greets first.
             why = str(error) or "it spoke before it was asked"
             text = f"no websocket there: {why}; is a policy server on that port?"
             raise RemoteConnectionError(text, uri=self.uri) from error
@@ -180,7 +180,7 @@ class Channel:
             return
         _break_off(self._connection.socket)
         self.close()
-        text = "the server sent an answer that nobody asked for; which request it answers cannot be known"
+        text = "the server sent an answer that was not asked for; which request it answers cannot be known"
         raise RemoteAnswerError(text, uri=self.uri)
 
     def _exchange(self, frame: bytes | None, timeout: float, awaited: str) -> bytes | str:
@@ -249,7 +249,7 @@ class Channel:
         return data
 
     def _tell(self, traceback: str) -> None:
-        """Log a server's traceback, once: whoever asks again and again gets the same one.
+        """Log a server's traceback, once: a client that asks again and again gets the same one.
 
         A refusal of our own server is no bug, and its last line, which is in the exception too, says all.
         """

@@ -183,7 +183,7 @@ class RemotePolicy:
         """Connect again, to a server that says the same of itself.
 
         Raises:
-            RemoteError: If nobody is there, or another.
+            RemoteError: If no server is there, or another.
         """
         metadata = self._channel.open()
         if any(metadata.get(key) != self.metadata.get(key) for key in SAME):

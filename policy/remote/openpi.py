@@ -173,7 +173,7 @@ def _key(name: str, key: Any) -> Key | None:
 
 _EXAMPLE = '{"head": "observation/front_image", "left_wrist": null}'
 LIBERO = KeyMap(images={"head": "observation/image", "left_wrist": "observation/wrist_image"})
-"""Keys of openpi's LIBERO example, and of whoever began with it."""
+"""Keys of openpi's LIBERO example, and of servers that began as a copy of it."""
 ALOHA = KeyMap(
     state="state",
     images={

@@ -28,7 +28,7 @@ class OpenpiRequests:
     """Reads requests by a policy's cameras and state.
 
     A policy that does not see the robot needs no state. Cameras that the key map does not name go by their own names,
-    as ``observation/NAME``. Entries that nobody reads are left alone, as openpi leaves them.
+    as ``observation/NAME``. Entries that no policy reads are left alone, as openpi leaves them.
 
     Args:
         policy: Who is asked.

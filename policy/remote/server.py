@@ -53,7 +53,7 @@ class PolicyServer:
     Metadata come first; then each request is answered with a chunk, or with a traceback as a text frame, after which
     the connection is closed with code 1011. ``GET /healthz`` answers ``OK``. A second client is turned away: a policy
     has one episode. Requests with an ``Origin`` are refused, so that no web page that the user visits can drive the
-    robot; that aside, whoever can connect can use the policy, which is why the address is the loopback unless said.
+    robot; that aside, all who can connect can use the policy, which is why the address is the loopback unless said.
 
     All calls of the policy are made in one thread, which CUDA graphs need. A call that hangs cannot be broken off:
     clients are told that the policy is busy, and the thread is a daemon, so that at least the program can end.
@@ -158,7 +158,7 @@ class PolicyServer:
                 client.send(answer)
 
     def _let_in(self, client: ServerConnection) -> bool:
-        """Whether a client is the one from now on; whoever else waits meanwhile waits beside it, not behind it."""
+        """Whether a client is the one from now on; other clients that wait meanwhile wait beside it, not behind it."""
         while True:
             with self._guard:
                 before = self._client

@@ -37,7 +37,7 @@ class PolicyWorker:
 
         Args:
             call: What to call.
-            wanted: Looked at while it runs; once it is false, nobody waits any longer.
+            wanted: Looked at while it runs; once it is false, no client waits any longer.
 
         Raises:
             PolicyError: If a call from before still runs, or the result is no longer wanted.
@@ -46,7 +46,7 @@ class PolicyWorker:
         if self._running is not None and not self._running[0].done():
             since = monotonic() - self._running[1]
             raise PolicyError(
-                f"the policy is busy: it computes since {since:.1f} s for a request that nobody waits for"
+                f"the policy is busy: it computes since {since:.1f} s for a request that no client waits for"
             )
         future: Future = Future()
         self._running = (future, monotonic())

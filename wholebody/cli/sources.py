@@ -77,7 +77,7 @@ def opened(name: str, given: Input, **options: Any) -> Policy:
 
 
 def _warnings(policy: Policy, images: str) -> Iterator[Finding]:
-    """A policy's warnings; of its cameras, only those that nobody draws see grey."""
+    """A policy's warnings; of its cameras, only those that are not drawn see grey."""
     from policy.placeholder_cameras import blind
     from wholebody.sim.cameras import MOUNTS
 

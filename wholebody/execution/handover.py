@@ -32,13 +32,13 @@ class Takeover:
         chunk: What it follows.
         plan: The plan.
         beyond: How far past its start it is taken over [s].
-        share: Of its speed at which it is taken over: that of the foreseen speed that the robot has.
+        speed_fraction: Of its speed at which it is taken over: that of the foreseen speed that the robot has.
     """
 
     chunk: ActionChunk
     plan: ChunkPlan
     beyond: float
-    share: float
+    speed_fraction: float
 
 
 class Handover:
@@ -124,16 +124,16 @@ class Handover:
         if answer is None or followed < answer.request.due - 0.5 * self._dt:
             return None
         request, plan, start = answer.request, answer.plan, answer.request.start
-        late, share = max(followed - request.due, 0.0), 1.0
+        late, fraction = max(followed - request.due, 0.0), 1.0
         if s is not None:
             if s < start.s - SAME:
                 if late >= WAIT:
                     self._ready, self._dropped = None, request.chunk
                 return None
             late = (s - start.s) / max(rate, RATE_MIN)
-            share = min(rate / start.rate, 1.0) if start.rate > RATE_MIN else 1.0
+            fraction = min(rate / start.rate, 1.0) if start.rate > RATE_MIN else 1.0
         self._ready = None
-        return Takeover(request.chunk, plan, max(late, 0.0) * plan.rate * share, share)
+        return Takeover(request.chunk, plan, max(late, 0.0) * plan.rate * fraction, fraction)
 
     def take_dropped(self) -> ActionChunk | None:
         """The chunk whose plan was dropped, once: it is to be planned anew."""

@@ -151,21 +151,21 @@ class PlanFollower:
         T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = rows[:, :9].reshape(2, 3, 3), rows[:, 9:12], 1.0
         return T
 
-    def begin(self, plan: ChunkPlan, last: float, *, beyond: float = 0.0, share: float = 1.0) -> None:
+    def begin(self, plan: ChunkPlan, last: float, *, beyond: float = 0.0, speed_fraction: float = 1.0) -> None:
         """Follow a plan from now on.
 
         Args:
             plan: The plan.
             last: Parameter of the chunk's last step [s].
             beyond: How far past its start it is taken over [s].
-            share: Of its speed at which it is taken over, 0 to 1.
+            speed_fraction: Of its speed at which it is taken over, 0 to 1.
         """
         left, right = plan.paths
         self._plan = kernel.Plan(self._settings, left.flat, right.flat, records(plan.trajectory))
         settings, clock = self._settings[0], self._clock[0]
         settings.moving, settings.plan_rate, settings.grid_start = 1.0, plan.rate, plan.trajectory.start
         settings.last_step = last
-        clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * share, 0.0
+        clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
         self._standing = False
 

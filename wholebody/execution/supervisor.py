@@ -242,7 +242,7 @@ class Supervisor:
         self.plan, self.chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
         self.plan_report, self._chunk_end = taken.plan.report, float(taken.chunk.times[-1])
         last = self._chunk_end - taken.chunk.t_obs
-        self._follower.begin(taken.plan, last, beyond=taken.beyond, share=taken.share)
+        self._follower.begin(taken.plan, last, beyond=taken.beyond, speed_fraction=taken.speed_fraction)
 
     def _stand(self) -> None:
         """Follow no plan: come to rest where the robot is, hands let go of, until there is a plan from there."""

@@ -1,4 +1,4 @@
-"""When standing is lost: the one definition, for the supervisor and for whoever watches the robot."""
+"""When standing is lost: the one definition, for the supervisor and for what watches the robot."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def test_b5_an_answer_that_nobody_asked_for_is_not_taken_for_the_next():
         policy = connect(peer)
         assert policy.infer(seen()).seq == 0
         time.sleep(0.2)
-        with pytest.raises(RemoteAnswerError, match="an answer that nobody asked for"):
+        with pytest.raises(RemoteAnswerError, match="an answer that was not asked for"):
             policy.infer(seen(0.1))
         assert policy.infer(seen(0.2)).t_obs == 0.2
         assert peer.connections == 2

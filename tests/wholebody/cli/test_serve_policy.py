@@ -66,7 +66,7 @@ def test_a_served_policy_is_announced_used_from_another_process_and_ended_by_ctr
 def test_serving_to_every_network_is_possible_and_warned_of():
     with serving("wave", "--host", "0.0.0.0", ending=signal.SIGTERM) as (line, process):
         assert "ws://127.0.0.1:" in line
-        assert "whoever reaches 0.0.0.0 can use the policy" in process.stderr.readline()
+        assert "everyone who reaches 0.0.0.0 can use the policy" in process.stderr.readline()
     assert process.returncode == 0, "a container's stop ends it as Ctrl-C does"
 
 
@@ -83,7 +83,7 @@ def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(monkeypatch,
     with pytest.raises(SystemExit) as end:
         cli.main()
     assert end.value.code == 2
-    assert "nobody listens there; start the server" in capsys.readouterr().err
+    assert "no server listens there; start the server" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ def test_a_robot_that_is_slower_than_foreseen_takes_the_plan_over_where_it_begin
     assert handover.take(1.05, start.s, 1.0) is None, "it is not due"
     assert handover.take(1.1, start.s - 0.01, 0.5) is None, "the robot is not there"
     taken = handover.take(1.12, start.s + 0.001, 0.5)
-    assert taken.share == 0.5
+    assert taken.speed_fraction == 0.5
     assert taken.beyond == pytest.approx(0.001)
     handover.keep(answer)
     assert handover.take(1.21, start.s - 0.01, 0.0) is None

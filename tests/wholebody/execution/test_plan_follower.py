@@ -194,7 +194,7 @@ def test_a_plan_follows_time_and_not_ticks(planned):
 
 def test_a_plan_is_taken_over_beyond_its_start_and_below_its_speed(planned):
     one = follower(planned)
-    one.begin(planned[2], planned[3], beyond=0.01, share=0.5)
+    one.begin(planned[2], planned[3], beyond=0.01, speed_fraction=0.5)
     assert (one.s, one.rate) == (planned[2].start + 0.01, 0.5 * planned[2].rate)
 
 

@@ -8,7 +8,7 @@ from tests.support.reference_motions import lissajous_rows
 from wholebody.planning.limit_projection import DEMAND, IMPLAUSIBLE_SHARE, JUMP, N_BEFORE, continued, nearest
 from wholebody.reference import HandLimits, HandMotion, rest_row
 
-CAPS = HandLimits()
+LIMITS = HandLimits()
 FPS = 30.0
 TIMES = np.arange(50) / FPS
 
@@ -24,7 +24,7 @@ def differences(values):
 
 def test_a_motion_within_the_bounds_is_left_as_it_is():
     T, q = steps(TIMES + 1.0)
-    done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
+    done = continued(TIMES, T, q, LIMITS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
     assert not done.changed
     assert done.moved.max() == 0.0
     np.testing.assert_array_equal(done.T[N_BEFORE:], T)
@@ -33,7 +33,7 @@ def test_a_motion_within_the_bounds_is_left_as_it_is():
 
 def test_the_steps_before_say_where_the_hand_comes_from():
     T, q = steps(TIMES + 1.0)
-    done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
+    done = continued(TIMES, T, q, LIMITS, HandMotion(lissajous_rows(np.array([1.0]))[0]), 0.0)
     truth, _ = steps(1.0 - np.arange(N_BEFORE, 0, -1) / FPS)
     # Position, velocity and acceleration are carried back, so it is the jerk that is missing: 60 m/s^3 for 0.1 s.
     np.testing.assert_allclose(done.T[:N_BEFORE, :3, 3], truth[:, :3, 3], atol=0.01)
@@ -41,7 +41,7 @@ def test_the_steps_before_say_where_the_hand_comes_from():
 
 def test_steps_that_are_over_are_left_out():
     T, q = steps(TIMES + 1.0)
-    done = continued(TIMES, T, q, CAPS, HandMotion(lissajous_rows(np.array([1.5]))[0]), 0.5)
+    done = continued(TIMES, T, q, LIMITS, HandMotion(lissajous_rows(np.array([1.5]))[0]), 0.5)
     assert done.times[N_BEFORE] == pytest.approx(0.5)
     np.testing.assert_array_equal(done.T[N_BEFORE:], T[15:])
 
@@ -49,7 +49,7 @@ def test_steps_that_are_over_are_left_out():
 def test_a_jump_is_begun_before_it_comes_and_costs_little():
     values = np.zeros((53, 3))
     values[25:] = [0.1, 0.0, -0.05]
-    near = nearest(values, FPS, CAPS.position)
+    near = nearest(values, FPS, LIMITS.position)
     for rate, share, cap in zip(differences(near), DEMAND, (2.5, 20.0, 400.0), strict=True):
         assert np.abs(rate).max() <= share * cap * 1.001
     assert np.abs(near - values).max() < 0.06
@@ -61,7 +61,7 @@ def test_the_nearest_is_nearer_than_any_other_that_keeps_the_bounds():
     rng = np.random.default_rng(3)
     values = rng.normal(size=(30, 1)) * 0.05
     values[:N_BEFORE] = 0.0
-    near = nearest(values, FPS, CAPS.position)
+    near = nearest(values, FPS, LIMITS.position)
     smooth = np.concatenate([np.zeros((N_BEFORE, 1)), 1e-3 * np.linspace(0.0, 1.0, 27)[:, None] ** 4])
     # Convexity: on the way to any other motion within the bounds the distance grows.
     for other in (np.zeros_like(values), 0.9 * near, smooth):
@@ -72,7 +72,7 @@ def test_the_nearest_is_nearer_than_any_other_that_keeps_the_bounds():
 def test_a_turn_that_jumps_is_tempered_too():
     T = np.tile(np.eye(4), (50, 1, 1))
     T[20:, :3, :3] = Rotation.from_rotvec([0.0, 0.0, 1.0]).as_matrix()
-    done = continued(TIMES, T, np.zeros((50, 7)), CAPS, HandMotion(rest_row(T[0], np.zeros(7))), 0.0)
+    done = continued(TIMES, T, np.zeros((50, 7)), LIMITS, HandMotion(rest_row(T[0], np.zeros(7))), 0.0)
     assert done.changed
     assert done.moved.max() < 1e-9
     turns = Rotation.from_matrix(done.T[1:, :3, :3] @ np.swapaxes(done.T[:-1, :3, :3], 1, 2)).magnitude()
@@ -83,7 +83,7 @@ def test_a_turn_that_jumps_is_tempered_too():
 def test_a_hand_that_comes_too_fast_is_brought_back_to_the_bounds():
     values = np.zeros((60, 1))
     values[:N_BEFORE, 0] = [-0.5, -0.35, -0.2]  # 4.5 m/s
-    near = nearest(values, FPS, CAPS.position)
+    near = nearest(values, FPS, LIMITS.position)
     np.testing.assert_array_equal(near[:N_BEFORE], values[:N_BEFORE])
     speed, acceleration, _ = differences(near)
     assert np.abs(speed[6:]).max() <= 2.5
@@ -94,7 +94,7 @@ def test_a_hand_that_comes_too_fast_is_brought_back_to_the_bounds():
 def test_steps_that_jump_far_are_not_hurried_after():
     T = np.tile(np.eye(4), (50, 1, 1))
     T[20:, 0, 3] = 0.6
-    done = continued(TIMES, T, np.zeros((50, 7)), CAPS, HandMotion(rest_row(T[0], np.zeros(7))), 0.0)
+    done = continued(TIMES, T, np.zeros((50, 7)), LIMITS, HandMotion(rest_row(T[0], np.zeros(7))), 0.0)
     assert done.moved.max() > JUMP
     speed, acceleration, _ = differences(done.T[:, :3, 3])
     assert speed.max() <= IMPLAUSIBLE_SHARE * 2.5 * 1.01

@@ -17,7 +17,7 @@ from wholebody.reference import HandLimits
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status
 
-CAPS = (HandLimits(), HandLimits())
+LIMITS = (HandLimits(), HandLimits())
 NOISE = 0.02
 """[m] and [rad] a step: what an untrained policy scatters by around a stance."""
 
@@ -49,7 +49,7 @@ def jerk(values, fps):
 @pytest.mark.parametrize("name", ["lissajous", "wave", "reach"])
 def test_a_motion_that_can_be_done_is_returned_as_it_is(name):
     chunk = script(name)
-    assert smoothed_chunk(chunk, CAPS) == (chunk, ())
+    assert smoothed_chunk(chunk, LIMITS) == (chunk, ())
 
 
 def test_a_jump_and_a_glitch_are_not_noise():
@@ -58,30 +58,30 @@ def test_a_jump_and_a_glitch_are_not_noise():
     T[20:, 0, 3] += 0.5
     T[40, 2, 3] += 1.0
     jump = dataclasses.replace(chunk, T_world_lhand=T)
-    assert smoothed_chunk(jump, CAPS)[0] is jump
+    assert smoothed_chunk(jump, LIMITS)[0] is jump
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_of_20_mm_on_a_moving_hand_is_taken_out(seed):
     chunk = script()
-    clean, names = smoothed_chunk(noisy(chunk, seed=seed, position=NOISE), CAPS)
+    clean, names = smoothed_chunk(noisy(chunk, seed=seed, position=NOISE), LIMITS)
     assert names == ("T_world_lhand",)
     clean.validate()
     error = np.linalg.norm((clean.T_world_lhand - chunk.T_world_lhand)[:, :3, 3], axis=1)
     assert np.sqrt(np.mean(error**2)) < 0.8 * NOISE  # of sqrt(3) times as much
-    assert acceleration(clean.T_world_lhand[:, :3, 3], chunk.fps) < CAPS[0].position.acceleration
+    assert acceleration(clean.T_world_lhand[:, :3, 3], chunk.fps) < LIMITS[0].position.acceleration
     assert clean.T_world_rhand is chunk.T_world_rhand
     np.testing.assert_array_equal(clean.T_world_lhand[:, :3, :3], chunk.T_world_lhand[:, :3, :3])
 
 
 def test_orientations_and_fingers_are_taken_one_by_one():
     chunk = script()
-    turned, names = smoothed_chunk(noisy(chunk, rotation=0.05), CAPS)
+    turned, names = smoothed_chunk(noisy(chunk, rotation=0.05), LIMITS)
     assert names == ("T_world_lhand",)
     turned.validate()
     np.testing.assert_array_equal(turned.T_world_lhand[:, :3, 3], chunk.T_world_lhand[:, :3, 3])
     assert angle_between(turned.T_world_lhand[:, :3, :3], chunk.T_world_lhand[:, :3, :3]).max() < 0.06
-    closed, names = smoothed_chunk(noisy(chunk, finger=0.2), CAPS)
+    closed, names = smoothed_chunk(noisy(chunk, finger=0.2), LIMITS)
     assert names == ("q_lhand",)
     assert np.abs(closed.q_lhand - chunk.q_lhand).max() < 0.2
 
@@ -89,7 +89,7 @@ def test_orientations_and_fingers_are_taken_one_by_one():
 @pytest.mark.parametrize("seed", range(5))
 def test_orientations_drawn_from_all_there_are_come_to_rest_somewhere(seed):
     chunk = noisy(script(), seed=seed, rotation=2.0)
-    clean, _ = smoothed_chunk(chunk, CAPS)
+    clean, _ = smoothed_chunk(chunk, LIMITS)
     clean.validate()
     steps = angle_between(clean.T_world_lhand[1:, :3, :3], clean.T_world_lhand[:-1, :3, :3])
     assert np.median(steps) < 0.05
@@ -114,7 +114,7 @@ def test_white_noise_leaves_an_arc():
 def test_the_scatter_of_a_trained_policy_becomes_smaller_and_its_jerk_that_of_the_motion(scatter, fps):
     chunk = script(fps=fps)
     shaken = noisy(chunk, position=scatter)
-    clean, names = smoothed_chunk(shaken, CAPS)
+    clean, names = smoothed_chunk(shaken, LIMITS)
     if fps == 30.0 and scatter < 5e-4:
         assert names == ()  # not worth it: 200 m/s^3
         return
@@ -128,7 +128,7 @@ def test_short_chunks_pass(steps):
     chunk = script()
     cut = {name: value[:steps] for name, value in noisy(chunk, position=0.5).arrays().items()}
     short = dataclasses.replace(chunk, **cut)
-    smoothed_chunk(short, CAPS)[0].validate()
+    smoothed_chunk(short, LIMITS)[0].validate()
 
 
 def test_a_supervisor_follows_the_curve_and_says_so():

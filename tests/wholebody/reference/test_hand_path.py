@@ -90,7 +90,7 @@ def test_lissajous_is_reproduced_between_its_knots(t_start):
     assert np.linalg.norm(motion.a - truth.a, axis=1)[inner].max() < 0.05
 
 
-def test_hand_starts_from_rest_and_brakes_to_rest_within_the_caps():
+def test_hand_starts_from_rest_and_brakes_to_rest_within_the_limits():
     path = lissajous_path()
     first, last = path.span
     assert path.start - first < 0.3
@@ -99,9 +99,9 @@ def test_hand_starts_from_rest_and_brakes_to_rest_within_the_caps():
     assert max(np.abs(rest.v).max(), np.abs(rest.w).max()) < 1e-9
     assert np.abs(rest.dq_finger).max() < 1e-9
     stop = path.sample(np.linspace(path.end, last, 200))
-    caps = path.limits.position
-    assert np.linalg.norm(stop.a, axis=1).max() <= caps.acceleration
-    assert np.linalg.norm(np.diff(stop.a, axis=0), axis=1).max() / (last - path.end) * 199 <= caps.jerk
+    limits = path.limits.position
+    assert np.linalg.norm(stop.a, axis=1).max() <= limits.acceleration
+    assert np.linalg.norm(np.diff(stop.a, axis=0), axis=1).max() / (last - path.end) * 199 <= limits.jerk
     assert np.linalg.norm(stop.p[-1] - stop.p[0]) < 0.15  # v T / 2
 
 
@@ -198,14 +198,14 @@ def test_the_sign_of_the_commanded_quaternion_changes_nothing():
     assert angle_between(b.quat, own.sample(s).quat).max() < 1e-6
 
 
-def test_a_join_from_rest_keeps_to_its_share_of_the_caps():
+def test_a_join_from_rest_keeps_to_its_share_of_the_limits():
     times, T, q = chunk(0.0)
     T[:, :3, 3] = T[0, :3, 3]
     path = HandPath.from_knots(times, T, q).joined(HandMotion(rest_row(np.eye(4))), 0.1)
     motion = path.sample(np.linspace(0.1, 2.0, 2000))
-    caps = path.limits.position
-    assert np.linalg.norm(motion.v, axis=1).max() <= 0.26 * caps.speed
-    assert np.linalg.norm(motion.a, axis=1).max() <= 0.26 * caps.acceleration
+    limits = path.limits.position
+    assert np.linalg.norm(motion.v, axis=1).max() <= 0.26 * limits.speed
+    assert np.linalg.norm(motion.a, axis=1).max() <= 0.26 * limits.acceleration
     assert path.join.distance == pytest.approx(np.linalg.norm(T[0, :3, 3]))
     assert path.join.duration < 3.3
 

@@ -1,5 +1,5 @@
-"""Smoother. Strategy: the compiled and the interpreted arithmetic are the same function; caps are checked on every tick
-of long runs with anything as target; tracking is checked against motions whose derivatives are known.
+"""Smoother. Strategy: the compiled and the interpreted arithmetic are the same function; limits are checked on every
+tick of long runs with anything as target; tracking is checked against motions whose derivatives are known.
 """
 
 import subprocess
@@ -30,17 +30,17 @@ def run(smoother, targets, dt=DT):
     return np.array(rows)
 
 
-def excess(rows, caps, dt=DT):
-    """Largest ratio to its cap of speed, acceleration and jerk of position, orientation and fingers."""
+def excess(rows, limits, dt=DT):
+    """Largest ratio to its limit of speed, acceleration and jerk of position, orientation and fingers."""
     worst = 0.0
-    for first, second, cap in (
-        (V, A, caps.position),
-        (W, ALPHA, caps.orientation),
-        (DQ_FINGER, DDQ_FINGER, caps.finger),
+    for first, second, limit in (
+        (V, A, limits.position),
+        (W, ALPHA, limits.orientation),
+        (DQ_FINGER, DDQ_FINGER, limits.finger),
     ):
         changes = (rows[..., first], rows[..., second], np.diff(rows[..., second], axis=0) / dt)
-        for change, bound in zip(changes, astuple(cap), strict=True):
-            size = np.abs(change) if cap is caps.finger else np.linalg.norm(change, axis=-1)
+        for change, bound in zip(changes, astuple(limit), strict=True):
+            size = np.abs(change) if limit is limits.finger else np.linalg.norm(change, axis=-1)
             worst = max(worst, size.max() / bound)
     return worst
 
@@ -102,14 +102,14 @@ def test_caps_hold_at_other_rates(dt):
 
 
 def test_caps_hold_for_unusual_caps():
-    caps = HandLimits(
+    limits = HandLimits(
         position=MotionLimits(0.2, 0.5, 2.0),
         orientation=MotionLimits(30.0, 20.0, 5000.0),
         finger=MotionLimits(1.0, 100.0, 50.0),
     )
-    smoother = ReferenceSmoother(np.tile(REST, (2, 1)), caps)
+    smoother = ReferenceSmoother(np.tile(REST, (2, 1)), limits)
     rows = run(smoother, wild_targets(np.random.default_rng(8), 5000, 2, 100))
-    assert excess(rows, caps) <= 1.0 + 1e-9
+    assert excess(rows, limits) <= 1.0 + 1e-9
 
 
 def test_after_any_wildness_a_constant_target_is_reached():
@@ -377,9 +377,9 @@ def test_misuse_is_refused():
 
 
 def test_caps_scale_without_the_range():
-    caps = RANGE.scaled(0.5)
-    assert astuple(caps.position) == (1.25, 10.0, 200.0)
-    assert caps.finger_upper == RANGE.finger_upper
+    limits = RANGE.scaled(0.5)
+    assert astuple(limits.position) == (1.25, 10.0, 200.0)
+    assert limits.finger_upper == RANGE.finger_upper
 
 
 def test_importing_the_package_loads_neither_numba_nor_scipy():

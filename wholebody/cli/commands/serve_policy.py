@@ -68,5 +68,5 @@ def serve_policy(
             *(f"  clients of openpi send '{key}', {meaning}" for key, meaning in server.metadata["request"].items()),
         )
         if host not in (LOOPBACK, "localhost", "::1"):
-            complain(f"whoever reaches {host} can use the policy: no password, no encryption")
+            complain(f"everyone who reaches {host} can use the policy: no password, no encryption")
         server.wait()

@@ -86,7 +86,7 @@ def _child(backend: str, recording: str | Path, output: str | Path, timeout: flo
     except (Empty, subprocess.TimeoutExpired):
         return f"took longer than {timeout:.0f} s for a frame"
     finally:
-        # Also after Ctrl-C: nobody draws on.
+        # Also after Ctrl-C: no child draws on.
         child.kill()
         child.wait()
     last = ""
