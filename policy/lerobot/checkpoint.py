@@ -114,16 +114,15 @@ def open_checkpoint(
         The parts, None if one could not be made, and the findings in the order of the checks.
     """
     folder, findings = checkpoint_folder(path), []
-    log = _Log(findings)
-    config = log.run("config", lambda: read_config(folder, options))
+    config = _run(findings, "config", lambda: read_config(folder, options))
     if config is None:
         return None, findings
     findings.append(Finding("config", "ok", f"'{config.type}' on {config.device}, {folder}"))
-    layouts = log.run("spec", lambda: _layouts(folder, config, as_spec(spec), options))
+    layouts = _run(findings, "spec", lambda: _layouts(folder, config, as_spec(spec), options))
     if layouts:
         vouched = ", vouched for by the user" if options.assume_spec else ""
         findings.append(Finding("spec", "ok", f"actions are {layouts[ACTION].id}{vouched}"))
-    processors = log.run("processors", lambda: read_processors(folder, config, options))
+    processors = _run(findings, "processors", lambda: read_processors(folder, config, options))
     if processors:
         findings.append(Finding("processors", "ok", f"{' and '.join(f'{name}.json' for name in PROCESSORS)} loaded"))
     if layouts:
@@ -136,7 +135,7 @@ def open_checkpoint(
             findings += check_stats(config, processors, inner, allow_narrow=options.allow_narrow)
             findings.append(check_relative(config, processors, inner))
             findings += check_prompt(config, processors[0], inner.get(STATE), options.task)
-    network = log.run("weights", lambda: _network(folder, config, options, findings))
+    network = _run(findings, "weights", lambda: _network(folder, config, options, findings))
     if layouts is None or processors is None or network is None:
         return None, findings
     return Checkpoint(folder, layouts[ACTION], layouts.get(STATE), network, *processors, options), findings
@@ -210,22 +209,15 @@ def read_processors(folder: Path, config: PreTrainedConfig, options: LoadOptions
     return processors
 
 
-class _Log:
-    """Runs steps, and turns what they raise into findings."""
-
-    def __init__(self, findings: list[Finding]) -> None:
-        self.findings = findings
-
-    def run[T](self, check: str, step: Callable[[], T]) -> T | None:
-        try:
-            return step()
-        except CheckpointError as error:
-            self.findings += error.findings
-        except SpecError as error:
-            self.findings.append(Finding(check, "error", str(error)))
-        except ImportError as error:
-            self.findings.append(Finding(check, "error", str(error), INSTALL_CURE))
-        return None
+def _run[T](findings: list[Finding], check: str, step: Callable[[], T]) -> T | None:
+    """Result of a step; what it raises is added to the findings."""
+    try:
+        return step()
+    except CheckpointError as error:
+        findings += error.findings
+    except (SpecError, ImportError) as error:
+        findings.append(Finding(check, "error", str(error), INSTALL_CURE if isinstance(error, ImportError) else ""))
+    return None
 
 
 def _layouts(

@@ -206,25 +206,18 @@ class RemotePrefixPolicy(RemotePolicy):
 
 def _agree(metadata: Mapping[str, Any], spec: ActionSpec | None, assumed: ActionSpec | None) -> ActionSpec:
     """Layout of a server's actions."""
-    if assumed is not None:
-        if spec is not None:
-            require_same(spec, assumed)
-        return assumed
-    stated = metadata.get("action_spec")
-    if isinstance(stated, str):
-        stated = ActionSpec.from_json(stated)
-    elif isinstance(stated, dict):
-        stated = ActionSpec.from_dict(stated)
-    else:
-        if spec is not None:
-            require_same(spec, None)
+    stated = metadata.get("action_spec") if assumed is None else assumed
+    if isinstance(stated, str | dict):
+        stated = ActionSpec.from_json(stated) if isinstance(stated, str) else ActionSpec.from_dict(stated)
+    known = stated if isinstance(stated, ActionSpec) else None
+    if spec is not None:
+        require_same(spec, known)
+    if known is None:
         raise SpecError(
             "the server does not say what its actions are; put 'action_spec' into its metadata, or vouch for a layout "
             "with assume_spec (--assume-spec wbc32)"
         )
-    if spec is not None:
-        require_same(spec, stated)
-    return stated
+    return known
 
 
 def _cameras(metadata: Mapping[str, Any]) -> dict[str, tuple[int, int]]:

@@ -170,9 +170,7 @@ class PolicyServer:
                     self._client, self._since, self._asked = client, monotonic(), False
                     break
         if before is not None:
-            # Not waiting for its peer; the thread that serves it ends.
-            with suppress(OSError):
-                before.socket.shutdown(SHUT_RDWR)
+            _hang_up(before)
         return True
 
     def _log(self, client: ServerConnection, error: Exception) -> None:
@@ -259,6 +257,12 @@ def _is_there(client: ServerConnection) -> bool:
         return client.ping().wait(PONG_TIMEOUT)
     except ConnectionClosed:
         return False
+
+
+def _hang_up(client: ServerConnection) -> None:
+    """Break a connection off without waiting for its peer; the thread that serves it ends."""
+    with suppress(OSError):
+        client.socket.shutdown(SHUT_RDWR)
 
 
 def _address(client: ServerConnection) -> str:

@@ -56,15 +56,20 @@ class SlowTicks:
 
     def summary(self) -> dict:
         """Slow ticks one by one, and the times of the control [us]."""
-        control = 1e-3 * np.array(self._control or [0])
-        p50, p99 = np.percentile(control, [50, 99])
+        control = np.array(self._control or [0])
         return {
             "slow_ticks": self._slow[:SHOWN],
             "slow_with_page_faults": sum(tick["page_faults"] > 0 for tick in self._slow),
-            "control_us": {"p50": round(p50, 1), "p99": round(p99, 1), "max": round(float(control.max()), 1)},
-            "control_over_1ms": int((control > 1e-3 * SLOW).sum()),
+            "control_us": quantiles(control),
+            "control_over_1ms": int((control > SLOW).sum()),
             "control_loops": len(self._control),
         }
+
+
+def quantiles(nanoseconds: np.ndarray) -> dict[str, float]:
+    """Median, 99 % quantile and largest of times [us]."""
+    p50, p99, most = np.percentile(1e-3 * nanoseconds, [50, 99, 100])
+    return {"p50": round(p50, 1), "p99": round(p99, 1), "max": round(float(most), 1)}
 
 
 def _spin(loops: int) -> int:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -72,10 +72,8 @@ def study(
     solver: str,
     policies: Sequence[ScriptedPolicy],
     *,
-    config: ControllerConfig | None = None,
     seconds: float = 10.0,
     episode: EpisodeConfig | None = None,
-    progress: Callable[[str, float, float], None] | None = None,
 ) -> list[SolverRow]:
     """Run every motion in MuJoCo with one solver and no fallback.
 
@@ -83,19 +81,15 @@ def study(
         spec: The robot.
         solver: Name of the QP solver, "compiled", or "placo" for the controller backend of that name.
         policies: The motions.
-        config: Everything else about the controller.
         seconds: Time after which a motion is cut short [s].
         episode: Times of standing before and after.
-        progress: Called with the motion's name, simulated time and end time [s].
     """
     changed = {"backend": "placo"} if solver == "placo" else {"solver": solver}
-    supervisor = _Watched(spec, replace(config or ControllerConfig(), fallback="none", **changed))
+    supervisor = _Watched(spec, ControllerConfig(fallback="none", **changed))
     plant = MujocoPlant(spec, control_dt=supervisor.config.dt)
     rows = []
     for policy in policies:
-        tell = None if progress is None else lambda t, end, name=policy.name: progress(name, t, end)
-        duration = min(seconds, policy.duration)
-        result = run_episode(policy, supervisor, plant, duration=duration, config=episode, progress=tell)
+        result = run_episode(policy, supervisor, plant, duration=min(seconds, policy.duration), config=episode)
         rows.append(_row(policy.name, supervisor, result))
     return rows
 

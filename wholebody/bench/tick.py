@@ -15,7 +15,7 @@ from models.spec import RobotSpec
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.registry import make_controller
 from wholebody.bench.reach_script import ReachScript
-from wholebody.bench.slow_ticks import SLOW, SlowTicks
+from wholebody.bench.slow_ticks import SLOW, SlowTicks, quantiles
 from wholebody.config import BodyConfig, ControllerConfig, HandConfig, SafetyConfig
 from wholebody.control.base import Controller
 from wholebody.control.tick_report import TickLevel
@@ -248,6 +248,4 @@ def _worst_repeated(cpu: np.ndarray) -> float | None:
 
 
 def _summary(nanoseconds: np.ndarray) -> dict[str, float]:
-    a = 1e-3 * nanoseconds
-    p50, p99 = np.percentile(a, [50, 99])
-    return {"p50": round(p50, 1), "p99": round(p99, 1), "max": round(float(a.max()), 1), "mean": round(a.mean(), 1)}
+    return quantiles(nanoseconds) | {"mean": round(1e-3 * nanoseconds.mean(), 1)}

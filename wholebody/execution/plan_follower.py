@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from policy.geometry.se3 import make_transform
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
@@ -19,11 +20,8 @@ from wholebody.reference import HandMotion, ReferenceSmoother
 from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
 
 NO_PATH = np.zeros(0)
-
 WRIST_WEIGHT = 1.0 / 3.0
 """Weight of the distance of a wrist joint from the plan; chosen: little mass hangs on it."""
-
-
 ELAPSED_MAX = 1.0
 """Longest time that is followed in one tick [s]; what lies further back is left out; chosen, no trial is on record."""
 
@@ -147,9 +145,8 @@ class PlanFollower:
 
     def palm_poses(self) -> np.ndarray:
         """Commanded palm poses in world, shape (2, 4, 4)."""
-        rows, T = self._palm_rows(), np.zeros((2, 4, 4))
-        T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = rows[:, :9].reshape(2, 3, 3), rows[:, 9:12], 1.0
-        return T
+        rows = self._palm_rows()
+        return make_transform(rows[:, :9].reshape(2, 3, 3), rows[:, 9:12])
 
     def begin(self, plan: ChunkPlan, last: float, *, beyond: float = 0.0, speed_fraction: float = 1.0) -> None:
         """Follow a plan from now on.
