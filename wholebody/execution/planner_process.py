@@ -16,7 +16,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.state import Robot
 
 START_TIMEOUT = 600.0
-"""Longest time until the process can plan [s]: with an empty cache it compiles the planner first."""
+"""Longest time until the process can plan [s]; chosen: with an empty cache it compiles the planner first."""
 
 
 class PlannerProcess:

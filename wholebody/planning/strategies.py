@@ -25,7 +25,7 @@ from wholebody.planning.attempt import Attempt
 from wholebody.planning.limit_projection import JUMP
 
 FIRM = 3.0
-"""Factor on the scales of the palms where bounds are exceeded for them: the bounds weigh nine times as much."""
+"""Factor on the scales of the palms where bounds are exceeded for them; chosen: the bounds weigh nine times as much."""
 
 
 class Begin(Enum):
