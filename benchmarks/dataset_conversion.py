@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.anchor import Anchor
 from policy.dataset.conversion import DatasetSettings, convert_dataset
 from policy.dataset.format import INDICES, Episode

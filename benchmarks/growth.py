@@ -20,7 +20,7 @@ from time import thread_time_ns
 import numpy as np
 import pinocchio as pin
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from wholebody.bench.reach_script import ReachScript
 from wholebody.config import ControllerConfig

@@ -20,7 +20,7 @@ import pinocchio as pin
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from models.g1 import g1
+from models import g1
 from policy.scripted.library import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.episode.run import run_episode

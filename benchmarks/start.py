@@ -22,7 +22,7 @@ times = [perf_counter()]
 import wholebody
 times.append(perf_counter())
 import numpy as np
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from wholebody.execution.supervisor import Supervisor
 from wholebody.types import RobotState

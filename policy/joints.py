@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.g1 import GROUPS, HAND_GROUPS
+from models.unitree_g1 import GROUPS, HAND_GROUPS
 from policy.errors import SpecError
 
 BODY_JOINTS = tuple(name for names in GROUPS.values() for name in names)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.geometry.rotations import nearest_rotation, quaternion_to_matrix
 from policy.geometry.se3 import inverse, make_transform, yaw_frame
 from policy.joints import BODY_JOINTS

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.slot import ROTATIONS, Slot

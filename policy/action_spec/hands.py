@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.joints import LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS
 
 Side = Literal["left", "right"]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.builtin import joints, scalar, stack
 from policy.action_spec.slot import DEX1_OPEN
 from policy.action_spec.spec import ActionSpec

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.errors import PolicyError
 from policy.joints import BODY_JOINTS
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.errors import ChunkError
 from policy.joints import BODY_JOINTS, LEFT_ARM, RIGHT_ARM, WAIST
 from policy.kinematics.forward import IK_TOLERANCE, kinematics

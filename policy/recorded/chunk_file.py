@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode

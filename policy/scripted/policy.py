@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 from models import RobotSpecError, g1
-from models.g1 import ACCELERATION, ARMATURE, GAINS, VELOCITY_SHARE
 from models.pinocchio_model import load_pinocchio, stance_q
+from models.unitree_g1 import ACCELERATION, ARMATURE, GAINS, VELOCITY_SHARE
 
 VARIANTS = pytest.mark.parametrize("hands", [True, False])
 

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -59,3 +60,9 @@ def test_what_is_not_run_here_is_run_elsewhere(name, file):
 def test_an_unknown_name_is_an_attribute_error(package):
     with pytest.raises(AttributeError, match="Suprvisor"):
         _ = package.Suprvisor
+
+
+def test_the_name_of_the_robot_is_the_function_alone():
+    """A module of the same name would hide it as soon as something imports that."""
+    assert callable(models.g1)
+    assert find_spec("models.g1") is None

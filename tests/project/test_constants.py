@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LEFT_OUT = {"config", "pictures", "live"}
-"""Settings have a test of their own; how a drawing looks claims nothing; `live` is being built, and still to be asked."""
+"""Settings have a test of their own; drawings claim nothing; `live` is being built, and still to be asked."""
 SOURCES = [path for path in sorted((ROOT / "wholebody").rglob("*.py")) if not LEFT_OUT & set(path.parts)]
 UNIT = re.compile(r"\[[^\]]+\]|no unit|\b(share|factor|times|ticks|weight|ratio)\b|in terms of", re.IGNORECASE)
 SOURCE = re.compile(
@@ -73,3 +73,9 @@ def test_every_number_that_stands_in_the_code_has_a_unit_and_a_source(path):
 )
 def test_a_number_without_unit_or_source_is_found(source, names):
     assert silent(source) == names
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "wholebody").rglob("kernels/*.py")), ids=lambda path: path.stem)
+def test_every_kernel_says_what_it_returns(path):
+    functions = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)]
+    assert [function.name for function in functions if function.returns is None] == []

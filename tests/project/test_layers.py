@@ -238,8 +238,8 @@ def test_importing_a_package_loads_nothing_heavy(package):
 @pytest.mark.parametrize(
     ("file", "source", "complaint"),
     [
-        ("models/g1.py", "import policy", "same floor or above"),
-        ("models/g1.py", "def f():\n    from wholebody.robot import state", "same floor or above"),
+        ("models/unitree_g1.py", "import policy", "same floor or above"),
+        ("models/unitree_g1.py", "def f():\n    from wholebody.robot import state", "same floor or above"),
         ("policy/base.py", "from wholebody.types import RobotState", "same floor or above"),
         ("policy/base.py", "import torch.nn as nn", "only policy/lerobot"),
         ("policy/base.py", "from policy.lerobot import spec", "same floor or above"),

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.hands import grasp_posture
 from policy.scripted.library import scripted_policy
 from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose

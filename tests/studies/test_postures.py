@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.recorded.replay import ReplayPolicy
 from tests.support.posture_cases import PostureCases
 from wholebody.config import ControllerConfig

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.slot import DEX1_OPEN
 from policy.dataset.joint_layout import UNITREE_DEX1, UNITREE_DEX3, joint_layout
 

@@ -10,7 +10,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.hands import grasp_posture
 from policy.geometry.rotations import rotvec_to_matrix, rpy_to_matrix
 from policy.scripted.library import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.record import COLUMNS, VERSION, Record
 from wholebody.sim.recorder import Followed, Recorder

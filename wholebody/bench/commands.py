@@ -23,7 +23,7 @@ def solvers(
     json_to: Annotated[str, typer.Option("--json", help="Also write the rows as JSON to a file.")] = "",
 ) -> None:
     """Stand, reach and follow the lissajous with each solver and no fallback. Exit code 1 if any failed or fell."""
-    from models.g1 import g1
+    from models import g1
     from policy.scripted.library import lissajous, reach
     from wholebody.bench.solvers import HEADINGS, cells, standing, study
     from wholebody.episode.run import EpisodeConfig

@@ -10,7 +10,7 @@ from time import thread_time_ns
 import mujoco
 import numpy as np
 
-from models.g1 import g1
+from models import g1
 from policy.base import Policy
 from policy.scripted.library import scripted_policy
 from wholebody.episode.run import observe

@@ -10,7 +10,7 @@ from time import perf_counter_ns, thread_time_ns
 import numpy as np
 import pinocchio as pin
 
-from models.g1 import g1
+from models import g1
 from models.spec import RobotSpec
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.backends.registry import make_controller

@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
 
-from models.g1 import ARM
+from models.unitree_g1 import ARM
 from wholebody.config import ControllerConfig
 from wholebody.errors import ConfigError, InputError
 

@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from models.g1 import GAINS, g1, mirrored_stance
 from models.pinocchio_model import load_pinocchio, stance_q
 from models.spec import RobotSpec, Stance
+from models.unitree_g1 import GAINS, g1, mirrored_stance
 from wholebody.config.robot import GainsConfig, RobotConfig, StanceConfig
 from wholebody.errors import ConfigError
 

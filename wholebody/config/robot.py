@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.g1 import ARM, GAINS, STANCE_DEX3
+from models.unitree_g1 import ARM, GAINS, STANCE_DEX3
 
 _HIP, _KNEE, _ANKLE, _WAIST, _SHOULDER, _ELBOW, _WRIST, _FINGERS = GAINS
 _ARM = dict(zip(ARM, STANCE_DEX3["arm"], strict=True))

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
-from models.g1 import g1
+from models import g1
 from models.spec import RobotSpec
 from policy.base import Policy
 from policy.clock import SimulatedClock

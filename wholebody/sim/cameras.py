@@ -134,7 +134,7 @@ def _add_camera(mj: mujoco.MjSpec, name: str) -> None:
 def _draw(scene: str, hands: bool, sizes: Mapping[str, Iterable[int]]) -> None:
     import mujoco
 
-    from models.g1 import g1
+    from models import g1
     from models.mujoco_model import build_mujoco
     from wholebody.sim.scene_file import scene_of
 

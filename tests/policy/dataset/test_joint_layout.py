@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.builtin import builtin
 from policy.dataset.joint_layout import UNITREE_DEX3, check_values, flat_names, joint_layout
 from policy.errors import DatasetError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from models.g1 import g1
+from models import g1
 from policy.executor.executor import ExecutorConfig
 from policy.executor.simulated import simulated_executor, uniform_latency
 from policy.lerobot.policy import LeRobotPolicy

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from models.g1 import g1
+from models import g1
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from wholebody.backends.registry import BACKENDS, make_controller
 from wholebody.bench.reach_script import ReachScript
 from wholebody.config import ControllerConfig

@@ -5,7 +5,7 @@ from mmap import mmap
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from wholebody.bench.reach_script import ReachScript
 from wholebody.bench.slow_ticks import SlowTicks
 from wholebody.bench.tick import ROWS, TIMED, VARIANTS, _worst_repeated, bench_tick

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.chunk import ActionChunk
 from policy.executor.ensemble import TemporalEnsemble
 from policy.executor.executor import ExecutorConfig

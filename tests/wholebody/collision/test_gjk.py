@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import load_collision, load_pinocchio, stance_q
 from models.urdf import light_urdf
 from wholebody.collision import gjk as core

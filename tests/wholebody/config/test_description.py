@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 import yaml
 
-from models.g1 import ARM, STANCE_DEX3, STANCE_RUBBER, g1
 from models.pinocchio_model import load_pinocchio, stance_q
+from models.unitree_g1 import ARM, STANCE_DEX3, STANCE_RUBBER, g1
 from policy.scripted.library import wave
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe

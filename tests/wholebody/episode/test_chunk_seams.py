@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.scripted.library import scripted_policy

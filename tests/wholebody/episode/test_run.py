@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.clock import MonotonicClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import simulated_executor, uniform_latency

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlanningConfig, SafetyConfig
 from wholebody.episode.run import observe

@@ -5,7 +5,7 @@ feasible one. Families in `fuzz.py`.
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import scripted_policy
 from tests.support.reference_motions import row_at, step

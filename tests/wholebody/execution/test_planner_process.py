@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.episode.run import observe

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
 from tests.support.faulty_loops import DroppedTicks, FaultyStates, frozen, not_a_number, stale

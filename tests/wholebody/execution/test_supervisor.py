@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.scripted.library import reach, scripted_policy
 from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import EpisodeConfig, observe, run_episode

@@ -5,7 +5,7 @@ be equal afterwards. The programs of the tick are such kernels too.
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from tests.support.body_cases import standing
 from wholebody.control.controller import WholeBodyController

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import load_collision, stance_q
 from tests.support.body_cases import point_acceleration, postures, upright
 from wholebody.collision.floor_clearance import FloorClearance

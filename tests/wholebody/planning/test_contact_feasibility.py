@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.planning.contact_feasibility import EDGE_MARGIN, RECOVERY_TIME, ContactFeasibility

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.scripted.library import reach
 from wholebody.episode.run import observe

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import wholebody
-from models.g1 import g1
+from models import g1
 from tests.support.posture_cases import PostureCases
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError

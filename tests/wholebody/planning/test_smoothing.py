@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.geometry.rotations import angle_between, rotvec_to_matrix
 from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from tests.support.body_cases import standing
 from wholebody.config import ControllerConfig, SafetyConfig

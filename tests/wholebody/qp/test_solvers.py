@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
 from tests.support.body_cases import standing

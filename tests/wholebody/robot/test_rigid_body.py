@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from wholebody.errors import InputError
 from wholebody.jit.entry import Entry
 from wholebody.robot.body_table import body_table

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.findings import Finding
 from policy.remote.client import RemotePolicy
 from policy.remote.msgpack_numpy import unpack

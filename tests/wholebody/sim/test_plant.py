@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import load_pinocchio
 from wholebody.errors import InputError, SimulationError
 from wholebody.sim.fall import detect_fall

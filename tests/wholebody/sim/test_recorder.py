@@ -5,7 +5,7 @@ its columns agree with what the episode itself says of its errors and margins.
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from policy.scripted.library import scripted_policy
 from tests.support.recordings import plant_recording
 from wholebody.episode.run import EpisodeConfig, run_episode

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.spec import RobotSpecError
 from tests.support.hostile_files import SCENE, write_scene
 from wholebody.sim.plant import MujocoPlant

@@ -68,8 +68,8 @@ class Painter:
     def __init__(self, record: Record) -> None:
         import mujoco
 
+        from models import g1
         from models.conversion import Conversion
-        from models.g1 import g1
         from models.mujoco_model import build_mujoco
         from models.pinocchio_model import load_pinocchio
         from wholebody.sim.scene_file import scene_of

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import nnls
 
-from models.g1 import g1
+from models import g1
 from policy.scripted.library import lissajous, reach, two_hand_lift, wave
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.config import ControllerConfig, TrajectoryConfig
