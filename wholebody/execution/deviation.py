@@ -10,7 +10,7 @@ from wholebody.robot.state import Robot
 STEPS = 3
 """Gauss-Newton steps that put a wrist back: in the median of random cases, 26 mm become 1.6, then 0.02, then 0."""
 DAMPING = 1e-4
-"""Of a step, added to ``J J^T`` [m^2, rad^2]: a straight arm moves little in its singular direction."""
+"""Of a step, added to ``J J^T`` [m^2, rad^2]; chosen: a straight arm moves little in its singular direction."""
 
 
 class Deviation:

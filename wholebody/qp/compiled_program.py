@@ -11,11 +11,12 @@ import numpy as np
 
 from wholebody.errors import InputError
 from wholebody.jit.entry import Entry
+from wholebody.jit.packed import Packed
 from wholebody.limits.base import Rows
 from wholebody.qp.formulation import WholeBodySolution
 from wholebody.qp.kernels import active_set, assemble, command, proximity, residuals, solve
 from wholebody.qp.problem import QPSolution, Residuals
-from wholebody.qp.program_inputs import ProgramInputs, place_feet
+from wholebody.qp.program_inputs import BodyInputs, ProgramInputs, place_feet
 from wholebody.qp.workspace import BLOCK, make_workspace
 from wholebody.tasks.base import Objective
 
@@ -82,16 +83,14 @@ class CompiledAnswer:
         return self._row[at : at + nj], self._row[at + nj : at + 2 * nj], self._row[at + 2 * nj : at + 3 * nj]
 
 
-class CompiledProgram:
-    """Builds and solves the program in compiled calls.
+class CompiledBody:
+    """What compiled programs have alike: memory that the controller reads and writes.
 
     Attributes:
         tick: The memory, by names; see `workspace`.
-        dv: Accelerations of the last answer, shape (nv,).
-        forces: Point forces in world axes, shape (n_points, 3), [N].
+        q: Configuration of the last call, shape (nq,).
         tau: Joint torques in Pinocchio order, shape (n_joints,), [N m].
-        dual: Multiplier of each row in the order of `constraints`, positive at the upper side.
-        desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
+        dual: Multiplier of each row, positive at the upper side.
         reference: Where the references of the tasks are read, laid out as in `wholebody.control.reference_packet`.
         trust: Trust in the hands, shape (2,).
         palms: Where the palms are, from the origin of the base in world axes, shape (2, 3), [m].
@@ -100,26 +99,12 @@ class CompiledProgram:
     All are views of memory that the next call overwrites.
     """
 
-    def __init__(self, inputs: ProgramInputs) -> None:
-        self.inputs = inputs
-        self.tick = tick = make_workspace(inputs)
-        self.dv, self.forces, self.tau = tick.dv, tick.f.reshape(-1, 3), tick.tau
-        self.dual, self.residuals, self.desired = tick.dual, tick.residuals, tick.desired
-        self.q, self.v = tick.q, tick.v
+    def __init__(self, inputs: BodyInputs, tick: Packed, *, supported: bool) -> None:
+        self.inputs, self.tick, self._supported, n = inputs, tick, supported, len(inputs.feet)
+        self.q, self.tau, self.dual, self.residuals = tick.q, tick.tau, tick.dual, tick.residuals
         self.reference, self.trust = tick.span("hand_ref", "posture_ref"), tick.trust
-        n = len(inputs.feet)
         self.palms = tick.frame_p[n : n + 2]
-        self._answer = tick.span("dv", "dual")
-        self._sizes = len(self.dv), self.forces.size, len(self.tau)
         self.code = active_set.SOLVED
-        self._move, self._near_pairs, self._assemble, self._search, self._conclude, self._command = (
-            entry.native(tick) for entry in ENTRIES
-        )
-
-    @property
-    def iterations(self) -> int:
-        """Changes of the working set in the last call."""
-        return self.tick.iterations
 
     @property
     def active(self) -> int:
@@ -128,11 +113,39 @@ class CompiledProgram:
 
     def reset(self) -> None:
         """Take over where the feet and the support are; the working set is forgotten."""
-        support, tick = self.inputs.balance.support if self.inputs.safety else None, self.tick
+        tick, support = self.tick, self.inputs.balance.support if self._supported else None
         tick.n_edges, tick.n_working = 0 if support is None else len(support.offsets), 0
         if support is not None:
             tick.edges[: tick.n_edges] = np.column_stack([support.normals, support.offsets])
         place_feet(self.inputs, tick)
+
+
+class CompiledProgram(CompiledBody):
+    """Builds and solves the program in compiled calls.
+
+    Attributes:
+        v: Velocity of the last call, shape (nv,).
+        dv: Accelerations of the last answer, shape (nv,).
+        forces: Point forces in world axes, shape (n_points, 3), [N].
+        desired: Joint positions and speeds of the integrated desired state, Pinocchio order, shape (2, n_joints).
+    """
+
+    inputs: ProgramInputs
+
+    def __init__(self, inputs: ProgramInputs) -> None:
+        super().__init__(inputs, make_workspace(inputs), supported=inputs.safety)
+        tick = self.tick
+        self.v, self.dv, self.forces, self.desired = tick.v, tick.dv, tick.f.reshape(-1, 3), tick.desired
+        self._answer = tick.span("dv", "dual")
+        self._sizes = len(self.dv), self.forces.size, len(self.tau)
+        self._move, self._near_pairs, self._assemble, self._search, self._conclude, self._command = (
+            entry.native(tick) for entry in ENTRIES
+        )
+
+    @property
+    def iterations(self) -> int:
+        """Changes of the working set in the last call."""
+        return self.tick.iterations
 
     def set_extra(self, objectives: Sequence[Objective], limits: Sequence[Rows]) -> None:
         """Hand over what further tasks and limits ask for in the next call.

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from models.g1 import g1
+from models import g1
 from models.pinocchio_model import stance_q
 from wholebody.execution.deviation import Deviation
 from wholebody.robot.state import Robot
