@@ -5,7 +5,9 @@ The answer of any solver is judged by `kkt_residuals`; a solver's own success fl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from time import thread_time
 
 import numpy as np
@@ -65,7 +67,7 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
     start = thread_time()
     if solver == "daqp":
         answer = _judge(qp, "daqp", _solve_daqp(qp))
-    elif solver in ACCEPTED:
+    elif solver in _BACKENDS:
         answer = _solve_prepared(qp, solver, slack=False)
         # Only a robot that has been pushed over a safety bound needs slack.
         answer = answer if answer.ok else _solve_prepared(qp, solver, slack=True)
@@ -76,14 +78,13 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
 
 def _solve_prepared(qp: QuadraticProgram, solver: str, *, slack: bool) -> QPSolution:
     prepared = prepare(qp, slack=slack)
-    program = prepared.program
-    candidate = _solve_proxqp(program) if solver == "proxqp" else _solve_qpsolvers(program, solver)
+    candidate = _BACKENDS[solver](prepared.program)
     if candidate is None:
         return _judge(qp, solver, None)
     answer = _judge(qp, solver, prepared.restore(candidate))
     if _worst(answer) < EXACT:
         return answer
-    polished = _judge(qp, solver, prepared.restore(polish(program, candidate)))
+    polished = _judge(qp, solver, prepared.restore(polish(prepared.program, candidate)))
     return polished if _worst(polished) < _worst(answer) else answer
 
 
@@ -154,3 +155,9 @@ def _solve_qpsolvers(qp: QuadraticProgram, solver: str) -> Candidate | None:
     z[has_lower] -= solution.z[n_upper:]
     z_box = solution.z_box if solution.z_box is not None and solution.z_box.size else np.zeros(len(qp.g))
     return solution.x, solution.y, z, z_box
+
+
+_BACKENDS: dict[str, Callable[[QuadraticProgram], Candidate | None]] = {
+    "proxqp": _solve_proxqp,
+    **{name: partial(_solve_qpsolvers, solver=name) for name in _SETTINGS},
+}
