@@ -17,6 +17,8 @@ MOTIONS ?=
 # Checkout of openpi, whose own server is then met: make test-openpi OPENPI=~/openpi
 OPENPI ?=
 QUICK = not regression and not latest and not openpi and not browser
+# Files with tests that run without others beside them: looking through all files takes longer than many a test.
+ALONE = $(if $(ARGS),,$(shell grep -rl --include="test_*.py" "mark\.alone" tests))
 # What pytest answers where ARGS leave no test to run.
 NONE_CHOSEN = 5
 REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
@@ -48,7 +50,7 @@ format: $(VENV)/.all-installed ## Fix style and formatting
 test: $(VENV)/.all-installed ## Run the tests
 	@$(BIN)/wholebody warmup
 	OMP_NUM_THREADS=1 $(BIN)/python $(PYTEST) -n 2 --dist worksteal -m "$(QUICK) and not alone" $(ARGS)
-	$(BIN)/python $(PYTEST) -m "$(QUICK) and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
+	$(BIN)/python $(PYTEST) -m "$(QUICK) and alone" $(ALONE) $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
 
 regression: $(VENV)/.all-installed ## Run the long studies against their stored values
 	$(REGRESSION) $(ARGS)
@@ -60,7 +62,7 @@ regression-update: $(VENV)/.all-installed ## Run the long studies and store thei
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	@$(LATEST)/bin/wholebody warmup
 	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not openpi and not browser and not alone" $(ARGS)
-	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and not browser and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
+	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and not browser and alone" $(ALONE) $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
 
 test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's own client and server, in their own environment
 	OPENPI_PYTHON=$(OPENPI_VENV)/bin/python OPENPI_CHECKOUT="$(OPENPI)" $(BIN)/python $(PYTEST) -m openpi $(ARGS)

@@ -16,7 +16,7 @@ from policy.errors import printable
 
 LINE_MAX = 4000
 """Most characters of a line on the terminal."""
-FIRST_BEAT, HEARTBEAT = 1.0, 4.0
+FIRST_BEAT, HEARTBEAT = 1.0, 3.0
 """When something that takes long says so in a pipe first, and then how often [s]; chosen: 5 s never pass without a
 word."""
 
