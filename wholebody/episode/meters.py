@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from models.spec import RobotSpec
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
@@ -42,14 +40,14 @@ class Meters:
         if answer is not None and answer.status is Status.HOLD and answer.reason:
             executor.refused(answer.reason, answer.detail)
 
-    def commanded(self, supervisor: Supervisor, now: float) -> dict[str, np.ndarray]:
-        """Take note of what is commanded now [s]; the palm poses (4, 4), by side."""
+    def commanded(self, supervisor: Supervisor, state: RobotState) -> None:
+        """Take note of what is commanded in a true state."""
         if supervisor.plan_report is not self._plan:
             self._plan = supervisor.plan_report
-            self._taken_over(supervisor, now)
+            self._taken_over(supervisor, state.time)
         self._palms = supervisor.palm_reference()
         self._seams.add(self._palms)
-        return self._palms
+        self._tracking_error.measure(state, self._palms, supervisor.moved_for or supervisor.status.reason)
 
     def _taken_over(self, supervisor: Supervisor, now: float) -> None:
         """A plan was taken over: what it changes in the chunk."""
@@ -62,13 +60,10 @@ class Meters:
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
 
-    def after(
-        self, supervisor: Supervisor, plant: MujocoPlant, state: RobotState, palms: dict[str, np.ndarray]
-    ) -> None:
+    def after(self, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:
         """Take note of the state that it led to."""
         self._limits.look(state.time)
         _count(self.result, supervisor, plant, state)
-        self._tracking_error.measure(state, palms, supervisor.moved_for or supervisor.status.reason)
 
     def finish(self, supervisor: Supervisor) -> EpisodeResult:
         """The result with what was collected along the way."""

@@ -158,12 +158,12 @@ def run_episode(
                 meters.refused(supervisor.accept(chunk, state.time), executor)
         command = supervisor.step(measured, state.time)
         meters.refused(supervisor.take_refusal(), executor)
-        palms = meters.commanded(supervisor, state.time)
+        meters.commanded(supervisor, state)
         if recorder is not None:
             recorder.add(state, command, followed(supervisor, state.time), plant)
         state, tick = plant.step(command), tick + 1
         measured = measure(state)
-        meters.after(supervisor, plant, state, palms)
+        meters.after(supervisor, plant, state)
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
     return meters.finish(supervisor)

@@ -99,7 +99,7 @@ class TrackingError:
 
         Args:
             state: True state.
-            commanded: Palm poses (4, 4) that led to it, by side.
+            commanded: Palm poses (4, 4) that are commanded in it, by side.
             reason: Why the chunk was not followed as given, if it was not.
         """
         now = state, [pin.SE3(commanded[side]) for side in ("left", "right")]

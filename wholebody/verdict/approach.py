@@ -20,8 +20,10 @@ def approach_steps(result: EpisodeResult, bounds: VerdictConfig) -> int:
     step was where the hands were.
     """
     palms = result.palms
-    turns = np.where(result.orientation_free, 0.0, palms.moved_turns)
-    off = ((palms.moved > bounds.palm_feasible) | (turns > bounds.turn_feasible)).any(axis=1)
+    # The hands are there once they are both commanded and measured there: a robot follows a little behind its command.
+    away = np.maximum(palms.moved, palms.errors)
+    turns = np.where(result.orientation_free, 0.0, np.maximum(palms.moved_turns, palms.turns))
+    off = ((away > bounds.palm_feasible) | (turns > bounds.turn_feasible)).any(axis=1)
     if not off.size or off.all():
         return 0
     first = int(np.argmin(off))

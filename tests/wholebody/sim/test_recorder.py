@@ -84,6 +84,8 @@ def test_the_asked_palms_are_those_that_the_errors_of_the_episode_are_measured_a
 
     assert np.abs(at_steps(record.palm_errors()) - result.errors[scored]).max() < 1e-4
     assert np.abs(at_steps(record.palm_turns()) - result.turns[scored]).max() < 1e-3
+    # Commanded palms were compared with those asked for a control period later: 0.4 mm at 0.2 m/s.
+    assert np.abs(at_steps(record.palm_errors("asked", "commanded")) - result.palms.moved[scored]).max() < 1e-4
 
 
 def test_the_margin_is_that_of_the_verdict(episode):
