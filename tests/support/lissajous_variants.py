@@ -1,16 +1,21 @@
 """Twenty variants of the lissajous, so that nothing leans on one script.
 
-``python tests/support/lissajous_variants.py FIRST LAST`` runs the seeds FIRST to LAST - 1 and prints one line each.
+``python tests/support/lissajous_variants.py FIRST LAST`` runs the seeds FIRST to LAST - 1 and prints one line each;
+``hands`` after that prints how near the hands come that each asks for instead, whatever robot they are on.
 """
 
 import sys
+from itertools import product
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from models import g1
+from models.pinocchio_model import load_collision, load_pinocchio, stance_q
 from policy.action_spec.hands import grasp_posture
 from policy.geometry.rotations import rotvec_to_matrix, rpy_to_matrix
 from policy.scripted.library import (
@@ -22,7 +27,7 @@ from policy.scripted.library import (
     LISSAJOUS_TURN,
     MIRROR_Y,
 )
-from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, minimum_jerk, stance_pose
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, minimum_jerk, stance_pose, to_chunk
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -86,7 +91,41 @@ def errors_line(policy, supervisor, plant, *, start=3.0, scored=SCORED, seconds=
     )
 
 
+def hand_distances(policy, period=0.04):
+    """Distance between the hulls of both hands as asked for on the curve, (n,) [m]; negative where they overlap."""
+    spec = g1()
+    model = load_pinocchio(spec)
+    geometry, data, q = load_collision(spec, model), model.createData(), stance_q(spec, model)
+    t = np.arange(LISSAJOUS_START, LISSAJOUS_START + SCORED, period)
+    chunk = to_chunk(policy.script(t), "wbc32", 0, 0.0, 1.0 / period, len(t))
+    sides = [(chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand)]
+    fingers = [[model.idx_qs[model.getJointId(name)] for name in tool.finger_joints] for tool in spec.tools]
+    wrists = [model.getFrameId(tool.wrist_frame) for tool in spec.tools]
+    shapes = [[s for s in geometry.geometryObjects if s.name.startswith(f"{t.side}_hand")] for t in spec.tools]
+    nearest = np.full(len(t), np.inf)
+    for k in range(len(t)):
+        for at, (_, joints) in zip(fingers, sides, strict=True):
+            q[at] = joints[k]
+        pin.framesForwardKinematics(model, data, q)
+        hands = []
+        for wrist, (poses, _), those in zip(wrists, sides, shapes, strict=True):
+            moved = pin.SE3(poses[k]) * data.oMf[wrist].inverse()
+            hands.append([(s.geometry, moved * data.oMi[s.parentJoint] * s.placement) for s in those])
+        for (a, T_a), (b, T_b) in product(*hands):
+            placed = [coal.Transform3s(T.rotation, T.translation) for T in (T_a, T_b)]
+            near = coal.distance(a, placed[0], b, placed[1], coal.DistanceRequest(), coal.DistanceResult())
+            nearest[k] = min(nearest[k], near)
+    return nearest
+
+
 if __name__ == "__main__":
+    if "hands" in sys.argv:
+        for seed in range(int(sys.argv[1]), int(sys.argv[2])):
+            near = hand_distances(variant(seed))
+            print(
+                f"{seed} hands {1e3 * near.min():.1f} mm apart at least, overlap {(near < 0.0).mean():.0%} of the time"
+            )
+        sys.exit()
     spec = g1()
     robot = Supervisor(spec), MujocoPlant(spec)
     for seed in range(int(sys.argv[1]), int(sys.argv[2])):
