@@ -1,8 +1,9 @@
 """How long the plan of a chunk takes, over scripts and hostile chunks, in the closed loop with MuJoCo.
 
-    python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6]
+    python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6] [--motions FOLDER]
 
-Thread CPU time. A chunk takes one trajectory, or several where it is too fast or out of reach. The second table has
+Thread CPU time; work is what `planning.budget` counts.
+A chunk takes one trajectory, or several where it is too fast or out of reach. The second table has
 the parts of a linearisation, and the step [us a knot]. The last line is the time of one
 `pinocchio.computeRNEADerivatives` of the same robot [us], to compare machines by.
 """
@@ -21,6 +22,7 @@ import pinocchio as pin
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from models import g1
+from policy.recorded.replay import open_recording
 from policy.scripted.library import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
 from wholebody.episode.run import run_episode
@@ -31,10 +33,11 @@ from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.workspace import Motion
 from wholebody.sim.plant import MujocoPlant
+from wholebody.verdict.check import Checker
 
 HEADINGS = (
     "Motion", "chunks", "ms a chunk: median", "max", "plans a chunk", "knots", "ms a plan: median", "max",
-    "linearisations a plan", "ms each", "ms a step",
+    "linearisations a plan", "ms each", "ms a step", "work a chunk: median", "max",
 )  # fmt: skip
 PARTS = ("place", "measure", "describe", "rates", "assemble", "step")
 
@@ -71,6 +74,7 @@ class Times:
     def __init__(self, *methods: tuple[type, str]) -> None:
         self.of: dict[str, list[float]] = {}
         self.knots: list[int] = []
+        self.work: list[float] = []
         for owner, name in methods:
             setattr(owner, name, self._timed(f"{owner.__name__}.{name}", getattr(owner, name)))
 
@@ -81,6 +85,8 @@ class Times:
             self.of.setdefault(label, []).append(1e3 * (thread_time() - begin))
             if label == "TrajectoryOptimizer.plan":
                 self.knots.append(len(arguments[2]))
+            if label == "ChunkPlanner.plan":
+                self.work.append(answer.report.work)
             return answer
 
         return timed
@@ -100,10 +106,31 @@ class Times:
             name, f"{len(chunks)}", f"{np.median(chunks):.0f}", f"{chunks.max():.0f}",
             f"{len(plans) / len(chunks):.1f}", f"{np.mean(self.knots):.0f}", f"{np.median(plans):.0f}",
             f"{plans.max():.0f}", f"{len(linear) / len(plans):.1f}", f"{np.mean(linear):.1f}", f"{np.mean(steps):.1f}",
+            f"{np.median(self.work):.0f}", f"{np.max(self.work):.0f}",
         ]  # fmt: skip
         self.of.clear()
         self.knots.clear()
+        self.work.clear()
         return cells
+
+
+def motions(folder: Path, times: Times, unit: float) -> None:
+    """Print how long plans of recorded motions take, in terms of the unit [us], and as a share of their check."""
+    checker, shares, chunks = Checker(), [], []
+    print("\n| Recorded motion | ms a chunk: median | max | in units: median | share of the check |")
+    print("|---|---|---|---|---|")
+    for file in sorted(folder.glob("*.csv")):
+        policy = open_recording(file)
+        begin = thread_time()
+        checker.check(policy, file.stem, policy.duration)
+        took, ms = 1e3 * (thread_time() - begin), np.array(times.of["ChunkPlanner.plan"])
+        times.row(file.stem)
+        shares.append(ms.sum() / took)
+        chunks.append(np.median(ms))
+        cells = f"{chunks[-1]:.0f} | {ms.max():.0f} | {1e3 * chunks[-1] / unit:.0f} | {100.0 * shares[-1]:.0f} %"
+        print(f"| {file.stem} | {cells} |", flush=True)
+    whole = np.median(chunks)
+    print(f"| median | {whole:.0f} | | {1e3 * whole / unit:.0f} | {100.0 * np.median(shares):.0f} % |")
 
 
 def main() -> None:
@@ -113,6 +140,7 @@ def main() -> None:
         "--seeds", type=int, nargs="*", default=[0, 1, 5, 6, 7], help="cases of tests/support/hostile_chunks.py"
     )
     parser.add_argument("--seconds", type=float, default=6.0, help="of each script")
+    parser.add_argument("--motions", type=Path, help="folder of recorded motions, which are checked one by one")
     options = parser.parse_args()
     spec = g1()
     supervisor, plant = Supervisor(spec), MujocoPlant(spec)
@@ -140,7 +168,10 @@ def main() -> None:
     print("\n| Part, us a knot | scripts | hostile |\n|---|---|---|")
     for row in zip(PARTS, plain, parts.cells(), strict=True):
         print(f"| {' | '.join(row)} |")
-    print(f"\ncomputeRNEADerivatives: {yardstick(supervisor.planner.optimizer.body.model):.1f} us")
+    unit = yardstick(supervisor.planner.optimizer.body.model)
+    print(f"\ncomputeRNEADerivatives: {unit:.1f} us")
+    if options.motions:
+        motions(options.motions, times, unit)
 
 
 def yardstick(model: pin.Model) -> float:

@@ -45,6 +45,7 @@ OF_NAME: dict[str, Bounds] = {
     "robot.stance.knee": (0.2, 1.6),
     "robot.stance.feet_apart": (0.16, 0.5),
     **{f"robot.stance.{name}": (-3.2, 3.2) for name in ARM},
+    "planning.budget": (20.0, 1e4),
 }
 """Closer bounds of settings, by their full name."""
 OF_LAST_NAME: dict[str, Bounds] = {

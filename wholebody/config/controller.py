@@ -261,9 +261,7 @@ class PlannerConfig:
     warm_start_distance: float = 0.03
     """Distance of the plan before from the palms wanted up to which the search begins with it [m]."""
     warm_start_error: float = 0.004
-    """Tracking error above which a search that began so is repeated without [m]."""
-    warm_start_violation: float = 0.5
-    """Excess over a bound above which it is, in terms of the bound's tolerance."""
+    """Tracking error above which a search that began so is repeated without, up to `relax_error` [m]."""
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""
     clamp_tolerance: float = 0.008

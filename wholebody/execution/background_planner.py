@@ -17,6 +17,7 @@ from wholebody.config import PlanningConfig
 from wholebody.errors import ConfigError, InputError, PlanningError
 from wholebody.execution.plan_follower import Foreseen
 from wholebody.execution.state_monitor import ROUNDING
+from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
 
 
@@ -31,6 +32,7 @@ class PlanRequest:
         start: What will be followed then.
         before: Configurations of the present plan from then on, one knot apart, shape (k, nq), or None.
         again: Whether the chunk is being followed already, and only a quicker plan is of use.
+        cpu_limit: CPU time in which the plan is wanted [s]; infinite where planning takes a simulated time.
     """
 
     chunk: ActionChunk
@@ -39,6 +41,12 @@ class PlanRequest:
     start: Foreseen
     before: np.ndarray | None = None
     again: bool = False
+    cpu_limit: float = inf
+
+    def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
+        """The plan, computed now."""
+        start = self.start
+        return planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit)
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,13 @@ Compute = Callable[[PlanRequest], ChunkPlan]
 
 
 class BackgroundPlanner(Protocol):
-    """Takes requests, one at a time, and hands out answers without ever waiting."""
+    """Takes requests, one at a time, and hands out answers without ever waiting.
+
+    Attributes:
+        measured: Whether its plans take the time that computing them takes, so that they have to be done in time.
+    """
+
+    measured: bool
 
     def submit(self, request: PlanRequest) -> None:
         """Begin to plan; what was asked for before is not wanted any more."""
@@ -81,7 +95,7 @@ class SimulatedPlanner:
     def __init__(self, compute: Compute, config: PlanningConfig) -> None:
         if config.latency not in ("fixed", "measured"):
             raise ConfigError(f"planning.latency is '{config.latency}'; it must be 'fixed' or 'measured'")
-        self._compute, self._config = compute, config
+        self._compute, self._config, self.measured = compute, config, config.latency == "measured"
         self._answer: PlanAnswer | None = None
         self._done = inf
 
@@ -93,7 +107,7 @@ class SimulatedPlanner:
         except (InputError, PlanningError) as error:
             failed = error
         self._answer = PlanAnswer(request, plan, failed, thread_time() - begin)
-        took = self._answer.took if self._config.latency == "measured" else self._config.lead
+        took = self._answer.took if self.measured else self._config.lead
         self._done = request.asked + self._config.factor * took
 
     def poll(self, now: float) -> PlanAnswer | None:
@@ -116,6 +130,8 @@ class ThreadPlanner:
     Args:
         compute: Plans; called by the thread only.
     """
+
+    measured = True
 
     def __init__(self, compute: Compute) -> None:
         self._compute = compute

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -76,17 +77,25 @@ class Handover:
         return self._asked is not None or self._ready is not None
 
     @property
+    def cpu_limit(self) -> float:
+        """CPU time that a plan may take to come in time [s]: the lead, on a computer that is `factor` times faster."""
+        factor = self._config.factor
+        return self.lead / factor if self._planner.measured and self.lead * factor > 0.0 else inf
+
+    @property
     def ticks(self) -> int:
         """Control periods from asking to taking over."""
         return round(self.lead / self._dt)
 
     def ask(self, request: PlanRequest) -> None:
-        """Have a plan computed."""
-        self._asked = request
-        self._planner.submit(request)
+        """Have a plan computed, in time."""
+        self._asked = replace(request, cpu_limit=self.cpu_limit)
+        self._planner.submit(self._asked)
 
     def collect(self, now: float, followed: float) -> PlanAnswer | None:
         """What has come of the request. A plan that is too late is dropped and doubles the lead.
+
+        So does one that would have been another with more time; it is dropped if it is not safe.
 
         Args:
             now: Present time [s].
@@ -96,12 +105,15 @@ class Handover:
         if answer is None or answer.request is not self._asked:
             return None
         request, self._asked, self.planning_time = self._asked, None, answer.took
-        if followed > request.due + 0.5 * self._dt:
-            self.late += 1
+        late, plan = followed > request.due + 0.5 * self._dt, answer.plan
+        short = plan is not None and plan.report.timed_out and self.lead < self._config.lead_max
+        if late or short:
             self.lead = min(2.0 * max(self.lead, self._dt), self._config.lead_max)
+        if late or (short and not plan.report.safe):
+            self.late += 1
             self._dropped = request.chunk
             return None
-        if now - request.asked < 0.5 * self.lead:
+        if not short and now - request.asked < 0.5 * self.lead:
             self.lead = max(0.5 * self.lead, self._config.lead)
         return answer
 

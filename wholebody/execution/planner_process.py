@@ -105,7 +105,7 @@ def _main(connection: Connection, spec: RobotSpec, config: ControllerConfig, beg
             return
         started = thread_time()
         try:
-            answer = planner.plan(request.chunk, request.due, request.start.body, request.start.hands, request.before)
+            answer = request.plan_with(planner)
         except (InputError, PlanningError) as error:
             answer = error
         except Exception as error:  # noqa: BLE001 - a mistake of ours must not end the planner: the robot goes on without

@@ -107,7 +107,7 @@ class Supervisor:
         return self._follower
 
     def _compute(self, request: PlanRequest) -> ChunkPlan:
-        return self.planner.plan(request.chunk, request.due, request.start.body, request.start.hands, request.before)
+        return request.plan_with(self.planner)
 
     @property
     def time_factor(self) -> float:

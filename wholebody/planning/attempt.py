@@ -13,16 +13,33 @@ from wholebody.reference import HandPath
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """The plan of a chunk by one strategy; K knots.
+class Targets:
+    """What a chunk asks of the hands at one speed; K knots.
 
     Attributes:
-        strategy: Its name.
         slowdown: Factor by which the chunk takes longer.
         paths: Of the hands, as the chunk has them within the limits of a hand.
         projected: How far each of the chunk's H steps was moved for that, shape (H,), [m].
         steps: Path parameters of the knots, shape (K,), [s].
         T_palms: Palm poses wanted, shape (K, 2, 4, 4).
+        q_fingers: Fingers of the left, then of the right hand, shape (K, n_fingers), [rad].
+    """
+
+    slowdown: float
+    paths: tuple[HandPath, HandPath]
+    projected: np.ndarray
+    steps: np.ndarray
+    T_palms: np.ndarray
+    q_fingers: np.ndarray
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """The plan of a chunk by one strategy; K knots.
+
+    Attributes:
+        strategy: Its name.
+        targets: What it is to follow.
         knots: What the optimiser found.
         distance: Of each palm from where it should be, shape (K, 2), [m].
         trajectory: The same as it is followed.
@@ -32,11 +49,7 @@ class Attempt:
     """
 
     strategy: str
-    slowdown: float
-    paths: tuple[HandPath, HandPath]
-    projected: np.ndarray
-    steps: np.ndarray
-    T_palms: np.ndarray
+    targets: Targets
     knots: KnotTrajectory
     distance: np.ndarray
     trajectory: SampledTrajectory
@@ -52,10 +65,11 @@ class Attempt:
     @property
     def mean_error(self) -> float:
         """Mean distance of the palms from where the chunk wants them at its own times [m]."""
-        own_time = self.steps[0] + (self.steps - self.steps[0]) / self.slowdown
-        reached = self.knots.T_palms[:, :, :3, 3].reshape(len(self.steps), -1).T
-        late = np.stack([np.interp(own_time, self.steps, x) for x in reached], axis=1).reshape(-1, 2, 3)
-        return float(np.mean(np.linalg.norm(late - self.T_palms[:, :, :3, 3], axis=2)))
+        steps, wanted = self.targets.steps, self.targets.T_palms[:, :, :3, 3]
+        own_time = steps[0] + (steps - steps[0]) / self.targets.slowdown
+        reached = self.knots.T_palms[:, :, :3, 3].reshape(len(steps), -1).T
+        late = np.stack([np.interp(own_time, steps, x) for x in reached], axis=1).reshape(-1, 2, 3)
+        return float(np.mean(np.linalg.norm(late - wanted, axis=2)))
 
     @property
     def violation(self) -> float:
@@ -71,6 +85,10 @@ class Attempt:
     def is_safe(self, config: PlannerConfig) -> bool:
         """Whether it keeps its bounds and its balance."""
         return self.violation <= config.violation_max and self.imbalance(config) <= 1.0
+
+    def unsafety(self, config: PlannerConfig) -> int:
+        """0 if it is safe, 1 if it keeps its bounds at least, 2 if it does not."""
+        return 0 if self.is_safe(config) else 1 + (self.violation > config.violation_max)
 
     def follows(self, config: PlannerConfig) -> bool:
         """Whether it is safe and near enough to the chunk."""

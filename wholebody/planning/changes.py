@@ -43,13 +43,15 @@ def changes(
         config: Distance and angle from which a person sees that a hand is elsewhere.
         elsewhere: Whether the chunk begins where the hands are not.
     """
-    times, steps, near = prepared.times, chosen.steps, config.clamp_tolerance
+    targets, times, near = chosen.targets, prepared.times, config.clamp_tolerance
+    steps = targets.steps
     lift, noise, turn, jump = (
-        most_near(times, values, steps) for values in (prepared.lift, prepared.moved, prepared.turned, chosen.projected)
+        most_near(times, values, steps)
+        for values in (prepared.lift, prepared.moved, prepared.turned, targets.projected)
     )
-    clamp, joining, slower = clamp.max(axis=1), _joining(chosen), chosen.slowdown > 1.0
+    clamp, joining, slower = clamp.max(axis=1), _joining(chosen), targets.slowdown > 1.0
     none, every = np.zeros(len(steps)), np.ones(len(steps), dtype=bool)
-    reached = f"targets moved by up to {max(clamp.max(), jump.max()):.3f} m, slowed {chosen.slowdown:.2f} times"
+    reached = f"targets moved by up to {max(clamp.max(), jump.max()):.3f} m, slowed {targets.slowdown:.2f} times"
     lifted = f"the hands were to go into the floor: targets lifted by {lift.max():.3f} m"
     scatter = f"steps scatter: followed the curve through them in {', '.join(prepared.smoothed)}"
     noisy = Change(noise, (noise > near) | (turn > config.turn_tolerance), scatter)
@@ -68,5 +70,5 @@ def changes(
 
 def _joining(chosen: Attempt) -> np.ndarray:
     """Whether a hand is still on its way to the chunk at each knot, shape (K,)."""
-    ends = [path.join.s + path.join.duration for path in chosen.paths if path.join is not None]
-    return chosen.steps < max(ends, default=-np.inf)
+    ends = [path.join.s + path.join.duration for path in chosen.targets.paths if path.join is not None]
+    return chosen.targets.steps < max(ends, default=-np.inf)

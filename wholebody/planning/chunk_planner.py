@@ -5,6 +5,9 @@ Slow down along the chunk first, shift the body second (the trajectory), bend th
 
 from __future__ import annotations
 
+from functools import cache
+from math import inf
+
 import numpy as np
 import pinocchio as pin
 
@@ -12,7 +15,7 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.planning import strategies
-from wholebody.planning.attempt import Attempt
+from wholebody.planning.attempt import Attempt, Targets
 from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.hand_clamp import clamped
@@ -20,11 +23,15 @@ from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.strategies import Begin, Strategy
 from wholebody.planning.trajectory import BodyState, curve_through, track_along
+from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.state import Robot
 from wholebody.types import Reason
+
+SEARCH_SHARE = 0.7
+"""Share of a limit on CPU time in which attempts are made: the rest is for judging the last one, and for the hands."""
 
 
 class ChunkPlanner:
@@ -41,7 +48,7 @@ class ChunkPlanner:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
-        self.spec, self.config = spec, config.planner
+        self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
         self.model, self.data = robot.model, robot.model.createData()
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
@@ -63,8 +70,9 @@ class ChunkPlanner:
         start: BodyState,
         commanded: HandMotion,
         before: np.ndarray | None = None,
+        cpu_limit: float = inf,
     ) -> ChunkPlan:
-        """Plan the rest of a chunk.
+        """Plan the rest of a chunk, within the budget of linearisations and steps of the settings.
 
         Args:
             chunk: A valid chunk.
@@ -73,47 +81,46 @@ class ChunkPlanner:
             commanded: What the two hands are commanded to do now, rows (2, 40).
             before: What the plan before would have done from now on, configurations one knot apart, shape (k, nq), the
                 first one a knot from now; the search begins with it where both plans agree.
+            cpu_limit: CPU time of this thread in which the plan is wanted [s]; with it, plans depend on the machine.
         """
+        budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
         prepared = prepare(chunk, self.hand_limits)
+
+        @cache
+        def targets(slowdown: float) -> Targets:
+            return self._targets(prepared, now, commanded, slowdown)
 
         def attempt(strategy: Strategy, slowdown: float, last: np.ndarray | None) -> Attempt:
             first = {Begin.PLAN_BEFORE: before, Begin.LAST_ATTEMPT: last, Begin.START: None}[strategy.begin]
-            return self._attempt(prepared, now, start, commanded, strategy, slowdown, first)
+            return self._attempt(targets(slowdown), start, strategy, first, budget)
 
-        chosen = strategies.best(self.config, attempt, implausible=prepared.implausible)
+        chosen = strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
         paths, moved = clamped(chosen, self.config, self._palms, self.offsets)
         changed = changes(chosen, prepared, moved, self.config, elsewhere=prepared.begins_elsewhere(now, commanded))
-        report = self._report(chosen, changed, implausible=prepared.implausible)
-        return ChunkPlan(paths, chosen.trajectory, float(chosen.steps[0]), float(chosen.steps[-1]), report)
+        report = self._report(chosen, changed, budget, implausible=prepared.implausible)
+        steps = chosen.targets.steps
+        return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report)
 
-    def _report(self, chosen: Attempt, changed: dict[Reason, Change], *, implausible: bool) -> PlanReport:
+    def _report(
+        self, chosen: Attempt, changed: dict[Reason, Change], budget: Budget, *, implausible: bool
+    ) -> PlanReport:
         body = self.optimizer.body
         return PlanReport(
-            steps=chosen.steps,
+            steps=chosen.targets.steps,
             tracking_error=chosen.distance,
-            slowdown=chosen.slowdown,
+            slowdown=chosen.targets.slowdown,
             zmp_margin=np.min(body.pressure_offsets - chosen.knots.zmp @ body.support.normals.T, axis=1),
             changes=changed,
             strategy=chosen.strategy,
             violation=chosen.violation,
             safe=chosen.is_safe(self.config),
+            work=budget.spent,
+            timed_out=budget.timed_out,
             implausible=implausible,
         )
 
-    def _attempt(
-        self,
-        prepared: PreparedChunk,
-        now: float,
-        start: BodyState,
-        commanded: HandMotion,
-        strategy: Strategy,
-        slowdown: float,
-        first: np.ndarray | None,
-    ) -> Attempt:
-        """The chunk planned by one strategy; a slower path begins with more motion per parameter, so nothing jumps.
-
-        ``first`` are configurations (k, nq) from the second knot on that its search begins with.
-        """
+    def _targets(self, prepared: PreparedChunk, now: float, commanded: HandMotion, slowdown: float) -> Targets:
+        """Of a chunk at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
         paths, projected = prepared.paths(now, commanded, slowdown)
         steps = self._steps(now - prepared.chunk.t_obs, max(path.span[1] for path in paths), slowdown)
         motions = [path.sample(steps) for path in paths]
@@ -122,18 +129,24 @@ class ChunkPlanner:
         fingers = [
             motion.q_finger[:, : len(tool.finger_joints)] for motion, tool in zip(motions, self.spec.tools, strict=True)
         ]
+        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers))
+
+    def _attempt(
+        self, targets: Targets, start: BodyState, strategy: Strategy, first: np.ndarray | None, budget: Budget
+    ) -> Attempt:
+        """The targets planned for by one strategy.
+
+        ``first`` are configurations (k, nq) from the second knot on that its search begins with.
+        """
+        slowdown, steps, T_palms = targets.slowdown, targets.steps, targets.T_palms
         warm_start = None if first is None else self._continued(first, T_palms)
         weights = strategy.weights(self.config)
-        knots = self.optimizer.plan(start.q, start.v, T_palms, np.hstack(fingers), warm_start, weights)
+        knots = self.optimizer.plan(start.q, start.v, T_palms, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
         trajectory = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self._centroidal)
         return Attempt(
             strategy=strategy.name,
-            slowdown=slowdown,
-            paths=paths,
-            projected=projected,
-            steps=steps,
-            T_palms=T_palms,
+            targets=targets,
             knots=knots,
             distance=np.linalg.norm(knots.T_palms[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2),
             trajectory=trajectory,

@@ -95,7 +95,8 @@ class ContactFeasibility:
         if outside.max() <= 0.0:
             return 0.0
         omega, drift, largest = np.sqrt(lift / com[:, 2]), np.zeros(outside.shape[1]), 0.0
-        for now, step in zip(outside, omega * GRID * slowdown, strict=True):
+        begins = int(np.argmax(outside.max(axis=1) > 0.0))
+        for now, step in zip(outside[begins:], (omega * GRID * slowdown)[begins:], strict=True):
             led = np.where(now > 0.0, now, np.maximum(now, -DRIFT_GAIN * drift))
             drift = np.maximum(drift + step * (drift + led), 0.0)
             largest = max(largest, float(drift.max()))

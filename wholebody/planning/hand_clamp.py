@@ -35,13 +35,14 @@ def clamped(
     Returns:
         The paths, and how far each hand is moved at the knots, (K, 2), [m].
     """
-    reached, wanted, steps = attempt.knots.T_palms, attempt.T_palms, attempt.steps
+    targets, reached = attempt.targets, attempt.knots.T_palms
+    wanted, steps = targets.T_palms, targets.steps
     turn = matrix_to_rotvec(reached[:, :, :3, :3] @ np.swapaxes(wanted[:, :, :3, :3], -1, -2))
     angle = np.linalg.norm(turn, axis=2)
     share = _widened(np.clip(2.0 * attempt.distance / config.clamp_tolerance - 1.0, 0.0, 1.0))
     turn_share = _widened(np.clip(2.0 * angle / config.turn_tolerance - 1.0, 0.0, 1.0))
     if not share.any() and not turn_share.any():
-        return attempt.paths, np.zeros_like(attempt.distance)
+        return targets.paths, np.zeros_like(attempt.distance)
     every = max(1, round((steps[1] - steps[0]) / (POINTS_PER_KNOT * GRID)))
     q = attempt.trajectory.q[: round((steps[-1] - steps[0]) / GRID) + 1 : every]
     s = steps[0] + every * GRID * np.arange(len(q))
@@ -51,7 +52,7 @@ def clamped(
     # The hands are not quite where the plan begins: that is made up for until the first knot.
     left = _between(s[led], steps[:2], np.array([[1.0], [0.0]]))
     paths = []
-    for i, path in enumerate(attempt.paths):
+    for i, path in enumerate(targets.paths):
         T = path.sample(s).T_world_hand
         R, palm = T[led, :3, :3], T[led, :3, 3] + T[led, :3, :3] @ offsets[i]
         turn, way = matrix_to_rotvec(planned[:, i, :3, :3] @ np.swapaxes(R, 1, 2)), planned[:, i, :3, 3] - palm

@@ -26,6 +26,8 @@ class PlanReport:
         strategy: Name of the strategy that the plan was found with, of `wholebody.planning.strategies`.
         violation: Largest excess over a bound of the trajectory, in terms of the tolerance of the bound.
         safe: Whether the trajectory keeps its bounds and its balance, between its knots too.
+        work: Linearisations and steps that were computed for it, as `planning.budget` counts them.
+        timed_out: Whether more would have been, with more time.
         implausible: Whether smoothing moved a hand so far that what the chunk means is a guess.
     """
 
@@ -37,6 +39,8 @@ class PlanReport:
     strategy: str = ""
     violation: float = 0.0
     safe: bool = True
+    work: float = 0.0
+    timed_out: bool = False
     implausible: bool = False
 
     @property

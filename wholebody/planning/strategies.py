@@ -23,6 +23,7 @@ import numpy as np
 from wholebody.config import PlannerConfig, TrajectoryConfig
 from wholebody.planning.attempt import Attempt
 from wholebody.planning.limit_projection import JUMP
+from wholebody.planning.trajopt.budget import Budget
 
 FIRM = 3.0
 """Factor on the scales of the palms where bounds are exceeded for them; chosen: the bounds weigh nine times as much."""
@@ -79,26 +80,40 @@ STOP = Strategy("stop", lambda c: c.weights_stop, Begin.START)
 Try = Callable[[Strategy, float, np.ndarray | None], Attempt]
 """Plans by a strategy with a slowdown; what its search begins with, if that is an attempt: configurations (k, nq)."""
 
+RESERVE, RESERVE_UNREACHABLE = 0.25, 0.15
+"""Share of the budget that is kept while nothing is safe, for strategies that follow the hands less: while attempts
+follow them in full, and as far as they reach."""
+ATTEMPT_MIN = 0.1
+"""Share of the budget with which it is worth to begin one more attempt that follows the hands."""
 
-def best(config: PlannerConfig, attempt: Try, *, implausible: bool) -> Attempt:
+
+def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bool) -> Attempt:
     """The first attempt that follows the chunk safely, else the safe one nearest to it, else the least unsafe one.
 
     Args:
         config: Strategies' settings, and what counts as safe and as following.
         attempt: Makes one.
+        budget: What all attempts together may compute; when it ends, so do attempts.
         implausible: Whether what the chunk means is a guess: then it is followed as if out of reach.
     """
     tried: list[Attempt] = []
     for slowdown in (1.0, *config.slowdowns):
-        now = _at_speed(config, attempt, slowdown)
-        jumps = implausible or now.projected.max() > JUMP
+        budget.kept = 0.0 if any(one.is_safe(config) for one in tried) else RESERVE
+        if tried and not budget.allows(ATTEMPT_MIN):
+            break
+        now = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
+        jumps = implausible or now.targets.projected.max() > JUMP
+        # Nothing brings palms near that are so far away.
+        far = jumps or now.tracking_error > 2.0 * config.unreachable
+        if not far:
+            now = _improved(config, attempt, budget, now)
         if now.follows(config) and not jumps:
             return now
-        if jumps or now.tracking_error > config.unreachable:
-            unreachable = attempt(UNREACHABLE, slowdown, None)
-            if unreachable.is_safe(config) and unreachable.deficit <= config.friction_deficit_unreachable:
-                steadier = now.follows(config) and now.imbalance(config) < unreachable.imbalance(config)
-                return now if steadier else unreachable
+        if far or now.tracking_error > config.unreachable:
+            steady = _out_of_reach(config, attempt, budget, now)
+            if steady is not None:
+                return steady
+            now = _improved(config, attempt, budget, now) if far else now
         tried.append(now)
         # What is out of reach at the end stays so at any speed.
         if now.distance[-1].max() > config.tracking_error_max:
@@ -106,31 +121,48 @@ def best(config: PlannerConfig, attempt: Try, *, implausible: bool) -> Attempt:
     safe = [one for one in tried if one.is_safe(config)]
     if safe:
         return min(safe, key=lambda one: one.mean_error)
-    return _without_hands(config, attempt, tried)
+    return _without_hands(config, attempt, budget, tried)
 
 
-def _at_speed(config: PlannerConfig, attempt: Try, slowdown: float) -> Attempt:
-    """The best attempt at one speed with full weight on the hands' positions."""
-    now = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
-    good = now.tracking_error <= config.warm_start_error and now.violation <= config.warm_start_violation
-    if now.warm_started and not good:
+def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
+    """An attempt with full weight on the hands' positions, or a better one at the same speed.
+
+    Where palms are still further off, turning them brings them nearer, and beginning anew rarely does.
+    """
+    slowdown = now.targets.slowdown
+    budget.kept = 0.0 if now.is_safe(config) else budget.kept
+    a_little_off = config.warm_start_error < now.tracking_error <= config.relax_error
+    if now.warm_started and (a_little_off or not now.is_safe(config)) and budget.allows(ATTEMPT_MIN):
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
     for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
-        if now.tracking_error > config.relax_error:
+        if now.tracking_error > config.relax_error and budget.allows(ATTEMPT_MIN):
             relaxed = attempt(strategy, slowdown, now.knots.q[1:])
-            now = min(now, relaxed, key=lambda one: (one.violation > config.violation_max, one.tracking_error))
-    if now.violation > config.violation_max:
+            now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))
+    if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
     return now
 
 
-def _without_hands(config: PlannerConfig, attempt: Try, tried: list[Attempt]) -> Attempt:
+def _out_of_reach(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt | None:
+    """The chunk followed as if out of reach, if that is steady; ``now`` where it follows and is steadier."""
+    budget.kept = 0.0 if now.is_safe(config) else RESERVE_UNREACHABLE
+    if not budget.allows(ATTEMPT_MIN):
+        return None
+    far = attempt(UNREACHABLE, now.targets.slowdown, None)
+    if not (far.is_safe(config) and far.deficit <= config.friction_deficit_unreachable):
+        return None
+    return now if now.follows(config) and now.imbalance(config) < far.imbalance(config) else far
+
+
+def _without_hands(config: PlannerConfig, attempt: Try, budget: Budget, tried: list[Attempt]) -> Attempt:
     """Where nothing that follows the hands is safe: the bounds outweigh the hands by orders of magnitude."""
-    fallback = attempt(FALLBACK, 1.0, None)
-    if fallback.is_safe(config):
-        return fallback
-    others = (FALLBACK_ANEW, STOP) if fallback.warm_started else (STOP,)
-    tried = [*tried, fallback, *(attempt(one, 1.0, None) for one in others)]
+    budget.kept = 0.0
+    for strategy in (FALLBACK, FALLBACK_ANEW, STOP):
+        if not budget.allows(ATTEMPT_MIN / 2.0) or (strategy is FALLBACK_ANEW and not tried[-1].warm_started):
+            continue
+        tried.append(attempt(strategy, 1.0, None))
+        if strategy is FALLBACK and tried[-1].is_safe(config):
+            return tried[-1]
     return max(tried, key=lambda one: (one.violation <= config.violation_max, -one.imbalance(config)))

@@ -143,10 +143,15 @@ def test_only_a_plan_that_ends_at_rest_and_balanced_is_taken(supervisor, plant):
 
 
 class Slow:
-    """Takes what it is given; plans in no time."""
+    """Takes what it is given; answers what it is told to."""
+
+    measured, answer = True, None
 
     def submit(self, request):
         self.request = request
+
+    def poll(self, now):
+        return self.answer
 
 
 def test_a_robot_that_is_slower_than_foreseen_takes_the_plan_over_where_it_begins(supervisor, plant):
@@ -208,3 +213,21 @@ def test_a_robot_a_little_off_its_plan_goes_on_until_a_plan_from_where_it_is_tak
     assert (trusts < 1.0).any()
     np.testing.assert_array_equal(moved > 0.02, trusts < 1.0)
     assert not moved[trusts == 1.0].any(), "on its plan it is foreseen on it"
+
+
+@pytest.mark.parametrize("safe", [True, False])
+def test_a_plan_that_lacked_time_is_given_twice_the_lead_the_next_time_and_dropped_if_unsafe(supervisor, plant, safe):
+    state = begin(supervisor, plant)
+    supervisor.accept(wave(supervisor, state), state.time)
+    run(supervisor, plant, state, LEAD + 0.004)
+    planner = Slow()
+    handover = Handover(planner, PlanningConfig(latency="measured"), 0.002)
+    assert handover.cpu_limit == LEAD
+    handover.ask(PlanRequest(supervisor.chunk, 1.0, 1.1, supervisor._follower.foreseen(50)))
+    assert planner.request.cpu_limit == LEAD
+    report = replace(supervisor.plan.report, safe=safe, timed_out=True)
+    planner.answer = PlanAnswer(planner.request, replace(supervisor.plan, report=report))
+    assert (handover.collect(1.04, 1.04) is planner.answer) == safe
+    assert handover.lead == 2.0 * LEAD
+    assert handover.cpu_limit == 2.0 * LEAD
+    assert (handover.take_dropped() is supervisor.chunk) == (not safe)

@@ -22,6 +22,8 @@ def request_and_plan():
     kept = []
 
     class Here:
+        measured = False
+
         def __init__(self, compute):
             self.compute = compute
 

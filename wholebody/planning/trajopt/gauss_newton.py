@@ -5,6 +5,9 @@ that the way to the solution may lead through them, and raises them in rounds (`
 Gauss-Newton steps are taken until one gains too little; each minimises the linearised cost with its active bounds
 (`wholebody.planning.trajopt.kernels.newton`).
 
+Where its budget ends, the search does, with the best motion so far. Bounds are firm in the second half of it at the
+latest, so that this motion is one that keeps them.
+
 The constants are no settings: they trade time for accuracy of the solution, and were found by trial on the scripts and
 hostile chunks of `benchmarks/plan.py` (`docs/performance.md`).
 """
@@ -53,6 +56,8 @@ def optimise(problem: TrajectoryProblem, config: TrajectoryConfig) -> float:
         cost = problem.cost(problem.now)
         problem.assemble()
         for _ in range(rounds):
+            if softness > 1.0 and problem.budget.half_spent:
+                break
             promise, damping, exact = _trusted_step(problem, damping, newton_steps)
             if promise < PROMISE_MIN_SOFT * cost and softness > 1.0:
                 break
@@ -83,9 +88,11 @@ def optimise(problem: TrajectoryProblem, config: TrajectoryConfig) -> float:
 
 
 def _trusted_step(problem: TrajectoryProblem, damping: float, newton_steps: int) -> tuple[float, float, bool]:
-    while True:
+    """A step that the linearisation is trusted for; it promises nothing if the budget does not have it."""
+    while problem.budget.affords(2 * problem.K):
         last = damping > DAMPING_MAX
         promise, size, exact = problem.step(damping, newton_steps, np.inf if last else ABANDON * STEP_MAX)
         if size < STEP_MAX or last:
             return promise, damping, exact
         damping *= DAMPING_FACTOR
+    return 0.0, damping, True

@@ -24,6 +24,7 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig, TrajectoryConfig
+from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.gauss_newton import optimise
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables
@@ -86,6 +87,7 @@ class TrajectoryOptimizer:
         q_fingers: np.ndarray,
         guess: np.ndarray | None = None,
         config: TrajectoryConfig | None = None,
+        budget: Budget | None = None,
     ) -> KnotTrajectory:
         """Motion along the path, beginning with the state given and ending at rest.
 
@@ -96,9 +98,12 @@ class TrajectoryOptimizer:
             q_fingers: Finger joints, left hand then right hand as `RobotSpec.tools` lists them, shape (K, n_fingers).
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.
             config: Weights to use instead of the planner's own; step, limits and margins stay the planner's.
+            budget: What the search may compute; it ends with the best motion so far. Without limit if not given.
         """
         body, K, config = self.body, len(T_palms), config or self.config
         problem = self._problem(K)
+        problem.budget = budget or Budget()
+        problem.budget.begin_search()
         problem.begin(T_palms, q_fingers, v[body.columns])
         start, known = problem.now.q, 1
         start[0] = q[body.body]

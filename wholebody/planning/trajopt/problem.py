@@ -10,6 +10,7 @@ from wholebody.config import TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt import entry_points, weights, workspace
 from wholebody.planning.trajopt.arrays import Task
+from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.layout import COM_EDGE, DISTANCE, N_BODY
 from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.planning.trajopt.workspace import Motion
@@ -36,10 +37,12 @@ class TrajectoryProblem:
 
     Attributes:
         now, trial: Two motions; a step of the first leads to the second.
+        budget: What `linearise` and `step` count their work in.
     """
 
     def __init__(self, body: RobotTables, config: TrajectoryConfig, K: int) -> None:
         self.body, self.K, self._trigger = body, K, config.self_trigger
+        self.budget = Budget()
         n_edges, bodies = len(body.tables.normals), len(body.tables.parent)
         self.now, self.trial = (workspace.new_motion(K, bodies, n_edges) for _ in range(2))
         first = body.shapes.shapes[body.shapes.pairs, gjk.FIRST]
@@ -118,6 +121,7 @@ class TrajectoryProblem:
 
     def linearise(self, m: Motion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
+        self.budget.count(self.K)
         self._place(m)
         entry_points.rates(self.body.tables, self._task, m, self._scratch)
 
@@ -166,6 +170,7 @@ class TrajectoryProblem:
         Raises:
             InputError: If the program is singular.
         """
+        self.budget.count(self.K)
         promise, size, exact = entry_points.step(
             self.body.tables, self._task, self.now, self._penalties, self._system, self._assembly,
             float(damping), limit, float(largest),
