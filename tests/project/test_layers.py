@@ -61,7 +61,7 @@ ADAPTER_ONLY = {"torch", "torchvision", "lerobot", "transformers", "safetensors"
 # Too slow or too big to come with `import wholebody`.
 HEAVY = ("pinocchio", "mujoco", "placo", "torch", "lerobot", "numba", "scipy", "qpsolvers", "matplotlib", "imageio")
 
-MODULE_LINES, FUNCTION_LINES, FOLDER_FILES, ROOMS = 320, 60, 16, 28
+MODULE_LINES, FUNCTION_LINES, FOLDER_FILES, ROOMS = 320, 60, 16, 27
 
 
 def module_name(path, root):
