@@ -98,7 +98,7 @@ class TrajectoryOptimizer:
             q_fingers: Finger joints, left hand then right hand as `RobotSpec.tools` lists them, shape (K, n_fingers).
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.
             config: Weights to use instead of the planner's own; step, limits and margins stay the planner's.
-            budget: What the search may compute; it ends with the best motion so far. Without limit if not given.
+            budget: What the search may compute; it ends with the best motion so far. That of one search if not given.
         """
         body, K, config = self.body, len(T_palms), config or self.config
         problem = self._problem(K)
