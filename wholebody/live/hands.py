@@ -16,9 +16,9 @@ from policy.scripted.policy import ScriptedMotion, stance_pose, to_chunk
 STIFFNESS = 8.0
 """Natural frequency with which a palm goes to its target [rad/s]: half of a short way in 0.2 s. By trial."""
 SPEED_MAX = 0.8
-"""Fastest that a long way is gone [m/s]: slower than the 1.1 m/s that a chunk may ask for."""
+"""Fastest that a long way is gone [m/s]; chosen: less than the 1.1 m/s that a recorded motion may demand."""
 FPS, HORIZON = 30.0, 15
-"""Of the chunks [Hz], [steps]: half a second, so that planning it is quick."""
+"""Of the chunks [Hz], [steps]; chosen: half a second, so that planning it is quick."""
 
 
 @dataclass

@@ -9,9 +9,9 @@ from time import thread_time
 import numpy as np
 
 EDGES_MS = (0.1, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 100.0)
-"""Upper edges of the histogram's bins [ms]; a last one holds what is later."""
+"""Upper edges of the histogram's bins [ms]; a last one holds what is later; chosen."""
 GAP = 4e-3
-"""Time between two ticks from which it is listed [s]: two control periods."""
+"""Time between two ticks from which it is listed [s]; chosen: two control periods."""
 GAPS_MAX = 1000
 """How many gaps are kept."""
 

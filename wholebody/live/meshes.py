@@ -11,7 +11,7 @@ from models.mujoco_model import load_mujoco
 from models.spec import RobotSpec
 
 CELL = 0.006
-"""Vertices closer together than this become one [m]: 460,000 triangles become a tenth, and look the same."""
+"""Vertices closer together than this become one [m]; by trial: the triangles become a fraction, and look the same."""
 _FLOOR = mujoco.mjtGeom.mjGEOM_PLANE
 
 

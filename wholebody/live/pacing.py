@@ -12,7 +12,7 @@ BLAS_THREADS = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL"
 REAL_TIME_PRIORITY = 40
 """Of SCHED_FIFO, 1 to 99: above other programs, below the threads of the kernel that serve interrupts (50)."""
 SWITCH_INTERVAL = 2e-4
-"""Time that a thread keeps the interpreter lock from the control loop [s]; Python's own is 5 ms."""
+"""Time that a thread keeps the interpreter lock from the control loop [s]; chosen: a tenth of a period, not 5 ms."""
 NICE = 5
 """By how much planner, policy and page give way, where there is no real-time priority."""
 

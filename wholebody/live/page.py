@@ -31,13 +31,14 @@ from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Mark, Scene
 
 FPS = 30.0
-"""Pictures a second."""
+"""Pictures a second [Hz]; chosen: what a browser shows smoothly."""
 HISTORY = 20.0
-"""Length of the time lines [s]."""
+"""Length of the time lines [s]; chosen."""
 LINES_PER_S = 10.0
-"""Points of the time lines a second."""
+"""Points of the time lines a second [Hz]; chosen: the curves are sent whole each time."""
 SIDES = ("left", "right")
 GHOST_OPACITY = 0.25
+"""Of the robot where its plan ends, a share; chosen."""
 
 
 class Page:
@@ -289,7 +290,7 @@ class Page:
 
 _LINES = {"balance margin": "mm", "palm error": "mm", "tick": "ms", "planning": "ms"}
 _PUSH_DURATION = 0.1
-"""[s]"""
+"""How long a push lasts [s]; definition of the pushes in `docs/measured.md`."""
 
 
 def _plot(gui: viser.GuiApi, name: str, unit: str) -> object:

@@ -17,7 +17,7 @@ from wholebody.live.glance import Glance, Wish
 from wholebody.live.robot_process import World
 
 START_TIMEOUT = 60.0
-"""Longest time until the page can be asked for [s]."""
+"""Longest time until the page can be asked for [s]; chosen, no trial is on record."""
 
 
 class PageProcess:

@@ -22,11 +22,11 @@ from wholebody.live.page_process import PageProcess
 from wholebody.live.robot_process import MASS_MIN, Order, RobotProcess
 
 FPS = 30.0
-"""How often the page is shown an instant."""
+"""How often the page is shown an instant [Hz]; chosen, as `wholebody.live.page.FPS`."""
 LOOK_AGAIN = 0.02
-"""How often a paused loop looks what is wanted [s]."""
+"""How often a paused loop looks what is wanted [s]; chosen: no person notices it."""
 RESET_TIME = 0.1
-"""Time for the robot to be put back to its stance [s]."""
+"""Time for the robot to be put back to its stance [s]; chosen: fifty of its periods."""
 REPLACE_EVERY = 3
 """Steps after which the way of dragged hands is asked for again: a tenth of a second."""
 PUSHED = "torso_link"

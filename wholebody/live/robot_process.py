@@ -25,13 +25,14 @@ if TYPE_CHECKING:
     from wholebody.sim.plant import MujocoPlant
 
 CATCH_UP = 0.05
-"""Lag behind the wall clock that is made up for by stepping faster [s]; what is beyond is left out of the motion."""
+"""Lag behind the wall clock that is made up for by stepping faster [s]; what is beyond is left out of the
+motion; chosen: 25 periods."""
 VIEWS_PER_S = 30.0
-"""How often the page is shown the world."""
+"""How often the page is shown the world [Hz]; chosen, as `wholebody.live.page.FPS`."""
 MASS_MIN = 1e-4
-"""Mass in a hand that is nothing to speak of [kg]."""
+"""Mass in a hand that is nothing to speak of [kg]; chosen: a tenth of a gram."""
 START_TIMEOUT = 120.0
-"""Longest time that loading the robot takes [s]."""
+"""Longest time that loading the robot takes [s]; chosen, no trial is on record."""
 
 
 @dataclass(frozen=True)

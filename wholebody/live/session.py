@@ -28,9 +28,9 @@ from wholebody.live.robot_process import RobotProcess, World
 from wholebody.types import RobotState
 
 WARM_UP = 1.0
-"""Time for which the loop first runs on a robot that stands still [s]: it loads what is compiled."""
+"""Time for which the loop first runs on a robot that stands still [s]; chosen: it loads what is compiled."""
 START_IN = 0.1
-"""From the decision to let time run until it does [s]."""
+"""From the decision to let time run until it does [s]; chosen: both processes are there by then."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,8 @@ from wholebody.robot.state import Robot
 from wholebody.types import Reason
 
 SEARCH_SHARE = 0.7
-"""Share of a limit on CPU time in which attempts are made: the rest is for judging the last one, and for the hands."""
+"""Share of a limit on CPU time in which attempts are made; chosen: the rest is for judging the last one, and for the
+hands."""
 
 
 class ChunkPlanner:
