@@ -148,6 +148,11 @@ class PlanFollower:
         rows = self._palm_rows()
         return make_transform(rows[:, :9].reshape(2, 3, 3), rows[:, 9:12])
 
+    @property
+    def held_back(self) -> bool:
+        """Whether palms off the plan, or the capture point near the edge, made the plan wait in the last tick."""
+        return float(self._clock[0].share) < 1.0
+
     def begin(self, plan: ChunkPlan, last: float, *, beyond: float = 0.0, speed_fraction: float = 1.0) -> None:
         """Follow a plan from now on.
 

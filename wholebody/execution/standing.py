@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -17,8 +18,26 @@ from wholebody.types import JointCommand, RobotState
 
 DAMPING_KD = 8.0
 """Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
+SOON = 1.6
+"""Time since the robot last stood off its plan within which it then stands for longer, and longest that it stands
+before it tries to join a chunk [s]; chosen: three doublings of the first wait."""
+FIRST_WAIT = 0.2
+"""That wait the second time [s]; chosen: as long as from one attempt to join a chunk to the next."""
 PROJECTIONS = 4
 """Times that a point is projected on all edges: one each, and again for what that moved over another."""
+
+
+class Patience:
+    """How long the robot stands off its plan: at first not at all, then twice as long each time that it comes soon."""
+
+    def __init__(self) -> None:
+        self._last, self._wait = -inf, 0.0
+
+    def wait(self, now: float) -> float:
+        """Time to stand before a chunk is joined [s], now that the robot stands [s]."""
+        soon = now - self._last < SOON
+        self._wait, self._last = (min(max(2.0 * self._wait, FIRST_WAIT), SOON) if soon else 0.0), now
+        return self._wait
 
 
 def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:

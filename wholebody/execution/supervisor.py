@@ -82,7 +82,7 @@ class Supervisor:
         self.chunk: ActionChunk | None = None
         self._newest: ActionChunk | None = None
         self._chunk_end = 0.0
-        self._fallen = self._standing = False
+        self._fallen, self._standing, self._patience = False, False, standing.Patience()
         self._refused: StatusReport | None = None
         self._refusal: StatusReport | None = None
         self._waiting: ActionChunk | None = None
@@ -251,7 +251,7 @@ class Supervisor:
         self._follower.stand(trajectory, standing.hands_at_rest(self.robot, self._last_state.q))
         self.handover.cancel()
         self.plan, self._standing = None, True
-        self._waiting, self._retry = self._waiting or self._newest, self._now
+        self._waiting, self._retry = self._waiting or self._newest, self._now + self._patience.wait(self._now)
 
     def _resting(self) -> BodyState:
         """Where the robot comes to rest off any plan."""
@@ -279,7 +279,7 @@ class Supervisor:
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
         self._exchange(now)
-        if self.plan is not None and follower.trust <= TRUST_MIN:
+        if self.plan is not None and (follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.held_back)):
             self._stand()
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest

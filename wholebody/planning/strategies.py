@@ -84,11 +84,8 @@ RESERVE, RESERVE_UNREACHABLE = 0.25, 0.15
 """Share of the budget that is kept while nothing is safe, for strategies that follow the hands less: while attempts
 follow them in full, and as far as they reach; chosen, no trial is on record."""
 ATTEMPT_MIN = 0.1
-"""Share of the budget with which it is worth to begin one more attempt that follows the hands; chosen: with the
-shipped one a third of a whole search, and nine in ten take less than a whole one."""
-SLOWER_SHARE = 0.3
-"""Share of the budget that is kept for going slower while the chunk cannot be followed at its own speed; measured: nine
-tenths of a whole search with the shipped budget."""
+"""Share of the budget with which it is worth to begin one more attempt that follows the hands; chosen, no trial is on
+record."""
 
 
 def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bool) -> Attempt:
@@ -105,8 +102,6 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bo
         budget.kept = 0.0 if any(one.is_safe(config) for one in tried) else RESERVE
         if tried and not budget.allows(ATTEMPT_MIN):
             break
-        if tried and slowdown != config.slowdowns[-1] and not budget.allows(2.0 * SLOWER_SHARE):
-            continue  # one speed is left to be tried: the one that helps most
         now = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
         jumps = implausible or now.targets.projected.max() > JUMP
         # Nothing brings palms near that are so far away.
@@ -142,9 +137,7 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
     for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
-        first = strategy is RELAXED_ORIENTATION or slowdown > 1.0 or now.follows(config)
-        share = ATTEMPT_MIN if first else ATTEMPT_MIN + SLOWER_SHARE
-        if now.tracking_error > config.relax_error and budget.allows(share):
+        if now.tracking_error > config.relax_error and budget.allows(ATTEMPT_MIN):
             relaxed = attempt(strategy, slowdown, now.knots.q[1:])
             now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
