@@ -149,9 +149,10 @@ class PlanFollower:
         return make_transform(rows[:, :9].reshape(2, 3, 3), rows[:, 9:12])
 
     @property
-    def held_back(self) -> bool:
-        """Whether palms off the plan, or the capture point near the edge, made the plan wait in the last tick."""
-        return float(self._clock[0].share) < 1.0
+    def near_edge(self) -> bool:
+        """Whether the capture point is so near to the edge of the support that the plan has to wait."""
+        robot = self._controller.robot
+        return kernel.balance_share(self._settings[0], self._body.edges, robot.com, robot.com_velocity) < 1.0
 
     def begin(self, plan: ChunkPlan, last: float, *, beyond: float = 0.0, speed_fraction: float = 1.0) -> None:
         """Follow a plan from now on.

@@ -279,7 +279,7 @@ class Supervisor:
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
         self._exchange(now)
-        if self.plan is not None and (follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.held_back)):
+        if self.plan is not None and (follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)):
             self._stand()
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
