@@ -100,6 +100,7 @@ class ControlLoop:
         told: What happened so far.
         errors: Of the palms at the steps of the chunks.
         state: The newest one.
+        stopped: Whether it is to end.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class ControlLoop:
         self.dt = supervisor.config.dt
         self.lateness, self.told, self.errors = Lateness(self.dt), Told(), TrackingError(supervisor)
         self.clock = RobotClock(robot)
+        self.stopped = False
 
     def run(self, going: Callable[[float], bool]) -> None:
         """Tick until told to stop.
@@ -126,10 +128,14 @@ class ControlLoop:
             self.lateness.began(now, due)
             self._tick(state, now)
             self.lateness.ended(self.clock.now() - now)
-            more = going(now)
+            more = going(now) and not self.stopped
             following = max(tick + 1, int(self.clock.now() / self.dt))
             self.lateness.missed += following - tick - 1
             tick = following
+
+    def stop(self) -> None:
+        """End after this tick, a paused loop too."""
+        self.stopped = True
 
     def restart(self, state: RobotState) -> None:
         """Go on with a robot that was put somewhere else."""

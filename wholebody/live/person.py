@@ -157,7 +157,7 @@ class Person:
                 return False
             if wish is not Wish.PAUSE:
                 self._do(wish, numbers)
-        return self._page.alive
+        return self._page.alive and not self._loop.stopped
 
     def _reset(self) -> None:
         """The robot in its stance, at rest, and the source from its beginning."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -110,14 +111,15 @@ class Session:
             tell(now)
             return now < end + session.hold
 
+        # An exception in the middle of a tick could be lost in compiled code, or leave the tick half done.
+        before = signal.signal(signal.SIGINT, lambda *_: self.loop.stop())
         self.missed = pacing.keep_time()
         self._robot.go(monotonic() + START_IN)
         try:
             self.loop.run(going)
-        except KeyboardInterrupt:
-            pass
         finally:
             person.asking(False)
+            signal.signal(signal.SIGINT, before)
 
     def close(self) -> dict[str, float]:
         """End the processes; how the robot's kept time."""

@@ -37,7 +37,7 @@ def person():
         palm_reference=lambda: {"left": np.eye(4), "right": np.eye(4)},
         config=SimpleNamespace(planning=SimpleNamespace(lead=0.1)),
     )
-    loop = SimpleNamespace(executor=None, clock=Clock(), task="", supervisor=supervisor)
+    loop = SimpleNamespace(stopped=False, executor=None, clock=Clock(), task="", supervisor=supervisor)
     orders = []
     robot = SimpleNamespace(order=orders.append, orders=orders)
     sources = {"wave": scripted_policy("wave"), "hands": DraggedHands()}
@@ -94,8 +94,9 @@ def test_the_latency_of_the_policy_is_that_of_the_next_source_too(person):
     assert person.test.loop.executor.worker.latency == 0.2
 
 
-def test_a_pause_ends_with_the_page(person):
-    person.test.page.alive = False
+@pytest.mark.parametrize("how", ["page", "interrupt"])
+def test_a_pause_ends_with_the_page_and_with_an_interrupt(person, how):
+    person.test.page.alive, person.test.loop.stopped = how != "page", how == "interrupt"
     person.test.robot.origin, person.test.loop.lateness = 0.0, SimpleNamespace(pause=lambda: None)
     wish(person, Wish.PAUSE, 1.0)
     assert [order.what for order in person.test.robot.orders] == ["pause", "resume"]
