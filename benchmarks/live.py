@@ -55,7 +55,8 @@ def main() -> None:
 
 
 def _live(source: str, seconds: float, *, page: bool) -> dict:
-    arguments = [sys.executable, "-m", "wholebody.cli", "live", source, "--duration", f"{seconds:g}", "--hold", "0"]
+    code = "from wholebody.cli.main import main; main()"
+    arguments = [sys.executable, "-c", code, "live", source, "--duration", f"{seconds:g}", "--hold", "0"]
     arguments += [] if page else ["--headless"]
     answer = subprocess.run([*arguments, "--json", "-"], capture_output=True, text=True, check=True)
     return json.loads(answer.stdout)
