@@ -176,7 +176,9 @@ class ControlLoop:
     def _refused(self, answer: StatusReport | None) -> None:
         if answer is not None and answer.status is Status.HOLD and answer.reason:
             self.told.refusals[str(answer.reason)] += 1
-            self.executor.refused(answer.reason, answer.detail)
+            # The last plan can be refused after the last chunk was asked for.
+            if self.executor is not None:
+                self.executor.refused(answer.reason, answer.detail)
 
 
 def palm_error(loop: ControlLoop) -> tuple[float, float]:

@@ -19,7 +19,8 @@ from models.spec import FLOOR_FRICTION
 from wholebody.config.robot import RobotConfig
 from wholebody.errors import SimulationError
 from wholebody.live import pacing, wire
-from wholebody.types import JointCommand, RobotState
+from wholebody.sim.fall import Fall, detect_fall
+from wholebody.types import JointCommand, RobotState, Status
 
 if TYPE_CHECKING:
     from wholebody.sim.plant import MujocoPlant
@@ -147,9 +148,9 @@ class RobotProcess:
         """Do something to the robot's world."""
         self._orders.send(order)
 
-    def close(self) -> dict[str, float]:
-        """End the process; how it kept time, or nothing if it does not answer."""
-        told: dict[str, float] = {}
+    def close(self) -> dict[str, float | str]:
+        """End the process; how it kept time and why it fell, or nothing if it does not answer."""
+        told: dict[str, float | str] = {}
         try:
             self._orders.send(Order("end"))
             if self._orders.poll(2.0):
@@ -196,6 +197,7 @@ class _Simulation:
         self._slipped = self._behind = 0.0
         self._busy: deque[float] = deque(maxlen=100_000)
         self._paused = False
+        self._fall: Fall | None = None
 
     def run(self) -> None:
         """Until told to end, or the other side is gone."""
@@ -220,6 +222,7 @@ class _Simulation:
                 "behind_max_ms": 1e3 * self._behind,
                 "slipped_ms": 1e3 * self._slipped,
                 "step_p50_ms": float(np.median(busy)),
+                "fall": "" if self._fall is None else self._fall.cause,
             }
         )
 
@@ -230,6 +233,7 @@ class _Simulation:
         if self._command is not None:
             self._plant.step(self._command)
         state = self._plant.state()
+        self._fall = self._fall or detect_fall(self._plant, state, Status.TRACKING)
         wire.send(self._end, *wire.state_message(RobotState(self._time, state.q, state.v)))
         if self._page is not None and self._time >= self._shown:
             self._shown = self._time + 1.0 / VIEWS_PER_S
@@ -249,7 +253,7 @@ class _Simulation:
             else:
                 _DO[order.what](self._plant, order)
                 if order.what == "reset":
-                    self._command = None
+                    self._command = self._fall = None
         return False
 
 

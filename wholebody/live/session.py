@@ -121,8 +121,8 @@ class Session:
             person.asking(False)
             signal.signal(signal.SIGINT, before)
 
-    def close(self) -> dict[str, float]:
-        """End the processes; how the robot's kept time."""
+    def close(self) -> dict[str, float | str]:
+        """End the processes; how the robot's kept time, and why it fell."""
         self._planner.close()
         return self._robot.close()
 

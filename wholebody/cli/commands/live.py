@@ -95,15 +95,17 @@ def live(
         robot = session.close()
         if page is not None:
             page.close()
-    _tell(session.summary() | {"robot": robot}, json_to, quiet=quiet)
+    _tell(session.summary(), robot, json_to, quiet=quiet)
 
 
-def _tell(summary: dict, json_to: str, *, quiet: bool) -> None:
+def _tell(summary: dict, robot: dict, json_to: str, *, quiet: bool) -> None:
     """The end of a run, as JSON and in words.
 
     Raises:
         Exit: With code 1 after a fall.
     """
+    # The loop knows of lost standing, the robot's world of what touches the floor.
+    summary |= {"robot": robot, "fell": summary["fell"] or bool(robot.get("fall"))}
     if json_to:
         write_text(json_to, json.dumps(summary, indent=2))
     if not quiet:
@@ -133,13 +135,19 @@ class _Lines:
         sys.stderr.flush()
 
 
+def _stood(summary: dict) -> str:
+    """Whether it stood, and why not."""
+    cause = summary["robot"].get("fall")
+    return "stood" if not summary["fell"] else f"FELL ({cause})" if cause else "FELL"
+
+
 def _report(summary: dict) -> list[str]:
     """The end of a run in words."""
     loop, planning, palms = summary["loop"], summary["planning"], summary["palm_error_mm"]
     tick, bins = loop["tick_ms"], loop["late_ms"]
     refused = ", ".join(f"{code} {count}" for code, count in summary["chunks"]["refused"].items())
     lines = [
-        f"{'FELL' if summary['fell'] else 'stood'}: {loop['ticks']} ticks of {loop['period_ms']:g} ms, "
+        f"{_stood(summary)}: {loop['ticks']} ticks of {loop['period_ms']:g} ms, "
         f"{loop['missed_ticks']} missed, {loop['gaps']} gaps above 4 ms",
         f"palms: {palms['rms']:.2f} mm RMS, {palms['max']:.2f} mm at most; time factor {summary['time_factor']:.3f}",
         f"ticks: {tick['p50']:.2f} ms, 99 % within {tick['p99']:.2f}, longest {tick['max']:.2f}; late by: "
