@@ -24,11 +24,14 @@ class RobotState:
         time: [s]
         q: Configuration (7 + n,): base position in world [m], base quaternion xyzw, joint positions [rad].
         v: Velocity (6 + n,): base linear [m/s] and angular [rad/s] velocity in the base frame, joint speeds [rad/s].
+        tau: Torques that the joints had until then, (n,), [N m]; None if they are not known. What hands carry is found from
+            them; `check_state` does not look at them.
     """
 
     time: float
     q: np.ndarray
     v: np.ndarray
+    tau: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)

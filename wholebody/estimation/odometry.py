@@ -38,6 +38,7 @@ class StandingOdometry:
         speeds: Mapping[str, float],
         quat_xyzw: Sequence[float],
         gyro: Sequence[float],
+        torques: Mapping[str, float] | None = None,
     ) -> RobotState:
         """The state for one set of readings, for `Supervisor.step`.
 
@@ -50,6 +51,7 @@ class StandingOdometry:
             speeds: Likewise [rad/s].
             quat_xyzw: Orientation of the pelvis, as its IMU has it: x, y, z, w. Unitree's messages begin with w.
             gyro: Angular velocity of the pelvis in its own axes [rad/s].
+            torques: Torque of every joint by its name, as the motors tell it [N m], if they do.
 
         Raises:
             InputError: If a joint is missing, or the quaternion or angular velocity has another length.
@@ -71,7 +73,7 @@ class StandingOdometry:
         quat = (pin.Quaternion(turn) * pin.Quaternion(quat)).normalized().coeffs()
         q[3:7] = np.copysign(1.0, quat[3]) * quat  # of the two signs always the same one
         v[:3] = -R.T @ motion
-        return RobotState(time, q, v)
+        return RobotState(time, q, v, None if torques is None else self._all(torques, "torques"))
 
     def _all(self, readings: Mapping[str, float], what: str) -> np.ndarray:
         try:

@@ -234,7 +234,7 @@ class _Simulation:
             self._plant.step(self._command)
         state = self._plant.state()
         self._fall = self._fall or detect_fall(self._plant, state, Status.TRACKING)
-        wire.send(self._end, *wire.state_message(RobotState(self._time, state.q, state.v)))
+        wire.send(self._end, *wire.state_message(RobotState(self._time, state.q, state.v, state.tau)))
         if self._page is not None and self._time >= self._shown:
             self._shown = self._time + 1.0 / VIEWS_PER_S
             load, pressure = self._plant.foot_load()

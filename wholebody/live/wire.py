@@ -68,13 +68,14 @@ def newest(end: socket.socket, timeout: float = 0.0) -> np.ndarray | None:
 
 
 def state_message(state: RobotState) -> tuple[np.ndarray | float, ...]:
-    """A state as parts of a message."""
-    return state.time, state.q, state.v
+    """A state as parts of a message; its torques come last, if there are any."""
+    return (state.time, state.q, state.v) if state.tau is None else (state.time, state.q, state.v, state.tau)
 
 
 def state_of(message: np.ndarray, nq: int, nv: int) -> RobotState:
     """The state in a message."""
-    return RobotState(float(message[0]), message[1 : 1 + nq].copy(), message[1 + nq : 1 + nq + nv].copy())
+    q, v, tau = np.split(message[1:].copy(), (nq, nq + nv))
+    return RobotState(float(message[0]), q, v, tau if len(tau) else None)
 
 
 def command_message(command: JointCommand) -> tuple[np.ndarray | float, ...]:

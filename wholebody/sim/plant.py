@@ -93,11 +93,11 @@ class MujocoPlant:
         return self.state()
 
     def state(self) -> RobotState:
-        """True state in Pinocchio's convention."""
+        """True state in Pinocchio's convention, with the torques of the last physics step."""
         nq, nv = self._sizes
         q, v = np.empty(nq), np.empty(nv)
         _read(self._state, self._entries, q, v)
-        return RobotState(float(self.data.time), q, v)
+        return RobotState(float(self.data.time), q, v, self.torque[self._conversion.motor_to_pin])
 
     def step(self, command: JointCommand) -> RobotState:
         """Apply a command for one control period.

@@ -99,9 +99,9 @@ class Sensors:
         soles, motion = self._middle(q, v)
         q[:3] += self._soles - soles
         v[:3] -= pin.Quaternion(q[3:7]).toRotationMatrix().T @ motion
-        self._late.append(RobotState(state.time, q, v))
+        self._late.append(RobotState(state.time, q, v, state.tau))
         late = self._late[0]
-        return RobotState(state.time, late.q, late.v)
+        return RobotState(state.time, late.q, late.v, late.tau)
 
     def _noise(self, deviation: float, n: int) -> np.ndarray:
         return deviation * self._rng.standard_normal(n)

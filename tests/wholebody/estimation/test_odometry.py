@@ -48,6 +48,13 @@ def test_order_and_other_joints_do_not_matter():
     np.testing.assert_allclose(StandingOdometry(SPEC).state(**given).q, standing().q, atol=1e-6)
 
 
+def test_torques_are_in_the_order_of_the_joints_and_unknown_if_they_are_not_told():
+    odometry, told = StandingOdometry(SPEC), np.arange(float(len(NAMES)))
+    assert odometry.state(**readings(standing())).tau is None
+    state = odometry.state(**readings(standing()), torques=dict(reversed(dict(zip(NAMES, told, strict=True)).items())))
+    np.testing.assert_array_equal(state.tau, told)
+
+
 def test_a_moving_robot_is_known_to_a_millimetre_and_its_velocity_to_a_centimetre_a_second():
     supervisor, plant, odometry = Supervisor(SPEC), MujocoPlant(SPEC), StandingOdometry(SPEC)
     state = plant.reset()

@@ -27,6 +27,13 @@ def test_a_state_comes_as_it_was_sent(ends):
     assert came.time == 1.5
     np.testing.assert_array_equal(came.q, state().q)
     np.testing.assert_array_equal(came.v, state().v)
+    assert came.tau is None
+
+
+def test_torques_come_with_a_state_that_has_them(ends):
+    sent = RobotState(1.5, np.arange(50.0), -np.arange(49.0), np.arange(43.0))
+    wire.send(ends[0], *wire.state_message(sent))
+    np.testing.assert_array_equal(wire.state_of(wire.newest(ends[1]), 50, 49).tau, sent.tau)
 
 
 def test_a_command_comes_as_it_was_sent(ends):

@@ -51,6 +51,14 @@ def test_it_stands_on_stiff_joints_and_the_floor_carries_its_weight(plant):
     assert plant.contacts() == []
 
 
+def test_a_state_has_the_torques_that_led_to_it_in_the_order_of_its_joints(plant):
+    plant.reset()
+    state, names = run(plant, stiff(plant), 0.1), list(load_pinocchio(SPEC).names)[2:]
+    told = dict(zip(names, state.tau, strict=True))
+    assert [told[name] for name in SPEC.joint_names] == plant.torque.tolist()
+    assert np.ptp(plant.torque) > 0.0
+
+
 def test_motors_give_no_more_than_their_effort_limit_and_say_what_was_asked(plant):
     plant.reset()
     watch = LimitMonitor(plant)
