@@ -28,6 +28,8 @@ REPLACE_EVERY = 25
 class _Parts:
     """Thread CPU time of every tick [ns], and of every plan."""
 
+    replayed: bool = True
+    """Whether MuJoCo's steps are made once more, so that what they began with is kept."""
     controller: list[int] = field(default_factory=list)
     plant: list[int] = field(default_factory=list)
     plans: list[int] = field(default_factory=list)
@@ -84,7 +86,7 @@ def bench_memory(policy: str, ticks: int, *, hands: bool = True) -> dict:
     spec, script, sizes, made = g1(hands), scripted_policy(policy), [], 0
     supervisor, plant = Supervisor(spec), MujocoPlant(spec)
     while made < ticks:
-        parts = _Parts()
+        parts = _Parts(replayed=False)
         _episode(script, supervisor, plant, script.duration, parts)
         made += len(parts.controller)
         sizes.append(_largest_size())
@@ -127,7 +129,8 @@ def _follow(
         after = thread_time_ns()
         parts.controller.append(middle - begin)
         parts.plant.append(after - middle)
-        parts.before.append(np.concatenate([before, data.ctrl]))
+        if parts.replayed:
+            parts.before.append(np.concatenate([before, data.ctrl]))
 
 
 def _replay(model: mujoco.MjModel, before: list[np.ndarray]) -> list[int]:

@@ -54,18 +54,17 @@ class Proximity:
         bodies = [shape.name.rpartition("_")[0] for shape in self.geometry.geometryObjects]
         self.pairs = self._choose(bodies, pairs)
         self.labels = tuple(f"distance.{bodies[a]}.{bodies[b]}" for a, b in self.pairs)
-        self.data = self.geometry.createData()
-        for request in self.data.distanceRequests:
-            request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
+        # Pinocchio's and coal's memory, 5 and 9 MB, is made when it is first needed: compiled code does without.
+        self._scratch: pin.Data | None = None
+        self._warm: pin.GeometryData | None = None
         parents = np.array([shape.parentJoint for shape in self.geometry.geometryObjects])
         self._parents = parents[self.pairs]
         self._supports = joint_supports(model)
         self.radii = sweep_radii(model, self.geometry)
         self._sweep = _pair_sweep(self.radii[self.pairs])
-        pin.computeDistances(model, model.createData(), self.geometry, self.data, q_stance)
-        self._scratch: pin.Data | None = None
-        self.distance = np.array([result.min_distance for result in self.data.distanceResults])
-        self.bound, self.rows = self.distance.copy(), np.zeros((len(self.pairs), 9))
+        self.distance, self.bound, self.rows = *np.zeros((2, len(self.pairs))), np.zeros((len(self.pairs), 9))
+        self.measure(q_stance, np.arange(len(self.pairs)))
+        self._scratch, self.rows[:] = None, 0.0
         self.margin = np.minimum(distance, self.distance - STANCE_SLACK)
         self._joints = q_stance[7:].copy()
 
@@ -84,6 +83,15 @@ class Proximity:
         for first, second in chosen:
             self.geometry.addCollisionPair(pin.CollisionPair(first, second))
         return np.array(chosen)
+
+    @property
+    def data(self) -> pin.GeometryData:
+        """The last search of every pair, from which `update` begins the next one."""
+        if self._warm is None:
+            self._warm = self.geometry.createData()
+            for request in self._warm.distanceRequests:
+                request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
+        return self._warm
 
     def update(self, q: np.ndarray, data: pin.Data, trigger: float = 0.06, least: int = 0) -> None:
         """Measure the pairs that may be near.
@@ -124,13 +132,18 @@ class Proximity:
         """
         if self._scratch is None:
             self._scratch = self.model.createData()
-        pin.updateGeometryPlacements(self.model, self._scratch, self.geometry, self.data, q)
+        pin.forwardKinematics(self.model, self._scratch, q)
         items, request = self.geometry.geometryObjects, coal.DistanceRequest()
         for k in pairs.tolist():
-            (a, b), result = self.pairs[k].tolist(), coal.DistanceResult()
-            placed = (coal.Transform3s(self.data.oMg[i].rotation, self.data.oMg[i].translation) for i in (a, b))
-            coal.distance(items[a].geometry, next(placed), items[b].geometry, next(placed), request, result)
+            (a, T_a), (b, T_b) = (self._placed(items[i]) for i in self.pairs[k].tolist())
+            result = coal.DistanceResult()
+            coal.distance(a, T_a, b, T_b, request, result)
             self._store(k, result)
+
+    def _placed(self, item: pin.GeometryObject) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+        """A shape and where it is, by the joint placements of the last `measure`."""
+        T = self._scratch.oMi[item.parentJoint] * item.placement
+        return item.geometry, coal.Transform3s(T.rotation, T.translation)
 
     def _measure(self, pairs: np.ndarray, room: np.ndarray) -> None:
         for k in pairs.tolist():
