@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 
 from wholebody.cli.console import complain, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, ours, sentence
-from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker
+from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker
 from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
-    from wholebody.cli.options import Input, Sampling, Simulation
+    from wholebody.cli.options import Input, Judging, Sampling, Simulation
     from wholebody.verdict.verdict import Verdict
 
 FEASIBLE, INFEASIBLE, MALFORMED = 0, 1, 2
@@ -53,12 +53,17 @@ class Judge:
         given: How much of each input is read.
         simulation: Where the robot is simulated.
         sampling: How checkpoints are run.
+        judging: Whether anything is simulated.
         quiet: Without a progress bar.
     """
 
-    def __init__(self, given: Input, simulation: Simulation, sampling: Sampling, *, quiet: bool = False) -> None:
-        self.given, self.simulation, self.sampling, self.quiet = given, simulation, sampling, quiet
+    def __init__(
+        self, given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, *, quiet: bool = False
+    ) -> None:
+        self.given, self.simulation, self.sampling, self.judging = given, simulation, sampling, judging
+        self.quiet = quiet
         self._checker = cache(lambda scene: make_checker(simulation, scene, quiet))
+        self._fast = cache(lambda: make_fast_checker(simulation, quiet))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
         """What is to be judged, an episode each of a dataset, or the answer about what cannot be read."""
@@ -76,6 +81,10 @@ class Judge:
         """
         try:
             policy = opened(name, self.given, **self.sampling.choices())
+            if self.judging.fast:
+                seconds, start, checker = length(policy, self.given.duration), self.judging.starts(name), self._fast()
+                with ours():
+                    return _answer(checker.check(policy, name, seconds, start=start))
             checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
             seconds = length(policy, self.given.duration)
             with (
@@ -86,7 +95,7 @@ class Judge:
                 verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
-        return Answer(INFEASIBLE if verdict.verdict == "infeasible" else FEASIBLE, verdict)
+        return _answer(verdict)
 
     def _failed(self, name: str, error: Exception) -> Answer:
         """Say what is wrong with an input; what is wrong with the options is raised again."""
@@ -100,6 +109,7 @@ class Judge:
             raise error
         # The other inputs must not meet the traces of a fault of ours.
         self._checker.cache_clear()
+        self._fast.cache_clear()
         return _told(name, sentence(error), CRASH)
 
 
@@ -118,7 +128,7 @@ def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
     if jobs == 1:
         yield from (judge.answer(name) if isinstance(name, str) else name for name in names)
         return
-    options = (judge.given, judge.simulation, judge.sampling)
+    options = (judge.given, judge.simulation, judge.sampling, judge.judging)
     # Fresh interpreters: threads of libraries do not survive a fork.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=options)
     try:
@@ -141,12 +151,12 @@ def _come(name: str, future: Future[Answer], quiet: bool) -> Answer:
     return answer
 
 
-def _begin(given: Input, simulation: Simulation, sampling: Sampling) -> None:
+def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Judging) -> None:
     """In a process of its own: the judge of all its inputs."""
     global _judge  # noqa: PLW0603 - a process has one
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_DFL)
-    _judge = Judge(given, simulation, sampling, quiet=True)
+    _judge = Judge(given, simulation, sampling, judging, quiet=True)
 
 
 def _judge_apart(name: str) -> Answer:
@@ -163,6 +173,10 @@ def _judge_apart(name: str) -> Answer:
         except (WholebodyError, RobotSpecError, ValueError) as error:
             answer = Answer(MALFORMED, misuse=str(error))
     return replace(answer, said=said.getvalue())
+
+
+def _answer(verdict: Verdict) -> Answer:
+    return Answer(INFEASIBLE if verdict.verdict == "infeasible" else FEASIBLE, verdict)
 
 
 def _told(name: str, text: str, code: int) -> Answer:

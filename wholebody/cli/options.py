@@ -104,6 +104,23 @@ class Simulation:
 
 
 @dataclass(frozen=True)
+class Judging:
+    """How inputs are judged."""
+
+    fast: Annotated[bool, Option("--fast", help="Judge by plans alone, without simulating: milliseconds a chunk.")] = (
+        False
+    )
+    start: Annotated[
+        Literal["", "first", "stance"],
+        Option(help="With --fast: hands at the first step, or the stance. [default: first for a chunk .npz]"),
+    ] = ""
+
+    def starts(self, name: str) -> Literal["first", "stance"]:
+        """Where an input begins: a chunk by itself at its own first step."""
+        return self.start or ("first" if name.lower().endswith(".npz") else "stance")
+
+
+@dataclass(frozen=True)
 class Asking:
     """When a policy is asked, and what becomes of its answers."""
 

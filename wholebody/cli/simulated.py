@@ -14,9 +14,10 @@ if TYPE_CHECKING:
     from policy.base import Policy
     from policy.executor.executor import Executor
     from wholebody.cli.options import Asking, Simulation
-    from wholebody.config import PlanningConfig
+    from wholebody.config import ControllerConfig, PlanningConfig
     from wholebody.episode.run import Cameras
     from wholebody.verdict.check import Checker
+    from wholebody.verdict.fast import FastChecker
 
 UNSEEN = "the planner sees the robot and the floor alone: what the robot touches of the scene is in the verdict"
 SCENE_OF = {"grasp": "table_cylinder"}
@@ -30,15 +31,11 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
         ConfigError: If the settings file is malformed.
         ValueError: If there is no such scene.
     """
-    from wholebody.config import ControllerConfig
-    from wholebody.config.file import load_config
     from wholebody.episode.run import EpisodeConfig
     from wholebody.sim.sensors import REALISTIC, SensorConfig
     from wholebody.verdict.check import Checker
 
-    settings = load_config(options.config) if options.config else ControllerConfig()
-    robot = replace(settings.robot, model=options.robot or settings.robot.model)
-    settings = replace(settings, robot=robot, planning=planning(settings.planning, options))
+    settings = _settings(options)
     sensors = replace(REALISTIC if options.realistic else SensorConfig(), delay=1e-3 * options.delay_ms)
     if scene.lower().endswith(".xml"):
         complain(f"{scene}: {UNSEEN}")
@@ -50,6 +47,32 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
             sensors=sensors if options.realistic or options.delay_ms else None,
             payload_kg=options.payload_kg,
         )
+
+
+def make_fast_checker(options: Simulation, quiet: bool = False) -> FastChecker:
+    """What judges by plans alone; says that it takes a while unless quiet.
+
+    Raises:
+        ConfigError: If the settings file is malformed.
+        ValueError: If something is asked for that only a simulation has.
+    """
+    from wholebody.verdict.fast import FastChecker
+
+    asked = {"--realistic": options.realistic, "--delay-ms": options.delay_ms, "--payload-kg": any(options.payload_kg)}
+    if simulated := [name for name, given in asked.items() if given]:
+        raise ValueError(f"--fast simulates nothing, so {', '.join(simulated)} would say nothing; leave one out")
+    with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
+        return FastChecker(_settings(options))
+
+
+def _settings(options: Simulation) -> ControllerConfig:
+    """As the file has them, for the robot and the planning time asked for."""
+    from wholebody.config import ControllerConfig
+    from wholebody.config.file import load_config
+
+    settings = load_config(options.config) if options.config else ControllerConfig()
+    robot = replace(settings.robot, model=options.robot or settings.robot.model)
+    return replace(settings, robot=robot, planning=planning(settings.planning, options))
 
 
 def planning(config: PlanningConfig, options: Simulation) -> PlanningConfig:

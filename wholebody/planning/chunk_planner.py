@@ -19,9 +19,10 @@ from wholebody.planning.attempt import Attempt, Targets
 from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.hand_clamp import clamped
+from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
-from wholebody.planning.strategies import Begin, Strategy
+from wholebody.planning.strategies import PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, curve_through, track_along
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
@@ -33,6 +34,8 @@ from wholebody.types import Reason
 SEARCH_SHARE = 0.7
 """Share of a limit on CPU time in which attempts are made; chosen: the rest is for judging the last one, and for the
 hands."""
+PREVIEW_WORK = 4.0
+"""Most linearisations and steps of a preview [no unit]; chosen: the first motion and one step from it."""
 
 
 class ChunkPlanner:
@@ -72,6 +75,8 @@ class ChunkPlanner:
         commanded: HandMotion,
         before: np.ndarray | None = None,
         cpu_limit: float = inf,
+        *,
+        quick: bool = False,
     ) -> ChunkPlan:
         """Plan the rest of a chunk, within the budget of linearisations and steps of the settings.
 
@@ -83,6 +88,7 @@ class ChunkPlanner:
             before: What the plan before would have done from now on, configurations one knot apart, shape (k, nq), the
                 first one a knot from now; the search begins with it where both plans agree.
             cpu_limit: CPU time of this thread in which the plan is wanted [s]; with it, plans depend on the machine.
+            quick: Take the first safe motion that is near the chunk at its own speed, however good a search would be.
         """
         budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
         prepared = prepare(chunk, self.hand_limits)
@@ -95,12 +101,20 @@ class ChunkPlanner:
             first = {Begin.PLAN_BEFORE: before, Begin.LAST_ATTEMPT: last, Begin.START: None}[strategy.begin]
             return self._attempt(targets(slowdown), start, strategy, first, budget)
 
-        chosen = strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
+        chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
+        chosen = chosen or strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
         paths, moved = clamped(chosen, self.config, self._palms, self.offsets)
         changed = changes(chosen, prepared, moved, self.config, elsewhere=prepared.begins_elsewhere(now, commanded))
         report = self._report(chosen, changed, budget, implausible=prepared.implausible)
         steps = chosen.targets.steps
-        return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report)
+        return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots)
+
+    def _preview(self, targets: Targets, start: BodyState) -> Attempt | None:
+        """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP."""
+        if targets.projected.max() > JUMP:
+            return None
+        one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK))
+        return one if one.is_safe(self.config) and one.tracking_error <= self.config.clamp_tolerance else None
 
     def _report(
         self, chosen: Attempt, changed: dict[Reason, Change], budget: Budget, *, implausible: bool

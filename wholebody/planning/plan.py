@@ -9,6 +9,7 @@ import numpy as np
 
 from wholebody.planning.changes import MOVED_MIN, Change
 from wholebody.planning.trajectory import SampledTrajectory
+from wholebody.planning.trajopt.optimizer import KnotTrajectory
 from wholebody.reference import HandPath
 from wholebody.types import Reason
 
@@ -75,13 +76,22 @@ class PlanReport:
 
 @dataclass(frozen=True)
 class ChunkPlan:
-    """A chunk made feasible; parameters ``s`` are seconds since the chunk's observation, from ``start`` to ``end``."""
+    """A chunk made feasible; parameters ``s`` are seconds since the chunk's observation, from ``start`` to ``end``.
+
+    Attributes:
+        paths: Of both hands.
+        trajectory: Of the body, as it is followed.
+        start, end: [s]
+        report: What had to be changed.
+        knots: What the trajectory was made of.
+    """
 
     paths: tuple[HandPath, HandPath]
     trajectory: SampledTrajectory
     start: float
     end: float
     report: PlanReport
+    knots: KnotTrajectory
 
     @property
     def rate(self) -> float:

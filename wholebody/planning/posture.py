@@ -125,11 +125,11 @@ class PostureSolver:
     def _ways(self) -> PosturePaths:
         return PosturePaths(self.body, self._weights)
 
-    def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray) -> Solution:
+    def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS) -> Solution:
         """The posture for two poses (4, 4) of the wrists (``*_wrist_yaw_link``) in world, fingers as in the stance.
 
         World: midpoint of the soles, x forward, z up [m]. If they are not reached, it is the nearest one found inside
-        the bounds.
+        the bounds, with a search from at most so many ``starts``.
 
         Raises:
             InputError: If a pose is not finite or no rigid transform.
@@ -137,7 +137,7 @@ class PostureSolver:
         targets = np.array([_pose(T_world_lhand, "T_world_lhand"), _pose(T_world_rhand, "T_world_rhand")])
         T_palms = self._shifted(targets, 1.0)
         generator, missed = np.random.default_rng(0), []
-        for start in range(STARTS):
+        for start in range(starts):
             q = self.body.tables.q_stance.copy()
             self._search(T_palms, scattered(self.body, q, SPREAD, generator) if start else q, self._reaching)
             found = self._solution(targets)

@@ -1,6 +1,7 @@
 """In what ways a chunk is planned, in which order, and which of the plans is taken.
 
 =====================  ===================================================================================
+preview                as given with next to no search, where only whether is asked, not how well
 as given               the chunk's own speed, the planner's weights
 slower                 the same at each of ``planner.slowdowns``, where the faster one is unsafe or far off
 relaxed orientation    palms may turn away from their orientation where they miss their position
@@ -66,6 +67,8 @@ def _firm(config: PlannerConfig) -> TrajectoryConfig:
 
 
 AS_GIVEN = Strategy("as_given", lambda c: c.posture, Begin.PLAN_BEFORE)
+PREVIEW = Strategy("preview", lambda c: c.posture, Begin.START)
+"""As given, with hardly any search: enough to tell that a plain chunk can be done."""
 ANEW = Strategy("as_given", lambda c: c.posture, Begin.START)
 """As given again, where beginning with the plan before led to where the search cannot leave."""
 SLOWER = Strategy("slower", lambda c: c.posture, Begin.START)

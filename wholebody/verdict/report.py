@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
@@ -68,6 +69,8 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {_gist(verdict)}"]
     text += [f"  {_violation(violation)}" for violation in verdict.violations]
+    if verdict.method == "fast":
+        return text + _fast_lines(verdict)
     text.append(
         f"  palms    {1e3 * verdict.rms_m:.2f} mm RMS, {1e3 * verdict.max_m:.2f} mm at most, "
         f"{1e3 * verdict.end_m:.2f} mm at the end; turned by {np.rad2deg(verdict.turn_rms_rad):.2f} deg RMS, "
@@ -79,6 +82,24 @@ def lines(verdict: Verdict) -> list[str]:
     text.append(f"  balance  {room}feet slid {1e3 * verdict.creep_m:.1f} mm")
     text.append(f"  chunks   {verdict.timing.text()}")
     return text
+
+
+def _fast_lines(verdict: Verdict) -> list[str]:
+    """What a verdict without a simulation has to say: how far palms are moved, how it was found, the least room."""
+    text = [
+        f"  palms    moved by {1e3 * verdict.moved_max_m:.1f} mm and {np.rad2deg(verdict.moved_turn_max_rad):.1f} deg "
+        f"at most; time factor {verdict.time_factor:.3f}",
+        f"  judged   by {'a preview' if verdict.decided_by == 'preview' else 'a search for a plan'}, nothing simulated",
+    ]
+    if verdict.approach_s or verdict.start_m > 1e-3:
+        text.append(f"  approach from {1e3 * verdict.start_m:.0f} mm away, {verdict.approach_s:.2f} s")
+    return text + [f"  {'room' if i == 0 else '':8s} {margin_line(one)}" for i, one in enumerate(verdict.margins[:5])]
+
+
+def margin_line(margin: Margin) -> str:
+    """A margin for people: what, where, value and bound."""
+    value, bound = (_quantity(number, margin.unit) for number in (margin.value, margin.bound))
+    return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {margin.time:.2f} s"
 
 
 def to_json(verdicts: Sequence[Verdict]) -> str:
@@ -123,7 +144,7 @@ def _quantity(value: float, unit: str) -> str:
     """A value in the unit in which people read it; from a metre on, metres."""
     if unit == "m" and abs(value) >= 1.0:
         return f"{value:.2f} m"
-    factor, name = FOR_PEOPLE[unit]
+    factor, name = FOR_PEOPLE.get(unit, (1.0, f" {unit}"))
     return f"{factor * value:.{3 if unit else 4}g}{name}"
 
 

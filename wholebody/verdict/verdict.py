@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from importlib.metadata import version
 from math import isfinite
 from typing import Literal
@@ -13,6 +14,7 @@ import numpy as np
 from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
+from wholebody.planning.judgement.limits import Margin
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.violations import Severity, Violation, violations
 
@@ -56,6 +58,9 @@ class Verdict:
         timing: Latency, starvation and seams.
         config: The controller's configuration.
         versions: Versions that the answer depends on.
+        method: ``simulated``, or ``fast``: by plans alone.
+        decided_by: Of a fast one, whether previews told, or plans had to be searched for; else empty.
+        margins: Of a fast one, the least room to each kind of bound, the tightest first.
     """
 
     name: str
@@ -85,6 +90,9 @@ class Verdict:
     timing: Timing = field(default_factory=Timing)
     config: dict = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+    method: Literal["simulated", "fast"] = "simulated"
+    decided_by: Literal["", "preview", "plan"] = ""
+    margins: list[Margin] = field(default_factory=list)
 
     def as_dict(self) -> dict:
         """Plain data for JSON, as `verdict.schema.json` describes it."""
@@ -132,8 +140,14 @@ def judge(
         creep_m=result.creep,
         timing=timing(result),
         config=config or {},
-        versions={"python": platform.python_version()} | {package: version(package) for package in PACKAGES},
+        versions=dict(_versions()),
     )
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Looked up once: each is a file to be read."""
+    return {"python": platform.python_version()} | {package: version(package) for package in PACKAGES}
 
 
 def _rms(values: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""``wholebody check``: judge inputs by simulating them."""
+"""``wholebody check``: judge inputs by simulating them, or by their plans."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import typer
 
 from wholebody.cli.console import JsonVerdicts, check_places, print_verdict
 from wholebody.cli.judging import FEASIBLE, Judge, answers
-from wholebody.cli.options import SOURCES, Input, Sampling, Simulation, VerdictsTo, completed_script
+from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictsTo, completed_script
 from wholebody.cli.simulated import check_times
 
 JOBS_MAX = 256
@@ -24,9 +24,10 @@ def check(
     jobs: Annotated[
         int, typer.Option("--jobs", "-j", help="Inputs judged side by side, each in about 0.4 GB of memory.")
     ] = 1,
+    judging: Judging,
     json_to: VerdictsTo = "",
 ) -> None:
-    """Judge inputs by simulating them.
+    """Judge inputs by simulating them, or with --fast by their plans alone.
 
     Exit code 0 feasible (repaired ones too), 1 any infeasible, 2 any malformed, 3 a fault of wholebody itself.
     """
@@ -35,7 +36,7 @@ def check(
     if not 1 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 1 to {JOBS_MAX} inputs can be judged side by side")
     quiet, worst = json_to == "-", FEASIBLE
-    judge = Judge(given, simulation, sampling, quiet=quiet)
+    judge = Judge(given, simulation, sampling, judging, quiet=quiet)
     with JsonVerdicts(json_to) as written:
         for answer in answers(judge, inputs, jobs):
             worst = max(worst, answer.code)

@@ -120,6 +120,18 @@ class TrajectoryOptimizer:
         vs[:, body.columns] = now.v_mid[:-1]
         return KnotTrajectory(qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost)
 
+    def measured(self, motion: KnotTrajectory) -> TrajectoryProblem:
+        """The problem with a motion that was found as its present one, everything measured anew.
+
+        It is valid until the next plan.
+        """
+        body, problem = self.body, self._problem(len(motion.q))
+        problem.budget = Budget()
+        problem.begin(motion.T_palms, motion.q[:, body.fingers], motion.v[0, body.columns])
+        problem.now.q[:] = motion.q[:, body.body]
+        problem.linearise(problem.now)
+        return problem
+
     def _problem(self, K: int) -> TrajectoryProblem:
         """Memory for K knots; that of the plans before, where it fits."""
         if K not in self._problems:

@@ -1,0 +1,166 @@
+"""Strategy: chunks whose answer is known by construction, judged by their plans; the answer of a preview is held
+against that of a search, margins against Pinocchio, JSON against its schema.
+"""
+
+import json
+import re
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.chunk import ActionChunk
+from policy.errors import ChunkError
+from policy.scripted.library import wave
+from policy.scripted.policy import minimum_jerk
+from wholebody.errors import InputError
+from wholebody.planning.judgement.limits import Limit
+from wholebody.resources import verdict_schema
+from wholebody.types import Reason, RobotState
+from wholebody.verdict.fast import FastChecker, judge
+from wholebody.verdict.report import lines, to_json
+
+FPS, STEPS = 30.0, 50
+STANCE, SPEC = Anchor.nominal(), builtin("wbc32")
+
+
+@pytest.fixture(scope="module")
+def checker():
+    return FastChecker()
+
+
+def sent(to=(0.1, 0.0, 0.0), time=1.0, jump=(0.0, 0.0, 0.0)):
+    """The left hand goes from the stance by ``to`` [m] within a time [s]; all is moved by ``jump`` [m]."""
+    share = minimum_jerk(np.arange(STEPS) / FPS / time)[:, None]
+    T = [np.tile(STANCE.T_world_base @ STANCE.poses[hand], (STEPS, 1, 1)) for hand in ("lhand", "rhand")]
+    T[0][:, :3, 3] += share * np.asarray(to)
+    for poses in T:
+        poses[:, :3, 3] += jump
+    fingers = [np.tile(q, (STEPS, 1)) for q in (STANCE.q_lhand, STANCE.q_rhand)]
+    return ActionChunk(SPEC.id, 0, 0.0, FPS, *T, *fingers)
+
+
+def codes(verdict):
+    return [violation.code for violation in verdict.violations]
+
+
+def margin(verdict, code):
+    return next(one for one in verdict.margins if one.code is code)
+
+
+def test_a_plain_chunk_is_done_as_given_and_a_preview_tells():
+    verdict = judge(sent())
+    assert (verdict.verdict, verdict.method, verdict.decided_by) == ("feasible", "fast", "preview")
+    assert all(one.share > -1.0 for one in verdict.margins)
+    assert verdict.moved_max_m < 0.02
+
+
+def test_a_preview_is_a_plan_that_keeps_what_a_searched_one_keeps(checker):
+    chunk = sent(to=(0.15, 0.05, 0.1))
+    begin = checker.judge.first_pose(chunk)
+    quick = checker.judge.judge(chunk, begin)
+    planner = checker.judge.planner
+    searched = planner.plan(chunk, 0.0, begin.body, begin.hands)
+    assert quick.previewed
+    assert quick.plan.report.safe
+    assert searched.report.strategy == "as_given"
+    assert quick.plan.report.work < 5.0
+
+
+@pytest.mark.parametrize(
+    ("chunk", "answer", "code"),
+    [
+        (sent(to=(0.8, 0.0, 0.0)), "infeasible", Reason.OUT_OF_REACH),
+        (sent(to=(0.0, 0.0, -0.9)), "infeasible", Reason.INTO_FLOOR),
+    ],
+)
+def test_what_cannot_be_done_is_infeasible_with_its_reason(chunk, answer, code):
+    verdict = judge(chunk)
+    assert verdict.verdict == answer
+    assert code in codes(verdict)
+
+
+def test_a_finger_past_its_range_is_a_repair_with_the_joint():
+    chunk = sent()
+    chunk.q_lhand[:, 0] = 5.0
+    verdict = judge(chunk)
+    assert verdict.verdict == "feasible_after_repair"
+    assert codes(verdict)[0] is Reason.FINGER_LIMIT
+    assert margin(verdict, Limit.FINGER_RANGE).subject == "left_hand_thumb_0_joint"
+    assert margin(verdict, Limit.FINGER_RANGE).margin == pytest.approx(1.0472 - 5.0, abs=1e-3)
+
+
+def test_a_hand_that_is_too_fast_is_told_with_its_speed():
+    chunk = sent()
+    for k in range(STEPS):
+        chunk.T_world_lhand[k, 1, 3] = STANCE.poses["lhand"][1, 3] + 0.1 * (k % 2)
+    found = margin(judge(chunk), Limit.HAND_SPEED)
+    assert (found.subject, found.value) == ("left hand", pytest.approx(3.0, abs=1e-6))
+    assert found.margin == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_an_isolated_chunk_begins_at_its_own_first_step_and_from_a_state_it_does_not():
+    chunk = sent(jump=(0.1, 0.0, 0.05))
+    checker = FastChecker()
+    stance = checker.judge.stance()
+    state = RobotState(0.0, stance.body.q, stance.body.v)
+    assert judge(chunk).start_m < 1e-3
+    assert judge(chunk, state).start_m == pytest.approx(np.hypot(0.1, 0.05), abs=1e-6)
+
+
+def test_the_answer_is_a_function_of_its_arguments_alone():
+    chunk = sent(to=(0.2, 0.1, 0.2))
+    first = judge(chunk)
+    judge(sent(to=(0.6, 0.0, 0.0)))
+    assert judge(chunk) == first
+
+
+def test_what_is_malformed_is_refused(checker):
+    chunk = sent()
+    chunk.T_world_lhand[3, 0, 3] = np.nan
+    with pytest.raises(ChunkError):
+        judge(chunk)
+    with pytest.raises(InputError, match=r"state\.q"):
+        judge(sent(), RobotState(0.0, np.zeros(3), np.zeros(49)))
+
+
+def test_the_room_of_the_centre_of_mass_is_that_of_pinocchio(checker):
+    """The margin comes from compiled kernels, the centre of mass here from Pinocchio on the same knots."""
+    chunk = sent(to=(0.3, 0.1, 0.1))
+    found = checker.judge.judge(chunk, checker.judge.first_pose(chunk))
+    body, model = checker.judge.planner.optimizer.body, checker.judge.planner.model
+    support, data = body.support, model.createData()
+    room = [support.margin(pin.centerOfMass(model, data, q)[:2]) for q in found.plan.knots.q[1:]]
+    balance = next(one for one in found.margins if one.code is Limit.BALANCE)
+    assert balance.value == pytest.approx(min(room), abs=1e-6)
+    assert balance.time == pytest.approx((1 + int(np.argmin(room))) / 15.0)
+
+
+def test_a_policy_is_judged_chunk_after_chunk_from_where_its_plans_lead(checker):
+    policy = wave()
+    verdict = checker.check(policy, "wave", 3.0, start="stance")
+    assert verdict.verdict == "feasible"
+    assert verdict.start_m < 1e-3
+    assert verdict.time_factor == 1.0
+    assert max(one.time for one in verdict.margins) > 2.0
+
+
+def test_the_text_says_how_it_was_judged_and_the_json_keeps_its_schema():
+    verdict = judge(sent())
+    jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
+    text = "\n".join(lines(verdict))
+    assert "judged   by a preview, nothing simulated" in text
+    assert all(ord(letter) < 128 for letter in text)
+
+
+def test_schema_and_document_know_every_bound():
+    codes = json.loads(verdict_schema().read_text())["$defs"]["margin"]["properties"]["code"]["enum"]
+    text = (Path(__file__).parents[3] / "docs" / "verdict.md").read_text().partition("| Bound | Unit |")[2]
+    assert codes == list(Limit)
+    assert re.findall(r"^\| `(\w+)` \| (\S.*?) \| (.+) \|$", text, re.MULTILINE)[: len(Limit)] == [
+        (limit, limit.unit or "–", limit.sentence) for limit in Limit
+    ]

@@ -1,0 +1,190 @@
+"""A chunk judged by its plan: from where, whether a preview tells, and the room that it leaves to every bound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from models.pinocchio_model import stance_q
+from models.spec import RobotSpec
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between
+from wholebody.config import ControllerConfig
+from wholebody.planning.chunk_planner import ChunkPlanner
+from wholebody.planning.judgement.chunk_margins import chunk_margins
+from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.judgement.motion_margins import MotionMargins
+from wholebody.planning.plan import ChunkPlan
+from wholebody.planning.posture import PostureSolver
+from wholebody.planning.strategies import PREVIEW
+from wholebody.planning.trajectory import BodyState
+from wholebody.reference import HandMotion, rest_row, time_scaled
+from wholebody.robot.state import Robot
+from wholebody.types import RobotState
+
+PALMS = ("left palm", "right palm")
+STARTS = 3
+"""Postures from which one for the first pose is searched; chosen: a start that takes more is told as one that is
+missed."""
+
+
+@dataclass(frozen=True)
+class Begin:
+    """Where a chunk is begun.
+
+    Attributes:
+        body: Configuration and velocity.
+        hands: What the two hands are commanded to do, rows (2, 40).
+    """
+
+    body: BodyState
+    hands: HandMotion
+
+
+@dataclass(frozen=True)
+class ChunkJudgement:
+    """What a plan says of a chunk; H steps.
+
+    Attributes:
+        plan: As it would be followed.
+        times: When each step is due, since the first, shape (H,), [s].
+        moved: How far each palm is commanded from the chunk, at its own times, shape (H, 2), [m]; 0 before the plan.
+        turned: The same of its orientation, shape (H, 2), [rad].
+        margins: Least room to each kind of bound, the tightest first.
+    """
+
+    plan: ChunkPlan
+    times: np.ndarray
+    moved: np.ndarray
+    turned: np.ndarray
+    margins: tuple[Margin, ...]
+
+    @property
+    def previewed(self) -> bool:
+        """Whether the cheap tests decided, and nothing was searched for."""
+        return self.plan.report.strategy == PREVIEW.name
+
+
+class ChunkJudge:
+    """Judges chunks without simulating them.
+
+    Args:
+        spec: The robot. config: Of its controller: bounds, margins and the budget of a plan are the planner's.
+    """
+
+    def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
+        self.spec, self.config, self.robot = spec, config or ControllerConfig(), Robot(spec)
+        self.planner = ChunkPlanner(spec, self.robot, self.config)
+        self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
+
+    @cached_property
+    def postures(self) -> PostureSolver:
+        """Still postures for the first pose of a chunk."""
+        return PostureSolver(self.spec, self.config)
+
+    def stance(self) -> Begin:
+        """At rest in the stance."""
+        return self._at_rest(stance_q(self.spec, self.robot.model))
+
+    def first_pose(self, chunk: ActionChunk) -> Begin:
+        """At rest in a balanced posture with the hands where the chunk begins, or as near to it as one is found."""
+        found = self.postures.solve(chunk.T_world_lhand[0], chunk.T_world_rhand[0], starts=STARTS)
+        q = found.q.copy()
+        for tool, fingers, limits in zip(
+            self.spec.tools, (chunk.q_lhand[0], chunk.q_rhand[0]), self.planner.hand_limits, strict=True
+        ):
+            if tool.finger_joints:
+                q[7 + self.robot.joint_indices(tool.finger_joints)] = np.clip(
+                    fingers, limits.finger_lower, limits.finger_upper
+                )
+        return self._at_rest(q)
+
+    def present(self, state: RobotState) -> Begin:
+        """As measured, hands commanded to do what they do."""
+        begin = self._at_rest(state.q, state.v)
+        for i, tool in enumerate(self.spec.tools):
+            twist = self.robot.velocity(tool.wrist_frame)
+            begin.hands.v[i], begin.hands.w[i] = twist[:3], twist[3:]
+        return begin
+
+    def judge(
+        self, chunk: ActionChunk, begin: Begin, now: float | None = None, before: np.ndarray | None = None
+    ) -> ChunkJudgement:
+        """Plan a valid chunk from where it is begun, with no more effort than it takes to tell.
+
+        Args:
+            chunk: A valid chunk.
+            begin: Where it is begun.
+            now: When, on the clock of its observation [s]; with its first step if not given.
+            before: As in `ChunkPlanner.plan`.
+        """
+        now = chunk.t_obs if now is None else now
+        plan = self.planner.plan(chunk, now, begin.body, begin.hands, before, quick=True)
+        times = np.arange(len(chunk)) / chunk.fps
+        moved, turned = self._off(chunk, plan, times)
+        problem = self.planner.optimizer.measured(plan.knots)
+        knots = plan.start + self.config.planner.posture.dt * np.arange(len(plan.knots.q))
+        margins = [
+            *chunk_margins(chunk, self.planner.hand_limits, self.spec),
+            *self._margins.of(problem, knots, chunk.fps),
+            *self._palms(chunk, moved, turned),
+        ]
+        return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
+
+    def commanded(self, plan: ChunkPlan, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Palm points (n, 2, 3) [m] and rotations (n, 2, 3, 3) that a plan commands at parameters (n,) [s]."""
+        T = np.stack([path.sample(s).T_world_hand for path in plan.paths], axis=1)
+        return self._palm_points(T), T[:, :, :3, :3]
+
+    def later(self, plan: ChunkPlan, after: float) -> Begin:
+        """Where a plan is after a time on it [s]."""
+        s = plan.start + plan.rate * after
+        row = plan.trajectory.row(s)
+        rate = plan.rate if s < plan.end else 0.0
+        hands = HandMotion(np.stack([path.sample(np.array([s])).rows[0] for path in plan.paths]))
+        body = BodyState(plan.trajectory.q[row].copy(), rate * plan.trajectory.v[row])
+        return Begin(body, time_scaled(hands, rate, 0.0))
+
+    def asked(self, chunk: ActionChunk) -> tuple[np.ndarray, np.ndarray]:
+        """Palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) that a chunk asks for."""
+        T = np.stack([chunk.T_world_lhand, chunk.T_world_rhand], axis=1)
+        return self._palm_points(T), T[:, :, :3, :3]
+
+    def at(self, begin: Begin) -> tuple[np.ndarray, np.ndarray]:
+        """Palm points (2, 3) [m] and rotations (2, 3, 3) that are commanded where a chunk is begun."""
+        T = begin.hands.T_world_hand
+        return self._palm_points(T[None])[0], T[:, :3, :3]
+
+    def _off(self, chunk: ActionChunk, plan: ChunkPlan, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s = plan.start + plan.rate * (times - plan.start)
+        (p, R), (wanted_p, wanted_R) = self.commanded(plan, s), self.asked(chunk)
+        due = (times > plan.start - 1e-9)[:, None]
+        return due * np.linalg.norm(p - wanted_p, axis=2), due * angle_between(R, wanted_R)
+
+    def _palms(self, chunk: ActionChunk, moved: np.ndarray, turned: np.ndarray) -> Iterator[Margin]:
+        bounds = self.config.verdict
+        for code, off, bound in (
+            (Limit.REACH, moved, bounds.palm_feasible),
+            (Limit.ORIENTATION, turned, bounds.turn_feasible),
+        ):
+            step, side = np.unravel_index(off.argmax(), off.shape)
+            value, time = float(off.max()), float(step / chunk.fps)
+            yield Margin(
+                code=code, subject=PALMS[int(side)], time=time, step=int(step), value=value, bound=bound,
+                unit=code.unit, margin=bound - value, share=(bound - value) / bound,
+            )  # fmt: skip
+
+    def _palm_points(self, T: np.ndarray) -> np.ndarray:
+        return T[:, :, :3, 3] + np.einsum("khij,hj->khi", T[:, :, :3, :3], self.planner.offsets)
+
+    def _at_rest(self, q: np.ndarray, v: np.ndarray | None = None) -> Begin:
+        v = np.zeros(self.robot.nv) if v is None else v
+        self.robot.update(q, v)
+        rows = [
+            rest_row(self.robot.pose(tool.wrist_frame).homogeneous, q[7 + self.robot.joint_indices(tool.finger_joints)])
+            for tool in self.spec.tools
+        ]
+        return Begin(BodyState(q.copy(), v.copy()), HandMotion(np.stack(rows)))
