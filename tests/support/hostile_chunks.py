@@ -1,28 +1,19 @@
 """Hostile chunks by the hundred: seeded families, each episode with one feasible chunk in the middle.
 
-``python tests/support/hostile_chunks.py FIRST LAST [LEAD [edge]]`` runs the cases FIRST to LAST - 1, planned with that
-simulated latency and lead [s], and prints one line each; ``edge`` those of `EdgeEpisode`.
+``python -m tests.studies.off_plan`` runs them in ranges, with the latency of plans that one wants.
 """
 
-import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
-from models import g1
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.scripted.library import reach
 from policy.scripted.policy import minimum_jerk, stance_pose, to_chunk
-from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import observe
-from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
-from wholebody.sim.plant import MujocoPlant
-from wholebody.types import Status
+from wholebody.types import Reason, Status
 
 STEPS, FPS = 50, 30.0
 HOLD, RECOVER = 4.0, 3.0
@@ -117,12 +108,15 @@ class FuzzResult:
     feasible_error: float
     progress: float
     refused: int
+    off_plan: float
+    """Longest time that it stood off its plan without a break [s]."""
 
     def __str__(self):
         fell = f"FELL at {self.fall.time:.2f} s: {self.fall.cause}" if self.fall else "stands"
         return (
             f"{self.kind:9s} from {self.start:6s} {fell}; tilt {np.rad2deg(self.tilt):.0f} deg, feasible chunk "
-            f"{1e3 * self.feasible_error:.1f} mm, path progress {self.progress:.2f}, refused {self.refused}"
+            f"{1e3 * self.feasible_error:.1f} mm, path progress {self.progress:.2f}, refused {self.refused}, "
+            f"off its plan {self.off_plan:.1f} s"
         )
 
 
@@ -136,6 +130,7 @@ class Episode:
         self.state = plant.reset()
         supervisor.reset(self.state)
         self.fall, self.tilt, self.seq, self.refused = None, 0.0, 0, 0
+        self.off_plan, self.left = 0.0, 0.0
 
     def run(self):
         self.step(0.2)
@@ -152,8 +147,11 @@ class Episode:
         for _ in range(2):
             self.hostile()
         self.step(HOLD)
-        covered = self.supervisor.time_factor
-        return FuzzResult(self.kind, self.start, self.fall, self.tilt, error, 1.0 / covered, self.refused)
+        return self.result(error)
+
+    def result(self, error):
+        progress = 1.0 / self.supervisor.time_factor
+        return FuzzResult(self.kind, self.start, self.fall, self.tilt, error, progress, self.refused, self.off_plan)
 
     def hostile(self):
         self.offer(hostile_chunk(self.kind, self.rng, self.seq, self.state.time))
@@ -180,7 +178,10 @@ class Episode:
             self.state = self.plant.step(self.supervisor.step(self.state))
             x, y = self.state.q[3], self.state.q[4]
             self.tilt = max(self.tilt, float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
-            self.fall = detect_fall(self.plant, self.state, self.supervisor.status.status)
+            status = self.supervisor.status
+            self.left = self.left + self.plant.control_dt if status.reason is Reason.OFF_PLAN else 0.0
+            self.off_plan = max(self.off_plan, self.left)
+            self.fall = detect_fall(self.plant, self.state, status.status)
 
 
 EDGE_MIDDLE = np.array([0.30, 0.20, 0.95])
@@ -222,13 +223,4 @@ class EdgeEpisode(Episode):
                 self.offer(self.chunk(self.state.time))
                 self.step(pause)
         self.step(HOLD)
-        covered = self.supervisor.time_factor
-        return FuzzResult(self.kind, self.start, self.fall, self.tilt, 0.0, 1.0 / covered, self.refused)
-
-
-if __name__ == "__main__":
-    spec, lead = g1(), float(sys.argv[3]) if len(sys.argv) > 3 else PlanningConfig().lead
-    robot = Supervisor(spec, ControllerConfig(planning=PlanningConfig(lead=lead))), MujocoPlant(spec)
-    case = EdgeEpisode if "edge" in sys.argv else Episode
-    for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-        print(seed, case(*robot, seed).run(), flush=True)
+        return self.result(0.0)

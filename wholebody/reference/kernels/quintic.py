@@ -20,7 +20,7 @@ SHRINK = 0.75
 """Factor by which the time to go is cut where the shorter quintic would still use less than `LAZY` of the limits;
 chosen, no trial is on record."""
 LAZY = 0.5
-"""Share of the limits; chosen, no trial is on record."""
+"""Share of what the target's own motion leaves of the limits; chosen, no trial is on record."""
 GROWTH = 1.5
 """Factor from one time to go that is tried to the next; chosen, no trial is on record."""
 TRIALS = 24
@@ -83,15 +83,18 @@ def longest_horizon(limits, k) -> float:
     return max(MAX_HORIZON, 6.0 * speed / acceleration, 12.0 * math.sqrt(speed / jerk))
 
 
-def time_to_go(hand, n, limits, k, dt) -> float:
+def time_to_go(hand, n, limits, k, within, dt) -> float:
     """Duration in which the quintic to zero error stays inside the limits, [s].
 
     The last one less two ticks where that fits; much less where the quintic is lazy; else the first longer one that
-    fits, or the one that comes nearest.
+    fits, or the one that comes nearest. A quintic is lazy by what a target ``within`` the limits leaves
+    of them: by its share of the whole, the error behind a fast target would never look lazy.
     """
     max_v = max(PLAN_SHARE * limits.speed[k], norm(hand.v, n), norm(hand.target_v, n))
     max_a = max(PLAN_SHARE * limits.acceleration[k], norm(hand.a, n), norm(hand.target_a, n))
     max_j = PLAN_SHARE * limits.jerk[k]
+    own = max(norm(hand.target_v, n) / max_v, norm(hand.target_a, n) / max_a) if within else 0.0
+    lazy = own + LAZY * (1.0 - own)
     shortest = max(MIN_HORIZON, MIN_TICKS * dt)
     longest = max(longest_horizon(limits, k), shortest)
     before = hand.time_to_go[k]
@@ -99,11 +102,11 @@ def time_to_go(hand, n, limits, k, dt) -> float:
     best, best_excess, step, shrinking = horizon, math.inf, dt, False
     for _ in range(TRIALS):
         excess = move_excess(hand, n, max_v, max_a, max_j, horizon)
-        if shrinking and excess > LAZY:
+        if shrinking and excess > lazy:
             return best
         if excess <= 1.0:
             best = horizon
-            if horizon <= shortest or horizon > before or excess > LAZY:
+            if horizon <= shortest or horizon > before or excess > lazy:
                 return best
             shrinking = True
             horizon = max(SHRINK * horizon, shortest)

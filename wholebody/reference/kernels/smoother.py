@@ -21,17 +21,18 @@ from wholebody.reference.kernels.smoother_memory import GROUPS, ROW, clip_norm, 
 from wholebody.reference.kernels.viability import keep_range, keep_viable
 
 
-def read_target(hand, n, v, a, last, limits, k, dt) -> None:
+def read_target(hand, n, v, a, last, limits, k, dt) -> bool:
     """Motion of the target at the *start* of the tick, from that at its end, whose entries begin at ``v`` and ``a``.
 
     A target is followed at the limits at most. The jerk that its acceleration implies is used as it is up to the limit,
-    fades out to twice that, and is ignored beyond: there the target is not a motion but a jump or noise.
+    fades out to twice that, and is ignored beyond: there the target is not a motion but a jump or noise. Whether
+    it keeps all three limits is returned.
     """
     for i in range(n):
         hand.target_v[i] = hand.goal[v + i]
         hand.target_a[i] = hand.goal[a + i]
-    clip_norm(hand.target_v, n, limits.speed[k])
-    clip_norm(hand.target_a, n, limits.acceleration[k])
+    clipped = clip_norm(hand.target_v, n, limits.speed[k])
+    clipped = clip_norm(hand.target_a, n, limits.acceleration[k]) or clipped
     for i in range(n):
         hand.target_j[i] = (hand.target_a[i] - hand.target_acceleration[last + i]) / dt
         hand.target_acceleration[last + i] = hand.target_a[i]
@@ -40,6 +41,7 @@ def read_target(hand, n, v, a, last, limits, k, dt) -> None:
         hand.target_j[i] *= used
         hand.target_v[i] += -hand.target_a[i] * dt + hand.target_j[i] * (0.5 * dt * dt)
         hand.target_a[i] -= hand.target_j[i] * dt
+    return used == 1.0 and not clipped
 
 
 def displacement(v, a, jerk, i, dt) -> float:
@@ -141,7 +143,7 @@ def group_tick(hand, limits, k, dt) -> None:
     x, v, a = (0, 3, 6) if k == 0 else ((9, 13, 16) if k == 1 else (17 + k, 24 + k, 31 + k))
     if k >= 2:
         clip_finger(goal, limits, k - 2)
-    read_target(hand, n, v, a, 3 * k if k < 2 else 4 + k, limits, k, dt)
+    within = read_target(hand, n, v, a, 3 * k if k < 2 else 4 + k, limits, k, dt)
     for i in range(n):
         hand.v[i], hand.a[i] = motion[v + i], motion[a + i]
         hand.error_v[i], hand.error_a[i] = motion[v + i] - hand.target_v[i], motion[a + i] - hand.target_a[i]
@@ -150,7 +152,7 @@ def group_tick(hand, limits, k, dt) -> None:
     if k == 1:
         rotation_error(hand, dt)
     shorten_error(hand, n, limits, k)
-    horizon = time_to_go(hand, n, limits, k, dt)
+    horizon = time_to_go(hand, n, limits, k, within, dt)
     hand.time_to_go[k] = horizon
     s = dt / horizon  # the mean jerk of the quintic over the tick: the acceleration lands on it
     h0, h1, h2 = s * (-60 + s * (180 - 120 * s)), s * (-36 + s * (96 - 60 * s)), s * (-9 + s * (18 - 10 * s))
