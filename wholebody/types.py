@@ -24,8 +24,8 @@ class RobotState:
         time: [s]
         q: Configuration (7 + n,): base position in world [m], base quaternion xyzw, joint positions [rad].
         v: Velocity (6 + n,): base linear [m/s] and angular [rad/s] velocity in the base frame, joint speeds [rad/s].
-        tau: Torques that the joints had until then, (n,), [N m]; None if they are not known. What hands carry is found from
-            them; `check_state` does not look at them.
+        tau: Torques that the joints had until then, (n,), [N m]; None if they are not known. What hands carry is found
+            from them; `check_state` does not look at them.
     """
 
     time: float
@@ -121,6 +121,7 @@ class Reason(StrEnum):
     STATE_INVALID = "state_invalid", Status.HOLD, "the measured state is not finite: it is predicted along the plan"
     STATE_STALE = "state_stale", Status.HOLD, "no new state has come: it is predicted along the plan"
     STATE_FROZEN = "state_frozen", Status.HOLD, "a moving state repeats itself: it is predicted along the plan"
+    STATE_JUMPED = "state_jumped", Status.HOLD, "the measured state jumps: it is predicted along the plan"
     STATE_OUT_OF_ORDER = "state_out_of_order", Status.HOLD, "an older state came later: it is predicted along the plan"
     CHUNK_INVALID = "chunk_invalid", Status.HOLD, "a chunk is malformed, not finite, or comes out of order"
     CHUNK_STALE = "chunk_stale", Status.HOLD, "a chunk was over, or its observation too old, when it came"

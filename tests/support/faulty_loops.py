@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from wholebody.execution.supervisor import Supervisor
 
@@ -53,6 +54,32 @@ def frozen(state, good):
 def stale(state, good):
     """The same message again."""
     return good
+
+
+def zeros(state, good):
+    """Every number is zero, but for a quaternion that is one."""
+    return replace(state, q=np.r_[np.zeros(6), 1.0, np.zeros(len(state.q) - 7)], v=np.zeros_like(state.v))
+
+
+def pitched(angle):
+    """The fault of an IMU that says that the pelvis is pitched forward by so much more [rad]."""
+
+    def fault(state, good):
+        turned = pin.Quaternion(state.q[3:7]) * pin.Quaternion(pin.exp3(np.array([0.0, angle, 0.0])))
+        return replace(state, q=np.r_[state.q[:3], turned.coeffs(), state.q[7:]])
+
+    return fault
+
+
+def bent(joint, angle):
+    """The fault of an encoder that says that its joint is elsewhere by so much [rad]."""
+
+    def fault(state, good):
+        q = state.q.copy()
+        q[7 + joint] += angle
+        return replace(state, q=q)
+
+    return fault
 
 
 def not_a_number(state, good):

@@ -15,8 +15,8 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.config import PlanningConfig
 from wholebody.errors import ConfigError, InputError, PlanningError
+from wholebody.estimation.prediction import ROUNDING
 from wholebody.execution.plan_follower import Foreseen
-from wholebody.execution.state_monitor import ROUNDING
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
 

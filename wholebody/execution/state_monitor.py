@@ -1,12 +1,16 @@
-"""States that cannot be used, not finite, old, out of order or frozen: the robot is predicted along its plan."""
+"""States that cannot be used, not finite, old, out of order, frozen or impossible: the robot is predicted meanwhile."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-import pinocchio as pin
 
 from wholebody.control.tick_report import TickReport
 from wholebody.errors import InputError
+from wholebody.estimation.plausibility import Plausibility
+from wholebody.estimation.prediction import ROUNDING, StatePredictor
+from wholebody.robot.standing import has_lost_standing
 from wholebody.robot.state import Robot
 from wholebody.types import Reason, RobotState, Status, StatusReport, check_state
 
@@ -20,33 +24,42 @@ BRIDGED_MAX = 0.5
 MOVING = 0.02
 """Largest speed below which a state that repeats itself to the bit is that of a robot at rest [m/s, rad/s]; chosen, no
 trial is on record."""
-ROUNDING = 1e-9
-"""Of times that are sums of control periods [s]; chosen: far below a period."""
+CONSISTENT = 5
+"""States in a row: so many that follow from each other are believed although they do not follow from the prediction,
+and so many say that standing is lost; chosen: 10 ms at 500 Hz, in which nothing can be done about a fall."""
 
 
 class StateMonitor:
-    """Says which state the controller gets.
+    """Says which state the controller gets: the measured one, carried on over its age.
 
-    Where there is no usable one, the state before is carried on with the accelerations of the last whole-body program:
-    that is what the plan asks for and what the robot was commanded to do.
+    Where there is no usable one, the last one is carried on for longer, with the accelerations that the whole-body
+    program has commanded since.
 
     Args:
         robot: Its model.
 
     Attributes:
-        bridged: Time since the last usable state [s]; 0 if the present one is.
+        bridged: Time since the last usable state came [s]; 0 if the present one is.
     """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
+        self._predictor, self._plausibility = StatePredictor(robot), Plausibility(robot.joint_names)
         self.bridged = 0.0
         self._measured: RobotState | None = None
         self._present: RobotState | None = None
 
     def reset(self, state: RobotState) -> None:
         """Begin with a valid state."""
-        self._measured = self._present = state
-        self.bridged = 0.0
+        self._measured = self._present = self._newest = state
+        self.bridged, self._agreeing, self._lost = 0.0, 0, 0
+        self._predictor.reset()
+        self._plausibility.follows(state, state, 0.0)  # loaded now, not in a tick
+
+    @property
+    def standing_lost(self) -> bool:
+        """Whether the robot stands no more: in several states in a row, none of them a fault."""
+        return self._lost >= CONSISTENT
 
     def usable(
         self, state: RobotState, now: float, elapsed: float, tick: TickReport | None
@@ -54,26 +67,35 @@ class StateMonitor:
         """The state to go on with, and what is wrong with the measured one.
 
         Args:
-            state: As measured.
+            state: As measured; older than the present time by what is to be predicted.
             now: Present time [s].
             elapsed: Time since the last call [s].
             tick: What the last tick did, or None before the first.
         """
-        fault = self._fault(state, elapsed)
+        if tick is not None and elapsed > 0.0:
+            dv = np.zeros(self._robot.nv) if tick.solution is None else tick.solution.dv
+            self._predictor.commanded(now - elapsed, dv)
+        fault, report = self._fault(state, elapsed), None
         if fault is None:
-            self._measured = self._present = state
-            self.bridged = 0.0
-            return state, None
-        self.bridged += elapsed
-        self._present = self._predicted(now, elapsed, tick)
-        reason, detail = fault
-        silent = reason is not Reason.STATE_INVALID and self.bridged <= TOLERATED
-        return self._present, None if silent else StatusReport(Status.HOLD, reason, detail)
+            self._measured, self.bridged = state, 0.0
+        else:
+            self.bridged += elapsed
+            reason, detail = fault
+            said = reason in (Reason.STATE_INVALID, Reason.STATE_JUMPED) or self.bridged > TOLERATED
+            report = StatusReport(Status.HOLD, reason, detail) if said else None
+        if self.bridged > BRIDGED_MAX:
+            self._present = RobotState(now, self._present.q, np.zeros(self._robot.nv))
+        else:
+            carried = self._predictor.carried(self._measured, now)
+            self._present = carried if fault is None else replace(carried, tau=None)
+        self._lost = self._lost + 1 if has_lost_standing(self._present) else 0
+        return self._present, report
 
     def _fault(self, state: RobotState, elapsed: float) -> tuple[Reason, str] | None:
         try:
             check_state(state, self._robot.n_joints)
         except InputError as error:
+            self._agreeing = 0
             return Reason.STATE_INVALID, str(error)
         last = self._measured
         if state.time < last.time - ROUNDING:
@@ -86,13 +108,16 @@ class StateMonitor:
         same = np.array_equal(state.q, last.q) and np.array_equal(state.v, last.v)
         if same and np.abs(state.v).max() > MOVING:
             return Reason.STATE_FROZEN, f"the state moves, and repeats itself to the bit for {self.bridged:.3f} s"
-        return None
+        jumped = Reason.STATE_JUMPED, "the state is not what can have become of the one before"
+        return jumped if self._is_jump(state) else None
 
-    def _predicted(self, now: float, elapsed: float, tick: TickReport | None) -> RobotState:
-        q, v, dv = self._present.q, self._present.v, None
-        if tick is not None and tick.solution is not None:
-            dv = tick.solution.dv
-        if dv is None or self.bridged > BRIDGED_MAX:
-            return RobotState(now, q, np.zeros_like(v))
-        step = elapsed * v + 0.5 * elapsed**2 * dv
-        return RobotState(now, pin.integrate(self._robot.model, q, step), v + elapsed * dv)
+    def _is_jump(self, state: RobotState) -> bool:
+        """Whether a state is impossible after what is known: it is bridged until several in a row agree."""
+        follows, newest, self._newest = self._plausibility.follows, self._newest, state
+        last = self._measured if self.bridged == 0.0 else self._predictor.carried(self._measured, state.time)
+        period = state.time - newest.time
+        if follows(last, state, period if self.bridged > 0.0 else state.time - last.time):
+            self._agreeing = 0
+            return False
+        self._agreeing = self._agreeing + 1 if period > 0.0 and follows(newest, state, period) else 0
+        return self._agreeing < CONSISTENT or not follows(last, state, state.time - self._measured.time)

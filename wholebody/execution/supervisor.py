@@ -24,7 +24,6 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother
-from wholebody.robot.standing import has_lost_standing
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
 
 RETRY = 0.2
@@ -273,7 +272,7 @@ class Supervisor:
             now = state.time if np.isfinite(state.time) else self._now + self.config.dt
         elapsed = max(now - self._now, 0.0)
         state, fault = self._monitor.usable(state, now, elapsed, self.last_tick)
-        if self._fallen or has_lost_standing(state):
+        if self._fallen or self._monitor.standing_lost:
             self._fallen, self._now, self._last_state = True, now, state
             self.handover.cancel()
             self.status = statuses.STANDING_LOST

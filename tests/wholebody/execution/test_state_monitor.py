@@ -8,12 +8,13 @@ import pytest
 from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
-from tests.support.faulty_loops import DroppedTicks, FaultyStates, frozen, not_a_number, stale
+from tests.support.faulty_loops import DroppedTicks, FaultyStates, bent, frozen, not_a_number, pitched, stale, zeros
 from wholebody.episode.run import EpisodeConfig, run_episode
-from wholebody.execution.state_monitor import BRIDGED_MAX, StateMonitor
+from wholebody.execution.state_monitor import BRIDGED_MAX, CONSISTENT, StateMonitor
+from wholebody.robot.standing import has_lost_standing
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
-from wholebody.types import RobotState
+from wholebody.types import Reason, RobotState, Status
 
 SPEC = g1()
 
@@ -34,7 +35,7 @@ def monitored():
 
 
 def later(state, ticks=1):
-    return replace(state, time=state.time + 0.002 * ticks, q=state.q + np.r_[np.zeros(7), 1e-4 * np.ones(43)])
+    return replace(state, time=state.time + 0.002 * ticks, q=state.q + np.r_[np.zeros(7), np.full(43, 1e-4 * ticks)])
 
 
 def test_a_good_state_is_used_as_it_is(monitored):
@@ -49,6 +50,7 @@ FAULTS = {
     "state_stale": lambda state: state,
     "state_frozen": lambda state: replace(state, time=state.time + 0.02),
     "state_out_of_order": lambda state: replace(state, time=state.time - 0.004),
+    "state_jumped": lambda state: pitched(1.2)(later(state), state),
 }
 
 
@@ -60,6 +62,51 @@ def test_a_state_that_cannot_be_used_is_predicted_with_the_reason(monitored, rea
     assert used.time == state.time + 0.02
     assert np.isfinite(used.q).all()
     assert monitor.bridged == 0.02
+
+
+IMPOSSIBLE = {"pitch +70": pitched(1.2), "pitch -70": pitched(-1.2), "zeros": zeros} | {
+    f"joint {joint} {angle:+g}": bent(joint, angle) for joint in (0, 9, 14, 33, 42) for angle in (3.0, -3.0)
+}
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE)
+def test_ten_impossible_states_in_a_row_are_bridged_and_the_next_good_one_is_used(monitored, name):
+    monitor, state = monitored
+    for k in range(1, 11):
+        now = later(state, k)
+        used, report = monitor.usable(IMPOSSIBLE[name](now, state), now.time, 0.002, None)
+        assert (report.status, report.reason) == (Status.HOLD, "state_jumped")
+        assert not monitor.standing_lost
+        np.testing.assert_allclose(used.v, state.v)
+        assert np.abs(used.q[:7] - state.q[:7]).max() < 0.01
+    good = later(state, 11)
+    assert monitor.usable(good, good.time, 0.002, None) == (good, None)
+
+
+def test_a_jump_that_lasts_is_believed_in_the_end_and_one_that_does_not_agree_with_itself_never(monitored):
+    monitor, state = monitored
+    believed = []
+    for sign in ((1, 1), (1, -1)):
+        monitor.reset(state)
+        reports = []
+        for k in range(1, 150):
+            now = later(state, k)
+            reports.append(monitor.usable(pitched(0.5 * sign[k % 2])(now, state), now.time, 0.002, None)[1])
+        believed.append(sum(report is None for report in reports))
+    # An unknown acceleration of 100 rad/s^2 takes a tenth of a second for 0.5 rad.
+    assert 149 - believed[0] == pytest.approx(50, abs=5)
+    assert believed[1] == 0
+
+
+def test_standing_is_lost_when_several_states_in_a_row_say_so(monitored):
+    monitor, state = monitored
+    lying = pitched(1.2)(state, state)
+    monitor.reset(lying)
+    for k in range(1, CONSISTENT + 1):
+        assert not monitor.standing_lost
+        now = later(lying, k)
+        monitor.usable(now, now.time, 0.002, None)
+    assert monitor.standing_lost
 
 
 def test_a_lost_sample_or_two_are_not_worth_a_word(monitored):
@@ -103,6 +150,46 @@ def test_states_that_are_not_finite_for_100_ticks_leave_it_standing(plant):
     supervisor.times, supervisor.seconds, supervisor.fault = (1.3,), 0.2, not_a_number
     _, reasons = reaching(supervisor, plant)
     assert reasons["state_invalid"] == pytest.approx(0.2, abs=0.005)
+
+
+def test_glitches_in_mid_motion_cost_nothing(plant):
+    class Glitches(FaultyStates):
+        """Each of the kinds once for one tick, and once for ten."""
+
+        kinds = (not_a_number, zeros, pitched(1.2), pitched(-1.2), bent(14, 3.0), bent(3, -3.0))
+
+        def fault(self, state, good):
+            return self.kinds[int((state.time - 0.5) / 0.15) % 6](state, good)
+
+        def step(self, state, now=None):
+            self.seconds = 0.0021 if state.time < 1.4 else 0.02
+            return super().step(state, now)
+
+    supervisor = Glitches(SPEC)
+    clean, _ = reaching(supervisor, plant)
+    supervisor.times = tuple(0.501 + 0.15 * np.arange(12))
+    error, reasons = reaching(supervisor, plant)
+    assert error - clean < 1e-3
+    assert reasons[Reason.STATE_INVALID] == pytest.approx(0.022, abs=0.005)
+    assert reasons[Reason.STATE_JUMPED] == pytest.approx(5 * 0.022, abs=0.02)
+
+
+def test_a_robot_that_is_knocked_over_is_damped(plant):
+    class Pushed(MujocoPlant):
+        def reset(self):
+            state = super().reset()
+            self.push("torso_link", np.array([0.0, 300.0, 0.0]), start=0.5, duration=0.1)
+            return state
+
+    pushed, supervisor = Pushed(SPEC), FaultyStates(SPEC)
+    state = pushed.reset()
+    supervisor.reset(state)
+    fallen = []
+    while supervisor.status.status is not Status.DAMPING:
+        assert state.time < 2.0
+        state = pushed.step(supervisor.step(state))
+        fallen.append(has_lost_standing(state))
+    assert CONSISTENT <= sum(fallen) <= CONSISTENT + 1
 
 
 def test_every_tenth_tick_dropped_costs_little(plant):

@@ -10,6 +10,7 @@ from policy.scripted.library import reach, scripted_policy
 from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.errors import PlanningError, StateError
+from wholebody.execution.state_monitor import CONSISTENT
 from wholebody.execution.supervisor import RETRY, Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState, Status
@@ -108,9 +109,12 @@ def test_a_program_without_a_solution_gives_up_the_hands_first_and_keeps_the_las
 ):
     supervisor, _, state = start(loop)
     supervisor.step(state)
-    v = state.v.copy()
-    v[6 + supervisor.robot.joint_names.index("left_knee_joint")] = speed
-    command = supervisor.step(RobotState(state.time + 0.002, state.q, v))
+    q, knee = state.q.copy(), supervisor.robot.joint_names.index("left_knee_joint")
+    for k in range(1, 5):
+        v = state.v.copy()
+        v[6 + knee] = 0.25 * k * speed
+        q[7 + knee] += 0.002 * v[6 + knee]
+        command = supervisor.step(RobotState(state.time + 0.002 * k, q.copy(), v))
     assert (supervisor.status.status, supervisor.status.reason) == (Status.STOP, reason)
     assert supervisor.last_tick.level == level
     assert np.all(np.abs(command.tau) <= supervisor.spec.effort_max * (1.0 + 1e-6))
@@ -185,7 +189,10 @@ def test_a_robot_that_lies_down_is_only_damped(loop):
     supervisor, _, state = start(loop)
     q = state.q.copy()
     q[2] = 0.1
-    command = supervisor.step(RobotState(state.time, q, state.v))
+    supervisor.reset(RobotState(state.time, q, state.v))
+    for k in range(CONSISTENT):
+        assert supervisor.status.status is not Status.DAMPING
+        command = supervisor.step(RobotState(state.time + 0.002 * k, q, state.v))
     assert (supervisor.status.status, supervisor.status.reason) == (Status.DAMPING, "standing_lost")
     assert not command.kp.any()
     assert (command.kd > 0.0).all()

@@ -1,0 +1,1 @@
+"""Arithmetic of the estimation that is compiled."""

@@ -1,0 +1,48 @@
+"""Whether one state of a robot can follow from another: what no motor and no push can do is a fault of the readings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.estimation.kernels import plausibility as kernel
+from wholebody.jit.entry import Entry
+from wholebody.types import RobotState
+
+JUMPS = np.array([0.02, 0.03, 0.05])
+"""What noise may add from one state to the next to the base's position [m], its orientation [rad] and a joint [rad];
+chosen: ten times what the realistic sensors do, and far below what brings the robot down."""
+SPEED_JUMPS = np.array([2.0, 5.0, 20.0])
+"""What a blow may change from one control period to the next of the base's speed [m/s], its angular velocity and a
+joint's [rad/s]; chosen, no trial is on record."""
+ACCELERATIONS = np.array([20.0, 100.0, 100.0])
+"""Unknown accelerations of the same, which count for as long as nobody has looked [m/s^2, rad/s^2]; chosen: twice the
+weight, and what a hip motor does to a leg."""
+LIGHT = 3.0
+"""How many times faster a finger may become: little mass hangs on it; chosen, no trial is on record."""
+
+_follows = Entry(kernel.follows)
+
+
+class Plausibility:
+    """Compares states of one robot.
+
+    Args:
+        joint_names: Its joints, in the order of its states.
+    """
+
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
+        kind = np.concatenate([[0, 0, 0, 1, 1, 1], np.full(len(joint_names), 2)])
+        share = np.array([1.0] * 6 + [LIGHT if "_hand_" in name else 1.0 for name in joint_names])
+        self._bounds = JUMPS, share * SPEED_JUMPS[kind], share * ACCELERATIONS[kind]
+
+    def follows(self, before: RobotState, after: RobotState, seconds: float) -> bool:
+        """Whether a state can be what has become of another one.
+
+        Args:
+            before: Finite.
+            after: Finite.
+            seconds: Time for which nobody has looked [s].
+        """
+        # The compiled code takes what it is given as it lies in memory.
+        given = [np.ascontiguousarray(x, dtype=float) for x in (before.q, before.v, after.q, after.v)]
+        return bool(_follows(*given, float(after.time - before.time), float(seconds), *self._bounds))

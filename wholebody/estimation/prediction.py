@@ -1,0 +1,55 @@
+"""The state at a time to come, from a measured one and the accelerations that were commanded since."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from wholebody.robot.state import Robot
+from wholebody.types import RobotState
+
+TICKS = 512
+"""Commands that are remembered: 1 s of them at 500 Hz, twice as long as a state is ever carried on; chosen."""
+ROUNDING = 1e-9
+"""Of times that are sums of control periods [s]; chosen: far below a period."""
+
+
+class StatePredictor:
+    """Carries a state on over the time that has passed since it was measured.
+
+    A whole-body program's accelerations hold from its tick to the next. They are what the plan asks for, and what the
+    motors were commanded to do.
+
+    Args:
+        robot: Its model.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._model = robot.model
+        self._times, self._dv = np.zeros(2 * TICKS), np.zeros((2 * TICKS, robot.nv))
+        self._n = 0
+
+    def reset(self) -> None:
+        """Nothing was commanded yet."""
+        self._n = 0
+
+    def commanded(self, time: float, dv: np.ndarray) -> None:
+        """Accelerations (nv,) that were commanded at this time [s] and hold until the next ones."""
+        if self._n == len(self._times):
+            self._times[:TICKS], self._dv[:TICKS], self._n = self._times[TICKS:], self._dv[TICKS:], TICKS
+        self._times[self._n], self._dv[self._n] = time, dv
+        self._n += 1
+
+    def carried(self, state: RobotState, now: float) -> RobotState:
+        """A measured state, carried on to the present time [s]; itself if that is its own."""
+        seconds = now - state.time
+        if seconds <= ROUNDING:
+            return state
+        times = self._times[: self._n]
+        first = max(int(np.searchsorted(times, state.time + ROUNDING, "right")) - 1, 0)
+        begin = np.maximum(times[first:], state.time)
+        end = np.append(begin[1:], now)
+        held, dv = end - begin, self._dv[first : self._n]
+        # An acceleration moves the state for as long as it holds, and for the rest of the time by the speed it left.
+        step = seconds * state.v + (held * (now - 0.5 * (begin + end))) @ dv
+        return RobotState(now, pin.integrate(self._model, state.q, step), state.v + held @ dv, state.tau)
