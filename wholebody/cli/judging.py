@@ -84,7 +84,7 @@ class Judge:
             if self.judging.fast:
                 seconds, start, checker = length(policy, self.given.duration), self.judging.starts(name), self._fast()
                 with ours():
-                    return _answer(checker.check(policy, name, seconds, start=start))
+                    return _answer(checker.check(policy, name, seconds, start=start, ask_why=self.judging.why))
             checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
             seconds = length(policy, self.given.duration)
             with (
@@ -93,6 +93,10 @@ class Judge:
                 ours(),
             ):
                 verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
+                if self.judging.why and verdict.verdict != "feasible":
+                    verdict = replace(
+                        verdict, causes=self._fast().check(policy, name, seconds, start="stance", ask_why=True).causes
+                    )
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
         return _answer(verdict)

@@ -115,6 +115,10 @@ class Judging:
         Option(help="With --fast: hands at the first step, or the stance. [default: first for a chunk .npz]"),
     ] = ""
 
+    why: Annotated[
+        bool, Option("--why", help="Say which bounds together forbid what is not feasible: seconds a chunk.")
+    ] = False
+
     def starts(self, name: str) -> Literal["first", "stance"]:
         """Where an input begins: a chunk by itself at its own first step."""
         return self.start or ("first" if name.lower().endswith(".npz") else "stance")

@@ -49,6 +49,7 @@ class ChunkPlanner:
         hand_limits: What the left and the right hand can do.
         optimizer: The whole-body trajectory optimiser.
         offsets: Palm points in the axes of the wrists, shape (2, 3), [m].
+        centroidal: What the whole curve of a trajectory is judged by.
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
@@ -58,7 +59,7 @@ class ChunkPlanner:
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
-        self._centroidal = Centroidal(self.model, [robot.frame_id(name) for name in trunk])
+        self.centroidal = Centroidal(self.model, [robot.frame_id(name) for name in trunk])
         self.offsets = np.array([tool.palm_offset for tool in spec.tools])
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
@@ -95,7 +96,7 @@ class ChunkPlanner:
 
         @cache
         def targets(slowdown: float) -> Targets:
-            return self._targets(prepared, now, commanded, slowdown)
+            return self.targets(prepared, now, commanded, slowdown)
 
         def attempt(strategy: Strategy, slowdown: float, last: np.ndarray | None) -> Attempt:
             first = {Begin.PLAN_BEFORE: before, Begin.LAST_ATTEMPT: last, Begin.START: None}[strategy.begin]
@@ -134,8 +135,8 @@ class ChunkPlanner:
             implausible=implausible,
         )
 
-    def _targets(self, prepared: PreparedChunk, now: float, commanded: HandMotion, slowdown: float) -> Targets:
-        """Of a chunk at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
+    def targets(self, prepared: PreparedChunk, now: float, commanded: HandMotion, slowdown: float) -> Targets:
+        """Of a prepared chunk at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
         paths, projected = prepared.paths(now, commanded, slowdown)
         steps = self._steps(now - prepared.chunk.t_obs, max(path.span[1] for path in paths), slowdown)
         motions = [path.sample(steps) for path in paths]
@@ -158,7 +159,7 @@ class ChunkPlanner:
         weights = strategy.weights(self.config)
         knots = self.optimizer.plan(start.q, start.v, T_palms, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
-        trajectory = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self._centroidal)
+        trajectory = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self.centroidal)
         return Attempt(
             strategy=strategy.name,
             targets=targets,

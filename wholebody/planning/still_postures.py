@@ -106,13 +106,20 @@ class StillPostures:
         return self._problem.now.q
 
     @property
+    def enforced(self) -> np.ndarray:
+        """Which bounds count, 0 or 1, as in `TrajectoryProblem`; to be changed in place."""
+        return self._problem.enforced
+
+    @property
     def T_palms(self) -> np.ndarray:
         """Palm poses in world, shape (K, 2, 4, 4)."""
         return self._problem.now.palms
 
     def excess(self) -> np.ndarray:
         """Largest excess over a bound, that of the arms' torques left out, in terms of its tolerance, shape (K,)."""
-        return (self._problem.now.violation[:, : len(self._tolerances)] / self._tolerances).max(axis=1)
+        n = len(self._tolerances)
+        shares = self._problem.now.violation[:, :n] / self._tolerances
+        return np.where(self.enforced[:n] > 0.0, shares, -1.0).max(axis=1)
 
     def margins(self, k: int) -> dict[Constraint, float]:
         """Least room of a posture to the bounds of each kind, negative where exceeded."""

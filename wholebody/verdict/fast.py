@@ -22,15 +22,20 @@ from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.run import fingers_of
 from wholebody.episode.tracking_error import FINGER_TOLERANCE, PalmErrors, demandable
 from wholebody.execution.handover import ends_at_rest
+from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
+from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState, check_state
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.verdict import judge as judge_episode
+from wholebody.verdict.why import why
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
+SUSPECTS = 3
+"""Chunks that were not followed as given among which the first with a cause is looked for."""
 Start = Literal["first", "stance"]
 
 
@@ -66,7 +71,9 @@ class FastChecker:
         self.judge = ChunkJudge(self.spec, self.config)
         self._settings = asdict(self.config)
 
-    def check(self, policy: Policy, name: str, duration: float, *, start: Start = "first") -> Verdict:
+    def check(
+        self, policy: Policy, name: str, duration: float, *, start: Start = "first", ask_why: bool = False
+    ) -> Verdict:
         """Judge what a policy would command if every plan was followed exactly.
 
         Args:
@@ -74,6 +81,7 @@ class FastChecker:
             name: What to call the input.
             duration: Time for which chunks are asked for [s].
             start: Whether the robot stands with its hands where the first chunk begins, or in the stance.
+            ask_why: Look for causes, which takes seconds.
 
         Raises:
             InputError: If the duration is negative or longer than six hours.
@@ -92,13 +100,26 @@ class FastChecker:
             last = time + following >= duration - 1e-9
             begin = run.follow(chunk, begin, time + lead, np.inf if last else time + following + lead)
             time += following
-        return run.verdict(name, self._settings)
+        return self._told(run, name, ask_why=ask_why)
 
-    def of_chunk(self, chunk: ActionChunk, begin: Begin, name: str, free: tuple[bool, bool]) -> Verdict:
+    def of_chunk(
+        self, chunk: ActionChunk, begin: Begin, name: str, free: tuple[bool, bool], *, ask_why: bool = False
+    ) -> Verdict:
         """Judge a single chunk from where it is begun."""
         run = _Run(self.judge, free)
         run.follow(chunk, begin, chunk.t_obs, np.inf)
-        return run.verdict(name, self._settings)
+        return self._told(run, name, ask_why=ask_why)
+
+    def _told(self, run: _Run, name: str, *, ask_why: bool) -> Verdict:
+        verdict = run.verdict(name, self._settings)
+        if not ask_why or verdict.verdict == "feasible":
+            return verdict
+        for chunk, begin, now in run.suspects[:SUSPECTS]:
+            program = ChunkProgram(self.judge, chunk, begin, run.result.orientation_free, now)
+            found = [why(one, now - run.result.start, chunk.fps) for one in causes(program)]
+            if found:
+                return replace(verdict, causes=found)
+        return verdict
 
     def _observation(self, begin: Begin, time: float) -> Observation:
         q, motor = begin.body.q, self.judge.robot.pin_to_motor
@@ -113,6 +134,7 @@ class _Run:
     def __init__(self, judge: ChunkJudge, free: tuple[bool, bool]) -> None:
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
         self.margins: dict[Limit, Margin] = {}
+        self.suspects: list[tuple[ActionChunk, Begin, float]] = []
         self.followed: ChunkJudgement | None = None
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
@@ -121,6 +143,8 @@ class _Run:
         chunk.validate()
         result, found = self.result, self.judge.judge(chunk, begin, now)
         self._note(chunk, found, begin)
+        if found.plan.report.changes or not found.plan.report.safe or found.exceeded:
+            self.suspects.append((chunk, begin, now))
         body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
         if found.plan.report.safe and ends_at_rest(found.plan, body.support, margin):
             self.followed, self._since = found, now
@@ -202,6 +226,7 @@ def judge(
     config: ControllerConfig | None = None,
     *,
     orientation_free: tuple[bool, bool] = (False, False),
+    ask_why: bool = False,
 ) -> Verdict:
     """Judge one chunk without simulating it: a function of its arguments alone.
 
@@ -210,6 +235,7 @@ def judge(
         state: Where the robot is; at rest with its hands at the chunk's first step if not given.
         config: Of the robot and its controller.
         orientation_free: Whether nothing is asked of the left and the right palm's orientation.
+        ask_why: Look for causes where it is not feasible, which takes seconds.
 
     Raises:
         ChunkError: If the chunk is malformed.
@@ -221,7 +247,7 @@ def judge(
         begin = checker.judge.first_pose(chunk)
     else:
         begin = checker.judge.present(check_state(state, checker.spec.n_joints))
-    return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free)
+    return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, ask_why=ask_why)
 
 
 @lru_cache(maxsize=1)

@@ -10,17 +10,9 @@ import numpy as np
 
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
+from wholebody.verdict.quantity import quantity
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
-
-FOR_PEOPLE = {
-    "m": (1e3, " mm"),
-    "rad": (np.rad2deg(1.0), " deg"),
-    "N m": (1.0, " N m"),
-    "s": (1.0, " s"),
-    "": (1.0, ""),
-}
-"""Factor and unit in which people read a value, by its SI unit; definition."""
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -68,6 +60,7 @@ CHANGES = {
 def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {_gist(verdict)}"]
+    text += [f"  because  {one.sentence}" for one in verdict.causes]
     text += [f"  {_violation(violation)}" for violation in verdict.violations]
     if verdict.method == "fast":
         return text + _fast_lines(verdict)
@@ -98,7 +91,7 @@ def _fast_lines(verdict: Verdict) -> list[str]:
 
 def margin_line(margin: Margin) -> str:
     """A margin for people: what, where, value and bound."""
-    value, bound = (_quantity(number, margin.unit) for number in (margin.value, margin.bound))
+    value, bound = (quantity(number, margin.unit) for number in (margin.value, margin.bound))
     return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {margin.time:.2f} s"
 
 
@@ -117,7 +110,7 @@ def _gist(verdict: Verdict) -> str:
         return "done as given"
     worst = [violation for violation in verdict.violations if violation.severity is not Severity.NOTE]
     if verdict.verdict == "infeasible":
-        said = (WHY_NOT[one.code].format(value=_quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
+        said = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
         return next(said, "it cannot be done")
     said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
     return "done, but " + (", ".join(said) or "not as given")
@@ -132,20 +125,12 @@ def _violation(violation: Violation) -> str:
     if violation.step is not None:
         when += f" (step {violation.step})"
     if violation.unit == "s":
-        return f"{violation.code}: {violation.subject}, for {_quantity(violation.value, 's')}{when}"
+        return f"{violation.code}: {violation.subject}, for {quantity(violation.value, 's')}{when}"
     if violation.code not in PHRASES:
         return f"{violation.code}: {violation.subject}{when}"
-    value, bound = (_quantity(number, violation.unit) for number in (violation.value, violation.bound))
+    value, bound = (quantity(number, violation.unit) for number in (violation.value, violation.bound))
     phrase = PHRASES[violation.code].format(subject=violation.subject, value=value, bound=bound)
     return f"{violation.code}: {phrase}{when}"
-
-
-def _quantity(value: float, unit: str) -> str:
-    """A value in the unit in which people read it; from a metre on, metres."""
-    if unit == "m" and abs(value) >= 1.0:
-        return f"{value:.2f} m"
-    factor, name = FOR_PEOPLE.get(unit, (1.0, f" {unit}"))
-    return f"{factor * value:.{3 if unit else 4}g}{name}"
 
 
 HEADINGS = ("motion", "fell", "demandable", "within 20 mm", "RMS mm", "max mm", "time factor", "seconds in")

@@ -17,6 +17,7 @@ from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.violations import Severity, Violation, violations
+from wholebody.verdict.why import Why
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 
@@ -61,6 +62,7 @@ class Verdict:
         method: ``simulated``, or ``fast``: by plans alone.
         decided_by: Of a fast one, whether previews told, or plans had to be searched for; else empty.
         margins: Of a fast one, the least room to each kind of bound, the tightest first.
+        causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
     """
 
     name: str
@@ -93,6 +95,7 @@ class Verdict:
     method: Literal["simulated", "fast"] = "simulated"
     decided_by: Literal["", "preview", "plan"] = ""
     margins: list[Margin] = field(default_factory=list)
+    causes: list[Why] = field(default_factory=list)
 
     def as_dict(self) -> dict:
         """Plain data for JSON, as `verdict.schema.json` describes it."""

@@ -11,12 +11,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from policy.action_spec.anchor import Anchor
-from policy.action_spec.builtin import builtin
-from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.scripted.library import wave
-from policy.scripted.policy import minimum_jerk
+from tests.support.sent_chunks import STANCE, STEPS, sent
 from wholebody.errors import InputError
 from wholebody.planning.judgement.limits import Limit
 from wholebody.resources import verdict_schema
@@ -24,24 +21,10 @@ from wholebody.types import Reason, RobotState
 from wholebody.verdict.fast import FastChecker, judge
 from wholebody.verdict.report import lines, to_json
 
-FPS, STEPS = 30.0, 50
-STANCE, SPEC = Anchor.nominal(), builtin("wbc32")
-
 
 @pytest.fixture(scope="module")
 def checker():
     return FastChecker()
-
-
-def sent(to=(0.1, 0.0, 0.0), time=1.0, jump=(0.0, 0.0, 0.0)):
-    """The left hand goes from the stance by ``to`` [m] within a time [s]; all is moved by ``jump`` [m]."""
-    share = minimum_jerk(np.arange(STEPS) / FPS / time)[:, None]
-    T = [np.tile(STANCE.T_world_base @ STANCE.poses[hand], (STEPS, 1, 1)) for hand in ("lhand", "rhand")]
-    T[0][:, :3, 3] += share * np.asarray(to)
-    for poses in T:
-        poses[:, :3, 3] += jump
-    fingers = [np.tile(q, (STEPS, 1)) for q in (STANCE.q_lhand, STANCE.q_rhand)]
-    return ActionChunk(SPEC.id, 0, 0.0, FPS, *T, *fingers)
 
 
 def codes(verdict):
@@ -158,9 +141,9 @@ def test_the_text_says_how_it_was_judged_and_the_json_keeps_its_schema():
 
 
 def test_schema_and_document_know_every_bound():
-    codes = json.loads(verdict_schema().read_text())["$defs"]["margin"]["properties"]["code"]["enum"]
+    codes = json.loads(verdict_schema().read_text())["$defs"]["bound"]["enum"]
     text = (Path(__file__).parents[3] / "docs" / "verdict.md").read_text().partition("| Bound | Unit |")[2]
     assert codes == list(Limit)
     assert re.findall(r"^\| `(\w+)` \| (\S.*?) \| (.+) \|$", text, re.MULTILINE)[: len(Limit)] == [
-        (limit, limit.unit or "–", limit.sentence) for limit in Limit
+        (limit, limit.unit or "1", limit.sentence) for limit in Limit
     ]

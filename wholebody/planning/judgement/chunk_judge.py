@@ -15,12 +15,14 @@ from policy.geometry.rotations import angle_between
 from wholebody.config import ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_margins import chunk_margins
-from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin
 from wholebody.planning.judgement.motion_margins import MotionMargins
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.posture import PostureSolver
+from wholebody.planning.still_postures import StillPostures
 from wholebody.planning.strategies import PREVIEW
 from wholebody.planning.trajectory import BodyState
+from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.reference import HandMotion, rest_row, time_scaled
 from wholebody.robot.state import Robot
 from wholebody.types import RobotState
@@ -63,6 +65,11 @@ class ChunkJudgement:
     margins: tuple[Margin, ...]
 
     @property
+    def exceeded(self) -> bool:
+        """Whether the chunk's own numbers exceed a bound."""
+        return any(one.code in OF_NUMBERS and one.margin < 0.0 for one in self.margins)
+
+    @property
     def previewed(self) -> bool:
         """Whether the cheap tests decided, and nothing was searched for."""
         return self.plan.report.strategy == PREVIEW.name
@@ -84,6 +91,11 @@ class ChunkJudge:
     def postures(self) -> PostureSolver:
         """Still postures for the first pose of a chunk."""
         return PostureSolver(self.spec, self.config)
+
+    @cached_property
+    def stills(self) -> StillPostures:
+        """Room for a posture at rest that keeps the bounds of a plan's configurations."""
+        return StillPostures(self.planner.optimizer.body, self.config.planner.posture, 2)
 
     def stance(self) -> Begin:
         """At rest in the stance."""
@@ -125,14 +137,22 @@ class ChunkJudge:
         plan = self.planner.plan(chunk, now, begin.body, begin.hands, before, quick=True)
         times = np.arange(len(chunk)) / chunk.fps
         moved, turned = self._off(chunk, plan, times)
-        problem = self.planner.optimizer.measured(plan.knots)
-        knots = plan.start + self.config.planner.posture.dt * np.arange(len(plan.knots.q))
         margins = [
             *chunk_margins(chunk, self.planner.hand_limits, self.spec),
-            *self._margins.of(problem, knots, chunk.fps),
+            *self.measured(self.planner.optimizer.measured(plan.knots), chunk.fps, plan.start),
             *self._palms(chunk, moved, turned),
         ]
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
+
+    @property
+    def spans(self) -> dict[Limit, slice]:
+        """Which inequalities of a knot are of which kind."""
+        return self._margins.spans
+
+    def measured(self, problem: TrajectoryProblem, fps: float, start: float = 0.0) -> Iterator[Margin]:
+        """Least room to each kind of bound of a motion whose first knot is at ``start`` [s] after the first step."""
+        times = start + self.config.planner.posture.dt * np.arange(problem.K)
+        return self._margins.of(problem, times, fps)
 
     def commanded(self, plan: ChunkPlan, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Palm points (n, 2, 3) [m] and rotations (n, 2, 3, 3) that a plan commands at parameters (n,) [s]."""

@@ -57,6 +57,10 @@ class Limit(StrEnum):
     FRICTION = "friction", "", "force along the floor beyond what friction gives, as a share of the weight"
 
 
+OF_NUMBERS = frozenset(list(Limit)[: list(Limit).index(Limit.REACH)])
+"""Bounds on the chunk's own numbers."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Margin:
     """The least room that a chunk leaves to a bound of one kind, and where.

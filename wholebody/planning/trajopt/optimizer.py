@@ -19,6 +19,7 @@ always an answer; where it cannot be the motion wanted, it is the least bad one,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -79,6 +80,7 @@ class TrajectoryOptimizer:
         self.mass = self.body.mass
         self.q_stance = self.body.q_full.copy()
         self._problems: dict[int, TrajectoryProblem] = {}
+        self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))
 
     def plan(
         self,
@@ -105,14 +107,16 @@ class TrajectoryOptimizer:
         problem = self._problem(K)
         problem.budget = budget or Budget()
         problem.budget.begin_search()
+        seed, problem.enforced[:] = self._relaxation
         problem.begin(T_palms, q_fingers, v[body.columns])
         start, known = problem.now.q, 1
-        start[0] = q[body.body]
+        start[0] = (q if seed is None else seed)[body.body]
         if guess is not None and len(guess):
             known = 1 + len(guess)
             start[1:known] = guess[:, body.body]
         problem.set_weights(config, 1.0)
         problem.warm_start(known)
+        start[0] = q[body.body]
         cost = optimise(problem, config)
         now = problem.now
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
@@ -120,12 +124,27 @@ class TrajectoryOptimizer:
         vs[:, body.columns] = now.v_mid[:-1]
         return KnotTrajectory(qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost)
 
+    def plan_with_less(self, enforced: np.ndarray, seed: np.ndarray | None, *arguments: Any) -> KnotTrajectory:
+        """`plan` with some bounds left out, for whoever asks which of them stands in the way.
+
+        Args:
+            enforced: As in `TrajectoryProblem`.
+            seed: Configuration (nq,) that inverse kinematics from knot to knot begins at; the start if None.
+            *arguments: Of `plan`.
+        """
+        self._relaxation = seed, enforced
+        try:
+            return self.plan(*arguments)
+        finally:
+            self._relaxation = None, np.ones(1)
+
     def measured(self, motion: KnotTrajectory) -> TrajectoryProblem:
         """The problem with a motion that was found as its present one, everything measured anew.
 
         It is valid until the next plan.
         """
         body, problem = self.body, self._problem(len(motion.q))
+        problem.enforced[:] = 1.0
         problem.budget = Budget()
         problem.begin(motion.T_palms, motion.q[:, body.fingers], motion.v[0, body.columns])
         problem.now.q[:] = motion.q[:, body.body]

@@ -11,7 +11,7 @@ from wholebody.errors import InputError
 from wholebody.planning.trajopt import entry_points, weights, workspace
 from wholebody.planning.trajopt.arrays import Task
 from wholebody.planning.trajopt.budget import Budget
-from wholebody.planning.trajopt.layout import COM_EDGE, DISTANCE, N_BODY
+from wholebody.planning.trajopt.layout import COM_EDGE, DISTANCE, N_BODY, n_inequalities
 from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.planning.trajopt.workspace import Motion
 
@@ -38,12 +38,14 @@ class TrajectoryProblem:
     Attributes:
         now, trial: Two motions; a step of the first leads to the second.
         budget: What `linearise` and `step` count their work in.
+        enforced: Which bounds of a knot count, 0 or 1, shape (n_inequalities,); all, unless somebody asks why not.
     """
 
     def __init__(self, body: RobotTables, config: TrajectoryConfig, K: int) -> None:
         self.body, self.K, self._trigger = body, K, config.self_trigger
         self.budget = Budget()
         n_edges, bodies = len(body.tables.normals), len(body.tables.parent)
+        self.enforced = np.ones(n_inequalities(n_edges))
         self.now, self.trial = (workspace.new_motion(K, bodies, n_edges) for _ in range(2))
         first = body.shapes.shapes[body.shapes.pairs, gjk.FIRST]
         self.distances = workspace.new_distances(K, len(body.shapes.shapes), first, body.shapes.low_first)
@@ -92,7 +94,10 @@ class TrajectoryProblem:
 
     def set_weights(self, config: TrajectoryConfig, softness: float) -> None:
         """Set the weights; the scales of the bounds are multiplied by ``softness``."""
-        self._weights, self._penalties = weights.weights(config), weights.penalties(self._n_edges, softness)
+        self._weights, self._penalties = (
+            weights.weights(config),
+            self.enforced * weights.penalties(self._n_edges, softness),
+        )
 
     def warm_start(self, first: int) -> None:
         """Fill the configurations of the present motion from knot ``first`` on, knot by knot, without distances.
@@ -128,9 +133,12 @@ class TrajectoryProblem:
     def _place(self, m: Motion) -> None:
         body, task, scratch = self.body, self._task, self._scratch
         entry_points.place(body.tables, task, m, scratch, 0, self.K)
-        touching = entry_points.measure(body.tables, body.shapes, task, m, self.distances, self._trigger)
-        if touching:
-            self._measure(m, self.distances.touching[:touching])
+        if self.enforced[DISTANCE]:
+            touching = entry_points.measure(body.tables, body.shapes, task, m, self.distances, self._trigger)
+            if touching:
+                self._measure(m, self.distances.touching[:touching])
+        else:
+            self.distances.measured[:], self.distances.chosen[:] = False, 0
         entry_points.describe(body.tables, body.shapes, task, m, self.distances)
 
     def _measure(self, m: Motion, touching: np.ndarray) -> None:
@@ -196,7 +204,7 @@ class TrajectoryProblem:
         A start past a tolerance is no fault of the motion if that leads back: so much of the excess over bounds on
         configurations is excused, less with time, and none from `RETURN_TIME` or the last knot on.
         """
-        found = self.now.violation / weights.tolerances(self._n_edges)
+        found = np.where(self.enforced > 0.0, self.now.violation / weights.tolerances(self._n_edges), -1.0)
         start = found[0, : COM_EDGE + self._n_edges].copy()
         # Every knot has its own list of near bodies.
         start[DISTANCE:COM_EDGE] = start[DISTANCE:COM_EDGE].max()

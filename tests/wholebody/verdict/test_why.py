@@ -1,0 +1,74 @@
+"""Strategy: chunks that break one thing by construction. What a cause claims is checked: with the set there is no plan,
+without any one member the plan that was kept keeps all the others and has the palms where they are asked to be.
+"""
+
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+
+from tests.support.sent_chunks import sent
+from wholebody.planning.judgement.cause import causes
+from wholebody.planning.judgement.chunk_program import NAMES, ChunkProgram
+from wholebody.planning.judgement.limits import Limit
+from wholebody.resources import verdict_schema
+from wholebody.verdict.fast import FastChecker, judge
+from wholebody.verdict.report import lines, to_json
+
+
+@pytest.fixture(scope="module")
+def holder():
+    return FastChecker().judge
+
+
+def found(holder, chunk):
+    program = ChunkProgram(holder, chunk)
+    return program, causes(program)
+
+
+def test_what_can_be_done_has_no_cause(holder):
+    assert found(holder, sent())[1] == []
+
+
+def test_two_metres_away_nothing_but_reach_says_no(holder):
+    (one,) = found(holder, sent(to=(2.0, 0.0, 0.0), time=1.5))[1]
+    assert (one.kinds, one.irreducible) == ((Limit.REACH,), True)
+    assert one.members[0].value > 1.0
+
+
+def test_without_any_one_member_the_plan_that_was_kept_keeps_all_the_others(holder):
+    program, (one, *_) = found(holder, sent(to=(0.5, 0.0, 0.0), time=1.5))
+    assert one.irreducible
+    assert {Limit.BALANCE} < set(one.kinds)
+    assert program.find(frozenset(one.kinds), thorough=True) is None
+    for left_out, witness in one.witnesses.items():
+        kept = set(one.kinds) - {left_out}
+        exceeded = {NAMES[margin.code] for margin in program.margins(witness) if margin.share < -1.0}
+        off = witness.knots.T_palms[program.first :, :, :3, 3] - witness.targets.T_palms[program.first :, :, :3, 3]
+        assert left_out in exceeded
+        assert not kept & exceeded
+        assert np.linalg.norm(off, axis=2).max() <= 0.02
+
+
+def test_a_finger_and_the_floor_are_causes_by_themselves(holder):
+    chunk = sent(to=(0.1, 0.0, -0.9), time=1.3)
+    chunk.q_rhand[:, 0] = 4.0
+    kinds = [one.kinds for one in found(holder, chunk)[1]]
+    assert kinds[:2] == [(Limit.FINGER_RANGE,), (Limit.INTO_FLOOR,)]
+
+
+def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json():
+    verdict = judge(sent(to=(0.0, -0.45, 0.0), time=1.3), ask_why=True)
+    one = verdict.causes[0]
+    assert (one.codes, one.irreducible) == ((Limit.SELF_DISTANCE,), True)
+    assert {"left", "right"} == {body.split("_")[0] for body in one.members[0].subject.split(" - ")}
+    jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
+    line = lines(verdict)[1]
+    assert line.startswith("  because  left hand 0.2")
+    assert "to the right" in line
+    assert "are as close as they may be, 14 mm" in line
+
+
+def test_without_being_asked_nobody_looks_for_causes():
+    assert judge(sent(to=(2.0, 0.0, 0.0), time=1.5)).causes == []

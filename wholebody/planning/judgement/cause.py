@@ -1,0 +1,120 @@
+"""Why a chunk has no plan: smallest sets of kinds of bounds, each of which together forbids it.
+
+What the chunk's own numbers exceed forbids it by itself. Of the bounds of a plan, some are added while the plan found
+without them breaks them, worst first, until there is no plan; then each is left out again, and stays out if there is
+none without it either (deletion filter: Chinneck and Dravnieks 1991, "Locating minimal infeasible constraint sets in
+linear programs"). So with the set alone no plan is found from `chunk_program.STARTS` starts, and without any one member
+of it one is found, which is kept. The searches are local: a set is irreducible as far as they tell, and no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from wholebody.planning.judgement.chunk_margins import chunk_margins
+from wholebody.planning.judgement.chunk_program import EVERY, NAMES, ChunkProgram, Witness
+from wholebody.planning.judgement.limits import Limit, Margin
+
+SETS = 3
+"""Most disjoint sets of bounds of a plan that are looked for."""
+SEARCHES = 40
+"""Searches for a motion after which no further set is begun; chosen: some two seconds."""
+RATES = (
+    (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
+    (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
+)
+"""Of each row the first that is exceeded is a cause: what is too fast is too sudden, too."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Bounds that together forbid a chunk.
+
+    Attributes:
+        kinds: Names of their kinds; `Limit.REACH` where the hands cannot be there however the body moves.
+        members: Where the chunk, or the motion nearest to it, runs into each of them.
+        where: Time since the first step [s], hand (0 left, 1 right) and palm point asked for there (3,), [m].
+        irreducible: Whether no plan is found with them alone, and one without any one of them.
+        witnesses: For each kind a motion without it.
+    """
+
+    kinds: tuple[Limit, ...]
+    members: tuple[Margin, ...]
+    where: tuple[float, int, tuple[float, ...]]
+    irreducible: bool
+    witnesses: Mapping[Limit, Witness] = field(default_factory=dict, compare=False)
+
+
+def causes(program: ChunkProgram) -> list[Cause]:
+    """All that are found of a chunk, what its own numbers exceed first; none if there is a plan as given."""
+    found = list(_of_numbers(program))
+    allowed = EVERY
+    for number in range(SETS):
+        if (number and program.searches > SEARCHES) or program.find(allowed) is not None:
+            break
+        one = _of_plan(program, allowed)
+        found.append(one)
+        allowed = allowed - set(one.kinds)
+        if Limit.REACH in one.kinds:
+            break
+    return found
+
+
+def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
+    judge, chunk = program.judge, program.chunk
+    margins = {one.code: one for one in chunk_margins(chunk, judge.planner.hand_limits, judge.spec)}
+    exceeded = [code for code in (Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR) if code in margins]
+    exceeded = [code for code in exceeded if margins[code].margin < 0.0]
+    for row in RATES:
+        exceeded += [code for code in row if code in margins and margins[code].margin < 0.0][:1]
+    points = judge.asked(chunk)[0]
+    for code in exceeded:
+        one = margins[code]
+        side = int(one.subject.startswith("right"))
+        where = one.time, side, tuple(points[one.step, side].tolist())
+        witness = program.find(frozenset())
+        yield Cause((code,), (one,), where, witness is not None, {code: witness} if witness else {})
+
+
+def _of_plan(program: ChunkProgram, allowed: frozenset[Limit]) -> Cause:
+    """A smallest set among the kinds allowed, which together leave no plan."""
+    kinds, witnesses = _irreducible(program, _forbidding(program, allowed))
+    alone = program.find(frozenset(kinds), thorough=True) is None
+    nearest = program.nearest()
+    _, knot, side = nearest.worst
+    time = min(float(nearest.targets.steps[knot]), (len(program.chunk) - 1) / program.chunk.fps)
+    where = time, side, tuple(nearest.targets.T_palms[knot, side, :3, 3].tolist())
+    best: dict[Limit, Margin] = {}
+    for one in program.margins(nearest):
+        if NAMES[one.code] in kinds:
+            best.setdefault(NAMES[one.code], one)
+    members = tuple(best[name] for name in kinds) if kinds else (program.reach(nearest),)
+    irreducible = alone and set(witnesses) == set(kinds)
+    return Cause(tuple(kinds) or (Limit.REACH,), members, where, irreducible, witnesses)
+
+
+def _forbidding(program: ChunkProgram, allowed: frozenset[Limit]) -> list[Limit]:
+    """Kinds that together leave no plan, in the order in which plans broke them."""
+    kinds: list[Limit] = []
+    while (found := program.find(frozenset(kinds))) is not None:
+        rest = [name for name in EVERY if name in allowed and name not in kinds]
+        broken = [name for name in program.broken(found) if name in rest]
+        # Where a plan keeps the others by chance, all of them together are what forbids.
+        kinds += broken[:1] or sorted(rest)
+        if not rest:
+            break
+    return kinds
+
+
+def _irreducible(program: ChunkProgram, kinds: list[Limit]) -> tuple[list[Limit], dict[Limit, Witness]]:
+    """Those kinds without which there is a plan, and that plan for each."""
+    witnesses: dict[Limit, Witness] = {}
+    for name in list(kinds):
+        found = program.find(frozenset(kinds) - {name})
+        if found is None:
+            kinds.remove(name)
+            # What was found without another one had this one enforced: without it that is a plan all the more.
+        else:
+            witnesses[name] = found
+    return kinds, witnesses

@@ -1,0 +1,29 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FOR_PEOPLE = {
+    "m": (1e3, " mm"),
+    "rad": (np.rad2deg(1.0), " deg"),
+    "rad/s": (np.rad2deg(1.0), " deg/s"),
+    "rad/s^2": (1.0, " rad/s^2"),
+    "rad/s^3": (1.0, " rad/s^3"),
+    "m/s": (1.0, " m/s"),
+    "m/s^2": (1.0, " m/s^2"),
+    "m/s^3": (1.0, " m/s^3"),
+    "N m": (1.0, " N m"),
+    "N": (1.0, " N"),
+    "s": (1.0, " s"),
+    "": (1.0, ""),
+}
+"""Factor and unit in which people read a value, by its SI unit; definition."""
+
+
+def quantity(value: float, unit: str) -> str:
+    """A value in the unit in which people read it; from a metre on, metres."""
+    if unit == "m" and abs(value) >= 1.0:
+        return f"{value:.2f} m"
+    factor, name = FOR_PEOPLE[unit]
+    return f"{factor * value:.{3 if unit else 4}g}{name}"

@@ -1,0 +1,83 @@
+"""Causes in a sentence that a person understands, and as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from wholebody.planning.judgement.cause import Cause
+from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.verdict.quantity import quantity
+
+SAID = {
+    Limit.START: "it begins {value} from the hands",
+    Limit.FINGER_RANGE: "{subject} is asked to be at {value}, its range ends at {bound}",
+    Limit.HAND_SPEED: "the {subject} would have to move at {value}, it can {bound}",
+    Limit.HAND_ACCELERATION: "the {subject} would have to be sped up by {value}, it can {bound}",
+    Limit.HAND_JERK: "the {subject} would have to be jerked by {value}, it can {bound}",
+    Limit.TURN_SPEED: "the {subject} would have to turn at {value}, it can {bound}",
+    Limit.TURN_ACCELERATION: "the turn of the {subject} would have to be sped up by {value}, it can {bound}",
+    Limit.TURN_JERK: "the turn of the {subject} would have to be jerked by {value}, it can {bound}",
+    Limit.INTO_FLOOR: "it would be {value} too low for the floor",
+    Limit.REACH: "it is {value} further than any posture reaches",
+    Limit.ORIENTATION: "no posture turns it so, {value} are missing",
+    Limit.TILT: "the {subject} is tilted as far as it may be",
+    Limit.PELVIS_HEIGHT: "the pelvis is as low as it may be",
+    Limit.JOINT_POSITION: "{subject} is at the end of its range, {bound}",
+    Limit.WAIST_TORQUE: "{subject} holds as much as it may, {bound}",
+    Limit.SELF_DISTANCE: "{subject} are as close as they may be, {bound}",
+    Limit.FLOOR_DISTANCE: "{subject} is as near to the floor as it may be, {bound}",
+    Limit.BALANCE: "the centre of mass is as near to the {subject} as it may be, {bound}",
+    Limit.LOAD: "the soles press on the floor with no more than {bound}",
+    Limit.JOINT_TORQUE: "{subject} gives as much as it may, {bound}",
+    Limit.ZMP: "the pressure is as near to the {subject} as it may be, {bound}",
+    Limit.CAPTURE_POINT: "the robot would tip over the {subject}",
+    Limit.JOINT_ACCELERATION: "{subject} speeds up as fast as it may, {bound}",
+    Limit.JOINT_SPEED: "{subject} is as fast as it may be, {bound}",
+    Limit.FRICTION: "the soles would slide",
+}
+"""What each bound says where it stands in the way."""
+STRAIGHT = "the {side} arm is straight"
+"""What the end of an elbow's range is called."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Why:
+    """One cause of a verdict.
+
+    Attributes:
+        codes: Kinds of bounds that together forbid the chunk.
+        members: Where each is met, at times since the first step of the input.
+        irreducible: Whether no plan is found with them alone, and one without any one of them.
+        sentence: The same for a person.
+    """
+
+    codes: tuple[Limit, ...]
+    members: tuple[Margin, ...]
+    irreducible: bool
+    sentence: str
+
+
+def why(cause: Cause, since: float = 0.0, fps: float = 0.0) -> Why:
+    """A cause for a verdict, its times moved on by ``since`` [s]."""
+    members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
+    return Why(codes=cause.kinds, members=members, irreducible=cause.irreducible, sentence=sentence(cause, since))
+
+
+def sentence(cause: Cause, since: float = 0.0) -> str:
+    """Which hand, where, when, and what stands in the way."""
+    time, side, (x, y, z) = cause.where
+    ahead = f"{abs(x):.2f} m {'ahead' if x >= 0.0 else 'behind'}"
+    aside = f"{abs(y):.2f} m to the {'left' if y >= 0.0 else 'right'}"
+    hand = "right hand" if side else "left hand"
+    reasons = " and ".join(dict.fromkeys(map(_said, cause.members)))
+    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time + since:.2f} s: {reasons}"
+
+
+def _said(one: Margin) -> str:
+    if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
+        return STRAIGHT.format(side=one.subject.partition("_")[0])
+    subject = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ")
+    if one.code is Limit.SELF_DISTANCE:
+        subject = subject.replace(" - ", " and ")
+    excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION) else one.value
+    return SAID[one.code].format(subject=subject, value=quantity(excess, one.unit), bound=quantity(one.bound, one.unit))
