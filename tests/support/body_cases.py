@@ -67,3 +67,28 @@ def point_acceleration(robot, joint, local, q, v, step):
         M, motion = data.oMi[joint], pin.getVelocity(robot.model, data, joint, pin.LOCAL_WORLD_ALIGNED)
         velocities.append(motion.linear + np.cross(motion.angular, M.rotation @ local))
     return (velocities[0] - velocities[1]) / (2.0 * step)
+
+
+def leaning(robot, pelvis, waist, roll=0.0):
+    """The stance with the pelvis and the waist bent forward, the waist to one side [rad], both feet and the centre of
+    mass where they are: configuration (nq,).
+    """
+    model, spec, stance = robot.model, robot.spec, stance_q(robot.spec, robot.model)
+    data, q = model.createData(), stance.copy()
+    pin.framesForwardKinematics(model, data, stance)
+    feet = [(frame, data.oMf[frame].copy()) for frame in map(robot.frame_id, [foot.frame for foot in spec.feet])]
+    com = pin.centerOfMass(model, data, stance)[:2].copy()
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, pelvis, 0.0)).coeffs()
+    q[7 + robot.joint_indices(["waist_pitch_joint", "waist_roll_joint"])] = waist, roll
+    free = [0, 1, 2, *(6 + i for i, n in enumerate(robot.joint_names) if n.split("_")[1] in ("hip", "knee", "ankle"))]
+    for _ in range(50):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        J = [pin.getFrameJacobian(model, data, frame, pin.LOCAL)[:, free] for frame, _ in feet]
+        error = [pin.log6(data.oMf[frame].actInv(goal)).vector for frame, goal in feet]
+        J = np.vstack([*J, pin.jacobianCenterOfMass(model, data, q)[:2, free]])
+        step, error = np.zeros(model.nv), np.concatenate([*error, com - data.com[0][:2]])
+        step[free] = J.T @ np.linalg.solve(J @ J.T + 1e-9 * np.eye(len(J)), error)
+        q = pin.integrate(model, q, np.clip(step, -0.1, 0.1))
+    assert np.abs(error).max() < 1e-6
+    return q

@@ -27,6 +27,7 @@ class Meters:
         self._tracking_error = TrackingError(supervisor)
         self._seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
         self._plan: PlanReport | None = None
+        self._chunk: ActionChunk | None = None
         self._palms = supervisor.palm_reference()
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
@@ -55,6 +56,8 @@ class Meters:
         if self._tracking_error.empty:
             due = chunk.t_obs + float(report.steps[0])
             result.start_jump = start_jump(chunk, due, self._palms, supervisor.spec)
+        result.executed += chunk is not self._chunk
+        self._chunk = chunk
         self._seams.mark(now)
         self._tracking_error.follow(chunk, report)
         if report.slowdown > result.slowdown:

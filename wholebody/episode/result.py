@@ -59,6 +59,7 @@ class EpisodeResult:
         fps: Steps per second of the chunks [Hz]; 0 before the first.
         seams: Jump of the commanded palms at every chunk.
         execution: What the executor saw.
+        executed: Chunks that were followed, however shortly.
     """
 
     fall: Fall | None = None
@@ -85,6 +86,7 @@ class EpisodeResult:
     fps: float = 0.0
     seams: list[ChunkSeam] = field(default_factory=list)
     execution: ExecutionReport | None = None
+    executed: int = 0
 
     @property
     def times(self) -> np.ndarray:

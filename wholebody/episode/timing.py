@@ -53,7 +53,7 @@ def timing(result: EpisodeResult) -> Timing:
         return Timing()
     latencies = report.latencies if report.deliveries else np.zeros(1)
     return Timing(
-        chunks=len(report.deliveries),
+        chunks=result.executed,
         latency_median_s=float(np.median(latencies)),
         latency_max_s=float(latencies.max()),
         waited_s=report.waited,

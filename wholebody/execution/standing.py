@@ -7,10 +7,16 @@ from math import inf
 
 import numpy as np
 
+from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from policy.geometry.rotations import matrix_to_quaternion
-from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.reference import HandMotion, rest_row
+from wholebody.config import ControllerConfig
+from wholebody.control.base import Controller
+from wholebody.execution import statuses
+from wholebody.execution.plan_follower import Foreseen, PlanFollower
+from wholebody.execution.way_back import WayBack
+from wholebody.planning.trajectory import BodyState, SampledTrajectory
+from wholebody.reference import HandMotion, ReferenceSmoother, rest_row
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import SupportPolygon
@@ -23,6 +29,9 @@ SOON = 1.6
 before it tries to join a chunk [s]; chosen: three doublings of the first wait."""
 FIRST_WAIT = 0.2
 """That wait the second time [s]; chosen: as long as from one attempt to join a chunk to the next."""
+GO_BACK = 0.4
+"""Time for which the robot goes on towards its stance before it stands for another plan [s]; chosen: it is as fast as
+it gets within 0.2 s, and a plan is asked for twice a second."""
 PROJECTIONS = 4
 """Times that a point is projected on all edges: one each, and again for what that moved over another."""
 
@@ -38,6 +47,76 @@ class Patience:
         soon = now - self._last < SOON
         self._wait, self._last = (min(max(2.0 * self._wait, FIRST_WAIT), SOON) if soon else 0.0), now
         return self._wait
+
+
+class Reflex:
+    """What the robot does off any plan, within the tick: it stands; where no plan leads on, it goes back to its stance.
+
+    Args:
+        controller: Of the robot on its feet.
+        config: Its configuration.
+        follower: Told what to follow.
+        smoother: Of the hands.
+
+    Attributes:
+        active: Whether the robot is off any plan.
+        status: What a person sees of it then.
+    """
+
+    def __init__(
+        self, controller: Controller, config: ControllerConfig, follower: PlanFollower, smoother: ReferenceSmoother
+    ) -> None:
+        self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
+        self._stance = stance_q(controller.spec, controller.robot.model)
+        self._patience, self._back = Patience(), None
+        self.active, self.status = False, statuses.OFF_PLAN
+
+    def stand(self, state: RobotState, now: float) -> float:
+        """Come to rest where the robot is, hands let go of; the time to stand before a chunk is joined [s]."""
+        self._hold_still(state)
+        self.active, self.status = True, statuses.OFF_PLAN
+        return self._patience.wait(now)
+
+    def foreseen(self, state: RobotState, ticks: int) -> Foreseen:
+        """What a plan is to begin with so many control periods from now: the robot stands still until then."""
+        if self._back is not None:
+            self._hold_still(state)
+        self._smoother.reset(hands_as_measured(self._controller.robot, self._smoother.motion.rows))
+        resting = BodyState.still(self._resting(state), len(state.v))
+        return replace(self._follower.foreseen(ticks), body=resting)
+
+    def is_away(self, state: RobotState) -> bool:
+        """Whether the robot is off any plan, or without one and not in its stance."""
+        return self.active or self._follower.distance(state.q, self._stance) > self._config.safety.posture_slow
+
+    def go_back(self, state: RobotState) -> float:
+        """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""
+        if self._back is None:
+            self._back = WayBack(self._controller.robot, self._hold_still(state), self._stance)
+        self.active, self.status = True, statuses.GOING_BACK
+        return GO_BACK
+
+    def advance(self, state: RobotState, elapsed: float) -> None:
+        """Go on towards the stance for so long [s], if that is where to go and the balance allows it."""
+        if self._back is not None and not self._follower.near_edge:
+            robot = self._controller.robot
+            self._follower.stand(self._back.advance(elapsed), hands_at_rest(robot, state.q))
+
+    def end(self) -> None:
+        """A plan is followed."""
+        self.active, self._back = False, None
+
+    def _hold_still(self, state: RobotState) -> SampledTrajectory:
+        """Come to rest where the robot is: the one row that is followed."""
+        robot, support = self._controller.robot, self._controller.balance.support
+        margin, self._back = self._config.planner.posture.com_margin, None
+        trajectory = standing_trajectory(robot, self._resting(state), support, margin)
+        self._follower.stand(trajectory, hands_at_rest(robot, state.q))
+        return trajectory
+
+    def _resting(self, state: RobotState) -> np.ndarray:
+        """Where the robot comes to rest, configuration (nq,)."""
+        return resting_posture(state.q, state.v, self._config.body.posture_kd)
 
 
 def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:

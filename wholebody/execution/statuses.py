@@ -15,6 +15,11 @@ TRACKING = StatusReport(Status.TRACKING)
 NO_CHUNK = StatusReport(Status.HOLD, Reason.NO_CHUNK, "no chunk yet: holding the stance")
 STARVED = StatusReport(Status.HOLD, Reason.STARVED, "the chunk is over: holding its end")
 OFF_PLAN = StatusReport(Status.STOP, Reason.OFF_PLAN, "the robot left its plan: it stands where it is, hands let go of")
+GOING_BACK = StatusReport(
+    Status.STOP,
+    Reason.OFF_PLAN,
+    "no motion leads from here to a chunk: the robot goes slowly to its stance, hands let go of, until one does",
+)
 NO_HANDS = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
 FAILED = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
 STANDING_LOST = StatusReport(Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
-from wholebody.planning.trajectory import BodyState, SampledTrajectory
+from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
 
@@ -68,6 +67,7 @@ class Supervisor:
         self._monitor = StateMonitor(self.robot)
         self._smoother: ReferenceSmoother | None = None
         self._follower: PlanFollower | None = None
+        self._reflex: standing.Reflex | None = None
         self._last_state: RobotState | None = None
         self._forget(0.0)
 
@@ -81,7 +81,7 @@ class Supervisor:
         self.chunk: ActionChunk | None = None
         self._newest: ActionChunk | None = None
         self._chunk_end = 0.0
-        self._fallen, self._standing, self._patience = False, False, standing.Patience()
+        self._fallen = False
         self._refused: StatusReport | None = None
         self._refusal: StatusReport | None = None
         self._waiting: ActionChunk | None = None
@@ -96,6 +96,7 @@ class Supervisor:
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
+        self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother)
         self._last_state = state
         self._forget(state.time)
 
@@ -182,15 +183,15 @@ class Supervisor:
         self._waiting = None
         if chunk.times[-1] > now:
             self._ask(chunk)
+        else:
+            self._go_back()
 
     def _ask(self, chunk: ActionChunk) -> None:
         """Have a chunk planned from where the robot will be on its plan once the lead is over."""
         self._retry, ticks = self._now + RETRY, self.handover.ticks
-        if self._standing:
-            self._smoother.reset(standing.hands_as_measured(self.robot, self._smoother.motion.rows))
-        start, due = self._follower.foreseen(ticks, self._last_state.q), self._now + ticks * self.config.dt
-        if self._standing:
-            start = replace(start, body=self._resting())
+        state, due = self._last_state, self._now + ticks * self.config.dt
+        off = self._reflex.active
+        start = self._reflex.foreseen(state, ticks) if off else self._follower.foreseen(ticks, state.q)
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0
@@ -201,8 +202,7 @@ class Supervisor:
     def _exchange(self, now: float) -> None:
         """Judge a plan that has come, and take one over that is due; a chunk whose plan came too late waits again."""
         handover, follower = self.handover, self._follower
-        answer = handover.collect(now, self._now)
-        if answer is not None:
+        if (answer := handover.collect(now, self._now)) is not None:
             self._judge_plan(answer)
         taken = handover.take(self._now, None if self.plan is None else follower.s, follower.rate)
         if taken is not None:
@@ -218,8 +218,9 @@ class Supervisor:
         if plan is None:
             logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=answer.error)
             self._refuse_planned(chunk, statuses.refused(Reason.PLANNING_FAILED, str(answer.error)))
-            if self._standing:
+            if self._reflex.active:
                 self._waiting = self._waiting or chunk
+            self._go_back()
             return
         support, margin = self.controller.balance.support, self.config.safety.balance_margin
         balanced = plan.report.safe and ends_at_rest(plan, support, margin)
@@ -231,31 +232,30 @@ class Supervisor:
             self.handover.keep(answer)
         else:
             self._refuse_planned(chunk, statuses.NOT_JOINED)
+            self._go_back()
 
     def _take_over(self, taken: Takeover) -> None:
         """Follow a plan whose time has come, unless the robot, off its last one, is not where it begins."""
         begin = taken.plan.trajectory.q[0]
-        if self._standing and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
+        if self._reflex.active and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
             self._waiting, self._retry = self._waiting or taken.chunk, self._now
             return
-        self.plan, self.chunk, self._refused, self._standing = taken.plan, taken.chunk, None, False
+        self.plan, self.chunk, self._refused = taken.plan, taken.chunk, None
+        self._reflex.end()
         self.plan_report, self._chunk_end = taken.plan.report, float(taken.chunk.times[-1])
         last = self._chunk_end - taken.chunk.t_obs
         self._follower.begin(taken.plan, last, beyond=taken.beyond, speed_fraction=taken.speed_fraction)
 
     def _stand(self) -> None:
-        """Follow no plan: come to rest where the robot is, hands let go of, until there is a plan from there."""
-        support, margin = self.controller.balance.support, self.config.planner.posture.com_margin
-        trajectory = standing.standing_trajectory(self.robot, self._resting().q, support, margin)
-        self._follower.stand(trajectory, standing.hands_at_rest(self.robot, self._last_state.q))
+        """Follow no plan: stand, until there is one from there."""
         self.handover.cancel()
-        self.plan, self._standing = None, True
-        self._waiting, self._retry = self._waiting or self._newest, self._now + self._patience.wait(self._now)
+        self.plan, self._waiting = None, self._waiting or self._newest
+        self._retry = self._now + self._reflex.stand(self._last_state, self._now)
 
-    def _resting(self) -> BodyState:
-        """Where the robot comes to rest off any plan."""
-        state = self._last_state
-        return BodyState.still(standing.resting_posture(state.q, state.v, self.config.body.posture_kd), self.robot.nv)
+    def _go_back(self) -> None:
+        """Where no plan leads on, towards the stance, until one is asked for again."""
+        if self.plan is None and self._reflex.is_away(self._last_state):
+            self._retry = self._now + self._reflex.go_back(self._last_state)
 
     def step(self, state: RobotState, now: float | None = None) -> JointCommand:
         """Command for one control period.
@@ -283,6 +283,7 @@ class Supervisor:
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
+        self._reflex.advance(state, elapsed)
         self._last_state, self._now = state, max(now, self._now)
         allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0
         reference = follower.reference(state.q, elapsed, allowed=allowed)
@@ -297,8 +298,8 @@ class Supervisor:
             self.status = statuses.FAILED
         elif self.last_tick.level is TickLevel.NO_HANDS:
             self.status = statuses.NO_HANDS
-        elif self._standing:
-            self.status = statuses.OFF_PLAN
+        elif self._reflex.active:
+            self.status = self._reflex.status
         elif self.plan is None:
             self.status = self._refused or statuses.NO_CHUNK
         elif self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:

@@ -32,7 +32,13 @@ class Change:
 
 
 def changes(
-    chosen: Attempt, prepared: PreparedChunk, clamp: np.ndarray, config: PlannerConfig, *, elsewhere: bool
+    chosen: Attempt,
+    prepared: PreparedChunk,
+    clamp: np.ndarray,
+    config: PlannerConfig,
+    *,
+    elsewhere: bool,
+    distance: float,
 ) -> dict[Reason, Change]:
     """All of a chunk, the most important first.
 
@@ -42,6 +48,7 @@ def changes(
         clamp: How far each hand was led along the plan at the knots, (K, 2), [m].
         config: Distance and angle from which a person sees that a hand is elsewhere.
         elsewhere: Whether the chunk begins where the hands are not.
+        distance: How far the farther hand is from where the chunk has it at the first knot [m].
     """
     targets, times, near = chosen.targets, prepared.times, config.clamp_tolerance
     steps = targets.steps
@@ -50,6 +57,9 @@ def changes(
         for values in (prepared.lift, prepared.moved, prepared.turned, targets.projected)
     )
     clamp, joining, slower = clamp.max(axis=1), _joining(chosen), targets.slowdown > 1.0
+    if clamp.any() and distance > near:
+        # A plan begins where the hands are: that they are away from the chunk there is seen all the same.
+        clamp[0] = max(clamp[0], distance)
     none, every = np.zeros(len(steps)), np.ones(len(steps), dtype=bool)
     reached = f"targets moved by up to {max(clamp.max(), jump.max()):.3f} m, slowed {targets.slowdown:.2f} times"
     lifted = f"the hands were to go into the floor: targets lifted by {lift.max():.3f} m"

@@ -105,7 +105,11 @@ class ChunkPlanner:
         chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
         chosen = chosen or strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
         paths, moved = clamped(chosen, self.config, self._palms, self.offsets)
-        changed = changes(chosen, prepared, moved, self.config, elsewhere=prepared.begins_elsewhere(now, commanded))
+        begins = {
+            "elsewhere": prepared.begins_elsewhere(now, commanded),
+            "distance": prepared.distance_at(now, commanded),
+        }
+        changed = changes(chosen, prepared, moved, self.config, **begins)
         report = self._report(chosen, changed, budget, implausible=prepared.implausible)
         steps = chosen.targets.steps
         return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots)

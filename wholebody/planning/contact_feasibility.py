@@ -14,6 +14,7 @@ import numpy as np
 from wholebody.contacts.friction import pyramid_slope
 from wholebody.planning.trajectory import COARSE, GRID, SampledTrajectory
 from wholebody.planning.trajopt.robot_tables import HALF_SOLE, RobotTables
+from wholebody.robot.kernels.pendulum import LOWEST_HEIGHT
 
 EDGE_MARGIN = 0.005
 """Distance from the edge of the support at which the pressure can still be held [m]; chosen: soles are soft there."""
@@ -94,7 +95,8 @@ class ContactFeasibility:
         outside = zmp @ self._normals.T - (self._offsets - EDGE_MARGIN)
         if outside.max() <= 0.0:
             return 0.0
-        omega, drift, largest = np.sqrt(lift / com[:, 2]), np.zeros(outside.shape[1]), 0.0
+        height = np.maximum(com[:, 2], LOWEST_HEIGHT)
+        omega, drift, largest = np.sqrt(lift / height), np.zeros(outside.shape[1]), 0.0
         begins = int(np.argmax(outside.max(axis=1) > 0.0))
         for now, step in zip(outside[begins:], (omega * GRID * slowdown)[begins:], strict=True):
             led = np.where(now > 0.0, now, np.maximum(now, -DRIFT_GAIN * drift))

@@ -49,6 +49,13 @@ class PreparedChunk:
         """Whether its scatter is wider than any motion: what it means is a guess."""
         return bool(self.moved.max() > JUMP)
 
+    def distance_at(self, now: float, commanded: HandMotion) -> float:
+        """How far the farther hand is from where the chunk has it now, between two of its steps [m]."""
+        chunk, s = self.chunk, now - self.chunk.t_obs
+        hands = zip((chunk.T_world_lhand, chunk.T_world_rhand), commanded.p, strict=True)
+        asked = [[np.interp(s, self.times, T[:, i, 3]) - p[i] for i in range(3)] for T, p in hands]
+        return float(np.linalg.norm(asked, axis=1).max())
+
     def begins_elsewhere(self, now: float, commanded: HandMotion) -> bool:
         """Whether a hand would have to jump to where the chunk has it now."""
         chunk = self.chunk

@@ -19,7 +19,7 @@ def result():
     for i, latency in enumerate((0.1, 0.2, 0.35)):
         report.deliveries.append(Delivery(i, float(i), i + latency, i + latency, 3))
     seams = [ChunkSeam(0.1, 1e-4, 2e-3, 0.01, 0.02), ChunkSeam(1.1, 3e-4, 1e-3, 0.005, 0.04)]
-    return EpisodeResult(execution=report, seams=seams)
+    return EpisodeResult(execution=report, seams=seams, executed=3)
 
 
 def test_an_episode_is_summed_up_by_its_worst_seam_and_its_latencies():
@@ -41,6 +41,14 @@ def test_the_line_for_people_has_millimetres_degrees_and_metres_a_second():
 def test_an_episode_without_chunks_has_numbers_too():
     assert timing(EpisodeResult()) == Timing()
     assert timing(EpisodeResult(execution=ExecutionReport())) == Timing()
+
+
+def test_a_chunk_whose_plan_never_took_over_was_not_executed():
+    """`nothing of it was executed` was said, and `1 executed`."""
+    answer = wholebody("run", "reach", "--duration", "0.1", "--hold", "0")
+    assert answer.returncode == 1
+    assert "nothing of it was executed" in answer.stdout
+    assert "0 executed" in answer.stdout
 
 
 def test_run_takes_a_latency_and_says_what_came_of_it():

@@ -109,3 +109,11 @@ def test_while_the_pressure_is_at_the_edge_the_capture_point_runs_away_like_a_pe
     outside = aside + still.com[0, 0, 1] - (body.pressure_offsets[np.argmax(body.support.normals[:, 1])] - EDGE_MARGIN)
     grown = np.exp(np.sqrt(9.81 / height) * seconds) - 1.0
     assert balance.capture_point_drift(track, 1.0) == pytest.approx(outside * grown, rel=0.02)
+
+
+def test_a_centre_of_mass_below_the_floor_is_no_reason_to_find_a_plan_balanced(balance, still):
+    """Its pendulum has no frequency: the drift was not a number, and counted as none."""
+    track = swinging(still, ahead=-3.0, seconds=0.1)
+    track.com[0, :, 2] = -0.1
+    track.com[0, :, 0] += 0.3
+    assert balance.capture_point_drift(track, 1.0) > 0.1
