@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.cache import whole_file
-from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, RobotSpec, RobotSpecError
+from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, RobotSpec, RobotSpecError, ToolSpec
 from models.urdf import light_urdf
 
 # Position and speed limits of the free flyer are this in Pinocchio: neither infinite nor usable.
@@ -153,11 +153,21 @@ def _set_joint_numbers(spec: RobotSpec, model: pin.Model) -> None:
     model.lowerPositionLimit[model.lowerPositionLimit < -_HUGE] = -np.inf
 
 
+def payload(model: pin.Model, tool: ToolSpec, mass: float) -> tuple[int, pin.Inertia]:
+    """A mass in a hand [kg] where `load_mujoco` puts it: the joint that moves it, and its inertia in the joint's axes.
+
+    Raises:
+        RobotSpecError: If the mass is negative or not finite, or the model lacks the palm.
+    """
+    if not 0.0 <= mass < np.inf:
+        raise RobotSpecError(f"payload of the {tool.side} hand is {mass} kg, must be finite and at least 0")
+    palm = model.frames[frame_id(model, tool.palm_body)]
+    placement = palm.placement * pin.SE3(np.eye(3), np.array([PAYLOAD_AHEAD, 0.0, 0.0]))
+    return palm.parentJoint, placement.act(pin.Inertia.FromSphere(mass, PAYLOAD_RADIUS))
+
+
 def _add_payload(spec: RobotSpec, model: pin.Model, payload_kg: tuple[float, float]) -> None:
     for tool, mass in zip(spec.tools, payload_kg, strict=True):
-        if not 0.0 <= mass < np.inf:
-            raise RobotSpecError(f"payload of the {tool.side} hand is {mass} kg, must be finite and at least 0")
+        joint, inertia = payload(model, tool, mass)
         if mass > 0.0:
-            palm = model.frames[frame_id(model, tool.palm_body)]
-            placement = palm.placement * pin.SE3(np.eye(3), np.array([PAYLOAD_AHEAD, 0.0, 0.0]))
-            model.appendBodyToJoint(palm.parentJoint, pin.Inertia.FromSphere(mass, PAYLOAD_RADIUS), placement)
+            model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())

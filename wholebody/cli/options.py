@@ -93,8 +93,10 @@ class Simulation:
     realistic: Annotated[bool, Option(help="Tell the controller what real sensors would.")] = False
     delay_ms: Annotated[float, Option(help="Age of the state when the controller gets it, in ms.")] = 0.0
     payload_kg: Annotated[
-        tuple[float, float], Option(help="Mass in the left and right hand in kg, unknown to the controller.")
+        tuple[float, float],
+        Option(help="Mass in the left and right hand in kg; the controller sees it from the torques of the arms."),
     ] = (0.0, 0.0)
+    payload_known: Annotated[bool, Option("--payload-known", help="Tell it to the controller.")] = False
     planning_ms: Annotated[
         float | None, Option(help="Simulated time that planning takes and that plans are asked for ahead, in ms [100].")
     ] = None

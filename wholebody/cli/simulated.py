@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from policy.base import Policy
     from policy.executor.executor import Executor
     from wholebody.cli.options import Asking, Simulation
-    from wholebody.config import ControllerConfig, PlanningConfig
+    from wholebody.config import ControllerConfig, LoadConfig, PlanningConfig
     from wholebody.episode.run import Cameras
     from wholebody.verdict.check import Checker
     from wholebody.verdict.fast import FastChecker
@@ -72,7 +72,8 @@ def _settings(options: Simulation) -> ControllerConfig:
 
     settings = load_config(options.config) if options.config else ControllerConfig()
     robot = replace(settings.robot, model=options.robot or settings.robot.model)
-    return replace(settings, robot=robot, planning=planning(settings.planning, options))
+    changed = {"planning": planning(settings.planning, options), "loads": loads(settings.loads, options)}
+    return replace(settings, robot=robot, **changed)
 
 
 def planning(config: PlanningConfig, options: Simulation) -> PlanningConfig:
@@ -90,6 +91,20 @@ def planning(config: PlanningConfig, options: Simulation) -> PlanningConfig:
     if fixed is not None:
         return replace(config, lead=1e-3 * fixed, latency="fixed", factor=1.0)
     return config if times is None else replace(config, latency="measured", factor=times)
+
+
+def loads(config: LoadConfig, options: Simulation) -> LoadConfig:
+    """What the controller is told of the masses in the hands.
+
+    Raises:
+        InputError: If one is beyond what is believed.
+    """
+    if not options.payload_known:
+        return config
+    for mass in options.payload_kg:
+        require_run("payload_known", mass)
+    left, right = options.payload_kg
+    return replace(config, source="told", left=left, right=right)
 
 
 def make_executor(policy: Policy, options: Asking) -> Executor:

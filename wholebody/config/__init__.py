@@ -12,6 +12,7 @@ from wholebody.config.controller import (
     SafetyConfig,
     TrajectoryConfig,
 )
+from wholebody.config.loads import LoadConfig
 from wholebody.config.planning import PlanningConfig
 from wholebody.config.robot import RobotConfig
 from wholebody.config.verdict import VerdictConfig
@@ -24,6 +25,7 @@ __all__ = [
     "BodyConfig",
     "ControllerConfig",
     "HandConfig",
+    "LoadConfig",
     "PlannerConfig",
     "PlanningConfig",
     "RobotConfig",

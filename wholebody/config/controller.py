@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from math import radians
 
+from wholebody.config.loads import LoadConfig
 from wholebody.config.planning import PlanningConfig
 from wholebody.config.robot import RobotConfig
 from wholebody.config.verdict import VerdictConfig
@@ -293,6 +294,7 @@ class ControllerConfig:
     verdict: VerdictConfig = field(default_factory=VerdictConfig)
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
+    loads: LoadConfig = field(default_factory=LoadConfig)
     leak: float = 0.3
     """Time constant with which the desired state forgets its difference from the measured one [s]."""
     friction: float = 0.6

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -80,6 +81,10 @@ class Controller(ABC):
             self.compiled.palms[:] = self._palm_frames() - q[:3]
             self.compiled.q[:] = q
 
+    def carry(self, loads: Sequence[float]) -> None:
+        """Count on these masses in the left and right hand from the next tick on [kg]."""
+        self.robot.loads.carry(loads, *([] if self.compiled is None else [self.compiled.tick.bodies]))
+
     @abstractmethod
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
@@ -96,7 +101,7 @@ class Controller(ABC):
     def _palm_frames(self) -> np.ndarray:
         return np.array([self.robot.pose(palm.frame).translation for palm in self.palms])
 
-    def trust_hands(self, trust: float) -> None:
-        """Weigh both hands by this from now on, 0 to 1."""
-        for palm in self.palms:
+    def trust_hands(self, left: float, right: float) -> None:
+        """Weigh the hands by these from now on, 0 to 1."""
+        for palm, trust in zip(self.palms, (left, right), strict=True):
             palm.trust = trust

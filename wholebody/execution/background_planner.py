@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -19,6 +19,7 @@ from wholebody.estimation.prediction import ROUNDING
 from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
+from wholebody.robot.hand_loads import Loads
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class PlanRequest:
         before: Configurations of the present plan from then on, one knot apart, shape (k, nq), or None.
         again: Whether the chunk is being followed already, and only a quicker plan is of use.
         cpu_limit: CPU time in which the plan is wanted [s]; infinite where planning takes a simulated time.
+        loads: What the hands carry.
     """
 
     chunk: ActionChunk
@@ -42,10 +44,12 @@ class PlanRequest:
     before: np.ndarray | None = None
     again: bool = False
     cpu_limit: float = inf
+    loads: Loads = field(default_factory=Loads)
 
     def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
         """The plan, computed now."""
         start = self.start
+        planner.carry(self.loads)
         return planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit)
 
 

@@ -13,6 +13,7 @@ from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.execution.deviation import Deviation
 from wholebody.execution.kernels import plan_follower as kernel
+from wholebody.execution.saturation import Saturation
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
@@ -70,7 +71,8 @@ class PlanFollower:
     ) -> None:
         self._controller = controller
         robot, spec, safety = controller.robot, controller.spec, config.safety
-        self._deviation = Deviation(robot)
+        effort = safety.torque_share * spec.effort_max[robot.motor_to_pin]
+        self._deviation, self._saturation = Deviation(robot), Saturation(spec, robot, effort)
         self._settings, self._clock = np.zeros(1, kernel.SETTINGS), np.zeros(1, kernel.CLOCK)
         settings, clock = self._settings[0], self._clock[0]
         settings.dt, settings.grid_step = config.dt, GRID
@@ -199,7 +201,8 @@ class PlanFollower:
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity,
             controller.palm_positions(), self.row, float(elapsed), float(allowed),
         )  # fmt: skip
-        controller.trust_hands(kernel.TRUST_MIN if self._standing else self.trust)
+        room = self._saturation.trust(controller.tau, float(elapsed), kernel.TRUST_MIN)
+        controller.trust_hands(*np.minimum(room, kernel.TRUST_MIN if self._standing else self.trust).tolist())
         return PackedReference(self.row)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
+from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
@@ -32,6 +33,8 @@ FIRST_WAIT = 0.2
 GO_BACK = 0.4
 """Time for which the robot goes on towards its stance before it stands for another plan [s]; chosen: it is as fast as
 it gets within 0.2 s, and a plan is asked for twice a second."""
+HELD, HELD_STEPS = "held", 31
+"""What says that a chunk is none of the policy's, and its steps within a second; chosen: as usual chunks have them."""
 PROJECTIONS = 4
 """Times that a point is projected on all edges: one each, and again for what that moved over another."""
 
@@ -126,6 +129,17 @@ def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:
         for tool in robot.spec.tools
     ]
     return np.stack(rows)
+
+
+def held_chunk(newest: ActionChunk | None, motion: HandMotion, now: float) -> ActionChunk:
+    """Steps that stay where the newest chunk ends, or where the hands are commanded to be if there never was one."""
+    if newest is None:
+        T, fingers = motion.T_world_hand, motion.q_finger[:, :7]
+    else:
+        T = [newest.T_world_lhand[-1], newest.T_world_rhand[-1]]
+        fingers = [newest.q_lhand[-1], newest.q_rhand[-1]]
+    poses, hands = (np.repeat(np.array(x)[:, None], HELD_STEPS, axis=1) for x in (T, fingers))
+    return ActionChunk(HELD, -1, now, HELD_STEPS - 1.0, *poses, *hands)
 
 
 def hands_as_measured(robot: Robot, commanded: np.ndarray) -> np.ndarray:

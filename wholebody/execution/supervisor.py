@@ -15,6 +15,7 @@ from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
+from wholebody.execution.carrying import Carrying
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
@@ -47,7 +48,7 @@ class Supervisor:
     Attributes:
         chunk: The chunk that is being followed, or None.
         plan: Its plan.
-        handover: The plan on its way, and how many came too late.
+        handover: The plan on its way, and how many came too late. carrying: What the hands carry.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Supervisor:
         planning = self.config.planning
         beside = SimulatedPlanner(self._compute, planning) if planner is None else planner(self._compute)
         self.handover = Handover(beside, planning, self.config.dt)
-        self._monitor = StateMonitor(self.robot)
+        self._monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config.loads)
         self._smoother: ReferenceSmoother | None = None
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
@@ -91,6 +92,7 @@ class Supervisor:
     def reset(self, state: RobotState) -> None:
         """Start an episode from a measured state of standing; `InputError` if it is no finite state of this robot."""
         check_state(state, self.robot.n_joints)
+        self.carrying.reset()
         self.controller.reset(state)
         self._monitor.reset(state)
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
@@ -126,8 +128,7 @@ class Supervisor:
 
     def palm_reference(self) -> dict[str, np.ndarray]:
         """Commanded palm poses in world, 4x4, by side."""
-        left, right = self._following().palm_poses()
-        return {"left": left, "right": right}
+        return dict(zip(("left", "right"), self._following().palm_poses(), strict=True))
 
     def ahead(self, times: np.ndarray) -> tuple[HandMotion, HandMotion] | None:
         """What both hands will be commanded at times near the present, as planned and at the present speed.
@@ -138,12 +139,11 @@ class Supervisor:
         Returns:
             Rows (n, 40) a hand, derivatives with respect to the path; None while no chunk is followed.
         """
-        if self.plan is None:
+        if self.plan is None or self.chunk is None:
             return None
         follower = self._follower
         s = follower.s + follower.rate * (np.asarray(times) - self._now)
-        left, right = (path.sample(np.clip(s, self.plan.start, self.plan.end)) for path in self.plan.paths)
-        return left, right
+        return tuple(path.sample(np.clip(s, self.plan.start, self.plan.end)) for path in self.plan.paths)
 
     def accept(self, chunk: ActionChunk, now: float | None = None) -> StatusReport:
         """Take a chunk, or refuse it with a reason; a refused chunk changes nothing.
@@ -194,9 +194,9 @@ class Supervisor:
         start = self._reflex.foreseen(state, ticks) if off else self._follower.foreseen(ticks, state.q)
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
-        again = ahead and chunk is self.chunk and self._follower.trust == 1.0
+        again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not self.carrying.changed
         before = self.plan and rest_of_plan(self.plan, start, self.config.planner.posture.dt)
-        self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again))
+        self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, loads=self.carrying.planned()))
         self._exchange(self._now)
 
     def _exchange(self, now: float) -> None:
@@ -240,10 +240,11 @@ class Supervisor:
         if self._reflex.active and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
             self._waiting, self._retry = self._waiting or taken.chunk, self._now
             return
-        self.plan, self.chunk, self._refused = taken.plan, taken.chunk, None
+        self.plan, self._refused, last = taken.plan, None, 0.0
         self._reflex.end()
-        self.plan_report, self._chunk_end = taken.plan.report, float(taken.chunk.times[-1])
-        last = self._chunk_end - taken.chunk.t_obs
+        if taken.chunk.spec_id != standing.HELD:
+            self.chunk, self.plan_report, self._chunk_end = taken.chunk, taken.plan.report, float(taken.chunk.times[-1])
+            last = self._chunk_end - taken.chunk.t_obs
         self._follower.begin(taken.plan, last, beyond=taken.beyond, speed_fraction=taken.speed_fraction)
 
     def _stand(self) -> None:
@@ -278,6 +279,9 @@ class Supervisor:
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
         self._exchange(now)
+        self.carrying.look(state)
+        if self.carrying.changed and not self.handover.busy:
+            self._waiting = self._waiting or self._to_hold()
         if self.plan is not None and (follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)):
             self._stand()
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
@@ -292,6 +296,12 @@ class Supervisor:
         self.status = fault or self.status
         return command
 
+    def _to_hold(self) -> ActionChunk:
+        """What to go on with: the newest chunk, or where it ended."""
+        if self._newest is not None and self._newest.times[-1] > self._now:
+            return self._newest
+        return standing.held_chunk(self._newest, self._smoother.motion, self._now)
+
     def _judge(self) -> None:
         """Status after a tick, worst first."""
         if self.last_tick.level is TickLevel.FAILED:
@@ -300,7 +310,7 @@ class Supervisor:
             self.status = statuses.NO_HANDS
         elif self._reflex.active:
             self.status = self._reflex.status
-        elif self.plan is None:
+        elif self.plan is None or self.chunk is None:
             self.status = self._refused or statuses.NO_CHUNK
         elif self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
             self.status = self._refused or statuses.STARVED

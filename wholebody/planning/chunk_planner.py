@@ -28,6 +28,7 @@ from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion
+from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
 from wholebody.types import Reason
 
@@ -59,7 +60,7 @@ class ChunkPlanner:
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
-        self.centroidal = Centroidal(self.model, [robot.frame_id(name) for name in trunk])
+        self.centroidal = Centroidal(spec, self.model, [robot.frame_id(name) for name in trunk])
         self.offsets = np.array([tool.palm_offset for tool in spec.tools])
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
@@ -67,6 +68,11 @@ class ChunkPlanner:
             HandLimits(finger_lower=tuple(low[i]), finger_upper=tuple(high[i])) if len(i) else HandLimits()
             for i in fingers
         )
+
+    def carry(self, loads: Loads) -> None:
+        """Plan with these masses in the hands from now on: bounds hold with the reserve, centres are without it."""
+        self.optimizer.body.carry(loads.most)
+        self.centroidal.carry(loads.masses)
 
     def plan(
         self,

@@ -48,7 +48,7 @@ class ContactFeasibility:
 
     def __init__(self, body: RobotTables, friction: float) -> None:
         self._normals, self._offsets = body.support.normals, body.pressure_offsets
-        self._mass, self._gravity = body.mass, -float(body.tables.gravity[2])
+        self._body, self._gravity = body, -float(body.tables.gravity[2])
         middle = body.support.vertices.mean(axis=0)
         # Each foot keeps its least load: only the rest can be moved about.
         x, y = (middle + (1.0 - 2.0 * body.foot_load_min) * (body.support.vertices - middle)).T
@@ -69,7 +69,7 @@ class ContactFeasibility:
     def _motion(self, track: SampledTrajectory, slowdown: float, every: int) -> tuple[np.ndarray, ...]:
         """Centre of mass, its acceleration and the rate of the angular momentum per mass, of some rows of a track."""
         rate, rows = slowdown**-2, slice(None, None, every)
-        return track.com[0, rows], rate * track.com[2, rows], rate * track.momentum[1, rows] / self._mass
+        return track.com[0, rows], rate * track.com[2, rows], rate * track.momentum[1, rows] / self._body.mass
 
     def _pressure(self, com: np.ndarray, a: np.ndarray, turning: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zero-moment points (n, 2) [m], and the vertical force per mass (n,)."""

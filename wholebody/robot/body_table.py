@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.errors import InputError
-from wholebody.robot.kernels.bodies import AXIS, BODY, INERTIA, LEVER, MASS, PLACEMENT_P
+from wholebody.robot.kernels.bodies import AXIS, BODY, MASS, PLACEMENT_P
 
 REVOLUTE = {
     "JointModelRX": (1.0, 0.0, 0.0),
@@ -14,6 +14,7 @@ REVOLUTE = {
     "JointModelRZ": (0.0, 0.0, 1.0),
 }
 """Axes of the joint types that are known by name [no unit], Pinocchio's definition; others carry theirs."""
+_UPPER = np.triu_indices(3)
 
 
 def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
@@ -43,9 +44,13 @@ def body_table(model: pin.Model) -> tuple[np.ndarray, np.ndarray]:
             parent[i] = model.parents[i + 1] - 1
             if joint.idx_v != 5 + i:
                 raise InputError(f"joint '{model.names[i + 1]}' is at column {joint.idx_v} of v; {5 + i} is expected")
-        row[MASS], row[LEVER:INERTIA] = inertia.mass, inertia.lever
-        row[INERTIA:] = inertia.inertia[np.triu_indices(3)]
+        row[MASS:] = inertia_row(inertia)
     return table, parent
+
+
+def inertia_row(inertia: pin.Inertia) -> np.ndarray:
+    """Mass, centre of mass and inertia about it, as the columns from `MASS` on have them, shape (10,)."""
+    return np.concatenate([[inertia.mass], inertia.lever, inertia.inertia[_UPPER]])
 
 
 def _axis(model: pin.Model, joint: int) -> np.ndarray:

@@ -10,6 +10,7 @@ import pinocchio as pin
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.errors import InputError
+from wholebody.robot.hand_loads import HandLoads
 
 
 class Robot:
@@ -24,10 +25,9 @@ class Robot:
     def __init__(self, spec: RobotSpec) -> None:
         self.spec = spec
         self.model: pin.Model = load_pinocchio(spec)
-        self._data, self._placed = self.model.createData(), True
+        self._data, self._placed, self.loads = self.model.createData(), True, HandLoads(spec, self.model)
         self.nq, self.nv = self.model.nq, self.model.nv
         self.n_joints = self.nv - 6
-        self.mass = float(pin.computeTotalMass(self.model))
         self.q = pin.neutral(self.model)
         self.v = np.zeros(self.nv)
         self._frame_ids: dict[str, int] = {}
@@ -38,6 +38,11 @@ class Robot:
         """``x_pin = x_motor[motor_to_pin]``."""
         self.pin_to_motor = np.array([names.index(name) for name in spec.joint_names])
         """``x_motor = x_pin[pin_to_motor]``."""
+
+    @property
+    def mass(self) -> float:
+        """Of the robot with what it carries [kg]."""
+        return self.loads.total
 
     def frame_id(self, name: str) -> int:
         """Index of a frame.

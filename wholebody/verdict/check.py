@@ -29,7 +29,7 @@ class Checker:
         episode: How an episode runs.
         sensors: Errors of the sensors; the controller gets the true state if not given.
         timestep: Physics step [s].
-        payload_kg: Mass in the left and right hand, unknown to the controller [kg].
+        payload_kg: Mass in the left and right hand [kg]; the controller observes it, or is told by ``config.loads``.
         friction: Friction coefficient of the floor.
     """
 

@@ -7,25 +7,32 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from models.spec import RobotSpec
 from wholebody.planning.trajopt import entry_points
 from wholebody.robot.body_table import body_table
+from wholebody.robot.hand_loads import HandLoads
 
 
 class Centroidal:
     """Computes them for many states at once.
 
     Args:
-        model: The robot.
+        spec: The robot. model: Of it, without loads.
         frames: Frames whose orientations are wanted too.
     """
 
-    def __init__(self, model: pin.Model, frames: Sequence[int]) -> None:
+    def __init__(self, spec: RobotSpec, model: pin.Model, frames: Sequence[int]) -> None:
+        self._loads = HandLoads(spec, model.copy())
         table, parent = body_table(model)
         bodies = np.array([model.frames[i].parentJoint - 1 for i in frames])
         turns = np.array([model.frames[i].placement.rotation for i in frames])
         n = len(parent)
         self._tables = table, parent, bodies, turns
         self._scratch = np.zeros((n, 3, 3)), np.zeros((n, 3)), np.zeros((n, 6)), np.zeros((4, 10))
+
+    def carry(self, loads: Sequence[float]) -> None:
+        """Count on these masses in the left and right hand from now on [kg]."""
+        self._loads.carry(loads, self._tables[0])
 
     def __call__(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """At configurations (K, nq), whose quaternions have length 1, and velocities (K, nv).

@@ -77,7 +77,6 @@ class TrajectoryOptimizer:
         self.body = RobotTables(spec, self.config, friction, force_min)
         self.model = self.body.full
         self.support = self.body.support
-        self.mass = self.body.mass
         self.q_stance = self.body.q_full.copy()
         self._problems: dict[int, TrajectoryProblem] = {}
         self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))

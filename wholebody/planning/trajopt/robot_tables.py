@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -19,6 +20,7 @@ from wholebody.errors import InputError
 from wholebody.planning.trajopt.arrays import Shapes, Tables
 from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_FLOOR, N_JOINTS, UPPER
 from wholebody.robot.body_table import body_table
+from wholebody.robot.hand_loads import HandLoads
 from wholebody.robot.kernels.bodies import PLACEMENT_P
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
@@ -43,7 +45,7 @@ class RobotTables:
         fingers: Entries of the fingers in the full configuration, hand by hand.
         finger_order: Which of those the fingers are in the order of their bodies.
         support: The support polygon. pressure_offsets: How far the centre of pressure goes towards its edges [m].
-        mass: Of the robot [kg]. foot_load_min: Least share of the weight on each foot.
+        mass: Of the robot with what it carries [kg]. foot_load_min: Least share of the weight on each foot.
         tables, shapes: What compiled code works on.
         proximity: Distances by coal, for shapes that touch.
     """
@@ -65,7 +67,7 @@ class RobotTables:
         self.body, self.columns = (np.concatenate([np.arange(n), n + np.array(kept)]) for n in (7, 6))
         self.fingers = np.array([7 + names.index(n) - 2 for tool in spec.tools for n in tool.finger_joints], int)
         self.finger_order = np.argsort(self.fingers, kind="stable")
-        self.mass = float(pin.computeTotalMass(full))
+        self._loads, self.mass = HandLoads(spec, model), float(pin.computeTotalMass(full))
         points = max(len(foot.points) for foot in spec.feet)
         self.foot_load_min = points * force_min / (self.mass * float(np.linalg.norm(full.gravity.linear)))
         self.tables, self.support, self.pressure_offsets = _tables(
@@ -76,6 +78,12 @@ class RobotTables:
         table = shape_table(spec, self.proximity.geometry)
         low = _low(FloorClearance(full, self.proximity.geometry), table, bodies, self.tables, config)
         self.shapes = _shapes(table, bodies, self.proximity, low)
+
+    def carry(self, loads: Sequence[float]) -> None:
+        """Count on these masses in the left and right hand from now on [kg]."""
+        self._loads.carry(loads, self.tables.bodies)
+        self.mass = self._loads.total
+        self.tables = self.tables._replace(mass=self.mass)
 
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
         """Put the fingers behind the bodies of the plan; the plan's number of each body of the full model."""

@@ -456,7 +456,7 @@ def test_centroidal_momentum_along_a_motion_are_those_of_pinocchio(body):
     frames = [model.getFrameId(name) for name in (SPEC.base_body, SPEC.torso_body)]
     q = np.array([pin.integrate(model, body.q_full, rng.normal(size=model.nv)) for _ in range(50)])
     v, data = rng.normal(size=(50, model.nv)), model.createData()
-    com, velocity, momentum, turns = Centroidal(model, frames)(q, v)
+    com, velocity, momentum, turns = Centroidal(SPEC, model, frames)(q, v)
     for k in range(50):
         pin.computeCentroidalMomentum(model, data, q[k], v[k])
         assert near(com[k], data.com[0])

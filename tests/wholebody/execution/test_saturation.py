@@ -1,0 +1,48 @@
+"""Strategy: torques by hand: which hand gives way, when, and that a short spell does not count."""
+
+import numpy as np
+import pytest
+
+from models import g1
+from wholebody.execution.saturation import Saturation
+from wholebody.robot.state import Robot
+
+SPEC = g1()
+ROBOT = Robot(SPEC)
+EFFORT = SPEC.effort_max[ROBOT.motor_to_pin]
+
+
+@pytest.fixture
+def saturation():
+    return Saturation(SPEC, ROBOT, EFFORT)
+
+
+def spent(*joints):
+    tau = 0.5 * EFFORT
+    for joint in joints:
+        tau[ROBOT.joint_names.index(joint)] *= -2.0
+    return tau
+
+
+def test_an_arm_without_torque_left_lets_go_of_its_hand_and_takes_it_again(saturation):
+    for _ in range(100):
+        trust = saturation.trust(spent("left_wrist_pitch_joint"), 0.002, 1e-3)
+    np.testing.assert_allclose(trust, (0.0667, 1.0), atol=0.06)
+    for _ in range(50):
+        trust = saturation.trust(spent(), 0.002, 1e-3)
+    np.testing.assert_array_equal(trust, (1.0, 1.0))
+
+
+def test_a_waist_without_torque_left_lets_go_of_both_hands(saturation):
+    for _ in range(200):
+        trust = saturation.trust(spent("waist_pitch_joint"), 0.002, 1e-3)
+    assert trust.max() < 0.01
+
+
+def test_a_spell_of_30_ms_and_spent_legs_and_fingers_are_nothing(saturation):
+    for _ in range(15):
+        trust = saturation.trust(spent("left_elbow_joint"), 0.002, 1e-3)
+    assert trust.tolist() == [1.0, 1.0]
+    for _ in range(200):
+        trust = saturation.trust(spent("left_knee_joint", "right_hand_thumb_0_joint"), 0.002, 1e-3)
+    assert trust.tolist() == [1.0, 1.0]

@@ -1,0 +1,81 @@
+"""Which masses in the hands the program and the plans count on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.config import LoadConfig
+from wholebody.control.base import Controller
+from wholebody.control.controller import WholeBodyController
+from wholebody.errors import ConfigError
+from wholebody.estimation.load import Dynamics, LoadObserver
+from wholebody.robot.hand_loads import Loads
+from wholebody.types import RobotState
+
+SOURCES = ("observed", "told")
+
+
+class Carrying:
+    """Hands the controller the masses that are told or observed, and says what plans are to count on.
+
+    Args:
+        controller: Whose program counts on them; only that of `WholeBodyController` in compiled form can observe.
+        config: Where they come from.
+
+    Attributes:
+        loads: What plans count on.
+        observer: What sees the masses, or None.
+    """
+
+    def __init__(self, controller: Controller, config: LoadConfig) -> None:
+        if config.source not in SOURCES:
+            raise ConfigError(f"loads.source is '{config.source}'; it must be one of {', '.join(SOURCES)}")
+        self._controller, self._config = controller, config
+        self.observer = _observer(controller) if config.source == "observed" else None
+        self._known = np.full(2, config.source == "told")
+        self._masses = np.zeros(2)
+        self.loads = self._planned = Loads()
+
+    def reset(self) -> None:
+        """Count on what is told, until something is observed."""
+        if self.observer is not None:
+            self.observer.reset()
+            self._known[:] = False
+        self._planned = Loads()
+        self._count_on(self._config.left, self._config.right)
+
+    def look(self, state: RobotState) -> None:
+        """Take in a state before the tick that answers it."""
+        observer = self.observer
+        if observer is None:
+            return
+        observer.look(state, self._masses)
+        left, right = np.where(observer.known, observer.loads, self._masses).tolist()
+        other = max(abs(left - self._masses[0]), abs(right - self._masses[1])) > self._config.follow
+        if other or (observer.known != self._known).any():
+            self._known[:] = observer.known
+            self._count_on(left, right)
+
+    @property
+    def changed(self) -> bool:
+        """Whether what is being followed is to be planned anew."""
+        return self.loads.differ(self._planned, self._config.replan)
+
+    def planned(self) -> Loads:
+        """What a plan that is asked for now counts on."""
+        self._planned = self.loads
+        return self.loads
+
+    def _count_on(self, left: float, right: float) -> None:
+        self._masses[:] = left, right
+        self._controller.carry((left, right))
+        left_spare, right_spare = np.where(self._known, 0.0, self._config.reserve).tolist()
+        self.loads = Loads((left, right), (left_spare, right_spare))
+
+
+def _observer(controller: Controller) -> LoadObserver | None:
+    """One that reads what the controller's tick computes, if that is all that it needs."""
+    if not isinstance(controller, WholeBodyController) or controller.compiled is None:
+        return None
+    tick = controller.compiled.tick
+    return LoadObserver(controller.spec, controller.robot, Dynamics(*(getattr(tick, x) for x in Dynamics._fields)))
