@@ -4,9 +4,9 @@
     python benchmarks/statics.py --share 0.95 --margin 0.03       # at others
     python benchmarks/statics.py --loads 0 0.5 1 2                # distance from the place at which these are held
 
-A symmetric posture on both feet, found by SLSQP from many starts: palms at their places, turned by at most `--turn` from
-the stance, torques of gravity in waist and arms within a share of their limits, the centre of mass that far inside the
-soles. Bodies may pass through each other, and the search is local: a bound from above as far as it is found.
+A symmetric posture on both feet, found by SLSQP from many starts: palms at their places, turned by at most `--turn`
+from the stance, torques of gravity in waist and arms within a share of their limits, the centre of mass that far inside
+the soles. Bodies may pass through each other, and the search is local: a bound from above as far as it is found.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class Statics:
         return palm.translation.copy(), foot, np.concatenate([room, 1.0 - np.abs(tau) / self.effort])
 
     def best(self, target: np.ndarray, load: float | None = None, starts: int = 12) -> float:
-        """The largest load at a place of the left palm [kg], or how near a load comes to it [m]; nan if none is found."""
+        """The largest load at a place of the left palm [kg], or how near a load comes to it [m]; nan if none is."""
         generator, found = np.random.default_rng(0), []
         start = np.concatenate([self.q0[[0, 2]], [0.0], self.q0[self.left + 1], [0.0]])
         bounds = [
