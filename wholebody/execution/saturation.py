@@ -17,6 +17,10 @@ between two knots is not meant."""
 OFTEN = 0.5
 """Share of the time in which a joint has none left from which its hand gives way; chosen: half of it."""
 
+ERROR_SLOW, ERROR_STOP = 0.005, 0.025
+"""Errors of a palm from which such a hand begins to give way and has given way [m]; chosen: one that is where it should
+be asks for nothing more."""
+
 
 class Saturation:
     """Says how far each hand is trusted, by the torques of its arm and of the waist.
@@ -35,18 +39,20 @@ class Saturation:
         self._joints, self._often = np.array(arms), np.zeros(np.shape(arms))
         self._limit = SPENT * tau_max[self._joints]
 
-    def trust(self, tau: np.ndarray, elapsed: float, least: float) -> np.ndarray:
+    def trust(self, tau: np.ndarray, error: np.ndarray, elapsed: float, least: float) -> np.ndarray:
         """Factor on the weight of each hand, shape (2,), from ``least`` to 1.
 
         Args:
             tau: Torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
+            error: Distance of each palm from where it is commanded to be, shape (2,), [m].
             elapsed: Time since the tick before it [s].
             least: Least trust.
         """
         keep = exp(-elapsed / TIME_CONSTANT)
         self._often *= keep
         self._often += (1.0 - keep) * (np.abs(tau[self._joints]) >= self._limit)
-        return np.clip((1.0 - self._often.max(axis=1)) / (1.0 - OFTEN), least, 1.0)
+        room = (1.0 - self._often.max(axis=1)) / (1.0 - OFTEN)
+        return np.clip(np.maximum(room, (ERROR_STOP - error) / (ERROR_STOP - ERROR_SLOW)), least, 1.0)
 
 
 def _carries(joint: str, side: str) -> bool:
