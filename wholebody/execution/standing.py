@@ -131,8 +131,10 @@ def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:
     return np.stack(rows)
 
 
-def held_chunk(newest: ActionChunk | None, motion: HandMotion, now: float) -> ActionChunk:
-    """Steps that stay where the newest chunk ends, or where the hands are commanded to be if there never was one."""
+def to_hold(newest: ActionChunk | None, motion: HandMotion, now: float) -> ActionChunk:
+    """What to go on with: the newest chunk, or steps that stay where it ended, or where hands are commanded to be."""
+    if newest is not None and newest.times[-1] > now:
+        return newest
     if newest is None:
         T, fingers = motion.T_world_hand, motion.q_finger[:, :7]
     else:

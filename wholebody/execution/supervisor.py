@@ -77,16 +77,14 @@ class Supervisor:
         self.status = statuses.NO_CHUNK
         self.plan_report: PlanReport | None = None
         self.last_tick: TickReport | None = None
-        self._now = now
+        self._now = self._retry = now
         self.plan: ChunkPlan | None = None
         self.chunk: ActionChunk | None = None
         self._newest: ActionChunk | None = None
         self._chunk_end = 0.0
         self._fallen = False
-        self._refused: StatusReport | None = None
-        self._refusal: StatusReport | None = None
+        self._refused = self._refusal = None
         self._waiting: ActionChunk | None = None
-        self._retry = now
         self.handover.reset()
 
     def reset(self, state: RobotState) -> None:
@@ -281,7 +279,7 @@ class Supervisor:
         self._exchange(now)
         self.carrying.look(state)
         if self.carrying.changed and not self.handover.busy:
-            self._waiting = self._waiting or self._to_hold()
+            self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
         if self.plan is not None and (follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)):
             self._stand()
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
@@ -295,12 +293,6 @@ class Supervisor:
         self._judge()
         self.status = fault or self.status
         return command
-
-    def _to_hold(self) -> ActionChunk:
-        """What to go on with: the newest chunk, or where it ended."""
-        if self._newest is not None and self._newest.times[-1] > self._now:
-            return self._newest
-        return standing.held_chunk(self._newest, self._smoother.motion, self._now)
 
     def _judge(self) -> None:
         """Status after a tick, worst first."""
