@@ -50,7 +50,8 @@ class Carrying:
         if observer is None:
             return
         observer.look(state, self._masses)
-        left, right = np.where(observer.known, observer.loads, self._masses).tolist()
+        seen = np.where(observer.loads > self._config.follow, observer.loads, 0.0)
+        left, right = np.where(observer.known, seen, self._masses).tolist()
         other = max(abs(left - self._masses[0]), abs(right - self._masses[1])) > self._config.follow
         if other or (observer.known != self._known).any():
             self._known[:] = observer.known

@@ -27,6 +27,10 @@ from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 HALF_SOLE = 0.1
 """Lever at which a moment counts as much as a force [m]; from the URDF: half of the G1's sole of 0.17 m, rounded."""
 
+ARM_ROOM = 0.1
+"""Share of the torque of an arm that plans leave for each kg of its load, up to 1 kg; chosen: a plan may exceed its bound
+by 0.08, and where that is all that the program has, no hand is held."""
+
 
 class RobotTables:
     """The robot without its fingers, whose feet stay where the stance has them.
@@ -73,6 +77,8 @@ class RobotTables:
         self.tables, self.support, self.pressure_offsets = _tables(
             spec, config, friction, model, self.q_full[self.body].copy(), self.mass, self.foot_load_min
         )
+        self._tau_max, upper = self.tables.tau_max.copy(), list(model.names)[2 + N_JOINTS - UPPER :]
+        self._arms = [np.array([name.startswith(f"{tool.side}_") for name in upper]) for tool in spec.tools]
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
         table = shape_table(spec, self.proximity.geometry)
@@ -83,6 +89,8 @@ class RobotTables:
         """Count on these masses in the left and right hand from now on [kg]."""
         self._loads.carry(loads, self.tables.bodies)
         self.mass = self._loads.total
+        for arm, load in zip(self._arms, loads, strict=True):
+            self.tables.tau_max[arm] = (1.0 - ARM_ROOM * min(load, 1.0)) * self._tau_max[arm]
         self.tables = self.tables._replace(mass=self.mass)
 
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
