@@ -54,7 +54,7 @@ def test_the_compiled_program_is_the_readable_one(controller):
         controller.reset(at(q0))
         q = pin.integrate(robot.model, q0, rng.normal(0.0, 0.05, robot.nv))
         controller.set_reference((FAR if k % 2 else SCRIPT).packed(int(rng.integers(1100))))
-        controller.trust_hands(*rng.uniform(0.1, 1.0, 2))
+        controller.trust_hands(*[rng.uniform(0.1, 1.0)] * 2)
         controller.q = q
         assert compiled.compute(q), compiled.code
         wanted = solve(controller.build(), "daqp")

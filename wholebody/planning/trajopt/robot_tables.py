@@ -28,8 +28,8 @@ HALF_SOLE = 0.1
 """Lever at which a moment counts as much as a force [m]; from the URDF: half of the G1's sole of 0.17 m, rounded."""
 
 ARM_ROOM = 0.1
-"""Share of the torque of an arm that plans leave for each kg of its load, up to 1 kg; chosen: a plan may exceed its bound
-by 0.08, and where that is all that the program has, no hand is held."""
+"""Share of the torque of an arm that plans leave for each kg of its load, up to 1 kg; chosen: a plan may exceed its
+bound by 0.08, and where that is all that the program has, no hand is held."""
 
 
 class RobotTables:
