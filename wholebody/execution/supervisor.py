@@ -205,8 +205,7 @@ class Supervisor:
         taken = handover.take(self._now, None if self.plan is None else follower.s, follower.rate)
         if taken is not None:
             self._take_over(taken)
-        dropped = handover.take_dropped()
-        if dropped is not None:
+        if (dropped := handover.take_dropped()) is not None:
             self._waiting, self._retry = self._waiting or dropped, self._now
 
     def _judge_plan(self, answer: PlanAnswer) -> None:
