@@ -67,6 +67,14 @@ GAINS: dict[str, tuple[float, float]] = {
     r".*_hand_.*": (1.5, 0.2),
 }
 
+JOINT_FRICTION: dict[str, tuple[float, float]] = {
+    # Damping [N m s/rad] and dry friction [N m] (unitree_mujoco, unitree_robots/g1/g1_29dof_with_hand.xml). Models of
+    # this package have none; a realistic plant has these. The menagerie's G1 has 0.3 N m at every joint.
+    r"(?!.*_(wrist|hand)_).*": (0.05, 0.2),
+    r".*_wrist_.*": (0.05, 0.1),
+    r".*_hand_.*": (0.01, 0.1),
+}
+
 VELOCITY_SHARE: dict[str, float] = {
     # Share of the URDF speed, which is the motor's speed without load. A motor gives its peak torque up to about half
     # of it. Fingers carry no load to speak of while they move.

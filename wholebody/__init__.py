@@ -7,6 +7,8 @@ from importlib import import_module
 
 _HOME = {
     "REALISTIC": "sim.sensors",
+    "REALISTIC_READINGS": "sim.sensors",
+    "REALISTIC_ROBOT": "sim.robot_errors",
     "BodyReference": "control.reference_packet",
     "Checker": "verdict.check",
     "ConfigError": "errors",
@@ -21,9 +23,12 @@ _HOME = {
     "PalmReference": "control.reference_packet",
     "PosturePath": "planning.posture_path",
     "PostureSolver": "planning.posture",
+    "Readings": "estimation.readings",
+    "RealisticPlant": "sim.robot_errors",
     "Reason": "types",
     "Robot": "robot.state",
     "RobotConfig": "config",
+    "RobotErrors": "sim.robot_errors",
     "RobotState": "types",
     "SensorConfig": "sim.sensors",
     "Sensors": "sim.sensors",

@@ -26,12 +26,11 @@ FLOORS = (
     {
         "wholebody.estimation",
         "wholebody.reference",
-        "wholebody.sim",
         "wholebody.tasks",
         "wholebody.limits",
         "wholebody.contacts",
     },
-    {"wholebody.planning", "wholebody.qp"},
+    {"wholebody.planning", "wholebody.qp", "wholebody.sim"},
     {"wholebody.control"},
     {"wholebody.backends"},
     {"wholebody.execution"},

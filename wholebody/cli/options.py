@@ -90,7 +90,15 @@ class Simulation:
     hold: Annotated[float, Option(help="Seconds of standing after the last step: falls can come late.")] = 4.0
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
     robot: RobotModel = ""
-    realistic: Annotated[bool, Option(help="Tell the controller what real sensors would.")] = False
+    realistic: Annotated[
+        bool,
+        Option(help="A robot with friction, slow motors, other masses, an unknown load, and an estimated state."),
+    ] = False
+    sensors: Annotated[
+        Literal["", "true", "realistic"],
+        Option(help="What the controller is told of the state: the truth, or with the errors of real sensors. [true]"),
+    ] = ""
+    robot_seed: Annotated[int, Option(help="Of everything that --realistic and --sensors realistic draw.")] = 0
     delay_ms: Annotated[float, Option(help="Age of the state when the controller gets it, in ms.")] = 0.0
     payload_kg: Annotated[
         tuple[float, float],

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from wholebody.cli.options import Asking, Simulation
     from wholebody.config import ControllerConfig, LoadConfig, PlanningConfig
     from wholebody.episode.run import Cameras
+    from wholebody.sim.sensors import SensorConfig
     from wholebody.verdict.check import Checker
     from wholebody.verdict.fast import FastChecker
 
@@ -32,11 +33,11 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
         ValueError: If there is no such scene.
     """
     from wholebody.episode.run import EpisodeConfig
-    from wholebody.sim.sensors import REALISTIC, SensorConfig
+    from wholebody.sim.robot_errors import REALISTIC_ROBOT
     from wholebody.verdict.check import Checker
 
     settings = _settings(options)
-    sensors = replace(REALISTIC if options.realistic else SensorConfig(), delay=1e-3 * options.delay_ms)
+    require_run("seed", options.robot_seed, "--robot-seed")
     if scene.lower().endswith(".xml"):
         complain(f"{scene}: {UNSEEN}")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
@@ -44,9 +45,21 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
             scene,
             settings,
             episode=EpisodeConfig(hold=options.hold),
-            sensors=sensors if options.realistic or options.delay_ms else None,
+            sensors=_sensors(options),
             payload_kg=options.payload_kg,
+            errors=replace(REALISTIC_ROBOT, seed=options.robot_seed) if options.realistic else None,
         )
+
+
+def _sensors(options: Simulation) -> SensorConfig | None:
+    """Errors of the sensors, or None where the controller is told the truth at once."""
+    from wholebody.sim.sensors import REALISTIC, REALISTIC_READINGS, SensorConfig
+
+    chosen = options.sensors or ("realistic" if options.realistic else "true")
+    if chosen == "true" and not options.delay_ms:
+        return None
+    errors = SensorConfig() if chosen == "true" else REALISTIC_READINGS if options.realistic else REALISTIC
+    return replace(errors, delay=1e-3 * options.delay_ms, seed=options.robot_seed)
 
 
 def make_fast_checker(options: Simulation, quiet: bool = False) -> FastChecker:
@@ -58,7 +71,8 @@ def make_fast_checker(options: Simulation, quiet: bool = False) -> FastChecker:
     """
     from wholebody.verdict.fast import FastChecker
 
-    asked = {"--realistic": options.realistic, "--delay-ms": options.delay_ms, "--payload-kg": any(options.payload_kg)}
+    realistic = {"--realistic": options.realistic, "--sensors": options.sensors == "realistic"}
+    asked = realistic | {"--delay-ms": options.delay_ms, "--payload-kg": any(options.payload_kg)}
     if simulated := [name for name, given in asked.items() if given]:
         raise ValueError(f"--fast simulates nothing, so {', '.join(simulated)} would say nothing; leave one out")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):

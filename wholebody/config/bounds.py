@@ -75,7 +75,18 @@ OF_RUN: dict[str, tuple[float, float, str]] = {
     "encoder_noise": (0.0, 1.0, "rad"),
     "speed_noise": (0.0, 100.0, "rad/s"),
     "velocity_cutoff": (0.0, 1e4, "Hz"),
+    "gyro_bias": (0.0, 1.0, "rad/s"),
+    "yaw_drift": (0.0, 1.0, "rad/s"),
+    "lost": (0.0, 0.9, ""),
+    "joint_friction": (0.0, 10.0, ""),
+    "torque_lag": (0.0, 0.1, "s"),
+    "command_delay": (0.0, 0.1, "s"),
+    "mass_error": (0.0, 0.5, ""),
+    "torso_error": (0.0, 0.2, "m"),
+    "payload_max": (0.0, 50.0, "kg"),
+    "floor_friction": (0.01, 10.0, ""),
     "delay": (0.0, 1.0, "s"),
+    "delay_misjudged": (-0.1, 0.1, "s"),
     "seed": (0, 2**63 - 1, ""),
 }
 """Bounds and units of what a simulated run can be told: times, loads, errors of sensors."""

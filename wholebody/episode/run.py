@@ -138,7 +138,7 @@ def run_episode(
         sensors.reset()
     measure = (lambda state: state) if sensors is None else sensors.measure
     measured = measure(state)
-    supervisor.reset(measured)
+    supervisor.reset(measured, state.time)
     executor = _executor(policy, config, supervisor.config.planning.lead)
     meters = Meters(supervisor, plant, executor, config.settle)
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once

@@ -88,7 +88,8 @@ class StateMonitor:
         else:
             carried = self._predictor.carried(self._measured, now)
             self._present = carried if fault is None else replace(carried, tau=None)
-        self._lost = self._lost + 1 if has_lost_standing(self._present) else 0
+        if not 0.0 < self.bridged <= GO_ON:  # a prediction that short says nothing of falls
+            self._lost = self._lost + 1 if has_lost_standing(self._present) else 0
         return self._present, report
 
     def _fault(self, state: RobotState, elapsed: float) -> tuple[Reason, str] | None:

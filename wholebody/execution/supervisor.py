@@ -87,8 +87,8 @@ class Supervisor:
         self._waiting: ActionChunk | None = None
         self.handover.reset()
 
-    def reset(self, state: RobotState) -> None:
-        """Start an episode from a measured state of standing; `InputError` if it is no finite state of this robot."""
+    def reset(self, state: RobotState, now: float | None = None) -> None:
+        """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""
         check_state(state, self.robot.n_joints)
         self.carrying.reset()
         self.controller.reset(state)
@@ -98,7 +98,7 @@ class Supervisor:
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
         self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother)
         self._last_state = state
-        self._forget(state.time)
+        self._forget(state.time if now is None else now)
 
     def _following(self) -> PlanFollower:
         """The follower of this episode; a `StateError` before the first one."""
@@ -259,7 +259,7 @@ class Supervisor:
         """Command for one control period.
 
         Args:
-            state: As measured; one that cannot be used is bridged along the plan, with the reason in `status`.
+            state: As measured, carried on over its age; one that cannot be used is bridged, the reason in `status`.
             now: Present time on the clock of the states [s]; the state's own if not given.
 
         Raises:

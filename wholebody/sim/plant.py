@@ -112,14 +112,18 @@ class MujocoPlant:
         if {part.shape for part in asked} != {self.torque.shape}:
             check_command(command, self.spec.n_joints)
         for k in range(self._steps):
-            out = self._ctrl, self.torque, self.torque_asked
-            if not _drive(asked, self._motors, self._effort, self._state, *out, k == 0):
+            if not self._torques(asked, k == 0):
                 self._refuse(command)
             self._apply_pushes()
             mujoco.mj_step(self.model, self.data)
         self._touching = None
         self._check()
         return self.state()
+
+    def _torques(self, asked: tuple[np.ndarray, ...], anew: bool) -> bool:
+        """Torques of a physics step for ``q dq tau kp kd``; whether the command can be applied."""
+        out = self._ctrl, self.torque, self.torque_asked
+        return bool(_drive(asked, self._motors, self._effort, self._state, *out, anew))
 
     def _refuse(self, command: JointCommand) -> None:
         """Say why a command cannot be applied."""

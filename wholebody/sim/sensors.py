@@ -1,16 +1,17 @@
-"""What the controller is told of the true state: biased, noisy, filtered and late, as on a real robot."""
+"""What the controller is told of the true state: read by sensors that are biased, noisy and late, and estimated."""
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
-from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.config.bounds import require_run
+from wholebody.estimation.odometry import StanceOdometry
+from wholebody.estimation.readings import Estimator, Readings
 from wholebody.types import RobotState
 
 
@@ -32,8 +33,16 @@ class SensorConfig:
     """Of each joint speed before the filter [rad/s]."""
     velocity_cutoff: float = 0.0
     """Cut-off of the first-order filter on joint speeds and angular velocity; 0 for none [Hz]."""
+    gyro_bias: float = 0.0
+    """Standard deviation of the constant offset of the gyro, per axis [rad/s]."""
+    yaw_drift: float = 0.0
+    """Standard deviation of the speed at which the orientation's yaw drifts away [rad/s]."""
+    lost: float = 0.0
+    """Share of the samples that are lost: the one before comes again."""
     delay: float = 0.0
-    """Age of the state when the controller gets it [s]."""
+    """Age of the state when the controller gets it [s]; its own time says so."""
+    delay_misjudged: float = 0.0
+    """How much older it is than its own time says [s]."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -54,54 +63,69 @@ REALISTIC = SensorConfig(
 in the prototype."""
 
 
-class Sensors:
-    """Turns true states into measured ones.
+REALISTIC_READINGS = replace(REALISTIC, gyro_bias=0.005, yaw_drift=np.deg2rad(10.0) / 60.0, lost=0.01)
+"""Sensors of the realistic robot, which has no odometry but what is estimated [rad/s]; chosen, no G1 was measured: 0.3
+degrees a second of bias, 10 degrees a minute of drift, one sample in a hundred lost."""
 
-    Position and velocity of the base are what leg odometry would say: the soles' middle stays where it was at the first
-    state, and the measured angles, speeds and orientation lead from there to the pelvis.
+
+class Sensors:
+    """Turns true states into measured ones: readings first, from which the state is estimated.
 
     Args:
         spec: The robot.
         config: Errors of the sensors.
         dt: Time between states [s].
+        estimator: Makes the state of the readings; a `StanceOdometry` if not given.
+
+    Attributes:
+        encoder_error: Of the last readings of the joints, Pinocchio order, shape (n_joints,), [rad].
     """
 
-    def __init__(self, spec: RobotSpec, config: SensorConfig, dt: float) -> None:
-        self.config, self._dt = config, dt
-        self._model = load_pinocchio(spec)
-        self._data = self._model.createData()
-        self._feet = [self._model.getFrameId(foot.frame) for foot in spec.feet]
+    def __init__(self, spec: RobotSpec, config: SensorConfig, dt: float, estimator: Estimator | None = None) -> None:
+        self.config, self._dt, self._n = config, dt, spec.n_joints
+        self.estimator = StanceOdometry(spec) if estimator is None else estimator
         self.reset()
 
     def reset(self) -> None:
         """Draw the constant errors anew from the seed, forget the past."""
-        c = self.config
-        self._rng = np.random.default_rng(c.seed)
-        n = self._model.nq - 7
+        c, n = self.config, self._n
+        self._rng, other = np.random.default_rng(c.seed), np.random.default_rng((c.seed, 0))
         self._offset = c.encoder_offset * self._rng.standard_normal(n)
         direction = self._rng.uniform(0.0, 2.0 * np.pi)
         self._tilt = c.imu_bias * np.array([np.cos(direction), np.sin(direction), 0.0])
+        self._bias, self._drift = c.gyro_bias * other.standard_normal(3), c.yaw_drift * other.standard_normal()
+        self._losing, self.encoder_error = other, self._offset.copy()
         self._filtered: np.ndarray | None = None
-        self._soles: np.ndarray | None = None
+        self._began: float | None = None
         self._late: deque[RobotState] = deque(maxlen=round(c.delay / self._dt) + 1)
+        self._told: RobotState | None = None
+        self.estimator.reset()
 
     def measure(self, state: RobotState) -> RobotState:
-        """The state that the controller gets at the time of ``state``: an older one if there is a delay."""
-        c, q, v = self.config, state.q.copy(), state.v.copy()
-        if self._soles is None:
-            self._soles = self._middle(q, v)[0]
-        q[7:] += self._offset + self._noise(c.encoder_noise, len(q) - 7)
+        """The state that the controller gets at the time of ``state``: an older one if there is a delay.
+
+        Before the first one the robot has been at rest for as long as that.
+        """
+        late, lost = self._late, self._told is not None and self._losing.random() < self.config.lost
+        for back in range(0 if late else late.maxlen - 1, 0, -1):
+            late.append(self.estimator.estimate(self.read(replace(state, time=state.time - back * self._dt))))
+        late.append(self.estimator.estimate(self.read(state)))
+        self._told = self._told if lost else late[0]
+        return self._told
+
+    def read(self, state: RobotState) -> Readings:
+        """What the sensors say in a true state."""
+        c, n = self.config, self._n
+        self._began = state.time if self._began is None else self._began
+        self.encoder_error = self._offset + self._noise(c.encoder_noise, n)
         tilt = self._tilt + self._noise(c.imu_noise, 3)
-        q[3:7] = (pin.Quaternion(pin.exp3(tilt)) * pin.Quaternion(q[3:7])).normalized().coeffs()
-        v[3:6] += self._noise(c.gyro_noise, 3)
-        v[6:] += self._noise(c.speed_noise, len(v) - 6)
-        v[3:] = self._filter(v[3:])
-        soles, motion = self._middle(q, v)
-        q[:3] += self._soles - soles
-        v[:3] -= pin.Quaternion(q[3:7]).toRotationMatrix().T @ motion
-        self._late.append(RobotState(state.time, q, v, state.tau))
-        late = self._late[0]
-        return RobotState(state.time, late.q, late.v, late.tau)
+        tilt[2] += self._drift * (state.time - self._began)
+        quat = (pin.Quaternion(pin.exp3(tilt)) * pin.Quaternion(state.q[3:7])).normalized().coeffs()
+        v = state.v[3:].copy()
+        v[:3] += self._bias + self._noise(c.gyro_noise, 3)
+        v[3:] += self._noise(c.speed_noise, n)
+        v, time = self._filter(v), state.time + c.delay_misjudged
+        return Readings(time, quat, v[:3], state.q[7:] + self.encoder_error, v[3:], state.tau)
 
     def _noise(self, deviation: float, n: int) -> np.ndarray:
         return deviation * self._rng.standard_normal(n)
@@ -112,11 +136,3 @@ class Sensors:
         gain = 1.0 - np.exp(-2.0 * np.pi * self.config.velocity_cutoff * self._dt)
         self._filtered = v.copy() if self._filtered is None else self._filtered + gain * (v - self._filtered)
         return self._filtered.copy()
-
-    def _middle(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean position and velocity of the feet's frames in world, shape (3,) each."""
-        pin.forwardKinematics(self._model, self._data, q, v)
-        places = [pin.updateFramePlacement(self._model, self._data, frame).translation.copy() for frame in self._feet]
-        axes = pin.LOCAL_WORLD_ALIGNED
-        speeds = [pin.getFrameVelocity(self._model, self._data, frame, axes).linear.copy() for frame in self._feet]
-        return np.mean(places, axis=0), np.mean(speeds, axis=0)

@@ -13,9 +13,11 @@ from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
+from wholebody.estimation.odometry import StandingOdometry
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
+from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.verdict.verdict import Verdict, judge
 
@@ -31,6 +33,7 @@ class Checker:
         timestep: Physics step [s].
         payload_kg: Mass in the left and right hand [kg]; the controller observes it, or is told by ``config.loads``.
         friction: Friction coefficient of the floor.
+        errors: How the robot differs from its model; then its state is estimated from readings.
     """
 
     def __init__(
@@ -43,15 +46,30 @@ class Checker:
         timestep: float = 0.002,
         payload_kg: tuple[float, float] = (0.0, 0.0),
         friction: float = FLOOR_FRICTION,
+        errors: RobotErrors | None = None,
     ) -> None:
         config = config or ControllerConfig()
         spec = describe(config.robot)
         self.scene, self.episode, dt = scene, episode or EpisodeConfig(), config.dt
         world = {"timestep": min(timestep, dt), "payload_kg": payload_kg, "friction": friction}
-        # The plant first: a scene that does not exist is told at once.
-        self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
+        estimator = None if errors is None else StandingOdometry(spec, dt)
+        self.sensors = Sensors(spec, sensors, dt, estimator) if sensors is not None else None
+        # The plant before the supervisor: a scene that does not exist is told at once.
+        if errors is None:
+            self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
+        else:
+            self.plant = RealisticPlant(spec, errors, encoders=self.sensors, scene=scene, control_dt=dt, **world)
         self.supervisor = Supervisor(spec, config)
-        self.sensors = Sensors(spec, sensors, dt) if sensors is not None else None
+        self._errors = errors
+
+    @property
+    def robot(self) -> str:
+        """Which robot is simulated, and what the controller is told of it."""
+        if self._errors is None:
+            return "true" if self.sensors is None else f"true, errors of sensors with seed {self.sensors.config.seed}"
+        left, right = self.plant.payload_kg
+        told = "true state" if self.sensors is None else "state estimated from readings"
+        return f"realistic, seed {self._errors.seed}, {left:.2f} and {right:.2f} kg in its hands, {told}"
 
     def recorder(self) -> Recorder:
         """A recorder for this robot and scene."""
@@ -92,4 +110,4 @@ class Checker:
             progress=progress,
         )
         config = self.supervisor.config
-        return judge(name, result, asdict(config), bounds=config.verdict), result
+        return replace(judge(name, result, asdict(config), bounds=config.verdict), robot=self.robot), result

@@ -70,6 +70,8 @@ def lines(verdict: Verdict) -> list[str]:
         f"{np.rad2deg(verdict.turn_max_rad):.2f} deg at most"
     )
     text.append(f"  time     factor {verdict.time_factor:.3f}; {_durations(verdict)}")
+    if verdict.robot != "true":
+        text.append(f"  robot    {verdict.robot}")
     margin = verdict.pressure_margin_m
     room = "" if margin is None else f"centre of pressure at least {1e3 * margin:.0f} mm inside the soles; "
     text.append(f"  balance  {room}feet slid {1e3 * verdict.creep_m:.1f} mm")
@@ -161,7 +163,9 @@ def table_summary(verdicts: Sequence[Verdict]) -> str:
     """What stands below the table."""
     falls, damping = sum(v.fell for v in verdicts), sum(v.seconds.get("damping", 0.0) for v in verdicts)
     motions, fell = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in ((len(verdicts), "motion"), (falls, "fall")))
+    robots = ", ".join(dict.fromkeys(v.robot for v in verdicts)) or "none"
     return (
         f"{motions}, {fell}, {damping:.1f} s damping\n"
+        f"robot: {robots}\n"
         "demandable: steps slow enough and within reach; within 20 mm, RMS and max: of those, each at its own time"
     )

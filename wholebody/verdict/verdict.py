@@ -59,6 +59,7 @@ class Verdict:
         timing: Latency, starvation and seams.
         config: The controller's configuration.
         versions: Versions that the answer depends on.
+        robot: Which robot was simulated: ``true``, or how it differed, with the seed.
         method: ``simulated``, or ``fast``: by plans alone.
         decided_by: Of a fast one, whether previews told, or plans had to be searched for; else empty.
         margins: Of a fast one, the least room to each kind of bound, the tightest first.
@@ -92,6 +93,7 @@ class Verdict:
     timing: Timing = field(default_factory=Timing)
     config: dict = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
+    robot: str = "true"
     method: Literal["simulated", "fast"] = "simulated"
     decided_by: Literal["", "preview", "plan"] = ""
     margins: list[Margin] = field(default_factory=list)

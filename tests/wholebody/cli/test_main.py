@@ -143,7 +143,7 @@ def test_a_run_writes_its_recording_and_a_picture_or_says_why_not(inside, tmp_pa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "c.yaml").write_text("solver: quadprog\n")
     options = ("--record", "run.npz", "--sheet", "run.png", "--config", "c.yaml", "--json", "run.json")
-    more = ("--realistic", "--delay-ms", "4", "--payload-kg", "0.5", "0.5")
+    more = ("--sensors", "realistic", "--delay-ms", "4", "--payload-kg", "0.5", "0.5")
     answer = inside("run", "wave", *SHORT, *options, *more)
     assert answer.returncode == 0, answer.stderr
     with np.load(tmp_path / "run.npz", allow_pickle=False) as data:

@@ -8,6 +8,7 @@ from models import g1
 from models.pinocchio_model import load_pinocchio, stance_q
 from wholebody.errors import InputError
 from wholebody.estimation.odometry import StandingOdometry
+from wholebody.estimation.readings import Readings
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.posture import path_to, solve
 from wholebody.sim.plant import MujocoPlant
@@ -53,6 +54,17 @@ def test_torques_are_in_the_order_of_the_joints_and_unknown_if_they_are_not_told
     assert odometry.state(**readings(standing())).tau is None
     state = odometry.state(**readings(standing()), torques=dict(reversed(dict(zip(NAMES, told, strict=True)).items())))
     np.testing.assert_array_equal(state.tau, told)
+
+
+def test_a_gyro_bias_is_learned_from_the_legs_and_a_yaw_that_drifts_does_not_matter():
+    odometry, bias = StandingOdometry(SPEC, 0.02), np.array([0.01, -0.02, 0.03])
+    state = standing()
+    for k in range(1500):
+        turned = pin.Quaternion(pin.exp3(np.array([0.0, 0.0, 1e-3 * k]))) * pin.Quaternion(state.q[3:7])
+        seen = odometry.estimate(Readings(0.02 * k, turned.coeffs(), state.v[3:6] + bias, state.q[7:], state.v[6:]))
+    np.testing.assert_allclose(odometry.bias, bias, atol=1e-4)
+    np.testing.assert_allclose(seen.q, state.q, atol=1e-5)
+    np.testing.assert_allclose(seen.v, state.v, atol=1e-3)
 
 
 def test_a_moving_robot_is_known_to_a_millimetre_and_its_velocity_to_a_centimetre_a_second():

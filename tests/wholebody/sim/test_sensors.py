@@ -1,5 +1,7 @@
 """Strategy: one error of the sensors at a time, on states made by hand whose feet stay where they are."""
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -86,16 +88,33 @@ def test_the_base_velocity_is_that_of_feet_that_stand():
     assert np.allclose(np.mean(feet, axis=0), 0.0, atol=1e-12)
 
 
-def test_a_delayed_state_is_an_old_one():
-    sensors = Sensors(SPEC, SensorConfig(delay=0.01), DT)
+@pytest.mark.parametrize("misjudged", [0.0, 0.004, -0.004])
+def test_a_delayed_state_is_an_old_one_and_says_so(misjudged):
+    sensors = Sensors(SPEC, SensorConfig(delay=0.01, delay_misjudged=misjudged), DT)
     speeds = []
     for k in range(10):
         v = np.zeros(MODEL.nv)
         v[20] = float(k)
         answer = sensors.measure(standing(k * DT, v))
-        assert answer.time == k * DT
+        assert answer.time == pytest.approx(k * DT - 0.01 + misjudged)
         speeds.append(answer.v[20])
     assert speeds == [0, 0, 0, 0, 0, 0, 1, 2, 3, 4]
+
+
+def test_a_lost_sample_is_the_one_before_again():
+    sensors = Sensors(SPEC, SensorConfig(lost=0.2), DT)
+    told = [sensors.measure(standing(k * DT)) for k in range(1000)]
+    assert 0.15 < np.mean([one is before for before, one in pairwise(told)]) < 0.25
+
+
+def test_gyro_bias_and_yaw_drift_are_in_the_readings():
+    sensors = Sensors(SPEC, SensorConfig(gyro_bias=0.01, yaw_drift=0.1), DT)
+    first, second = sensors.read(standing()), sensors.read(standing(1.0))
+    assert np.array_equal(first.gyro, second.gyro)
+    assert 0.0 < np.abs(first.gyro).max() < 0.05
+    turn = pin.log3((pin.Quaternion(second.quat_xyzw) * pin.Quaternion(first.quat_xyzw).inverse()).matrix())
+    assert 0.001 < abs(turn[2]) < 0.5
+    assert np.allclose(turn[:2], 0.0)
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])

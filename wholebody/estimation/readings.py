@@ -1,0 +1,41 @@
+"""What the sensors of a robot say at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from wholebody.types import RobotState
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """Readings of the IMU in the pelvis and of the joints, as Unitree's LowState has them; joints in Pinocchio order.
+
+    Attributes:
+        time: When they were taken, on the clock of the robot [s].
+        quat_xyzw: Orientation of the pelvis; its yaw drifts.
+        gyro: Angular velocity of the pelvis in its own axes, shape (3,), [rad/s].
+        q: Positions of the joints, shape (n,), [rad].
+        dq: Speeds, likewise [rad/s].
+        tau: Torques, likewise [N m]; None if they are not known.
+    """
+
+    time: float
+    quat_xyzw: np.ndarray
+    gyro: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    tau: np.ndarray | None = None
+
+
+class Estimator(Protocol):
+    """Makes the state of the robot of its readings."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+    def estimate(self, readings: Readings) -> RobotState:
+        """The state, from the readings of an instant and those before."""
