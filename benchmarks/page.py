@@ -20,11 +20,11 @@ from time import monotonic
 
 import msgspec
 import numpy as np
-import viser
-import zstandard
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import ClientConnection
 
-HANDLE, PALM = "/handle/left", "/robot/left_hand_palm_link"
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.support.page_watcher import HANDLE, PALM, connected, messages
+
 WAY, PAUSE, MOVED = 0.05, 2.0, 0.002
 """How far a drag goes [m], time between two [s], and what counts as moved [m]."""
 
@@ -39,7 +39,7 @@ def main() -> None:
         arguments = [sys.executable, "-c", "from wholebody.cli.main import main; main()", "live", "--json", str(told)]
         process = subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         address = next(found[0] for line in process.stderr if (found := re.search(r"//[\d.]+:\d+", line)))
-        with connect(f"ws:{address}", max_size=None, subprotocols=[f"viser-v{viser.__version__}"], proxy=None) as page:
+        with connected(address) as page:
             updates, latencies = _watch(page, drags)
         process.send_signal(signal.SIGINT)
         process.communicate()
@@ -59,7 +59,7 @@ def _watch(page: ClientConnection, drags: int) -> tuple[list[float], list[float]
     following = monotonic() + 10.0
     while len(latencies) < drags:
         now = monotonic()
-        for message in _messages(page.recv()):
+        for message in messages(page.recv()):
             if message.get("name") == HANDLE and message["type"] == "SetPositionMessage":
                 handle = np.array(message["position"])
             if message.get("name") == HANDLE and message["type"] == "SetOrientationMessage":
@@ -81,12 +81,6 @@ def _watch(page: ClientConnection, drags: int) -> tuple[list[float], list[float]
 def _drag(position: np.ndarray, wxyz: list[float]) -> bytes:
     message = {"type": "TransformControlsUpdateMessage", "name": HANDLE, "wxyz": wxyz, "owner": ""}
     return msgspec.msgpack.encode(message | {"position": position.tolist()})
-
-
-def _messages(frame: bytes) -> list[dict]:
-    """Messages of a frame: sizes, compressed MessagePack, arrays."""
-    size = int.from_bytes(frame[8:16], "little")
-    return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))["messages"]
 
 
 if __name__ == "__main__":

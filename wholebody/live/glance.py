@@ -65,13 +65,13 @@ class Glance:
         asked = np.full((2, 4, 4), np.nan) if followed.asked is None else followed.asked
         numbers = (STATUSES.index(status.status), reason, followed.rate, followed.planning_time)
         counts = (self.tick, self.missed, self.late, self.source)
-        return *wire.state_message(self.state), asked, followed.commanded, self.planned, numbers, counts
+        return asked, followed.commanded, self.planned, numbers, counts, *wire.state_message(self.state)
 
     @classmethod
     def of(cls, message: np.ndarray, nq: int, nv: int) -> Glance:
         """The glance in a message."""
-        state, asked, commanded, planned, rest = np.split(message, np.cumsum([1 + nq + nv, 32, 32, nq]))
-        status, reason, rate, planning, tick, missed, late, source = rest.tolist()
+        asked, commanded, planned, numbers, state = np.split(message, np.cumsum([32, 32, nq, 8]))
+        status, reason, rate, planning, tick, missed, late, source = numbers.tolist()
         followed = Followed(
             asked=asked.reshape(2, 4, 4) if np.isfinite(asked).all() else None,
             commanded=commanded.reshape(2, 4, 4),

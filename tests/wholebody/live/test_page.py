@@ -13,15 +13,21 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.support.browser import Browser
+from tests.support.page_watcher import HANDLE, PALM, PageWatcher
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(900)]
 
 SHOTS = Path(os.environ.get("SCREENSHOTS", ""))
 """Folder where pictures are left to be looked at; none if empty."""
 WORDS = "document.body.innerText"
+CAMERA, LOOKED_AT, FIELD_OF_VIEW = (1.4, 0.95, 1.15), (0.1, 0.0, 0.65), np.radians(75.0)
+"""The page's first view [m, rad]."""
+ARROW = 0.06
+"""Height of a point of the handle's arrow upwards [m]."""
 
 
 def free_port():
@@ -88,11 +94,29 @@ def test_words_and_buttons_reach_the_robot(live, tmp_path):
         browser.wait_for(f"{clock} > {stopped} + 0.5")
 
 
+def on_screen(point, size):
+    """Where the page's first view has a point of the world [px]."""
+    back = np.array(CAMERA) - LOOKED_AT
+    back /= np.linalg.norm(back)
+    right = np.cross((0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    x, y, depth = np.stack([right, np.cross(back, right), -back]) @ (np.asarray(point) - CAMERA)
+    scale = 0.5 * size[1] / np.tan(0.5 * FIELD_OF_VIEW) / depth
+    return [0.5 * size[0] + scale * x, 0.5 * size[1] - scale * y]
+
+
 def test_dragging_a_palm_moves_the_hand(live, tmp_path):
     address, _, _ = live
-    with Browser(tmp_path) as browser:
+    with Browser(tmp_path) as browser, PageWatcher(address) as seen:
         settled(browser, address)
-        begin = [browser.size[0] * 0.4, browser.size[1] * 0.5]
-        assert browser.evaluate("document.querySelector('canvas').clientWidth") > begin[0]
-        browser.drag(begin, [begin[0] + 80, begin[1] - 60])
+        handle, palm = seen.positions[HANDLE], seen.positions[PALM]
+        # The handle's arrow upwards, from its middle to 60 mm above.
+        size = browser.evaluate("(c => [c.clientWidth, c.clientHeight])(document.querySelector('canvas'))")
+        begin, end = (on_screen(handle + np.array([0.0, 0.0, up]), size) for up in (ARROW, ARROW + 0.06))
+        browser.drag(begin, end)
+        limit = time.monotonic() + 20.0
+        while time.monotonic() < limit and seen.positions[PALM][2] < palm[2] + 0.03:
+            time.sleep(0.1)
+        np.testing.assert_allclose(seen.positions[HANDLE] - handle, (0.0, 0.0, 0.06), atol=0.02)
+        np.testing.assert_allclose(seen.positions[PALM] - palm, seen.positions[HANDLE] - handle, atol=0.02)
         assert browser.errors == []

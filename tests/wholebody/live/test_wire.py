@@ -1,5 +1,7 @@
 """Strategy: messages over a real socket pair: what is sent comes back, the newest counts, nobody waits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,16 +69,20 @@ def test_a_side_that_is_gone_is_told():
 
 
 @pytest.mark.parametrize("reason", [None, REASONS[0], Reason.OUT_OF_REACH, REASONS[-1]])
-def test_a_glance_comes_as_it_was_shown(ends, reason):
+@pytest.mark.parametrize("tau", [None, np.arange(43.0)], ids=["without_torques", "with_torques"])
+def test_a_glance_comes_as_it_was_shown(ends, reason, tau):
     palms = np.arange(32.0).reshape(2, 4, 4)
     status = StatusReport(Status.SLOWED, reason)
-    sent = Glance(state(), Followed(palms, 2.0 * palms, status, 0.5, 0.08), np.full(50, np.nan), 1e-3, 3, 4, 2)
+    seen = replace(state(), tau=tau)
+    sent = Glance(seen, Followed(palms, 2.0 * palms, status, 0.5, 0.08), np.full(50, np.nan), 1e-3, 3, 4, 2)
     wire.send(ends[0], *sent.message())
     came = Glance.of(wire.newest(ends[1]), 50, 49)
     assert (came.followed.status, came.followed.rate, came.followed.planning_time) == (status, 0.5, 0.08)
     assert (came.tick, came.missed, came.late, came.source) == (1e-3, 3, 4, 2)
     np.testing.assert_array_equal(came.followed.commanded, 2.0 * palms)
     assert np.isnan(came.planned).all()
+    np.testing.assert_array_equal(came.state.q, seen.q)
+    assert came.state.tau is None if tau is None else (came.state.tau == tau).all()
 
 
 def test_before_the_first_chunk_nothing_is_asked(ends):
