@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import inf
 
 import numpy as np
+import pinocchio as pin
 
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
@@ -71,6 +72,7 @@ class Reflex:
     ) -> None:
         self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
         self._stance = stance_q(controller.spec, controller.robot.model)
+        self._data = controller.robot.model.createData()
         self._patience, self._back = Patience(), None
         self.active, self.status = False, statuses.OFF_PLAN
 
@@ -95,15 +97,14 @@ class Reflex:
     def go_back(self, state: RobotState) -> float:
         """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""
         if self._back is None:
-            self._back = WayBack(self._controller.robot, self._hold_still(state), self._stance)
+            self._back = WayBack(self._controller.robot, self._data, self._hold_still(state), self._stance)
         self.active, self.status = True, statuses.GOING_BACK
         return GO_BACK
 
-    def advance(self, state: RobotState, elapsed: float) -> None:
+    def advance(self, elapsed: float) -> None:
         """Go on towards the stance for so long [s], if that is where to go and the balance allows it."""
         if self._back is not None and not self._follower.near_edge:
-            robot = self._controller.robot
-            self._follower.stand(self._back.advance(elapsed), hands_at_rest(robot, state.q))
+            self._follow(self._back.advance(elapsed))
 
     def end(self) -> None:
         """A plan is followed."""
@@ -114,21 +115,28 @@ class Reflex:
         robot, support = self._controller.robot, self._controller.balance.support
         margin, self._back = self._config.planner.posture.com_margin, None
         trajectory = standing_trajectory(robot, self._resting(state), support, margin)
-        self._follower.stand(trajectory, hands_at_rest(robot, state.q))
+        self._follow(trajectory)
         return trajectory
+
+    def _follow(self, trajectory: SampledTrajectory) -> None:
+        """Be led to one row, the hands to where it has them: a plan begins with both."""
+        self._follower.stand(trajectory, hands_at_rest(self._controller.robot, trajectory.q[0], self._data))
 
     def _resting(self, state: RobotState) -> np.ndarray:
         """Where the robot comes to rest, configuration (nq,)."""
         return resting_posture(state.q, state.v, self._config.body.posture_kd)
 
 
-def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Motions of hands that stay where they are in the robot's present configuration (nq,), rows (2, 40)."""
-    rows = [
-        rest_row(robot.pose(tool.wrist_frame).homogeneous, q[7 + robot.joint_indices(tool.finger_joints)])
-        for tool in robot.spec.tools
-    ]
-    return np.stack(rows)
+def hands_at_rest(robot: Robot, q: np.ndarray, data: pin.Data | None = None) -> np.ndarray:
+    """Motions of hands that stay where a configuration (nq,) has them, rows (2, 40).
+
+    ``data`` is overwritten; to make it anew takes some milliseconds.
+    """
+    tools, data = robot.spec.tools, data or robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    poses = [data.oMf[robot.frame_id(tool.wrist_frame)].homogeneous for tool in tools]
+    fingers = [q[7 + robot.joint_indices(tool.finger_joints)] for tool in tools]
+    return np.stack([rest_row(T, joints) for T, joints in zip(poses, fingers, strict=True)])
 
 
 def to_hold(newest: ActionChunk | None, motion: HandMotion, now: float) -> ActionChunk:

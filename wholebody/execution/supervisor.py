@@ -284,7 +284,7 @@ class Supervisor:
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
-        self._reflex.advance(state, elapsed)
+        self._reflex.advance(elapsed)
         self._last_state, self._now = state, max(now, self._now)
         allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0
         reference = follower.reference(state.q, elapsed, allowed=allowed)

@@ -20,12 +20,13 @@ class WayBack:
 
     Args:
         robot: Its model.
+        data: Overwritten at each step.
         begin: Where it stands, one row.
         stance: Configuration, shape (nq,).
     """
 
-    def __init__(self, robot: Robot, begin: SampledTrajectory, stance: np.ndarray) -> None:
-        self._robot, self._data, self._begin = robot, robot.model.createData(), begin
+    def __init__(self, robot: Robot, data: pin.Data, begin: SampledTrajectory, stance: np.ndarray) -> None:
+        self._robot, self._data, self._begin = robot, data, begin
         self._trunk = [robot.frame_id(name) for name in (robot.spec.base_body, robot.spec.torso_body)]
         self._end = pin.centerOfMass(robot.model, self._data, stance).copy()
         self._way = pin.difference(robot.model, begin.q[0], stance)

@@ -1,5 +1,7 @@
 """Strategy: the real robot put into leans past its bounds, where no plan begins; it must find back by itself."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
 from policy.scripted.policy import to_chunk
 from tests.support.body_cases import leaning
+from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.sim.fall import detect_fall
@@ -71,3 +74,21 @@ def test_without_a_chunk_that_can_be_joined_it_goes_back_to_its_stance(loop):
     state, statuses, _ = run(loop, state, 4.0, chunks=0)
     assert "slowly to its stance" in statuses[-1].detail
     assert np.abs(state.q[7:] - stance[7:]).max() < 0.05
+
+
+def test_a_plan_for_a_robot_off_its_plan_begins_with_the_hands_where_the_arms_come_to_rest(loop):
+    """It began with the hands where they had been when the robot left its plan, here 39 mm from the body's own."""
+    supervisor, plant = loop
+    state, robot = plant.reset(), supervisor.robot
+    v = state.v.copy()
+    v[6 + robot.joint_indices(["left_elbow_joint", "right_elbow_joint"])] = 3.0
+    state = replace(state, v=v)
+    supervisor.reset(state)
+    supervisor.step(state)
+    reflex = supervisor._reflex
+    reflex.stand(state, state.time)
+    start = reflex.foreseen(state, 150)
+    of_body = hands_at_rest(robot, start.body.q)
+    of_arms = hands_at_rest(robot, state.q)
+    assert np.linalg.norm(of_body[:, :3] - of_arms[:, :3], axis=1).min() > 0.03
+    assert np.linalg.norm(start.hands.p - of_body[:, :3], axis=1).max() < 1e-3
