@@ -1,18 +1,10 @@
-"""Twenty variants of the lissajous, so that nothing leans on one script.
+"""Twenty variants of the lissajous, so that nothing leans on one script; a study of that name runs them."""
 
-``python tests/support/lissajous_variants.py FIRST LAST`` runs the seeds FIRST to LAST - 1 and prints one line each;
-``hands`` after that prints how near the hands come that each asks for instead, whatever robot they are on.
-"""
-
-import sys
 from itertools import product
-from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from models import g1
 from models.pinocchio_model import load_collision, load_pinocchio, stance_q
@@ -28,9 +20,6 @@ from policy.scripted.library import (
     MIRROR_Y,
 )
 from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, minimum_jerk, stance_pose, to_chunk
-from wholebody.episode.run import EpisodeConfig, run_episode
-from wholebody.execution.supervisor import Supervisor
-from wholebody.sim.plant import MujocoPlant
 
 SPEED_MAX = 1.1
 """Peak speed of a palm on the curve [m/s]."""
@@ -76,23 +65,15 @@ def variant(seed: int) -> ScriptedPolicy:
     return ScriptedPolicy(f"lissajous {seed}", script, end + END)
 
 
-def errors_line(policy, supervisor, plant, *, start=3.0, scored=SCORED, seconds=None):
-    """One line: the errors over the scored time, the time factor and a fall."""
-    seconds = policy.duration if seconds is None else seconds
-    result = run_episode(policy, supervisor, plant, duration=seconds, config=EpisodeConfig(hold=1.0))
-    inside = (result.times >= start) & (result.times < start + scored)
-    errors, turns = 1e3 * result.errors[inside], np.rad2deg(result.turns[inside])
-    fell = f" FELL {result.fall.time:.2f} s: {result.fall.cause}" if result.fall else ""
-    refused = f" refused {[(round(r.time, 2), str(r.reason)) for r in result.refusals]}" if result.refusals else ""
-    return (
-        f"rms {np.sqrt((errors**2).mean()):.2f} mm, max {errors.max():.2f} mm at "
-        f"{result.times[inside][errors.max(axis=1).argmax()]:.2f} s, {np.sqrt((turns**2).mean()):.3f} deg, "
-        f"time factor {result.time_factor:.4f}{fell}{refused}"
-    )
+def hand_distances(policy, period=1.0 / 30.0):
+    """Distance between the hulls of both hands as asked for on the curve; negative where they overlap.
 
+    Neither planner nor controller has a part in it: both hands are put where the script has them, whatever arms they
+    are on.
 
-def hand_distances(policy, period=0.04):
-    """Distance between the hulls of both hands as asked for on the curve, (n,) [m]; negative where they overlap."""
+    Returns:
+        Times on the script's clock [s] and distances [m], shape (n,) each.
+    """
     spec = g1()
     model = load_pinocchio(spec)
     geometry, data, q = load_collision(spec, model), model.createData(), stance_q(spec, model)
@@ -115,18 +96,4 @@ def hand_distances(policy, period=0.04):
             placed = [coal.Transform3s(T.rotation, T.translation) for T in (T_a, T_b)]
             near = coal.distance(a, placed[0], b, placed[1], coal.DistanceRequest(), coal.DistanceResult())
             nearest[k] = min(nearest[k], near)
-    return nearest
-
-
-if __name__ == "__main__":
-    if "hands" in sys.argv:
-        for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-            near = hand_distances(variant(seed))
-            print(
-                f"{seed} hands {1e3 * near.min():.1f} mm apart at least, overlap {(near < 0.0).mean():.0%} of the time"
-            )
-        sys.exit()
-    spec = g1()
-    robot = Supervisor(spec), MujocoPlant(spec)
-    for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-        print(seed, errors_line(variant(seed), *robot), flush=True)
+    return t, nearest

@@ -18,6 +18,10 @@ from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState
 
+INTEGRATED_MAX = 0.02
+"""Longest time over which a tick integrates [s]; chosen: ten periods at 500 Hz. After a longer gap the robot is
+elsewhere than its last command said."""
+
 
 class Controller(ABC):
     """Tasks, contacts and support of one robot, for a controller to build its program from.
@@ -34,7 +38,7 @@ class Controller(ABC):
         self.tasks, self.feet = make_tasks(spec, config, self.robot), make_feet(spec, config)
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
-        self.compiled = None
+        self.compiled, self._elapsed = None, config.dt
 
     def bind_references(self) -> None:
         """Tasks read their references where the program does."""
@@ -51,12 +55,16 @@ class Controller(ABC):
         """Hand a reference to the tasks; an `InputError` if a number of it is not finite."""
         self._reference.take(reference)
 
-    def step(self, state: RobotState, reference: BodyReference | PackedReference) -> tuple[JointCommand, TickReport]:
+    def step(
+        self, state: RobotState, reference: BodyReference | PackedReference, elapsed: float | None = None
+    ) -> tuple[JointCommand, TickReport]:
         """One tick.
 
         Args:
             state: Measured state; finite, and not changed afterwards.
             reference: What to follow.
+            elapsed: Time since the last tick [s], over which the answer is integrated, at most `INTEGRATED_MAX`; the
+                control period if not given.
 
         Raises:
             StateError: If the controller was never reset.
@@ -65,6 +73,7 @@ class Controller(ABC):
         if self.balance.support is None:
             raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
         self.set_reference(reference)
+        self._elapsed = self.config.dt if elapsed is None else min(elapsed, INTEGRATED_MAX)
         return self._tick(state)
 
     def set_down(self, q: np.ndarray, v: np.ndarray) -> None:

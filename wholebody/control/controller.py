@@ -146,6 +146,7 @@ class WholeBodyController(Controller):
             report = self._solve()
             return self._command(state, report.solution), report
         self.place(state)
+        compiled.tick.dt, compiled.tick.leak = self._elapsed, self._leak
         for level in (TickLevel.FULL, TickLevel.NO_HANDS):
             hands = level is TickLevel.FULL
             if compiled.compute(state.q, state.v, hands=hands):
@@ -160,6 +161,11 @@ class WholeBodyController(Controller):
             if report.level is not TickLevel.FAILED:
                 break
         return self._command(state, report.solution), report
+
+    @property
+    def _leak(self) -> float:
+        """Share of its difference from the measured state that the desired one forgets in this tick."""
+        return min(self._elapsed / self.config.leak, 1.0)
 
     def place(self, state: RobotState) -> None:
         """Tell the compiled program what further tasks and limits ask for at a state; without any, this is free."""
@@ -215,7 +221,7 @@ class WholeBodyController(Controller):
         return TickReport(self.dynamics.read(answer), answer, level)
 
     def _command(self, state: RobotState, solution: WholeBodySolution | None) -> JointCommand:
-        dt, leak = self.config.dt, self.config.dt / self.config.leak
+        dt, leak = self._elapsed, self._leak
         if solution is None:
             ddq = -self.dq_des / 0.1
         else:

@@ -288,7 +288,7 @@ class Supervisor:
         self._last_state, self._now = state, max(now, self._now)
         allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0
         reference = follower.reference(state.q, elapsed, allowed=allowed)
-        command, self.last_tick = self.controller.step(state, reference)
+        command, self.last_tick = self.controller.step(state, reference, elapsed)
         self._judge()
         self.status = fault or self.status
         return command

@@ -208,6 +208,10 @@ def test_a_known_delay_of_the_state_costs_little_and_a_misjudged_one_is_stable(p
     assert largest[2] < largest[0] + 8.0
 
 
-def test_every_tenth_tick_dropped_costs_little(plant):
-    error, _ = reaching(DroppedTicks(SPEC), plant)
+@pytest.mark.parametrize("every", [10, 2])
+def test_ticks_that_are_dropped_cost_little(plant, every):
+    """The controller integrated for one period however much time had passed: with every second tick it fell."""
+    supervisor = DroppedTicks(SPEC)
+    supervisor.every = every
+    error, _ = reaching(supervisor, plant)
     assert error < 5e-3

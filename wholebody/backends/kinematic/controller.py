@@ -63,7 +63,7 @@ class KinematicController(Controller):
         report = self._compiled() if self.compiled is not None else self._readable(("daqp",))
         if report.level is TickLevel.FAILED:
             self.v = np.zeros(self.robot.nv)
-        self.q = pin.integrate(self.robot.model, self.q, self.config.dt * self.v)
+        self.q = pin.integrate(self.robot.model, self.q, self._elapsed * self.v)
         self.tau = self._weight(state.q)
         return self._command(state.time), report
 
