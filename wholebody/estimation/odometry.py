@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import atan2, copysign, cos, isfinite, sin, sqrt
 
 import numpy as np
 import pinocchio as pin
@@ -33,10 +34,20 @@ class StandingOdometry:
     """
 
     def __init__(self, spec: RobotSpec, dt: float = 0.0) -> None:
-        self._model = load_pinocchio(spec)
-        self._data = self._model.createData()
-        self._names = list(self._model.names)[2:]
-        self._feet = [(self._model.getFrameId(foot.frame), foot.sole_center) for foot in spec.feet]
+        whole = load_pinocchio(spec)
+        self._names, self._soles = list(whole.names)[2:], []
+        # The soles hang on the legs alone.
+        ankles = [whole.frames[whole.getFrameId(foot.frame)].parentJoint for foot in spec.feet]
+        legs = {joint for ankle in ankles for joint in whole.supports[ankle]}
+        locked = [joint for joint in range(2, whole.njoints) if joint not in legs]
+        model = self._model = pin.buildReducedModel(whole, locked, pin.neutral(whole))
+        self._legs = np.array([whole.idx_vs[joint] - 6 for joint in sorted(legs) if joint > 1])
+        for foot in spec.feet:
+            ankle = model.frames[model.getFrameId(foot.frame)]
+            T_joint_sole = ankle.placement * pin.SE3(np.eye(3), np.array(foot.sole_center))
+            frame = pin.Frame(f"{foot.side}_sole", ankle.parentJoint, 0, T_joint_sole, pin.FrameType.OP_FRAME)
+            self._soles.append(model.addFrame(frame))
+        self._data = model.createData()
         self._share = dt / BIAS_TIME
         self.reset()
 
@@ -82,20 +93,27 @@ class StandingOdometry:
     def estimate(self, readings: Readings) -> RobotState:
         """The same for readings as arrays."""
         quat = readings.quat_xyzw
-        if not abs(np.linalg.norm(quat) - 1.0) <= QUATERNION_TOLERANCE:
+        if not abs(sqrt(quat.dot(quat)) - 1.0) <= QUATERNION_TOLERANCE:
             quat = np.full(4, np.nan)
-        q = np.concatenate([np.zeros(3), quat, readings.q])
-        v = np.concatenate([np.zeros(3), readings.gyro - self.bias, readings.dq])
-        R = pin.Quaternion(quat).toRotationMatrix()
-        soles, motion, turning, yaw = self._soles(q, v)
-        # Feet that stay turn with the pelvis as its gyro says, and back by the legs: what is left is the gyro's bias.
-        if self._share > 0.0 and np.isfinite(turning).all():
-            self.bias = np.clip(self.bias + self._share * (R.T @ turning), -BIAS_MAX, BIAS_MAX)
-        turn = pin.AngleAxis(-yaw, np.array([0.0, 0.0, 1.0])).matrix()
-        q[:3] = -turn @ soles
-        quat = (pin.Quaternion(turn) * pin.Quaternion(quat)).normalized().coeffs()
-        q[3:7] = np.copysign(1.0, quat[3]) * quat  # of the two signs always the same one
-        v[:3] = -R.T @ motion
+        n, model, data = len(readings.q), self._model, self._data
+        q, v = np.zeros(7 + n), np.zeros(6 + n)
+        q[3:7], q[7:], v[3:6], v[6:] = quat, readings.q, readings.gyro - self.bias, readings.dq
+        legs = self._legs
+        pin.forwardKinematics(model, data, np.append(q[:7], q[7:][legs]), np.append(v[:6], v[6:][legs]))
+        left, right = (pin.updateFramePlacement(model, data, sole) for sole in self._soles)
+        slide, slip = (pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED).vector for sole in self._soles)
+        R = data.oMi[1].rotation
+        # Soles that stay turn with the pelvis as its gyro says, and back by the legs: what is left is the gyro's bias.
+        motion = 0.5 * (slide + slip)
+        if self._share > 0.0 and isfinite(motion.dot(motion)):
+            self.bias = (self.bias + self._share * (motion[3:] @ R)).clip(-BIAS_MAX, BIAS_MAX)
+        ahead, place = left.rotation[:, 0] + right.rotation[:, 0], -0.5 * (left.translation + right.translation)
+        yaw = -atan2(ahead[1], ahead[0])
+        c, s, x, y = cos(yaw), sin(yaw), place[0], place[1]
+        q[0], q[1], q[2] = c * x - s * y, s * x + c * y, place[2]
+        quat = (pin.Quaternion(cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)) * pin.Quaternion(q[3:7])).coeffs()
+        q[3:7] = quat * (copysign(1.0, quat[3]) / sqrt(quat.dot(quat)))  # of the two signs always the same one
+        v[:3] = -motion[:3] @ R
         return RobotState(readings.time, q, v, readings.tau)
 
     def _all(self, readings: Mapping[str, float], what: str) -> np.ndarray:
@@ -107,20 +125,6 @@ class StandingOdometry:
                 f"{what} lack {', '.join(missing[:5])}{' and others' if len(missing) > 5 else ''}: {len(missing)} of "
                 f"{len(self._names)}; a number for every joint of the robot is expected, by its name in the URDF"
             ) from None
-
-    def _soles(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-        """Of the soles: mean centre, velocity, angular velocity and heading, for a pelvis that is at the origin."""
-        pin.forwardKinematics(self._model, self._data, q, v)
-        places, speeds, turning, ahead = [], [], np.zeros(3), np.zeros(3)
-        for frame, center in self._feet:
-            T = pin.updateFramePlacement(self._model, self._data, frame)
-            twist = pin.getFrameVelocity(self._model, self._data, frame, pin.LOCAL_WORLD_ALIGNED)
-            arm = T.rotation @ center
-            places.append(T.translation + arm)
-            speeds.append(twist.linear + np.cross(twist.angular, arm))
-            turning += twist.angular / len(self._feet)
-            ahead += T.rotation[:, 0]
-        return np.mean(places, axis=0), np.mean(speeds, axis=0), turning, float(np.arctan2(ahead[1], ahead[0]))
 
 
 class StanceOdometry:
