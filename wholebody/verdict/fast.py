@@ -28,9 +28,10 @@ from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState, check_state
+from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.verdict import judge as judge_episode
-from wholebody.verdict.why import why
+from wholebody.verdict.why import WouldDo, why
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
@@ -110,6 +111,16 @@ class FastChecker:
         run.follow(chunk, begin, chunk.t_obs, np.inf)
         return self._told(run, name, ask_why=ask_why)
 
+    def repairer(
+        self, chunk: ActionChunk, begin: Begin | None = None, free: tuple[bool, bool] = (False, False)
+    ) -> Repairer:
+        """What changes a chunk until it is feasible by its plan; begun as in `Repairer`."""
+
+        def holds(changed: ActionChunk, start: Begin) -> bool:
+            return self.of_chunk(changed, start, "", free).verdict == "feasible"
+
+        return Repairer(self.judge, chunk, begin, holds)
+
     def _told(self, run: _Run, name: str, *, ask_why: bool) -> Verdict:
         verdict = run.verdict(name, self._settings)
         if not ask_why or verdict.verdict == "feasible":
@@ -118,7 +129,9 @@ class FastChecker:
             program = ChunkProgram(self.judge, chunk, begin, run.result.orientation_free, now)
             found = [why(one, now - run.result.start, chunk.fps) for one in causes(program)]
             if found:
-                return replace(verdict, causes=found)
+                changes = self.repairer(chunk, begin, run.result.orientation_free).singles()
+                would_do = [WouldDo(kind=x.kind, slower=x.slower, moved=x.moved, turned=x.turned) for x in changes]
+                return replace(verdict, causes=found, would_do=would_do)
         return verdict
 
     def _observation(self, begin: Begin, time: float) -> Observation:

@@ -20,6 +20,9 @@ FOR_PEOPLE = {
 }
 """Factor and unit in which people read a value, by its SI unit; definition."""
 
+MOVED_MIN, TURNED_MIN = 1e-4, 1e-3
+"""Changes below are not worth a word [m, rad]; chosen: rounding."""
+
 
 def quantity(value: float, unit: str) -> str:
     """A value in the unit in which people read it; from a metre on, metres."""
@@ -27,3 +30,11 @@ def quantity(value: float, unit: str) -> str:
         return f"{value:.2f} m"
     factor, name = FOR_PEOPLE[unit]
     return f"{factor * value:.{3 if unit else 4}g}{name}"
+
+
+def said(slower: float, moved: float, turned: float) -> str:
+    """A change of a chunk for people: factor on its time, and how far palms are led away [m], [rad]."""
+    parts = [f"{slower:.2f} times slower"] if slower > 1.0 else []
+    parts += [f"with a hand moved by {quantity(moved, 'm')}"] if moved > MOVED_MIN else []
+    parts += [f"with a hand turned by {quantity(turned, 'rad')}"] if turned > TURNED_MIN else []
+    return " and ".join(parts) or "with the fingers in their range"

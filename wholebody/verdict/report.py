@@ -10,7 +10,7 @@ import numpy as np
 
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
-from wholebody.verdict.quantity import quantity
+from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
 
@@ -61,6 +61,8 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {_gist(verdict)}"]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
+    if verdict.would_do:
+        text.append(f"  it would do {', or '.join(said(x.slower, x.moved, x.turned) for x in verdict.would_do)}")
     text += [f"  {_violation(violation)}" for violation in verdict.violations]
     if verdict.method == "fast":
         return text + _fast_lines(verdict)

@@ -17,7 +17,7 @@ from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.violations import Severity, Violation, violations
-from wholebody.verdict.why import Why
+from wholebody.verdict.why import Why, WouldDo
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 
@@ -64,6 +64,7 @@ class Verdict:
         decided_by: Of a fast one, whether previews told, or plans had to be searched for; else empty.
         margins: Of a fast one, the least room to each kind of bound, the tightest first.
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
+        would_do: Single changes of that chunk, each of which makes it feasible by its plan.
     """
 
     name: str
@@ -98,6 +99,7 @@ class Verdict:
     decided_by: Literal["", "preview", "plan"] = ""
     margins: list[Margin] = field(default_factory=list)
     causes: list[Why] = field(default_factory=list)
+    would_do: list[WouldDo] = field(default_factory=list)
 
     def as_dict(self) -> dict:
         """Plain data for JSON, as `verdict.schema.json` describes it."""

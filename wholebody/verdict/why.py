@@ -41,6 +41,22 @@ STRAIGHT = "the {side} arm is straight"
 
 
 @dataclass(frozen=True, kw_only=True)
+class WouldDo:
+    """A single change that makes a chunk feasible, the smallest of its kind that was found.
+
+    Attributes:
+        kind: ``slower``, ``moved`` or ``turned``.
+        slower: Factor on its time; 1 is unslowed.
+        moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
+    """
+
+    kind: str
+    slower: float
+    moved: float
+    turned: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Why:
     """One cause of a verdict.
 

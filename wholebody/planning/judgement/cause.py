@@ -1,10 +1,10 @@
 """Why a chunk has no plan: smallest sets of kinds of bounds, each of which together forbids it.
 
 What the chunk's own numbers exceed forbids it by itself. Of the bounds of a plan, some are added while the plan found
-without them breaks them, worst first, until there is no plan; then each is left out again, and stays out if there is
-none without it either (deletion filter: Chinneck and Dravnieks 1991, "Locating minimal infeasible constraint sets in
-linear programs"). So with the set alone no plan is found from `chunk_program.STARTS` starts, and without any one member
-of it one is found, which is kept. The searches are local: a set is irreducible as far as they tell, and no more.
+without them breaks them, worst first, until there is no plan: the last one is needed. That is repeated with what is
+needed given, until that is enough. So with the set alone no plan is found from `chunk_program.STARTS` starts, and
+without any one member of it one is found, which is kept. The searches are local: a set is irreducible as far as they
+tell, and no more.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from wholebody.planning.judgement.limits import Limit, Margin
 
 SETS = 3
 """Most disjoint sets of bounds of a plan that are looked for."""
-SEARCHES = 40
+SEARCHES = 30
 """Searches for a motion after which no further set is begun; chosen: some two seconds."""
 RATES = (
     (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
@@ -64,6 +64,7 @@ def causes(program: ChunkProgram) -> list[Cause]:
 def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     judge, chunk = program.judge, program.chunk
     margins = {one.code: one for one in chunk_margins(chunk, judge.planner.hand_limits, judge.spec)}
+    margins[Limit.START] = judge.start_margin(chunk, program.begin, program.now)
     exceeded = [code for code in (Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR) if code in margins]
     exceeded = [code for code in exceeded if margins[code].margin < 0.0]
     for row in RATES:
@@ -79,7 +80,9 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
 
 def _of_plan(program: ChunkProgram, allowed: frozenset[Limit]) -> Cause:
     """A smallest set among the kinds allowed, which together leave no plan."""
-    kinds, witnesses = _irreducible(program, _forbidding(program, allowed))
+    kinds = _irreducible(program, allowed)
+    found = {name: program.find(frozenset(kinds) - {name}) for name in kinds}
+    witnesses = {name: witness for name, witness in found.items() if witness is not None}
     alone = program.find(frozenset(kinds), thorough=True) is None
     nearest = program.nearest()
     _, knot, side = nearest.worst
@@ -90,31 +93,27 @@ def _of_plan(program: ChunkProgram, allowed: frozenset[Limit]) -> Cause:
         if NAMES[one.code] in kinds:
             best.setdefault(NAMES[one.code], one)
     members = tuple(best[name] for name in kinds) if kinds else (program.reach(nearest),)
-    irreducible = alone and set(witnesses) == set(kinds)
+    irreducible = alone and len(witnesses) == len(kinds)
     return Cause(tuple(kinds) or (Limit.REACH,), members, where, irreducible, witnesses)
 
 
-def _forbidding(program: ChunkProgram, allowed: frozenset[Limit]) -> list[Limit]:
-    """Kinds that together leave no plan, in the order in which plans broke them."""
-    kinds: list[Limit] = []
-    while (found := program.find(frozenset(kinds))) is not None:
-        rest = [name for name in EVERY if name in allowed and name not in kinds]
-        broken = [name for name in program.broken(found) if name in rest]
-        # Where a plan keeps the others by chance, all of them together are what forbids.
-        kinds += broken[:1] or sorted(rest)
-        if not rest:
-            break
-    return kinds
+def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> list[Limit]:
+    """Kinds that together leave no plan.
 
-
-def _irreducible(program: ChunkProgram, kinds: list[Limit]) -> tuple[list[Limit], dict[Limit, Witness]]:
-    """Those kinds without which there is a plan, and that plan for each."""
-    witnesses: dict[Limit, Witness] = {}
-    for name in list(kinds):
-        found = program.find(frozenset(kinds) - {name})
-        if found is None:
-            kinds.remove(name)
-            # What was found without another one had this one enforced: without it that is a plan all the more.
-        else:
-            witnesses[name] = found
-    return kinds, witnesses
+    Kinds are added while the plan found without them breaks them, worst first. The one that ends this is needed: there
+    was a plan without it. Then the same is done with that one given, among those added before, until what is needed is
+    enough.
+    """
+    needed: list[Limit] = []
+    while True:
+        kinds = list(needed)
+        while (found := program.find(frozenset(kinds))) is not None:
+            rest = [name for name in allowed if name not in kinds]
+            if not rest:
+                return kinds
+            # Where a plan keeps the others by chance, all of them together are what forbids.
+            kinds += [name for name in program.broken(found) if name in rest][:1] or sorted(rest)
+        if len(kinds) == len(needed):
+            return needed
+        needed.append(kinds[-1])
+        allowed = frozenset(kinds)

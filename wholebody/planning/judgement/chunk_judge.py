@@ -12,7 +12,7 @@ from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
-from wholebody.config import ControllerConfig
+from wholebody.config import START_MAX, ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_margins import chunk_margins
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin
@@ -138,11 +138,23 @@ class ChunkJudge:
         times = np.arange(len(chunk)) / chunk.fps
         moved, turned = self._off(chunk, plan, times)
         margins = [
+            self.start_margin(chunk, begin, now),
             *chunk_margins(chunk, self.planner.hand_limits, self.spec),
             *self.measured(self.planner.optimizer.measured(plan.knots), chunk.fps, plan.start),
             *self._palms(chunk, moved, turned),
         ]
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
+
+    def start_margin(self, chunk: ActionChunk, begin: Begin, now: float) -> Margin:
+        """How far a chunk begins from where the hands are then, now [s], against what is no continuation any more."""
+        step = min(max(int(np.ceil((now - chunk.t_obs) * chunk.fps - 1e-6)), 0), len(chunk) - 1)
+        away = np.linalg.norm(self.at(begin)[0] - self.asked(chunk)[0][step], axis=1)
+        side, bound = int(away.argmax()), START_MAX[0]
+        value = float(away[side])
+        return Margin(
+            code=Limit.START, subject=PALMS[side], time=step / chunk.fps, step=step, value=value, bound=bound, unit="m",
+            margin=bound - value, share=(bound - value) / bound if value <= bound else min(1.0 - value / bound, -1.0),
+        )  # fmt: skip
 
     @property
     def spans(self) -> dict[Limit, slice]:

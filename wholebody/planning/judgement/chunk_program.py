@@ -73,6 +73,14 @@ class Witness:
     worst: tuple[float, int, int]
 
 
+@dataclass(frozen=True)
+class _Known:
+    """What was found for a set of kinds before, and whether from every start."""
+
+    witness: Witness | None
+    thorough: bool
+
+
 class ChunkProgram:
     """One chunk.
 
@@ -98,9 +106,10 @@ class ChunkProgram:
     ) -> None:
         self.judge, self.chunk, self.free = judge, chunk, np.array(free)
         planner = self._planner = judge.planner
+        self.now = chunk.t_obs if now is None else now
         self.prepared = prepare(chunk, planner.hand_limits)
         self.begin = begin or judge.first_pose(self.prepared.chunk)
-        self.targets = planner.targets(self.prepared, chunk.t_obs if now is None else now, self.begin.hands, 1.0)
+        self.targets = planner.targets(self.prepared, self.now, self.begin.hands, 1.0)
         joins = [path.join.s + path.join.duration for path in self.targets.paths if path.join is not None]
         joined = min(max(joins, default=0.0), self.targets.steps[0] + APPROACH_MAX)
         self.first = max(int(np.searchsorted(self.targets.steps, joined)), 1)
@@ -115,6 +124,7 @@ class ChunkProgram:
         exact, gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
         self.searches = 0
+        self._known: dict[frozenset[Limit], _Known] = {}
 
     def find(self, enforced: frozenset[Limit], *, thorough: bool = False) -> Witness | None:
         """A motion that does the chunk as given within the bounds of these kinds alone, from `STARTS` starts.
@@ -122,18 +132,30 @@ class ChunkProgram:
         Where the first search misses at a knot at which there is not even a posture at rest, from `POSTURES` starts,
         the others are left out unless it is to be thorough: a posture of a plan keeps the same bounds.
         """
-        rows, first = self._rows(enforced), None
-        for number, seed in enumerate(self._seeds()):
+        known = self._known.get(enforced)
+        if known is not None and (known.witness is not None or known.thorough or not thorough):
+            return known.witness
+        witness, thorough = self._found(enforced, thorough=thorough)
+        self._known[enforced] = _Known(witness, thorough)
+        return witness
+
+    def _found(self, enforced: frozenset[Limit], *, thorough: bool) -> tuple[Witness | None, bool]:
+        """What `find` finds, and whether it looked everywhere."""
+        rows, missed = self._rows(enforced), False
+        plain, free, eased, firm = self._weights
+        for seed in self._seeds():
             last = None
-            for weights in self._weights if number == 0 else self._weights[2:]:
+            for weights in (plain, free, eased) if seed is None else (eased,):
                 one = self._witness(self._plan(rows, weights, seed, last))
+                if one.near and not self._keeps(one.knots, enforced):
+                    # Palms that pull less leave more to the bounds.
+                    one = self._witness(self._plan(rows, firm, seed, one.knots.q[1:]))
                 if one.near and self._keeps(one.knots, enforced):
-                    return one
-                last = one.knots.q[1:]
-                if first is None and not thorough and not self._has_posture(one, rows):
-                    return None
-                first = one
-        return None
+                    return one, True
+                if not (missed or thorough or self._has_posture(one, rows)):
+                    return None, False
+                last, missed = one.knots.q[1:], True
+        return None, True
 
     def nearest(self) -> Witness:
         """What the planner's own weights come to with every bound enforced."""

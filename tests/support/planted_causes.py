@@ -1,0 +1,415 @@
+"""Chunks that break one thing each, by construction, and a computation of its own that says so.
+
+``python tests/support/planted_causes.py FIRST LAST [KIND ...]`` plants the seeds FIRST to LAST - 1 of each kind, asks
+why they cannot be done, prints a line each and the share of right causes of each kind.
+
+What is planted is computed here from Pinocchio's URDF model and NumPy alone: lengths of chains, inverse
+kinematics with and without joint limits, forces of the forearms as they are asked to move, distances of hulls.
+"""
+
+import sys
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+import pinocchio as pin
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import wholebody
+from models import g1
+from models.pinocchio_model import load_collision, load_pinocchio, stance_q
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
+from tests.support.sent_chunks import FPS, SPEC, STANCE, STEPS
+from wholebody.config import ControllerConfig, PlannerConfig, RobotConfig
+from wholebody.planning.judgement.cause import causes
+from wholebody.planning.judgement.chunk_program import ChunkProgram
+from wholebody.planning.judgement.limits import Limit
+from wholebody.verdict.fast import FastChecker
+
+TIME = np.arange(STEPS) / FPS
+SLIPPERY, WEAK = 0.05, 10.0
+"""Friction coefficient, and effort limit of the waist's linkage [N m], of the robots that are planted with."""
+ARM = ("elbow", "wrist", "hand")
+AHEAD = np.array([0.05, 0.0, 0.1])
+"""Where hands have room to swing, from the stance [m]."""
+PALM, TURN = 0.02, np.deg2rad(10.0)
+"""What counts as done as given [m, rad]."""
+
+
+PLAIN = ControllerConfig()
+UPRIGHT = replace(PLAIN.planner.posture, torso_tilt=0.15, pelvis_tilt=0.15, height_min=0.62)
+STIFF = ControllerConfig(planner=PlannerConfig(posture=UPRIGHT))
+TALL = ControllerConfig(planner=PlannerConfig(posture=replace(PLAIN.planner.posture, height_min=0.62)))
+"""A robot that may hardly lean or crouch cannot draw its trunk or its leg away from a hand."""
+
+
+@dataclass
+class Planted:
+    """A chunk, the robot it is for, what is right to say, and what was computed here: a value past its bound."""
+
+    kind: str
+    chunk: ActionChunk
+    right: frozenset
+    value: float
+    bound: float
+    config: ControllerConfig = PLAIN
+    from_stance: bool = False
+
+
+@lru_cache(maxsize=1)
+def robot():
+    spec = g1()
+    model = load_pinocchio(spec)
+    return spec, model, model.createData(), stance_q(spec, model)
+
+
+def chunk_of(left=None, right=None, R_left=None, R_right=None):
+    """Palm points (H, 3) [m] and rotations (H, 3, 3) of both hands; those of the stance where not given."""
+    stance, T = stance_pose(), []
+    for side, p, R, p0, R0 in (
+        ("left", left, R_left, stance.p_world_lpalm, stance.R_world_lhand),
+        ("right", right, R_right, stance.p_world_rpalm, stance.R_world_rhand),
+    ):
+        poses = np.tile(np.eye(4), (STEPS, 1, 1))
+        poses[:, :3, :3] = R0 if R is None else R
+        poses[:, :3, 3] = (p0 if p is None else p) - poses[:, :3, :3] @ palm_offset(side)
+        T.append(poses)
+    fingers = [np.tile(q, (STEPS, 1)) for q in (STANCE.q_lhand, STANCE.q_rhand)]
+    return ActionChunk(SPEC.id, 0, 0.0, FPS, *T, *fingers)
+
+
+def moved(goal, time, start=None):
+    """Minimum jerk from the left palm of the stance, or a start, to a goal within a time, (H, 3) [m]."""
+    start = stance_pose().p_world_lpalm if start is None else start
+    return start + minimum_jerk(TIME / time)[:, None] * (np.asarray(goal) - start)
+
+
+def mirrored(p):
+    return p * [1.0, -1.0, 1.0]
+
+
+def chain_length(frame, foot):
+    """Length of the links between a sole and a frame, all stretched out [m]."""
+    _, model, *_ = robot()
+    ends = [model.frames[model.getFrameId(name)] for name in (frame, foot)]
+    length = sum(float(np.linalg.norm(end.placement.translation)) for end in ends)
+    for end in ends:
+        joint = end.parentJoint
+        while joint > 1:
+            length += float(np.linalg.norm(model.jointPlacements[joint].translation))
+            joint = model.parents[joint]
+    return length
+
+
+def reach(rng):
+    spec, model, data, q = robot()
+    pin.framesForwardKinematics(model, data, q)
+    tool, foot = spec.tools[0], spec.feet[0]
+    sole = data.oMf[model.getFrameId(foot.frame)].translation
+    length = chain_length(tool.wrist_frame, foot.frame)
+    way = rng.normal(size=3)
+    way[0], way[2] = abs(way[0]), abs(way[2])
+    goal = sole + (length + np.linalg.norm(palm_offset("left")) + rng.uniform(0.1, 0.4)) * way / np.linalg.norm(way)
+    far = np.linalg.norm(goal - sole) - np.linalg.norm(palm_offset("left"))
+    return Planted("reach", chunk_of(moved(goal, 1.6)), frozenset({Limit.REACH}), far, length)
+
+
+def least_error(p, R, *, limited):
+    """Least error of the left palm, in terms of what counts as done, with free pelvis in the bounds of a plan."""
+    spec, model, data, q0 = robot()
+    names = [n for n in model.names if n.startswith(("waist_", "left_shoulder", "left_elbow", "left_wrist"))]
+    columns = np.array([model.joints[model.getJointId(n)].idx_q for n in names])
+    c, order = ControllerConfig().planner.posture, [spec.joint_names.index(n) for n in names]
+    low, high = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
+    high = np.where(["elbow" in n for n in names], np.minimum(high, c.elbow_max), high)
+    if not limited:
+        low, high = low - 2.0 * np.pi, high + 2.0 * np.pi
+    frame, free = model.getFrameId(spec.tools[0].palm_frame), np.array([*range(6), *(columns - 1)])
+    best, rng, goal = np.inf, np.random.default_rng(0), pin.SE3(R, p)
+    for start in range(20):
+        q = q0.copy()
+        if start:
+            q[columns] = rng.uniform(np.maximum(low, -np.pi), np.minimum(high, np.pi))
+        for _ in range(80):
+            pin.computeJointJacobians(model, data, q)
+            pin.updateFramePlacements(model, data)
+            e = data.oMf[frame].actInv(goal)
+            off, turn = np.linalg.norm(e.translation) / PALM, np.linalg.norm(pin.log3(e.rotation)) / TURN
+            best = min(best, max(off, turn))
+            if best < 0.5:
+                return best
+            J = pin.getFrameJacobian(model, data, frame, pin.LOCAL)[:, free]
+            v = np.zeros(model.nv)
+            v[free] = J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), pin.log6(e).vector)
+            q = pin.integrate(model, q, v)
+            # The pelvis in a box about the stance, joints in their limits.
+            q[:3] = q0[:3] + np.clip(q[:3] - q0[:3], [-0.3, -0.3, -0.5], [0.3, 0.3, 0.1])
+            tilt = pin.log3(pin.Quaternion(q[3:7]).toRotationMatrix())
+            turned = np.clip(tilt, [-0.55, -0.55, -0.8], [0.55, 0.55, 0.8])
+            q[3:7] = pin.Quaternion(pin.exp3(turned)).coeffs()
+            q[columns] = np.clip(q[columns], low, high)
+    return best
+
+
+def joint_limit(rng):
+    """A palm turned so that no joint of waist and arm could be in its range, and could if it had none."""
+    stance = stance_pose()
+    while True:
+        turn = rng.normal([1.7, 0.3, -1.7], 0.4)
+        goal = rng.uniform([0.1, 0.25, 1.2], [0.3, 0.4, 1.35])
+        R = rotvec_to_matrix(minimum_jerk(TIME / 1.4)[:, None] * turn) @ stance.R_world_lhand
+        value = least_error(goal, R[-1], limited=True)
+        if value > 1.3 and least_error(goal, R[-1], limited=False) < 1.0:
+            chunk = chunk_of(moved(goal, 1.4), R_left=R)
+            return Planted("joint_limit", chunk, frozenset({Limit.JOINT_POSITION}), value, 1.0)
+
+
+def forearms():
+    """Share of the weight that moves with the palms: of both forearms, wrists and hands."""
+    _, model, *_ = robot()
+    mass = [model.inertias[i].mass for i, name in enumerate(model.names) if any(x in name for x in ARM)]
+    return sum(mass) / pin.computeTotalMass(model)
+
+
+def acceleration(swing):
+    """Largest acceleration of a swing (H, 3) [m/s^2]."""
+    return float(np.abs(np.diff(swing, 2, axis=0)).max()) * FPS**2
+
+
+def sole_corners():
+    spec, model, data, q = robot()
+    pin.framesForwardKinematics(model, data, q)
+    return np.array(
+        [data.oMf[model.getFrameId(foot.frame)].act(np.array(x))[:2] for foot in spec.feet for x in foot.points]
+    )
+
+
+def too_fast(rng):
+    """Both hands swing sideways together, faster than the soles can hold the body that carries them."""
+    stance, rate = stance_pose(), rng.uniform(7.2, 7.8)
+    swing = np.zeros((STEPS, 3))
+    swing[:, 1] = rng.uniform(17.5, 18.5) / rate**2 * minimum_jerk(TIME / 1.0) * np.sin(rate * TIME)
+    chunk = chunk_of(stance.p_world_lpalm + AHEAD + swing, stance.p_world_rpalm + AHEAD + swing)
+    # The pressure moves by what their force tips the rest, which can give way by little within half a swing.
+    shift = forearms() * acceleration(swing) / 9.81 * stance.p_world_lpalm[2]
+    room = 0.5 * np.ptp(sole_corners()[:, 1])
+    right = frozenset({Limit.ZMP, Limit.CAPTURE_POINT, Limit.BALANCE})
+    return Planted("too_fast", chunk, right, shift, room)
+
+
+def friction(rng):
+    """On a slippery floor the hands swing against each other, and turn the robot about the vertical."""
+    stance, rate = stance_pose(), rng.uniform(8.0, 9.0)
+    swing = np.zeros((STEPS, 3))
+    swing[:, 0] = rng.uniform(15.0, 17.0) / rate**2 * minimum_jerk(TIME / 0.5) * np.sin(rate * TIME)
+    apart = np.array([0.0, 0.05, 0.0])
+    left, right = stance.p_world_lpalm + AHEAD + apart + swing, stance.p_world_rpalm + AHEAD - apart - swing
+    chunk = chunk_of(left, right)
+    twist = forearms() * acceleration(swing) / 9.81 * left[0, 1]
+    corners = sole_corners()
+    lever = float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).max())
+    config = ControllerConfig(friction=SLIPPERY)
+    right = frozenset({Limit.FRICTION})
+    return Planted("friction", chunk, right, twist, SLIPPERY * lever, config)
+
+
+def waist_torque(rng):
+    """Both palms far ahead and low; what the posture that a robot with a strong waist has for it asks of the waist."""
+    _, model, data, _ = robot()
+    goal = np.array([rng.uniform(0.4, 0.46), rng.uniform(0.15, 0.2), rng.uniform(0.35, 0.55)])
+    chunk = chunk_of(moved(goal, 1.4), mirrored(moved(goal, 1.4)))
+    q = wholebody.solve(chunk.T_world_lhand[-1], chunk.T_world_rhand[-1]).q
+    tau = pin.computeGeneralizedGravity(model, data, q)[model.joints[model.getJointId("waist_pitch_joint")].idx_v]
+    config = ControllerConfig(robot=RobotConfig(linkage_effort=WEAK))
+    return Planted("waist_torque", chunk, frozenset({Limit.WAIST_TORQUE}), abs(float(tau)), 2.0 * WEAK, config)
+
+
+@lru_cache(maxsize=1)
+def geometry():
+    spec, model, *_ = robot()
+    shapes = load_collision(spec, model)
+    return shapes, shapes.createData()
+
+
+def hull_distance(poses, those):
+    """Least distance of the hulls of the left hand, its wrist at a pose (4, 4), from those of other bodies [m].
+
+    The hand is moved as a whole: from where the stance has it, with all that hangs on the wrist.
+    """
+    import coal
+
+    spec, model, data, q = robot()
+    shapes, _ = geometry()
+    pin.forwardKinematics(model, data, q)
+    pin.updateGeometryPlacements(model, data, shapes, geometry()[1])
+    pin.framesForwardKinematics(model, data, q)
+    least = np.inf
+    moves = [
+        pin.SE3(T) * data.oMf[model.getFrameId(tool.wrist_frame)].inverse()
+        for T, tool in zip(poses, spec.tools, strict=True)
+    ]
+
+    def placed(prefix, move):
+        for i, item in enumerate(shapes.geometryObjects):
+            if item.name.startswith(prefix):
+                yield item.geometry, move * geometry()[1].oMg[i]
+
+    mine = [*placed("left_hand", moves[0]), *placed("left_wrist_yaw", moves[0])]
+    others = [pair for prefix, move in those for pair in placed(prefix, moves[1] if move else pin.SE3.Identity())]
+    for a, A in mine:
+        for b, B in others:
+            result = coal.DistanceResult()
+            A1, B1 = (coal.Transform3s(x.rotation, x.translation) for x in (A, B))
+            least = min(least, coal.distance(a, A1, b, B1, coal.DistanceRequest(), result))
+    return least
+
+
+def collision(kind, goal, right, those, config=STIFF):
+    chunk = chunk_of(goal, right)
+    poses = [chunk.T_world_lhand[-1], chunk.T_world_rhand[-1]]
+    return Planted(kind, chunk, frozenset({Limit.SELF_DISTANCE}), -hull_distance(poses, those), 0.03, config)
+
+
+def hand_hand(rng):
+    middle = np.array([rng.uniform(0.22, 0.32), 0.0, rng.uniform(0.8, 1.0)])
+    left, right = middle + np.array([0.0, rng.uniform(-0.05, 0.02), 0.0]), middle
+    start = mirrored(stance_pose().p_world_lpalm)
+    those = [("right_hand", True), ("right_wrist_yaw", True)]
+    return collision("hand_hand", moved(left, 1.4), moved(right, 1.4, start), those, ControllerConfig())
+
+
+def arm_torso(rng):
+    goal = np.array([rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03), rng.uniform(0.75, 0.95)])
+    return collision("arm_torso", moved(goal, 1.4), None, [("torso", False), ("pelvis", False), ("waist", False)])
+
+
+def arm_thigh(rng):
+    goal = np.array([rng.uniform(0.04, 0.08), rng.uniform(0.11, 0.13), rng.uniform(0.38, 0.46)])
+    return collision("arm_thigh", moved(goal, 1.4), None, [("left_hip", False), ("left_knee", False)], TALL)
+
+
+def floor(rng):
+    goal = np.array([rng.uniform(0.2, 0.4), rng.uniform(0.15, 0.3), rng.uniform(-0.3, -0.05)])
+    chunk = chunk_of(moved(goal, 1.5))
+    return Planted("floor", chunk, frozenset({Limit.INTO_FLOOR}), -float(goal[2]), 0.0)
+
+
+def start(rng):
+    way = rng.normal(size=3) * [0.5, 1.0, 0.5]
+    jump = rng.uniform(0.35, 0.4) * way / np.linalg.norm(way)
+    jump[1] = abs(jump[1])
+    chunk = chunk_of(stance_pose().p_world_lpalm + np.tile(jump, (STEPS, 1)))
+    value = float(np.linalg.norm(jump))
+    return Planted("start", chunk, frozenset({Limit.START}), value, 0.3, from_stance=True)
+
+
+def hand_speed(rng):
+    rate, axis = rng.uniform(6.6, 6.9), 2
+    swing = np.zeros((STEPS, 3))
+    swing[:, axis] = 2.75 / rate * minimum_jerk(TIME / 1.2) * np.sin(rate * TIME)
+    chunk = chunk_of(stance_pose().p_world_lpalm + AHEAD + swing)
+    rates = [np.abs(np.diff(swing[:, axis], k)).max() * FPS**k for k in (1, 2, 3)]
+    assert rates[1] < 20.0
+    assert rates[2] < 600.0
+    return Planted("hand_speed", chunk, frozenset({Limit.HAND_SPEED}), float(rates[0]), 2.5)
+
+
+def jerk(rng):
+    """A square wave of accelerations."""
+    size, period, axis = rng.uniform(13.0, 17.0), int(rng.choice([8, 10, 12])), int(rng.integers(3))
+    a = size * np.where((np.arange(STEPS) + period // 4) // (period // 2) % 2, -1.0, 1.0)
+    v = np.cumsum(a) / FPS
+    x = np.cumsum(v - v.mean()) / FPS
+    swing = np.zeros((STEPS, 3))
+    swing[:, axis] = x - np.linspace(x[0], x[-1], STEPS)
+    chunk = chunk_of(stance_pose().p_world_lpalm + AHEAD + swing)
+    rates = [np.abs(np.diff(swing[:, axis], k)).max() * FPS**k for k in (1, 2, 3)]
+    assert rates[0] < 2.5
+    assert rates[1] < 20.0
+    return Planted("jerk", chunk, frozenset({Limit.HAND_JERK}), float(rates[2]), 600.0)
+
+
+def finger_range(rng):
+    spec, chunk = g1(), chunk_of()
+    joint, past = int(rng.integers(7)), rng.uniform(0.1, 2.0)
+    i = spec.indices(spec.tools[0].finger_joints)[joint]
+    chunk.q_lhand[int(rng.integers(STEPS)), joint] = spec.position_max[i] + past
+    right = frozenset({Limit.FINGER_RANGE})
+    return Planted("finger_range", chunk, right, spec.position_max[i] + past, spec.position_max[i])
+
+
+KINDS = {
+    "reach": reach,
+    "joint_limit": joint_limit,
+    "too_fast": too_fast,
+    "friction": friction,
+    "waist_torque": waist_torque,
+    "hand_hand": hand_hand,
+    "arm_torso": arm_torso,
+    "arm_thigh": arm_thigh,
+    "floor": floor,
+    "start": start,
+    "hand_speed": hand_speed,
+    "jerk": jerk,
+    "finger_range": finger_range,
+}
+
+
+def planted(kind, seed):
+    """A case whose value, as computed here, is past its bound."""
+    rng = np.random.default_rng([seed, list(KINDS).index(kind)])
+    while True:
+        one = KINDS[kind](rng)
+        if one.value > one.bound:
+            return one
+
+
+@lru_cache(maxsize=4)
+def holder(config):
+    return FastChecker(config).judge
+
+
+def told(one):
+    """Causes of a case, the program that they are of, and the CPU time [s]."""
+    judge, begin = holder(one.config), thread_time()
+    program = ChunkProgram(judge, one.chunk, judge.stance() if one.from_stance else None)
+    return causes(program), program, thread_time() - begin
+
+
+def is_right(one, found):
+    """Whether what was planted is in the first set."""
+    return bool(found) and bool(one.right & set(found[0].kinds))
+
+
+def main(first, last, kinds):
+    right, count, times = Counter(), Counter(), []
+    for kind in kinds or KINDS:
+        for seed in range(first, last):
+            one = planted(kind, seed)
+            found, program, spent = told(one)
+            times.append(spent)
+            count[kind] += 1
+            right[kind] += is_right(one, found)
+            sets = "; ".join(f"{'+'.join(cause.kinds)}{'' if cause.irreducible else ' (reducible)'}" for cause in found)
+            mark = "right" if is_right(one, found) else "WRONG"
+            print(
+                f"{kind} {seed} {mark} {one.value:.3g} > {one.bound:.3g}: {sets or 'no cause'}; "
+                f"{program.searches} searches, {spent:.2f} s",
+                flush=True,
+            )
+    print()
+    for kind in count:
+        print(f"{kind:14s} {right[kind]:3d} of {count[kind]:3d}")
+    print(
+        f"all {right.total()} of {count.total()}; {np.median(times):.2f} s median, {max(times):.2f} s at most, CPU time"
+    )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3:])

@@ -1,0 +1,14 @@
+"""Strategy: a case of each kind of `tests/support/planted_causes.py` that is quick to tell; the whole is a study."""
+
+import pytest
+
+from tests.support.planted_causes import is_right, planted, told
+
+
+@pytest.mark.parametrize("kind", ["reach", "floor", "start", "jerk", "finger_range", "waist_torque"])
+def test_what_was_planted_is_the_first_cause_and_nothing_of_it_can_be_left_out(kind):
+    one = planted(kind, 0)
+    found, _, _ = told(one)
+    assert one.value > one.bound
+    assert is_right(one, found)
+    assert found[0].irreducible

@@ -1,0 +1,39 @@
+"""Strategy: chunks that one change cures, and one that nothing cures."""
+
+import numpy as np
+import pytest
+
+from tests.support.sent_chunks import sent
+from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.repair import slowed
+
+
+@pytest.fixture(scope="module")
+def checker():
+    return FastChecker()
+
+
+def test_a_path_is_slowed_down_along_itself():
+    chunk = sent(to=(0.3, 0.0, 0.0))
+    slow = slowed(chunk, 2.0)
+    assert len(slow) == 2 * len(chunk) - 1
+    np.testing.assert_allclose(slow.T_world_lhand[::2], chunk.T_world_lhand, atol=1e-9)
+    np.testing.assert_allclose(slow.q_lhand[::2], chunk.q_lhand, atol=1e-9)
+    assert slowed(chunk, 1.0) is chunk
+
+
+def test_what_is_too_fast_is_slowed_down_no_more_than_it_needs(checker):
+    repairer = checker.repairer(sent(to=(0.4, 0.1, 0.2), time=0.35))
+    change = repairer.repaired()
+    assert (change.kind, change.moved, change.turned) == ("slower", pytest.approx(0.0, abs=1e-9), pytest.approx(0.0))
+    assert repairer.holds(change.chunk)
+    assert not repairer.holds(slowed(repairer.chunk, 0.93 * change.slower))
+
+
+def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
+    repairer = checker.repairer(sent(to=(2.0, 0.0, 0.0), time=1.5))
+    assert repairer.repaired() is None
+    (single,) = repairer.singles()
+    assert single.kind == "moved"
+    assert single.moved > 1.0
+    assert repairer.holds(single.chunk)

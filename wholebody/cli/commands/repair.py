@@ -1,0 +1,57 @@
+"""``wholebody repair``: the nearest chunk that can be done."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wholebody.cli.console import say, waiting
+from wholebody.cli.judging import FEASIBLE, INFEASIBLE
+from wholebody.cli.options import AssumeSpec
+from wholebody.cli.sources import layout_named
+
+LEFT_AS_IT_IS = "feasible as given: written unchanged"
+REFUSED = "neither slower nor with its path bent as far as a repair may can it be done: nothing written"
+
+
+def repair(
+    *,
+    source: Annotated[Path, typer.Argument(help="Chunk .npz.")],
+    target: Annotated[Path, typer.Argument(help="Chunk .npz to write, in the same layout.")],
+    assume_spec: AssumeSpec = "",
+    config: Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")] = None,
+) -> None:
+    """Slow a chunk down, or bend its path least, until it can be done. Exit code 0 written, 1 nothing helps."""
+    from policy.action_spec.codec import encode
+    from policy.recorded.chunk_file import read_chunk_file, write_chunk_file
+    from wholebody.config.file import load_config
+    from wholebody.verdict.fast import FastChecker
+    from wholebody.verdict.quantity import said
+
+    if target.suffix.lower() != ".npz":
+        raise ValueError(f"cannot write '{target}': its name must end in .npz")
+    file = read_chunk_file(source, assume=layout_named(assume_spec))
+    chunk, free = file.chunk(), file.spec.orientation_free
+    with waiting("loading the robot, compiling if it is the first time: a minute or two"):
+        checker = FastChecker(load_config(config) if config else None)
+    repairer = checker.repairer(chunk, free=free)
+    if repairer.holds(chunk):
+        write_chunk_file(target, file)
+        say(f"{source}: {LEFT_AS_IT_IS}")
+        raise typer.Exit(FEASIBLE)
+    with waiting(f"repairing {source}"):
+        change = repairer.repaired()
+    if change is None:
+        say(f"{source}: {REFUSED}")
+        raise typer.Exit(INFEASIBLE)
+    written = replace(file, actions=encode(file.spec, change.chunk, file.anchor()))
+    write_chunk_file(target, written)
+    again = checker.repairer(written.chunk(), free=free)
+    if not again.holds(again.chunk):
+        target.unlink()
+        say(f"{source}: what was found is not feasible in the layout of the file: nothing written")
+        raise typer.Exit(INFEASIBLE)
+    say(f"{source}: repaired, {said(change.slower, change.moved, change.turned)}; checked again, written to {target}")

@@ -1,0 +1,163 @@
+"""The smallest changes of a chunk that make it hold, each verified by planning it again, and a repair by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between, matrix_to_rotvec, rotvec_to_matrix
+from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge
+from wholebody.planning.preparation import prepare
+from wholebody.reference import HandPath
+
+SLOWER_MAX = 4.0
+"""Largest factor by which a chunk is slowed down; chosen: what does not hold then does not hold at rest either."""
+BISECTIONS = 6
+"""Halvings of the range of a change; derived: 4 to the power of 1 / 64 is 2 % of the slow-down."""
+SPARE = 0.02
+"""Share by which a change is more than the least one that was found to hold; chosen: rounding in a file."""
+Kind = Literal["slower", "moved", "turned", "led"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a chunk that makes it hold.
+
+    Attributes:
+        kind: ``slower`` by a factor, a hand ``moved`` or ``turned`` along the path, or ``led``: both, and its fingers
+            brought into their range.
+        slower: Factor; 1 is unslowed.
+        moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
+        chunk: As changed, feasible.
+    """
+
+    kind: Kind
+    slower: float
+    moved: float
+    turned: float
+    chunk: ActionChunk
+
+
+class Repairer:
+    """Changes one chunk.
+
+    Args:
+        judge: Holds the robot.
+        chunk: A valid chunk.
+        begin: Where it is begun; at rest with the hands at its first step if not given.
+        holds: Whether a chunk that is begun somewhere is feasible as it is.
+    """
+
+    def __init__(
+        self, judge: ChunkJudge, chunk: ActionChunk, begin: Begin | None, holds: Callable[[ActionChunk, Begin], bool]
+    ) -> None:
+        self._judge, self._begin, self._holds = judge, begin, holds
+        self.chunk, self._inside = chunk, prepare(chunk, judge.planner.hand_limits).chunk
+
+    def holds(self, chunk: ActionChunk) -> bool:
+        """Whether a chunk is feasible as it is."""
+        return self._holds(chunk, self._begin or self._judge.first_pose(chunk))
+
+    def singles(self) -> list[Change]:
+        """Of each kind of change the smallest that makes the chunk hold; none for what that kind does not cure."""
+        if self.holds(self.chunk):
+            return []
+        found = (self._slower(self.chunk), self._bent(1.0, "moved"), self._bent(1.0, "turned"))
+        return [one for one in found if one is not None]
+
+    def repaired(self) -> Change | None:
+        """Slowed down first, then its path bent as little as possible; None if that would be another motion."""
+        bounds, one = self._judge.config.verdict, self._slower(self._inside)
+        for factor in (1.0, *self._judge.config.planner.slowdowns):
+            one = one or self._bent(factor, "led")
+        if one is None or one.moved > bounds.palm_repair or one.turned > bounds.turn_repair:
+            return None
+        return one
+
+    def _slower(self, chunk: ActionChunk) -> Change | None:
+        if self.holds(chunk):
+            return self._change("slower", chunk, 1.0)
+        if not self.holds(slowed(chunk, SLOWER_MAX)):
+            return None
+        least = float(np.exp(_least(lambda x: self.holds(slowed(chunk, float(np.exp(x)))), float(np.log(SLOWER_MAX)))))
+        factor = min((1.0 + SPARE) * least, SLOWER_MAX)
+        factor = factor if self.holds(slowed(chunk, factor)) else least
+        return self._change("slower", slowed(chunk, factor), factor)
+
+    def _bent(self, factor: float, kind: Kind) -> Change | None:
+        """The path led towards what is planned for it at a speed."""
+        slow = slowed(self._inside if kind == "led" else self.chunk, factor)
+        begin = self._begin or self._judge.first_pose(slow)
+        plan = self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands)
+        times = plan.start + plan.rate * np.arange(len(slow)) / slow.fps
+        goal = [path.sample(times).T_world_hand for path in plan.paths]
+        position, turn = kind != "turned", kind != "moved"
+
+        def bent(share: float) -> ActionChunk:
+            return _towards(slow, goal, share * position, share * turn, self._judge.planner.offsets)
+
+        if not self.holds(bent(1.0)):
+            return None
+        share = _least(lambda x: self.holds(bent(x)), 1.0)
+        chunk = bent(min((1.0 + SPARE) * share, 1.0))
+        return self._change(kind, chunk if self.holds(chunk) else bent(share), factor)
+
+    def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
+        (p, R), (q, S) = self._judge.asked(chunk), self._judge.asked(slowed(self.chunk, factor))
+        moved, turned = np.linalg.norm(p - q, axis=2).max(), angle_between(R, S).max()
+        return Change(kind, factor, float(moved), float(turned), chunk)
+
+
+def slowed(chunk: ActionChunk, factor: float) -> ActionChunk:
+    """A chunk that takes so many times longer, at the same rate of steps, on the same path.
+
+    The last step is reached at the first step that is not before it.
+    """
+    if factor <= 1.0 or len(chunk) < 2:
+        return chunk
+    steps = int(np.ceil((len(chunk) - 1) * factor - 1e-9)) + 1
+    times, end = np.arange(len(chunk)) / chunk.fps, (len(chunk) - 1) / chunk.fps
+    at = np.minimum(np.arange(steps) / chunk.fps / factor, end)
+    hands = [
+        HandPath.from_knots(times, T, q).sample(at)
+        for T, q in ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
+    ]
+    # Hints of the source are about its own times.
+    hints = dict.fromkeys(("q_larm", "q_rarm", "q_waist", "base_height", "base_velocity"))
+    left, right = hands
+    return replace(
+        chunk,
+        T_world_lhand=left.T_world_hand,
+        T_world_rhand=right.T_world_hand,
+        q_lhand=left.q_finger.copy(),
+        q_rhand=right.q_finger.copy(),
+        **hints,
+    )
+
+
+def _towards(
+    chunk: ActionChunk, goal: list[np.ndarray], position: float, turn: float, offsets: np.ndarray
+) -> ActionChunk:
+    """A chunk whose palms are led by a share of the way, and of the turn, to other wrist poses (H, 4, 4)."""
+    out = []
+    for T, there, offset in zip((chunk.T_world_lhand, chunk.T_world_rhand), goal, offsets, strict=True):
+        R, S = T[:, :3, :3], there[:, :3, :3]
+        p, q = T[:, :3, 3] + R @ offset, there[:, :3, 3] + S @ offset
+        led = T.copy()
+        led[:, :3, :3] = rotvec_to_matrix(turn * matrix_to_rotvec(S @ np.swapaxes(R, 1, 2))) @ R
+        led[:, :3, 3] = p + position * (q - p) - led[:, :3, :3] @ offset
+        out.append(led)
+    return replace(chunk, T_world_lhand=out[0], T_world_rhand=out[1])
+
+
+def _least(holds: Callable[[float], bool], most: float) -> float:
+    """Least value up to ``most``, which holds, that was found to hold, by bisection from 0."""
+    low, high = 0.0, most
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
