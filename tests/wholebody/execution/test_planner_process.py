@@ -1,6 +1,7 @@
 """Strategy: a real process that plans; the same plan as here, and what happens when it is killed."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,8 +75,7 @@ def test_a_killed_planner_is_told_and_another_one_takes_its_place(process, reque
     planner.submit(request)
     answer = _answer(planner)
     assert isinstance(answer.error, PlanningError)
-    again = PlanRequest(request.chunk, request.asked, request.due, request.start, request.before)
-    planner.submit(again)
+    planner.submit(replace(request))
     np.testing.assert_array_equal(_answer(planner).plan.trajectory.q, here.trajectory.q)
     planner.close()
 
