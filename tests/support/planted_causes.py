@@ -192,7 +192,7 @@ def sole_corners():
 
 def too_fast(rng):
     """Both hands swing sideways together, faster than the soles can hold the body that carries them."""
-    stance, rate = stance_pose(), rng.uniform(7.2, 7.8)
+    stance, rate = stance_pose(), rng.uniform(7.7, 8.2)
     swing = np.zeros((STEPS, 3))
     swing[:, 1] = rng.uniform(17.5, 18.5) / rate**2 * minimum_jerk(TIME / 1.0) * np.sin(rate * TIME)
     chunk = chunk_of(stance.p_world_lpalm + AHEAD + swing, stance.p_world_rpalm + AHEAD + swing)
@@ -270,10 +270,10 @@ def hull_distance(poses, those):
     return least
 
 
-def collision(kind, goal, right, those, config=STIFF):
+def collision(kind, goal, right, those, config=STIFF, depth=0.03):
     chunk = chunk_of(goal, right)
     poses = [chunk.T_world_lhand[-1], chunk.T_world_rhand[-1]]
-    return Planted(kind, chunk, frozenset({Limit.SELF_DISTANCE}), -hull_distance(poses, those), 0.03, config)
+    return Planted(kind, chunk, frozenset({Limit.SELF_DISTANCE}), -hull_distance(poses, those), depth, config)
 
 
 def hand_hand(rng):
@@ -286,7 +286,9 @@ def hand_hand(rng):
 
 def arm_torso(rng):
     goal = np.array([rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03), rng.uniform(0.75, 0.95)])
-    return collision("arm_torso", moved(goal, 1.4), None, [("torso", False), ("pelvis", False), ("waist", False)])
+    return collision(
+        "arm_torso", moved(goal, 1.4), None, [("torso", False), ("pelvis", False), ("waist", False)], depth=0.045
+    )
 
 
 def arm_thigh(rng):

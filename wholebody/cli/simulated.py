@@ -72,7 +72,10 @@ def make_fast_checker(options: Simulation, quiet: bool = False) -> FastChecker:
     from wholebody.verdict.fast import FastChecker
 
     realistic = {"--realistic": options.realistic, "--sensors": options.sensors == "realistic"}
-    asked = realistic | {"--delay-ms": options.delay_ms, "--payload-kg": any(options.payload_kg)}
+    asked = realistic | {
+        "--delay-ms": options.delay_ms,
+        "--payload-kg": any(options.payload_kg) and not options.payload_known,
+    }
     if simulated := [name for name, given in asked.items() if given]:
         raise ValueError(f"--fast simulates nothing, so {', '.join(simulated)} would say nothing; leave one out")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):

@@ -14,6 +14,7 @@ import pytest
 from policy.errors import ChunkError
 from policy.scripted.library import wave
 from tests.support.sent_chunks import STANCE, STEPS, sent
+from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.errors import InputError
 from wholebody.planning.judgement.limits import Limit
 from wholebody.resources import verdict_schema
@@ -147,3 +148,14 @@ def test_schema_and_document_know_every_bound():
     assert re.findall(r"^\| `(\w+)` \| (\S.*?) \| (.+) \|$", text, re.MULTILINE)[: len(Limit)] == [
         (limit, limit.unit or "1", limit.sentence) for limit in Limit
     ]
+
+
+def test_a_load_that_is_told_is_planned_for():
+    config = ControllerConfig(loads=LoadConfig(source="told", left=2.0))
+    bare, loaded = FastChecker().judge, FastChecker(config).judge
+    chunk = sent()
+    torques = [
+        margin(holder.judge(chunk, holder.first_pose(chunk)), Limit.WAIST_TORQUE).value for holder in (bare, loaded)
+    ]
+    assert loaded.planner.optimizer.body.mass - bare.planner.optimizer.body.mass == pytest.approx(2.0, abs=1e-6)
+    assert torques[1] > torques[0] + 1.0

@@ -24,6 +24,7 @@ from wholebody.planning.strategies import PREVIEW
 from wholebody.planning.trajectory import BodyState
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.reference import HandMotion, rest_row, time_scaled
+from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
 from wholebody.types import RobotState
 
@@ -85,12 +86,17 @@ class ChunkJudge:
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         self.spec, self.config, self.robot = spec, config or ControllerConfig(), Robot(spec)
         self.planner = ChunkPlanner(spec, self.robot, self.config)
+        # What hands carry is known by the time that a chunk comes: told, or observed.
+        self._loads = Loads((self.config.loads.left, self.config.loads.right))
+        self.planner.carry(self._loads)
         self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
 
     @cached_property
     def postures(self) -> PostureSolver:
         """Still postures for the first pose of a chunk."""
-        return PostureSolver(self.spec, self.config)
+        solver = PostureSolver(self.spec, self.config)
+        solver.body.carry(self._loads.most)
+        return solver
 
     @cached_property
     def stills(self) -> StillPostures:
