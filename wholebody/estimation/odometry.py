@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import atan2, copysign, cos, isfinite, sin, sqrt
+from math import atan2, copysign, cos, inf, isfinite, sin, sqrt
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,11 @@ from wholebody.types import QUATERNION_TOLERANCE, RobotState
 
 BIAS_TIME = 5.0
 """Time constant with which the bias of the gyro is learned from the legs [s]; chosen: much longer than any motion."""
+TILT_TIME = 0.2
+"""Time constant with which the orientation follows the IMU's, the gyro leading [s]; chosen: a hundred readings, whose
+noise it divides by 14."""
+GAP_MAX = 0.05
+"""Longest time between readings over which the gyro leads [s]; chosen: beyond it the IMU is believed at once."""
 BIAS_MAX = 0.1
 """Largest bias of a gyro that is learned [rad/s]; chosen: six degrees a second is a broken one."""
 
@@ -25,12 +30,13 @@ class StandingOdometry:
 
     The origin of world is midway between their centres, x the mean of their directions, z up. Roll and pitch are those
     of the IMU; its yaw, which drifts, is not used: the legs say how the pelvis is turned over the soles. They say how
-    fast it turns as well, and so what the gyro's bias is. A floor that slopes, or a foot that is lifted or slides, is
-    not noticed.
+    fast it turns as well, and so what the gyro's bias is; without its bias, the gyro smooths the orientation. A floor
+    that slopes, or a foot that is lifted or slides, is not noticed.
 
     Args:
         spec: The robot.
-        dt: Time between readings over which the bias of the gyro is learned [s]; 0: it is taken to have none.
+        dt: Time between readings, over which the bias of the gyro is learned and the orientation smoothed [s]; 0: every
+            state is that of its own readings alone.
     """
 
     def __init__(self, spec: RobotSpec, dt: float = 0.0) -> None:
@@ -53,7 +59,7 @@ class StandingOdometry:
 
     def reset(self) -> None:
         """The gyro has no bias that is known."""
-        self.bias = np.zeros(3)
+        self.bias, self._time = np.zeros(3), -inf
 
     def state(
         self,
@@ -97,7 +103,8 @@ class StandingOdometry:
             quat = np.full(4, np.nan)
         n, model, data = len(readings.q), self._model, self._data
         q, v = np.zeros(7 + n), np.zeros(6 + n)
-        q[3:7], q[7:], v[3:6], v[6:] = quat, readings.q, readings.gyro - self.bias, readings.dq
+        q[7:], v[3:6], v[6:] = readings.q, readings.gyro - self.bias, readings.dq
+        q[3:7] = self._smoothed(readings.time, quat, v[3:6]) if self._share > 0.0 else quat
         legs = self._legs
         pin.forwardKinematics(model, data, np.append(q[:7], q[7:][legs]), np.append(v[:6], v[6:][legs]))
         left, right = (pin.updateFramePlacement(model, data, sole) for sole in self._soles)
@@ -115,6 +122,20 @@ class StandingOdometry:
         q[3:7] = quat * (copysign(1.0, quat[3]) / sqrt(quat.dot(quat)))  # of the two signs always the same one
         v[:3] = -motion[:3] @ R
         return RobotState(readings.time, q, v, readings.tau)
+
+    def _smoothed(self, time: float, quat: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Orientation that the gyro carries on, and that follows the IMU's slowly: its noise is left out."""
+        seconds = time - self._time
+        if not isfinite(quat.dot(quat) + w.dot(w)):
+            return quat
+        if 0.0 < seconds < GAP_MAX:
+            turned = self._orientation @ pin.exp3(seconds * w)
+            off = pin.log3(turned.T @ pin.Quaternion(quat).toRotationMatrix())
+            self._orientation = turned @ pin.exp3(seconds / TILT_TIME * off)
+        elif seconds != 0.0:
+            self._orientation = pin.Quaternion(quat).toRotationMatrix()
+        self._time = time
+        return pin.Quaternion(self._orientation).coeffs()
 
     def _all(self, readings: Mapping[str, float], what: str) -> np.ndarray:
         try:

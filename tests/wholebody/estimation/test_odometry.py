@@ -67,6 +67,16 @@ def test_a_gyro_bias_is_learned_from_the_legs_and_a_yaw_that_drifts_does_not_mat
     np.testing.assert_allclose(seen.v, state.v, atol=1e-3)
 
 
+def test_noise_of_the_imu_is_smoothed_by_the_gyro():
+    odometry, rng, state = StandingOdometry(SPEC, 0.002), np.random.default_rng(0), standing()
+    offs = []
+    for k in range(1000):
+        noisy = pin.Quaternion(pin.exp3(0.002 * rng.standard_normal(3))).coeffs()
+        seen = odometry.estimate(Readings(0.002 * k, noisy, state.v[3:6], state.q[7:], state.v[6:]))
+        offs.append(pin.log3(pin.Quaternion(seen.q[3:7]).matrix())[:2])
+    assert np.sqrt(np.mean(np.square(offs[300:]))) < 0.0003
+
+
 def test_a_moving_robot_is_known_to_a_millimetre_and_its_velocity_to_a_centimetre_a_second():
     supervisor, plant, odometry = Supervisor(SPEC), MujocoPlant(SPEC), StandingOdometry(SPEC)
     state = plant.reset()
