@@ -1,0 +1,152 @@
+"""What is carried: loads that nobody tells the controller, at the reaches, in the ready pose, added and dropped.
+
+``python -m tests.studies.loads reach --out loads.jsonl`` runs the cases of a family that the file has not yet, prints
+one line each and appends it; ``--cases 0 5`` runs a part of them. The families:
+
+reach    0.5, 1 and 2 kg in both hands at the five reaches; beside them, how far off a still robot has to be by
+         ``benchmarks/statics.py --loads 0.5 1 2``
+ready    1.5 and 2 kg in both hands, 3 and 5 kg in the left, in the stance
+change   2 kg put into the left hand (20 cases) and dropped from it (20) at phases of the lissajous, 0.157 s apart
+grasp    a cylinder of 0.3, 0.6 and 1 kg on a table
+hostile  the chunks of `tests.support.hostile_chunks` with 1 kg in the left hand
+
+The answer is 1 if one of them fell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from models import g1
+from policy.scripted.library import reach, scripted_policy
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
+from tests.support.hostile_chunks import Episode
+from wholebody.episode.result import EpisodeResult
+from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+
+REACHES = ((0.40, 0.30), (0.45, 0.60), (0.50, 1.00), (0.40, 1.40), (0.25, 1.50))
+BOUNDS = {0.5: (0, 0, 0, 0, 0), 1.0: (34, 13, 20, 12, 0), 2.0: (94, 101, 102, 47, 0)}
+"""How far off a still robot has to hold these masses in both hands, at the plan's margins [mm]; both hands alike."""
+READY = ((1.5, 1.5), (2.0, 2.0), (3.0, 0.0), (5.0, 0.0))
+PHASES = 20
+NOTHING = 1e-4
+"""Mass in a hand that can be changed later [kg]."""
+OBJECTS = (0.3, 0.6, 1.0)
+CASES = {"reach": 15, "ready": len(READY), "change": 2 * PHASES, "grasp": len(OBJECTS), "hostile": 330}
+"""How many there are of each family."""
+SPEC = g1()
+
+
+def still(duration: float) -> ScriptedPolicy:
+    """Both hands where they are in the stance."""
+    stance = stance_pose()
+
+    def script(t: np.ndarray) -> ScriptedMotion:
+        palms = [np.tile(p, (len(t), 1)) for p in (stance.p_world_lpalm, stance.p_world_rpalm)]
+        return ScriptedMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, stance.q_lhand, stance.q_rhand)
+
+    return ScriptedPolicy("still", script, duration)
+
+
+class Changed(MujocoPlant):
+    """A plant whose hands carry something else from a time on.
+
+    Attributes:
+        before, after: Masses in left and right hand [kg]. at: When they change [s].
+    """
+
+    before, after, at = (NOTHING, NOTHING), (NOTHING, NOTHING), math.inf
+
+    def reset(self):
+        """As the plant, with what is carried first."""
+        state, self._changed = super().reset(), False
+        self.hold(self.before)
+        return state
+
+    def step(self, command):
+        """As the plant."""
+        if not self._changed and self.data.time >= self.at:
+            self.hold(self.after)
+            self._changed = True
+        return super().step(command)
+
+
+def told(result: EpisodeResult, bound_mm: float = 0.0) -> dict:
+    """What a line says of an episode."""
+    late = result.times >= result.times[-1] - 1.0 if len(result.times) else slice(0)
+    end, turn = 1e3 * result.errors[late].max(axis=0), np.rad2deg(result.turns[late].max(axis=0))
+    return {
+        "fell": result.fall is not None,
+        "end_mm": np.round(end, 2).tolist(),
+        "turn_deg": np.round(turn, 1).tolist(),
+        "rms_mm": round(1e3 * result.rms, 2),
+        "bound_mm": bound_mm,
+        "fall": "" if result.fall is None else f"{result.fall.time:.2f} s {result.fall.cause}",
+    }
+
+
+def run(family: str, case: int, supervisor: Supervisor) -> dict:
+    """One case."""
+    if family == "reach":
+        mass, i = list(product(BOUNDS, range(len(REACHES))))[case]
+        policy = reach(*REACHES[i])
+        result = run_episode(policy, supervisor, MujocoPlant(SPEC, payload_kg=(mass, mass)), duration=policy.duration)
+        return {"name": f"{mass:g} kg each at {REACHES[i]}"} | told(result, BOUNDS[mass][i])
+    if family == "ready":
+        policy, plant = still(4.0), MujocoPlant(SPEC, payload_kg=READY[case])
+        return {"name": f"{READY[case]} kg in the stance"} | told(run_episode(policy, supervisor, plant, duration=4.0))
+    if family == "change":
+        plant, load = Changed(SPEC, payload_kg=(NOTHING, NOTHING)), (2.0, NOTHING)
+        drops, phase = divmod(case, PHASES)
+        plant.before, plant.after = (load, plant.before) if drops else (plant.before, load)
+        plant.at = 4.0 + math.pi * phase / PHASES
+        result = run_episode(scripted_policy("lissajous"), supervisor, plant, duration=8.0)
+        return {"name": f"2 kg {'dropped' if drops else 'added'} at {plant.at:.2f} s"} | told(result)
+    if family == "grasp":
+        policy, plant = scripted_policy("grasp"), MujocoPlant(SPEC, scene="table_cylinder")
+        body = plant.model.body("object")
+        body.inertia[:] *= OBJECTS[case] / body.mass[0]
+        body.mass[0] = OBJECTS[case]
+        result = run_episode(policy, supervisor, plant, duration=policy.duration, config=EpisodeConfig(hold=1.0))
+        lifted = float(plant.objects()[0, 2])
+        return {"name": f"grasp of {OBJECTS[case]} kg, at {lifted:.3f} m in the end"} | told(result)
+    episode = Episode(supervisor, MujocoPlant(SPEC, payload_kg=(1.0, 0.0)), case).run()
+    return {"name": str(episode), "fell": episode.fall is not None}
+
+
+def main() -> int:
+    """Run what is not in the file yet; 1 if anything fell."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("family", choices=CASES)
+    parser.add_argument("--cases", type=int, nargs=2, default=(0, math.inf), metavar=("FIRST", "END"))
+    parser.add_argument("--out", type=Path, help="a line of JSON for each case")
+    chosen = parser.parse_args()
+    done, found, supervisor = {}, [], Supervisor(SPEC)
+    if chosen.out is not None and chosen.out.exists():
+        lines = [json.loads(line) for line in chosen.out.read_text().splitlines()]
+        done = {(line["family"], line["case"]): line for line in lines}
+    for case in range(int(chosen.cases[0]), int(min(chosen.cases[1], CASES[chosen.family]))):
+        known = done.get((chosen.family, case))
+        line = known or {"family": chosen.family, "case": case} | run(chosen.family, case, supervisor)
+        found.append(line)
+        if known is None and chosen.out is not None:
+            with chosen.out.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+        said = {key: value for key, value in line.items() if key not in ("family", "case", "name", "fell")}
+        print(case, "FELL" if line["fell"] else "stands", line["name"], said, flush=True)
+    fell = [line["case"] for line in found if line["fell"]]
+    print(f"{len(fell)} of {len(found)} fell: {fell}")
+    return int(bool(fell))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
