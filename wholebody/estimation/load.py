@@ -21,8 +21,9 @@ under it is far."""
 TORQUE_ERROR = 0.5
 """Standard deviation of the torques of an arm together that no weight accounts for [N m]; chosen: dry friction of its
 seven joints is 0.1 to 0.3 each in Unitree's models."""
-ERROR_MAX = 0.2
-"""Standard deviation up to which a load counts as known [kg]; definition: what it is to be known within."""
+ERROR_MAX, ERROR_SHARE = 0.2, 0.15
+"""Standard deviation up to which a load counts as known [kg], or share of the load; definition: it is to be known
+within 0.2 kg, and of a heavy one nearly all is better than nothing."""
 GAP_MAX = 0.02
 """Longest time between two states over which torques are looked at [s]; chosen: ten periods."""
 
@@ -85,6 +86,6 @@ class LoadObserver:
             return
         _observe(*self._arguments, state.v, tau, assumed, dt, exp(-dt / TIME_CONSTANT), TORQUE_ERROR)
         for hand in range(2):
-            if self._memory.error[hand] <= ERROR_MAX:
-                self.loads[hand] = min(max(self._memory.mass[hand], 0.0), LOAD_MAX)
-                self.known[hand] = True
+            mass = min(max(self._memory.mass[hand], 0.0), LOAD_MAX)
+            if self._memory.error[hand] <= max(ERROR_MAX, ERROR_SHARE * mass):
+                self.loads[hand], self.known[hand] = mass, True

@@ -51,6 +51,11 @@ class Deviation:
             found = pin.integrate(model, found, step)
         return found
 
+    def of_hands(self, planned: np.ndarray, q: np.ndarray) -> float:
+        """Distance of the further wrist of a configuration (nq,) from where it is in a planned one [m]."""
+        pairs = zip(self._poses(planned), self._poses(q), strict=True)
+        return max(float(np.linalg.norm(a.translation - b.translation)) for a, b in pairs)
+
     def _poses(self, q: np.ndarray) -> list[pin.SE3]:
         """Of both wrists in world."""
         pin.framesForwardKinematics(self._model, self._data, q)

@@ -136,6 +136,10 @@ class PlanFollower:
         other = self.row[POSTURE : POSTURE + len(weights)] if planned is None else planned[7:]
         return float(np.max(weights * np.abs(q[7:] - other)))
 
+    def hands_off(self, q: np.ndarray, planned: np.ndarray) -> float:
+        """How far a wrist of a configuration (nq,) is from where another one has it [m]."""
+        return self._deviation.of_hands(planned, q)
+
     @property
     def time_factor(self) -> float:
         """Time spent on chunks over chunk time covered; 1 is unslowed."""

@@ -11,7 +11,7 @@ from wholebody.robot.state import Robot
 
 SPENT = 0.998
 """Share of the torque that the program may use from which a joint has none left; chosen: above what rounding leaves."""
-TIME_CONSTANT = 0.06
+TIME_CONSTANT = 0.03
 """Of the filter of how often that is so [s]; chosen: a motion that spends its torque for some hundredths of a second
 between two knots is not meant."""
 OFTEN = 0.5

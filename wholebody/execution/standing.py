@@ -36,6 +36,9 @@ GO_BACK = 0.4
 it gets within 0.2 s, and a plan is asked for twice a second."""
 HELD, HELD_STEPS = "held", 31
 """What says that a chunk is none of the policy's, and its steps within a second; chosen: as usual chunks have them."""
+HAND_LOST = 0.04
+"""Distance of a wrist from where it was to stand off the plan up to which a plan from there is taken [m]; chosen: a
+hand that sinks under its load is further off, and to jerk it back takes the body along."""
 PROJECTIONS = 4
 """Times that a point is projected on all edges: one each, and again for what that moved over another."""
 
@@ -93,6 +96,12 @@ class Reflex:
     def is_away(self, state: RobotState) -> bool:
         """Whether the robot is off any plan, or without one and not in its stance."""
         return self.active or self._follower.distance(state.q, self._stance) > self._config.safety.posture_slow
+
+    def is_elsewhere(self, state: RobotState, begin: np.ndarray) -> bool:
+        """Whether the robot, off its last plan, is not where the next one begins, configuration (nq,)."""
+        follower, lost = self._follower, self._config.safety.posture_lost
+        near = follower.distance(state.q, begin) <= lost and follower.hands_off(state.q, begin) <= HAND_LOST
+        return self.active and not near
 
     def go_back(self, state: RobotState) -> float:
         """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""

@@ -233,8 +233,7 @@ class Supervisor:
 
     def _take_over(self, taken: Takeover) -> None:
         """Follow a plan whose time has come, unless the robot, off its last one, is not where it begins."""
-        begin = taken.plan.trajectory.q[0]
-        if self._reflex.active and self._follower.distance(self._last_state.q, begin) > self.config.safety.posture_lost:
+        if self._reflex.is_elsewhere(self._last_state, taken.plan.trajectory.q[0]):
             self._waiting, self._retry = self._waiting or taken.chunk, self._now
             return
         self.plan, self._refused, last = taken.plan, None, 0.0
