@@ -66,6 +66,10 @@ def _firm(config: PlannerConfig) -> TrajectoryConfig:
     return replace(posture, position=FIRM * posture.position, orientation=FIRM * posture.orientation)
 
 
+def _firm_relaxed(config: PlannerConfig) -> TrajectoryConfig:
+    return replace(_firm(config), orientation=FIRM * config.orientation_relaxed)
+
+
 AS_GIVEN = Strategy("as_given", lambda c: c.posture, Begin.PLAN_BEFORE)
 PREVIEW = Strategy("preview", lambda c: c.posture, Begin.START)
 """As given, with hardly any search: enough to tell that a plain chunk can be done."""
@@ -73,6 +77,8 @@ ANEW = Strategy("as_given", lambda c: c.posture, Begin.START)
 """As given again, where beginning with the plan before led to where the search cannot leave."""
 SLOWER = Strategy("slower", lambda c: c.posture, Begin.START)
 FIRM_BOUNDS = Strategy("firm_bounds", _firm, Begin.LAST_ATTEMPT)
+FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, Begin.LAST_ATTEMPT)
+"""Firm bounds again, where palms may turn: a load is often held that way."""
 RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, Begin.LAST_ATTEMPT)
 FREE_ORIENTATION = Strategy("free_orientation", _free, Begin.LAST_ATTEMPT)
 UNREACHABLE = Strategy("unreachable", lambda c: c.weights_unreachable, Begin.PLAN_BEFORE)
@@ -146,6 +152,9 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
+        if now is firm and now.tracking_error > config.relax_error and budget.allows(ATTEMPT_MIN):
+            turned = attempt(FIRM_RELAXED, slowdown, now.knots.q[1:])
+            now = min(now, turned, key=lambda one: (one.unsafety(config), one.tracking_error))
     return now
 
 
