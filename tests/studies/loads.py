@@ -24,9 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from models import g1
 from policy.scripted.library import reach, scripted_policy
-from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, stance_pose
+from tests.support.carried import NOTHING, SPEC, Changed, still
 from tests.support.hostile_chunks import Episode
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import EpisodeConfig, run_episode
@@ -38,46 +37,9 @@ BOUNDS = {0.5: (0, 0, 0, 0, 0), 1.0: (34, 13, 20, 12, 0), 2.0: (94, 101, 102, 47
 """How far off a still robot has to hold these masses in both hands, at the plan's margins [mm]; both hands alike."""
 READY = ((1.5, 1.5), (2.0, 2.0), (3.0, 0.0), (5.0, 0.0))
 PHASES = 20
-NOTHING = 1e-4
-"""Mass in a hand that can be changed later [kg]."""
 OBJECTS = (0.3, 0.6, 1.0)
 CASES = {"reach": 15, "ready": len(READY), "change": 2 * PHASES, "grasp": len(OBJECTS), "hostile": 330}
 """How many there are of each family."""
-SPEC = g1()
-
-
-def still(duration: float) -> ScriptedPolicy:
-    """Both hands where they are in the stance."""
-    stance = stance_pose()
-
-    def script(t: np.ndarray) -> ScriptedMotion:
-        palms = [np.tile(p, (len(t), 1)) for p in (stance.p_world_lpalm, stance.p_world_rpalm)]
-        return ScriptedMotion(*palms, stance.R_world_lhand, stance.R_world_rhand, stance.q_lhand, stance.q_rhand)
-
-    return ScriptedPolicy("still", script, duration)
-
-
-class Changed(MujocoPlant):
-    """A plant whose hands carry something else from a time on.
-
-    Attributes:
-        before, after: Masses in left and right hand [kg]. at: When they change [s].
-    """
-
-    before, after, at = (NOTHING, NOTHING), (NOTHING, NOTHING), math.inf
-
-    def reset(self):
-        """As the plant, with what is carried first."""
-        state, self._changed = super().reset(), False
-        self.hold(self.before)
-        return state
-
-    def step(self, command):
-        """As the plant."""
-        if not self._changed and self.data.time >= self.at:
-            self.hold(self.after)
-            self._changed = True
-        return super().step(command)
 
 
 def told(result: EpisodeResult, bound_mm: float = 0.0) -> dict:
