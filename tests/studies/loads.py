@@ -22,6 +22,7 @@ import sys
 from itertools import product
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from policy.scripted.library import reach, scripted_policy
@@ -78,6 +79,7 @@ def run(family: str, case: int, supervisor: Supervisor) -> dict:
         body = plant.model.body("object")
         body.inertia[:] *= OBJECTS[case] / body.mass[0]
         body.mass[0] = OBJECTS[case]
+        mujoco.mj_setConst(plant.model, mujoco.MjData(plant.model))
         result = run_episode(policy, supervisor, plant, duration=policy.duration, config=EpisodeConfig(hold=1.0))
         lifted = float(plant.objects()[0, 2])
         return {"name": f"grasp of {OBJECTS[case]} kg, at {lifted:.3f} m in the end"} | told(result)

@@ -104,13 +104,14 @@ class PostureSolver:
 
     Args:
         spec: The robot.
-        config: Bounds and margins are those of its ``planner.posture``.
+        config: Bounds and margins are those of its ``planner.posture``, masses in the hands those of its ``loads``.
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         config = config or ControllerConfig()
         self.spec, self._weights = spec, config.planner.posture
         body = self.body = RobotTables(spec, self._weights, config.friction, config.force_min)
+        body.carry((config.loads.left, config.loads.right))
         t = body.tables
         edges = np.minimum(np.minimum(t.com_offsets, t.zmp_offsets), t.capture_offsets)
         body.tables = t._replace(com_offsets=edges)
