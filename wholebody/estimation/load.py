@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, isfinite
 
 import numpy as np
 
 from models.pinocchio_model import payload
 from models.spec import RobotSpec
 from wholebody.estimation.kernels import load as kernel
-from wholebody.estimation.kernels.load import Dynamics
 from wholebody.jit.entry import Entry
+from wholebody.jit.packed import Packed
 from wholebody.robot.hand_loads import LOAD_MAX
 from wholebody.robot.state import Robot
 from wholebody.types import RobotState
@@ -24,6 +24,8 @@ seven joints is 0.1 to 0.3 each in Unitree's models."""
 ERROR_MAX, ERROR_SHARE = 0.2, 0.15
 """Standard deviation up to which a load counts as known [kg], or share of the load; definition: it is to be known
 within 0.2 kg, and of a heavy one nearly all is better than nothing."""
+EVERY = 5
+"""Ticks after which what is seen is believed or not; chosen: every 10 ms is soon enough, and a tick is dear."""
 GAP_MAX = 0.02
 """Longest time between two states over which torques are looked at [s]; chosen: ten periods."""
 
@@ -37,14 +39,14 @@ class LoadObserver:
 
     Args:
         spec: The robot. robot: Its model.
-        dynamics: Arrays that every control tick fills anew.
+        tick: Memory in which every control tick leaves its dynamics.
 
     Attributes:
         loads: Masses in left and right hand that were known last, shape (2,), [kg].
         known: Whether there is one for each hand, shape (2,).
     """
 
-    def __init__(self, spec: RobotSpec, robot: Robot, dynamics: Dynamics) -> None:
+    def __init__(self, spec: RobotSpec, robot: Robot, tick: Packed) -> None:
         model, arms, bodies, places = robot.model, [], [], []
         for tool in spec.tools:
             joint, inertia = payload(model, tool, 1.0)
@@ -52,17 +54,16 @@ class LoadObserver:
             bodies.append(joint - 1)
             places.append(inertia.lever)
             arms.append([model.idx_vs[j] for j in arm])
-        self._dynamics, self._hands = dynamics, kernel.Hands(np.array(bodies), np.array(places), np.array(arms))
-        k, n = self._hands.arm.shape[1], robot.nv
-        pairs = [np.zeros((2, k)) for _ in range(2)], [np.zeros(2) for _ in range(2)]
-        self._memory = kernel.Memory(*pairs[0], *pairs[1], np.zeros(n), np.zeros(6))
-        self.loads, self.known, self._before = np.zeros(2), np.zeros(2, dtype=bool), None
-        self._arguments = self._dynamics, self._hands, self._memory
+        self._tick, self._memory = tick, memory(robot.nv, len(arms[0]))
+        self._memory.body[:], self._memory.place[:], self._memory.arm[:] = bodies, places, arms
+        self.loads, self.known, self._before, self._count = np.zeros(2), np.zeros(2, dtype=bool), None, 0
+        self._found = self._memory.span("mass", "error").reshape(2, 2)
+        vector = np.zeros(robot.nv)
+        self._observe = _observe.native(tick, self._memory, vector, vector, vector, 0.0, 0.0, 0.0)
 
     def reset(self) -> None:
         """Forget everything."""
-        for part in self._memory:
-            part[:] = 0.0
+        self._memory.span("residual", "error")[:] = 0.0
         self.loads[:], self.known[:], self._before = 0.0, False, None
 
     @property
@@ -70,8 +71,8 @@ class LoadObserver:
         """Standard deviation of what is seen now, shape (2,), [kg]."""
         return self._memory.error
 
-    def look(self, state: RobotState, assumed: np.ndarray) -> None:
-        """Take in a state before the tick that answers it.
+    def look(self, state: RobotState, assumed: np.ndarray) -> bool:
+        """Take in a state before the tick that answers it; whether `loads` and `known` may be other ones now.
 
         Args:
             state: As measured; without torques nothing is learned.
@@ -80,12 +81,34 @@ class LoadObserver:
         before, tau = self._before, state.tau
         self._before = None if tau is None else state.time
         if before is None or tau is None or not 0.0 < (dt := state.time - before) <= GAP_MAX:
-            return
-        if tau.shape != (len(state.v) - 6,) or not np.isfinite(tau.dot(tau)):
+            return False
+        # The compiled code takes what it is given as it lies in memory.
+        tau, v = np.ascontiguousarray(tau, dtype=float), np.ascontiguousarray(state.v, dtype=float)
+        if tau.shape != (len(v) - 6,) or not isfinite(tau.dot(tau)):
             self._before = None
-            return
-        _observe(*self._arguments, state.v, tau, assumed, dt, exp(-dt / TIME_CONSTANT), TORQUE_ERROR)
-        for hand in range(2):
-            mass = min(max(self._memory.mass[hand], 0.0), LOAD_MAX)
-            if self._memory.error[hand] <= max(ERROR_MAX, ERROR_SHARE * mass):
+            return False
+        keep = exp(-dt / TIME_CONSTANT)
+        self._observe(self._tick, self._memory, v, tau, assumed, dt, keep, TORQUE_ERROR)
+        self._count = (self._count + 1) % EVERY
+        if self._count:
+            return False
+        self._believe()
+        return True
+
+    def _believe(self) -> None:
+        """Take over the masses that are seen well enough."""
+        for hand, (seen, error) in enumerate(zip(*self._found.tolist(), strict=True)):
+            mass = min(max(seen, 0.0), LOAD_MAX)
+            if error <= max(ERROR_MAX, ERROR_SHARE * mass):
                 self.loads[hand], self.known[hand] = mass, True
+
+
+def memory(nv: int, joints: int) -> Packed:
+    """What goes on from tick to tick, for a robot with so many velocities, and joints in each arm.
+
+    ``residual`` are low-passed torques that the masses account for [N m], ``unit`` the same of 1 kg [N m/kg], ``mass``
+    and its ``error`` [kg] what is found; ``body``, ``place`` [m] and ``arm`` are where loads are and what carries them.
+    """
+    hands, arms = (2,), (2, joints)
+    reals = {"place": (2, 3), "dv": (nv,), "six": (6,), "residual": arms, "unit": arms, "mass": hands, "error": hands}
+    return Packed(reals, {"body": hands, "arm": arms})

@@ -8,7 +8,7 @@ from wholebody.config import LoadConfig
 from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
 from wholebody.errors import ConfigError
-from wholebody.estimation.load import Dynamics, LoadObserver
+from wholebody.estimation.load import LoadObserver
 from wholebody.robot.hand_loads import Loads
 from wholebody.types import RobotState
 
@@ -32,7 +32,7 @@ class Carrying:
             raise ConfigError(f"loads.source is '{config.source}'; it must be one of {', '.join(SOURCES)}")
         self._controller, self._config = controller, config
         self.observer = _observer(controller) if config.source == "observed" else None
-        self._known = np.full(2, config.source == "told")
+        self._known = [config.source == "told"] * 2
         self._masses = np.zeros(2)
         self.loads = self._planned = Loads()
 
@@ -40,7 +40,7 @@ class Carrying:
         """Count on what is told, until something is observed."""
         if self.observer is not None:
             self.observer.reset()
-            self._known[:] = False
+            self._known = [False, False]
         self._planned = Loads()
         self._count_on(self._config.left, self._config.right)
 
@@ -49,12 +49,14 @@ class Carrying:
         observer = self.observer
         if observer is None:
             return
-        observer.look(state, self._masses)
-        seen = np.where(observer.loads > self._config.follow, observer.loads, 0.0)
-        left, right = np.where(observer.known, seen, self._masses).tolist()
-        other = max(abs(left - self._masses[0]), abs(right - self._masses[1])) > self._config.follow
-        if other or (observer.known != self._known).any():
-            self._known[:] = observer.known
+        if not observer.look(state, self._masses):
+            return
+        known, least = observer.known.tolist(), self._config.follow
+        pairs = zip(known, observer.loads.tolist(), self.loads.masses, strict=True)
+        left, right = ((seen if seen > least else 0.0) if sure else mass for sure, seen, mass in pairs)
+        other = max(abs(left - self.loads.masses[0]), abs(right - self.loads.masses[1])) > least
+        if other or known != self._known:
+            self._known = known
             self._count_on(left, right)
 
     @property
@@ -70,13 +72,12 @@ class Carrying:
     def _count_on(self, left: float, right: float) -> None:
         self._masses[:] = left, right
         self._controller.carry((left, right))
-        left_spare, right_spare = np.where(self._known, 0.0, self._config.reserve).tolist()
-        self.loads = Loads((left, right), (left_spare, right_spare))
+        spare = [0.0 if known else self._config.reserve for known in self._known]
+        self.loads = Loads((left, right), (spare[0], spare[1]))
 
 
 def _observer(controller: Controller) -> LoadObserver | None:
     """One that reads what the controller's tick computes, if that is all that it needs."""
     if not isinstance(controller, WholeBodyController) or controller.compiled is None:
         return None
-    tick = controller.compiled.tick
-    return LoadObserver(controller.spec, controller.robot, Dynamics(*(getattr(tick, x) for x in Dynamics._fields)))
+    return LoadObserver(controller.spec, controller.robot, controller.compiled.tick)

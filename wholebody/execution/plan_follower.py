@@ -201,13 +201,13 @@ class PlanFollower:
         q = np.ascontiguousarray(q, dtype=float)
         controller, elapsed = self._controller, self._dt if elapsed is None else min(elapsed, ELAPSED_MAX)
         robot, palms = controller.robot, controller.palm_positions()
-        error = np.sqrt(((palms - self._palm_rows()[:, 9:12]) ** 2).sum(axis=1))
-        room = self._saturation.trust(controller.tau, error, float(elapsed), kernel.TRUST_MIN)
+        left, right = self._saturation.trust(controller.tau, palms, self.row, float(elapsed))
         self._follow(
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity, palms, self.row,
             float(elapsed), float(allowed),
         )  # fmt: skip
-        controller.trust_hands(*np.minimum(room, kernel.TRUST_MIN if self._standing else self.trust).tolist())
+        most = kernel.TRUST_MIN if self._standing else self.trust
+        controller.trust_hands(min(left, most), min(right, most))
         return PackedReference(self.row)
 
 

@@ -7,6 +7,9 @@ from math import exp
 import numpy as np
 
 from models.spec import RobotSpec
+from wholebody.execution.kernels import saturation as kernel
+from wholebody.execution.kernels.plan_follower import TRUST_MIN
+from wholebody.jit.entry import Entry
 from wholebody.robot.state import Robot
 
 SPENT = 0.998
@@ -20,6 +23,8 @@ OFTEN = 0.5
 ERROR_SLOW, ERROR_STOP = 0.005, 0.025
 """Errors of a palm from which such a hand begins to give way and has given way [m]; chosen: one that is where it should
 be asks for nothing more."""
+
+_trust = Entry(kernel.trust)
 
 
 class Saturation:
@@ -37,22 +42,24 @@ class Saturation:
         names = robot.joint_names
         arms = [[i for i, name in enumerate(names) if _carries(name, tool.side)] for tool in spec.tools]
         self._joints, self._often = np.array(arms), np.zeros(np.shape(arms))
-        self._limit = SPENT * tau_max[self._joints]
+        self._limits, self._trust = SPENT * tau_max[self._joints], np.ones(2)
+        self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN])
+        v, m = np.zeros(1), np.zeros((2, 3))
+        self._native = _trust.native(v, self._joints, self._limits, self._often, m, v, 0.0, self._settings, self._trust)
 
-    def trust(self, tau: np.ndarray, error: np.ndarray, elapsed: float, least: float) -> np.ndarray:
-        """Factor on the weight of each hand, shape (2,), from ``least`` to 1.
+    def trust(self, tau: np.ndarray, palms: np.ndarray, row: np.ndarray, elapsed: float) -> tuple[float, float]:
+        """Factor on the weight of each hand, from `TRUST_MIN` to 1.
 
         Args:
             tau: Torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
-            error: Distance of each palm from where it is commanded to be, shape (2,), [m].
+            palms: Where the palm points are, shape (2, 3), [m].
+            row: Packed reference with where they are commanded to be.
             elapsed: Time since the tick before it [s].
-            least: Least trust.
         """
         keep = exp(-elapsed / TIME_CONSTANT)
-        self._often *= keep
-        self._often += (1.0 - keep) * (np.abs(tau[self._joints]) >= self._limit)
-        room = (1.0 - self._often.max(axis=1)) / (1.0 - OFTEN)
-        return np.clip(np.maximum(room, (ERROR_STOP - error) / (ERROR_STOP - ERROR_SLOW)), least, 1.0)
+        self._native(tau, self._joints, self._limits, self._often, palms, row, keep, self._settings, self._trust)
+        left, right = self._trust.tolist()
+        return left, right
 
 
 def _carries(joint: str, side: str) -> bool:

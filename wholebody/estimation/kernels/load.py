@@ -14,55 +14,19 @@ Source:
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-
+from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.rotation import rotate
 from wholebody.robot.kernels.spatial import velocity_at
 
 
-class Dynamics(NamedTuple):
-    """What the last tick computed at the state before, as in `wholebody.robot.kernels.rigid_body`."""
-
-    v: np.ndarray  # (nv,)
-    parent: np.ndarray  # (bodies,)
-    R: np.ndarray  # (bodies, 3, 3)
-    p: np.ndarray  # (bodies, 3)
-    S: np.ndarray  # (nv, 6)
-    V: np.ndarray  # (bodies, 6)
-    A: np.ndarray  # (bodies, 6)
-    M: np.ndarray  # (nv, nv)
-    nle: np.ndarray  # (nv,)
-    gravity: np.ndarray  # (3,)
-
-
-class Hands(NamedTuple):
-    """Both hands, left first."""
-
-    body: np.ndarray  # (2,) that the load is fixed to
-    place: np.ndarray  # (2, 3) of the load there [m]
-    arm: np.ndarray  # (2, k) velocities of the joints of each arm
-
-
-class Memory(NamedTuple):
-    """What goes on from tick to tick."""
-
-    residual: np.ndarray  # (2, k) low-passed torques that the masses account for [N m]
-    unit: np.ndarray  # (2, k) the same of 1 kg [N m/kg]
-    mass: np.ndarray  # (2,) found [kg]
-    error: np.ndarray  # (2,) of it, one standard deviation [kg]
-    dv: np.ndarray  # (nv,) scratch
-    six: np.ndarray  # (6,) scratch
-
-
-def observe(dynamics, hands, memory, v, tau, assumed, dt, keep, torque_error) -> None:
+def observe(tick: Packed, memory: Packed, v, tau, assumed, dt, keep, torque_error) -> None:
     """One tick.
 
     Args:
-        dynamics: `Dynamics` of the state before, with the assumed masses in its hands.
-        hands: `Hands`.
-        memory: `Memory`, changed.
+        tick: The dynamics of the state before, with the assumed masses in its hands: ``v R p S V A M nle parent
+            gravity`` as in `wholebody.robot.kernels.rigid_body`.
+        memory: Of the observer, as in `wholebody.estimation.load.memory`, changed.
         v: Velocity now (nv,).
         tau: Torques in between (nv - 6,).
         assumed: Masses (2,) [kg].
@@ -70,29 +34,29 @@ def observe(dynamics, hands, memory, v, tau, assumed, dt, keep, torque_error) ->
         keep: Share that the filters keep, 0 to 1.
         torque_error: Of the torques of an arm [N m].
     """
-    dv, a, M = memory.dv, memory.six, dynamics.M
+    dv, x_load, M, S, nle, before, arm = memory.dv, memory.six, tick.M, tick.S, tick.nle, tick.v, memory.arm
     for c in range(v.shape[0]):
-        dv[c] = (v[c] - dynamics.v[c]) / dt
+        dv[c] = (v[c] - before[c]) / dt
     for h in range(2):
-        residual, unit, body = memory.residual[h], memory.unit[h], hands.body[h]
-        x, y, z = lifted(dynamics, body, hands.place[h], dv, a)
+        residual, unit = memory.residual[h], memory.unit[h]
+        x, y, z = lifted(tick, memory.body[h], memory.place[h], dv, x_load)
         for i in range(residual.shape[0]):
-            c = hands.arm[h, i]
-            missing = tau[c - 6] - dynamics.nle[c]
+            c = arm[h, i]
+            missing = tau[c - 6] - nle[c]
             for k in range(dv.shape[0]):
                 missing -= M[c, k] * dv[k]
-            jx, jy, jz = velocity_at(dynamics.S[c], a)
+            jx, jy, jz = velocity_at(S[c], x_load)
             one = jx * x + jy * y + jz * z
             residual[i] = keep * residual[i] + (1.0 - keep) * (missing + assumed[h] * one)
             unit[i] = keep * unit[i] + (1.0 - keep) * one
         memory.mass[h], memory.error[h] = ratio(residual, unit, torque_error)
 
 
-def lifted(dynamics, body, place, dv, x) -> tuple[float, float, float]:
+def lifted(tick: Packed, body, place, dv, x) -> tuple[float, float, float]:
     """Acceleration of a load less gravity; its place (3,) from the base, in world axes, is left in ``x`` (6,)."""
-    R, S, A, V = dynamics.R[body], dynamics.S, dynamics.A[body], dynamics.V[body]
+    R, p, S, A, V, parent, g = tick.R[body], tick.p[body], tick.S, tick.A[body], tick.V[body], tick.parent, tick.gravity
     for k in range(3):
-        x[k] = dynamics.p[body, k] + rotate(R, k, place[0], place[1], place[2])
+        x[k] = p[k] + rotate(R, k, place[0], place[1], place[2])
     vx, vy, vz = velocity_at(V, x)
     ax, ay, az = velocity_at(A, x)
     ax, ay, az = ax + V[4] * vz - V[5] * vy, ay + V[5] * vx - V[3] * vz, az + V[3] * vy - V[4] * vx
@@ -101,11 +65,11 @@ def lifted(dynamics, body, place, dv, x) -> tuple[float, float, float]:
         c = 5 + k
         jx, jy, jz = velocity_at(S[c], x)
         ax, ay, az = ax + jx * dv[c], ay + jy * dv[c], az + jz * dv[c]
-        k = dynamics.parent[k]
+        k = parent[k]
     for c in range(6):
         jx, jy, jz = velocity_at(S[c], x)
         ax, ay, az = ax + jx * dv[c], ay + jy * dv[c], az + jz * dv[c]
-    return ax - dynamics.gravity[0], ay - dynamics.gravity[1], az - dynamics.gravity[2]
+    return ax - g[0], ay - g[1], az - g[2]
 
 
 def ratio(residual, unit, torque_error) -> tuple[float, float]:
