@@ -33,6 +33,8 @@ class Carrying:
         self._controller, self._config = controller, config
         self.observer = _observer(controller) if config.source == "observed" else None
         self._known = [config.source == "told"] * 2
+        # Without torques in the program there is nothing to leave room in.
+        self._reserve = config.reserve if isinstance(controller, WholeBodyController) else 0.0
         self._masses = np.zeros(2)
         self.loads = self._planned = Loads()
 
@@ -72,7 +74,7 @@ class Carrying:
     def _count_on(self, left: float, right: float) -> None:
         self._masses[:] = left, right
         self._controller.carry((left, right))
-        spare = [0.0 if known else self._config.reserve for known in self._known]
+        spare = [0.0 if known else self._reserve for known in self._known]
         self.loads = Loads((left, right), (spare[0], spare[1]))
 
 
