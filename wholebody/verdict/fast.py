@@ -127,7 +127,7 @@ class FastChecker:
             return verdict
         for chunk, begin, now in run.suspects[:SUSPECTS]:
             program = ChunkProgram(self.judge, chunk, begin, run.result.orientation_free, now)
-            found = [why(one, now - run.result.start, chunk.fps) for one in causes(program)]
+            found = [why(one, chunk.t_obs - run.result.start, chunk.fps) for one in causes(program)]
             if found:
                 changes = self.repairer(chunk, begin, run.result.orientation_free).singles()
                 would_do = [WouldDo(kind=x.kind, slower=x.slower, moved=x.moved, turned=x.turned) for x in changes]

@@ -164,7 +164,9 @@ class ChunkProgram:
     def margins(self, witness: Witness) -> list[Margin]:
         """Least room that a motion leaves to every kind of bound, the tightest first."""
         problem = self._planner.optimizer.measured(witness.knots)
-        return sorted(self.judge.measured(problem, self.chunk.fps), key=lambda one: one.share)
+        return sorted(
+            self.judge.measured(problem, self.chunk.fps, float(self.targets.steps[0])), key=lambda one: one.share
+        )
 
     def reach(self, witness: Witness) -> Margin:
         """How far the palms of a motion are from where they are asked to be, at the worst."""
