@@ -261,7 +261,7 @@ class PlannerConfig:
     """The same where a target is out of reach, for which less is risked [m/s]."""
     warm_start_distance: float = 0.03
     """Distance of the plan before from the palms wanted up to which the search begins with it [m]."""
-    warm_start_error: float = 0.004
+    warm_start_error: float = 0.0055
     """Tracking error above which a search that began so is repeated without, up to `relax_error` [m]."""
     settle: float = 0.5
     """Time that the plan goes on after the hands have arrived, to come to rest [s]."""

@@ -17,5 +17,5 @@ class PlanningConfig:
     """Of a simulated planner: 'fixed' takes `lead` times `factor`, 'measured' the CPU time used times `factor`."""
     factor: float = 1.0
     """How many times longer than that it takes."""
-    budget: float = 330.0
+    budget: float = 160.0
     """Most linearisations and steps for the plan of a chunk, each of 40 knots; of more or fewer knots in proportion."""

@@ -76,6 +76,11 @@ class Attempt:
         """Largest excess over a bound, in terms of its tolerance."""
         return float(self.knots.violation.max())
 
+    @property
+    def start_violation(self) -> float:
+        """The same at the first knot, whose accelerations take the start to the second one."""
+        return float(self.knots.violation[0])
+
     def imbalance(self, config: PlannerConfig) -> float:
         """What the plan wants of the floor beyond what that gives; 1 is all that the controller makes up for."""
         unreachable = self.tracking_error > config.unreachable

@@ -95,14 +95,9 @@ class ContactFeasibility:
         outside = zmp @ self._normals.T - (self._offsets - EDGE_MARGIN)
         if outside.max() <= 0.0:
             return 0.0
-        height = np.maximum(com[:, 2], LOWEST_HEIGHT)
-        omega, drift, largest = np.sqrt(lift / height), np.zeros(outside.shape[1]), 0.0
-        begins = int(np.argmax(outside.max(axis=1) > 0.0))
-        for now, step in zip(outside[begins:], (omega * GRID * slowdown)[begins:], strict=True):
-            led = np.where(now > 0.0, now, np.maximum(now, -DRIFT_GAIN * drift))
-            drift = np.maximum(drift + step * (drift + led), 0.0)
-            largest = max(largest, float(drift.max()))
-        return largest
+        step = np.sqrt(lift / np.maximum(com[:, 2], LOWEST_HEIGHT)) * (GRID * slowdown)
+        edges = np.flatnonzero(outside.max(axis=0) > 0.0)
+        return max(_edge_drift(outside[:, edge].tolist(), step.tolist()) for edge in edges)
 
     def friction_impulse_deficit(self, track: SampledTrajectory, slowdown: float) -> float:
         """Largest impulse that is missing for lack of friction at any time, per mass [m/s].
@@ -141,3 +136,14 @@ class ContactFeasibility:
         if flag == SEPARATED:
             return 1.0 / float(np.linalg.norm(normal))
         return 0.0 if flag == INSIDE else np.inf
+
+
+def _edge_drift(outside: list[float], step: list[float]) -> float:
+    """Largest drift past one edge; ``step`` is the time between rows in terms of the pendulum's."""
+    drift = largest = 0.0
+    for now, share in zip(outside, step, strict=True):
+        if drift > 0.0 or now > 0.0:
+            led = now if now > 0.0 else max(now, -DRIFT_GAIN * drift)
+            drift = max(drift + share * (drift + led), 0.0)
+            largest = max(largest, drift)
+    return largest

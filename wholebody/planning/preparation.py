@@ -141,12 +141,11 @@ def _joined(
     Steps that no hand could follow are replaced by the nearest that one can. Both keep that share of the limits.
     """
     slow, moved = limits.scaled(share), np.zeros(len(times))
-    path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)
-    if len(times) < 2:
-        return path, moved
-    projected = continued(times, T, q, slow, motion, s)
-    if not (path.join.rough or projected.changed):
-        return path, moved
+    projected = continued(times, T, q, slow, motion, s) if len(times) > 1 else None
+    if projected is None or not projected.changed:
+        path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)
+        if projected is None or not path.join.rough:
+            return path, moved
     path = HandPath.from_knots(projected.times, projected.T, projected.q, limits=limits).joined(motion, s, limits=slow)
     moved[len(times) - len(projected.moved) :] = projected.moved
     return path, moved

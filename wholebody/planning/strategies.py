@@ -113,9 +113,15 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bo
             break
         now = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
         jumps = implausible or now.targets.projected.max() > JUMP
-        # Nothing brings palms near that are so far away.
-        far = jumps or now.tracking_error > 2.0 * config.unreachable
-        if not far:
+        if now.start_violation > config.violation_max:
+            # No strategy mends that: it is in the state that the plan begins with.
+            tried.append(now)
+            break
+        # Nothing brings palms near that are so far away, or far away in spite of what they break.
+        far = jumps or now.tracking_error > config.unreachable * (2.0 if now.is_safe(config) else 1.0)
+        # What is too fast at this speed still is slowed further, before palms are turned.
+        too_fast = 1.0 < slowdown < max(config.slowdowns) and now.tracking_error > config.tracking_error_max
+        if not far and not too_fast:
             now = _improved(config, attempt, budget, now)
         if now.follows(config) and not jumps:
             return now
@@ -142,7 +148,8 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
     slowdown = now.targets.slowdown
     budget.kept = 0.0 if now.is_safe(config) else budget.kept
     a_little_off = config.warm_start_error < now.tracking_error <= config.relax_error
-    if now.warm_started and (a_little_off or not now.is_safe(config)) and budget.allows(ATTEMPT_MIN):
+    violates = now.violation > config.violation_max
+    if now.warm_started and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
     for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
