@@ -114,23 +114,32 @@ class Times:
         return cells
 
 
-def motions(folder: Path, times: Times, unit: float) -> None:
-    """Print how long plans of recorded motions take, in terms of the unit [us], and as a share of their check."""
-    checker, shares, chunks = Checker(), [], []
-    print("\n| Recorded motion | ms a chunk: median | max | in units: median | share of the check |")
-    print("|---|---|---|---|---|")
+def motions(folder: Path, times: Times, model: pin.Model) -> None:
+    """Print how long plans of recorded motions take, also in units timed beside each, and as a share of their check."""
+    checker, rows, every, work = Checker(), [], [], []
+    planning = checker.supervisor.config.planning
+    print("\n| Recorded motion | chunks | ms a chunk: median | max | units: median | work: max | share of the check |")
+    print(f"|{'---|' * 7}")
     for file in sorted(folder.glob("*.csv")):
         policy = open_recording(file)
         begin = thread_time()
         checker.check(policy, file.stem, policy.duration)
         took, ms = 1e3 * (thread_time() - begin), np.array(times.of["ChunkPlanner.plan"])
+        every.extend(ms)
+        work.extend(times.work)
+        units = 1e3 * np.median(ms) / yardstick(model)
+        cells = np.median(ms), ms.max(), units, max(times.work), 100.0 * ms.sum() / took
         times.row(file.stem)
-        shares.append(ms.sum() / took)
-        chunks.append(np.median(ms))
-        cells = f"{chunks[-1]:.0f} | {ms.max():.0f} | {1e3 * chunks[-1] / unit:.0f} | {100.0 * shares[-1]:.0f} %"
-        print(f"| {file.stem} | {cells} |", flush=True)
-    whole = np.median(chunks)
-    print(f"| median | {whole:.0f} | | {1e3 * whole / unit:.0f} | {100.0 * np.median(shares):.0f} % |")
+        rows.append(cells)
+        print(f"| {file.stem} | {len(ms)} | {' | '.join(f'{x:.0f}' for x in cells)} % |", flush=True)
+    whole, within, lead = np.median(rows, axis=0), np.array(work) <= planning.budget, 1e3 * planning.lead
+    print("\n| Over all motions | measured | bar |\n|---|---|---|")
+    print(f"| chunk, in units: median of the medians | {whole[2]:.0f} | 2500 |")
+    print(f"| share of a check: median, largest | {whole[4]:.0f}, {max(row[4] for row in rows):.0f} % | 40 % |")
+    print(f"| work within its budget of {planning.budget:.0f} | {100.0 * within.mean():.1f} % | 100 % |")
+    print(f"| work of a chunk: 95 %, largest | {np.quantile(work, 0.95):.0f}, {max(work):.0f} | |")
+    print(f"| within the lead of {lead:.0f} ms of CPU time | {100.0 * np.mean(np.array(every) <= lead):.1f} % | |")
+    print(f"| ms a chunk: 95 %, largest | {np.quantile(every, 0.95):.0f}, {max(every):.0f} | |")
 
 
 def main() -> None:
@@ -168,10 +177,10 @@ def main() -> None:
     print("\n| Part, us a knot | scripts | hostile |\n|---|---|---|")
     for row in zip(PARTS, plain, parts.cells(), strict=True):
         print(f"| {' | '.join(row)} |")
-    unit = yardstick(supervisor.planner.optimizer.body.model)
-    print(f"\ncomputeRNEADerivatives: {unit:.1f} us")
+    model = supervisor.planner.optimizer.body.model
+    print(f"\ncomputeRNEADerivatives: {yardstick(model):.1f} us")
     if options.motions:
-        motions(options.motions, times, unit)
+        motions(options.motions, times, model)
 
 
 def yardstick(model: pin.Model) -> float:

@@ -111,6 +111,10 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bo
         budget.kept = 0.0 if any(one.is_safe(config) for one in tried) else RESERVE
         if tried and not budget.allows(ATTEMPT_MIN):
             break
+        # Accelerations fall with the square of the slowdown, and what palms lack for them at least as much.
+        lacks = min((one.tracking_error for one in tried), default=0.0) / slowdown**2
+        if lacks > config.tracking_error_max and slowdown < max(config.slowdowns):
+            continue
         now = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
         jumps = implausible or now.targets.projected.max() > JUMP
         if now.start_violation > config.violation_max:
@@ -119,9 +123,7 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bo
             break
         # Nothing brings palms near that are so far away, or far away in spite of what they break.
         far = jumps or now.tracking_error > config.unreachable * (2.0 if now.is_safe(config) else 1.0)
-        # What is too fast at this speed still is slowed further, before palms are turned.
-        too_fast = 1.0 < slowdown < max(config.slowdowns) and now.tracking_error > config.tracking_error_max
-        if not far and not too_fast:
+        if not far:
             now = _improved(config, attempt, budget, now)
         if now.follows(config) and not jumps:
             return now

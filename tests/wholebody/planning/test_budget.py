@@ -48,7 +48,7 @@ def test_work_counts_by_knots_and_what_is_kept_is_not_left():
     budget.count(2 * KNOTS)
     assert budget.allows(0.6)
     assert not budget.allows(0.61)
-    budget.begin_search()
+    budget.begin_search(KNOTS)
     assert budget.affords(6 * KNOTS)
     assert not budget.affords(7 * KNOTS)
     budget.count(3 * KNOTS)

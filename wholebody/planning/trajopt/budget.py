@@ -8,7 +8,8 @@ from time import thread_time
 KNOTS = 40
 """Knots of the plan whose linearisation, or step, counts as one: those of a chunk of 50 steps at its own speed."""
 SEARCH_MAX = 42.0
-"""Most linearisations and steps of one search [no unit]; measured: nine in ten end by themselves before."""
+"""Most linearisations and steps of one search, each of all its knots if these are more than `KNOTS` [no unit];
+measured: nine in ten end by themselves before."""
 
 
 class Budget:
@@ -28,7 +29,7 @@ class Budget:
         self._work, self._seconds, self._begin = work, seconds, thread_time()
         self.spent = self.kept = 0.0
         self.timed_out = False
-        self.begin_search()
+        self.begin_search(KNOTS)
 
     def count(self, knots: int) -> None:
         """One linearisation or step of so many knots was done."""
@@ -39,11 +40,11 @@ class Budget:
         room = 1.0 - self.kept - share
         return self._allows(self.spent <= room * self._work, self._elapsed <= room * self._seconds)
 
-    def begin_search(self) -> None:
-        """A search begins: it takes `SEARCH_MAX` at most, and leaves what is kept for later."""
-        room = 1.0 - self.kept
+    def begin_search(self, knots: int) -> None:
+        """A search begins, of so many knots: it takes `SEARCH_MAX` at most, and leaves what is kept for later."""
+        room, most = 1.0 - self.kept, SEARCH_MAX * max(knots / KNOTS, 1.0)
         self._search = self.spent, self._elapsed
-        self._search_end = min(room * self._work, self.spent + SEARCH_MAX), room * self._seconds
+        self._search_end = min(room * self._work, self.spent + most), room * self._seconds
 
     def affords(self, knots: int) -> bool:
         """Whether the search that is going on may do linearisations and steps of so many knots together."""

@@ -105,7 +105,7 @@ class TrajectoryOptimizer:
         body, K, config = self.body, len(T_palms), config or self.config
         problem = self._problem(K)
         problem.budget = budget or Budget()
-        problem.budget.begin_search()
+        problem.budget.begin_search(K)
         seed, problem.enforced[:] = self._relaxation
         problem.begin(T_palms, q_fingers, v[body.columns])
         start, known = problem.now.q, 1
