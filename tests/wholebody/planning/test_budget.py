@@ -64,6 +64,32 @@ def test_one_search_takes_only_so_much():
     assert not budget.affords(int(SEARCH_MAX + 1) * KNOTS)
 
 
+def test_a_search_of_twice_the_knots_may_take_as_many_steps():
+    budget = Budget()
+    budget.begin_search(2 * KNOTS)
+    assert budget.affords(int(SEARCH_MAX) * 2 * KNOTS)
+    assert not budget.affords(int(SEARCH_MAX + 1) * 2 * KNOTS)
+
+
+def test_what_the_start_breaks_is_not_tried_at_other_speeds_and_with_other_hands(robot, rest, monkeypatch):
+    """Sixteen attempts were made, all of which broke the same bound at the first knot by as much."""
+    one, tried = planner(robot, 1e4), []
+    attempt = one._attempt
+
+    def spied(targets, start, strategy, *rest):
+        tried.append(strategy.name)
+        return attempt(targets, start, strategy, *rest)
+
+    monkeypatch.setattr(one, "_attempt", spied)
+    start, hands = rest
+    v = np.zeros(robot.nv)
+    v[6 + robot.joint_names.index("waist_pitch_joint")] = 12.0
+    report = one.plan(hostile_chunk("walk", np.random.default_rng(3), 0, 0.0), 0.0, BodyState(start.q, v), hands).report
+    assert not report.safe
+    assert tried[0] == "as_given"
+    assert set(tried[1:]) <= {"fallback", "stop"}
+
+
 def test_time_counts_where_it_is_limited():
     budget, begin = Budget(seconds=0.02), thread_time()
     assert budget.affords(KNOTS)
