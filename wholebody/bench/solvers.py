@@ -50,8 +50,8 @@ class SolverRow:
 class _Watched(Supervisor):
     """A supervisor that notes what the solver answered."""
 
-    def reset(self, state: RobotState) -> None:
-        super().reset(state)
+    def reset(self, state: RobotState, now: float | None = None) -> None:
+        super().reset(state, now)
         self.levels: list[TickLevel] = []
         self.residuals: list[tuple[float, float]] = []
         self.seconds: list[float] = []

@@ -27,7 +27,7 @@ def check(
     judging: Judging,
     json_to: VerdictsTo = "",
 ) -> None:
-    """Judge inputs by simulating them, or with --fast by their plans alone.
+    """Judge inputs by simulating them, or by their plans.
 
     Exit code 0 feasible (repaired ones too), 1 any infeasible, 2 any malformed, 3 a fault of wholebody itself.
     """

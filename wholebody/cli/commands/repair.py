@@ -24,7 +24,10 @@ def repair(
     assume_spec: AssumeSpec = "",
     config: Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")] = None,
 ) -> None:
-    """Slow a chunk down, or bend its path least, until it can be done. Exit code 0 written, 1 nothing helps."""
+    """Write the nearest chunk that can be done.
+
+    It is slowed down first, then its path is bent least. Exit code 0 written, 1 nothing helps.
+    """
     from policy.action_spec.codec import encode
     from policy.recorded.chunk_file import read_chunk_file, write_chunk_file
     from wholebody.config.file import load_config
