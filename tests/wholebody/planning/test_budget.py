@@ -122,8 +122,12 @@ def test_a_plan_that_the_budget_ends_is_the_same_again_and_judged_as_any_other(r
 
 @pytest.mark.parametrize("kind", ["box", "floor", "straight"])
 def test_within_a_limit_on_cpu_time_a_plan_comes_in_time(robot, rest, kind):
-    limit, one = 0.1, planner(robot, 1e4)
+    one = planner(robot, 1e4)
     plan_of(one, rest, kind, 3, cpu_limit=1e-3)  # compiles, makes room
+    begin = thread_time()
+    plan_of(one, rest, kind, 3)
+    # Shorter than the plan takes, and what a lead leaves where that is even shorter.
+    limit = min(0.1, 0.8 * (thread_time() - begin))
     begin = thread_time()
     plan = plan_of(one, rest, kind, 3, cpu_limit=limit)
     assert thread_time() - begin <= 1.1 * limit

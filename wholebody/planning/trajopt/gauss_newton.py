@@ -27,11 +27,10 @@ each of which updates the spline offset of the palms: one that is three steps ol
 NEWTON_FEW, NEWTON_ALL = 4, 12
 """Most Newton steps on the active set within one Gauss-Newton step: few while the next linearisation gains more than
 the exact minimum of this one, all once few no longer help."""
-GAIN_MIN, GAIN_MIN_MISSED = 2e-3, 5e-3
-"""Share of the cost: a step that gains less is the last one of its round; and where a palm misses its target by more
-than `TrajectoryConfig.position_give`, so that another strategy is next, or the hands are led along the plan."""
-PROMISE_MIN = 0.5
-"""Times that share: a step that promises less, on the exact active set, is not taken."""
+GAIN_MIN = 2e-3
+"""Share of the cost: a step that gains less is the last one of its round."""
+PROMISE_MIN = 1e-3
+"""Share of the cost: a step that promises less, on the exact active set, is not taken."""
 PROMISE_MIN_SOFT = 1e-2
 """The same share in rounds with soft bounds, which need not converge."""
 KNOT_GAIN_MIN = 0.03
@@ -40,7 +39,7 @@ STEP_MAX = 0.4
 """Largest entry of a step that the linearisation is trusted for [m, rad]."""
 ABANDON = 2.0
 """Times `STEP_MAX`: where the first Newton step is as large, the damping is raised at once."""
-DAMPING, DAMPING_FEASIBLE, DAMPING_MIN, DAMPING_MAX, DAMPING_FACTOR = 1e-2, 1e-4, 1e-7, 1e6, 6.0
+DAMPING, DAMPING_FEASIBLE, DAMPING_MIN, DAMPING_MAX, DAMPING_FACTOR = 1e-2, 1e-4, 1e-7, 1e6, 4.0
 """Damping at first, and where the first motion was feasible, so near the solution that less is needed; its bounds, as a
 share of the Hessian's diagonal; by how much it is raised."""
 
@@ -61,13 +60,12 @@ def optimise(problem: TrajectoryProblem, config: TrajectoryConfig) -> float:
             if softness > 1.0 and problem.budget.half_spent:
                 break
             promise, damping, exact = _trusted_step(problem, damping, newton_steps)
-            gain_min = GAIN_MIN_MISSED if problem.palm_error() > config.position_give else GAIN_MIN
             if promise < PROMISE_MIN_SOFT * cost and softness > 1.0:
                 break
-            if promise < PROMISE_MIN * gain_min * cost and not exact and newton_steps < NEWTON_ALL:
+            if promise < PROMISE_MIN * cost and not exact and newton_steps < NEWTON_ALL:
                 newton_steps = NEWTON_ALL
                 promise, damping, exact = _trusted_step(problem, damping, newton_steps)
-            if promise < PROMISE_MIN * gain_min * cost:
+            if promise < PROMISE_MIN * cost:
                 break
             problem.move()
             problem.linearise(problem.trial)
@@ -83,7 +81,7 @@ def optimise(problem: TrajectoryProblem, config: TrajectoryConfig) -> float:
             problem.assemble()
             # Nielsen, Damping parameter in Marquardt's method, IMM-REP-1999-05.
             damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3), DAMPING_MIN)
-            if gain < gain_min:
+            if gain < GAIN_MIN:
                 if newton_steps == NEWTON_ALL or softness > 1.0:
                     break
                 newton_steps = NEWTON_ALL

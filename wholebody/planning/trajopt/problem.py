@@ -11,7 +11,7 @@ from wholebody.errors import InputError
 from wholebody.planning.trajopt import entry_points, weights, workspace
 from wholebody.planning.trajopt.arrays import Task
 from wholebody.planning.trajopt.budget import Budget
-from wholebody.planning.trajopt.layout import COM, COM_EDGE, DISTANCE, N_BODY, n_inequalities
+from wholebody.planning.trajopt.layout import COM_EDGE, DISTANCE, N_BODY, n_inequalities
 from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.planning.trajopt.workspace import Motion
 
@@ -91,11 +91,6 @@ class TrajectoryProblem:
         T[:, :, :3, 3] += offset[:, :, :3]
         T[:, :, :3, :3] = rotvec_to_matrix(offset[:, :, 3:]) @ T[:, :, :3, :3]
         return T
-
-    def palm_error(self) -> float:
-        """Largest distance of a palm from its target at any knot after the first one [m]."""
-        r = self.now.r[1:, :COM].reshape(-1, 6)
-        return float(np.sqrt(np.max(np.sum(r[:, :3] ** 2, axis=1))))
 
     def set_weights(self, config: TrajectoryConfig, softness: float) -> None:
         """Set the weights; the scales of the bounds are multiplied by ``softness``."""
