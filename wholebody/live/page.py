@@ -80,7 +80,7 @@ class Page:
         scene.set_up_direction("+z")
         scene.add_grid("/floor", width=4.0, height=4.0, plane="xy", cell_size=0.25, shadow_opacity=0.2)
         self._server.initial_camera.position, self._server.initial_camera.look_at = (1.4, 0.95, 1.15), (0.1, 0.0, 0.65)
-        self._frames, self._ghost = {}, {}
+        self._frames, self._ghost, self._ghost_at = {}, {}, np.zeros(0)
         self._planned = scene.add_frame("/ghost", show_axes=False, visible=False)
         for part in bodies:
             for prefix, frames, opacity in (("/robot", self._frames, None), ("/ghost", self._ghost, GHOST_OPACITY)):
@@ -189,8 +189,10 @@ class Page:
         state = glance.state
         self._place(self._frames, state.q, view.objects)
         planned = bool(np.isfinite(glance.planned).all())
-        if planned:
+        # Every frame that is placed costs a message, and a plan stays for many pictures.
+        if planned and not np.array_equal(glance.planned, self._ghost_at):
             self._place(self._ghost, glance.planned, view.objects)
+            self._ghost_at = glance.planned
         self._planned.visible = planned
         pin.centerOfMass(self._pin, self._pin_data, state.q, state.v)
         pin.updateFramePlacements(self._pin, self._pin_data)
