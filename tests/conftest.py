@@ -19,9 +19,9 @@ NEED_LEROBOT = [
     "wholebody/cli/test_lerobot_doctor.py",
 ]
 collect_ignore_glob = [] if find_spec("lerobot") else list(NEED_LEROBOT)
+collect_ignore_glob += [] if find_spec("viser") else ["wholebody/live/test_page*.py"]
 # Recordings of people are not a part of this repository.
 MOTIONS = os.environ.get("G1_MOTIONS", "")
-collect_ignore_glob += [] if find_spec("viser") else ["wholebody/live/test_page*.py"]
 collect_ignore_glob += [] if MOTIONS else ["studies/test_recorded_motions.py"]
 
 # Same examples in every run; --hypothesis-profile=explore looks for new ones. Deadlines mean nothing on a busy machine.
