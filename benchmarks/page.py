@@ -2,7 +2,7 @@
 
     python benchmarks/page.py [--drags 20]
 
-Prints how often the robot's pose came, how long after a drag was sent its palm had moved by 2 mm, and what the loop
+Prints how often a picture came, how long after a drag was sent its palm had moved by 2 mm, and what the loop
 says of its ticks meanwhile.
 """
 
@@ -45,28 +45,30 @@ def main() -> None:
         process.communicate()
         loop = json.loads(told.read_text())["loop"]
     seconds = updates[-1] - updates[0]
-    print(f"updates of the palm: {len(updates) / seconds:.1f} a second over {seconds:.0f} s")
+    print(f"pictures: {len(updates) / seconds:.1f} a second over {seconds:.0f} s")
     ms = 1e3 * np.array(latencies)
     print(f"drag to {1e3 * MOVED:g} mm of palm: median {np.median(ms):.0f} ms, longest {ms.max():.0f}, {len(ms)} drags")
     print(f"loop: {loop['ticks']} ticks, {loop['missed_ticks']} missed, {loop['gaps']} gaps above 4 ms")
 
 
 def _watch(page: ClientConnection, drags: int) -> tuple[list[float], list[float]]:
-    """Times of the palm's updates [s], and how long it took to move after each drag [s]."""
+    """Times of pictures [s], and how long it took to move after each drag [s]."""
     updates: list[float] = []
     latencies: list[float] = []
     handle, turned, palm, sent = None, None, None, None
     following = monotonic() + 10.0
     while len(latencies) < drags:
-        now = monotonic()
-        for message in messages(page.recv()):
+        frame, now = messages(page.recv()), monotonic()
+        # A robot that stands still moves by less than a number on the wire; its centre of mass is in every picture.
+        if any(message["type"] == "SetPositionMessage" for message in frame):
+            updates.append(now)
+        for message in frame:
             if message.get("name") == HANDLE and message["type"] == "SetPositionMessage":
                 handle = np.array(message["position"])
             if message.get("name") == HANDLE and message["type"] == "SetOrientationMessage":
                 turned = message["wxyz"]
             if message.get("name") == PALM and message["type"] == "SetPositionMessage":
                 palm = np.array(message["position"])
-                updates.append(now)
                 if sent is not None and np.linalg.norm(palm - sent[1]) > MOVED:
                     latencies.append(now - sent[0])
                     sent = None
