@@ -59,7 +59,7 @@ class TrackingError:
 
     def __init__(self, supervisor: Supervisor) -> None:
         robot, spec = supervisor.robot, supervisor.spec
-        self._model, self._data = robot.model, robot.model.createData()
+        self._model, self._data = robot.model, robot.scratch
         self._palms = supervisor.planner.palm_ids
         self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]

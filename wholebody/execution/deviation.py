@@ -24,7 +24,7 @@ class Deviation:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._model, self._data = robot.model, robot.model.createData()
+        self._model, self._data = robot.model, robot.scratch
         self._wrists = [robot.frame_id(tool.wrist_frame) for tool in robot.spec.tools]
         chains = [set(self._model.supports[self._model.frames[wrist].parentJoint]) for wrist in self._wrists]
         shared = set.intersection(*chains)

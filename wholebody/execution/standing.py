@@ -75,7 +75,6 @@ class Reflex:
     ) -> None:
         self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
         self._stance = stance_q(controller.spec, controller.robot.model)
-        self._data = controller.robot.model.createData()
         self._patience, self._back = Patience(), None
         self.active, self.status = False, statuses.OFF_PLAN
 
@@ -106,7 +105,7 @@ class Reflex:
     def go_back(self, state: RobotState) -> float:
         """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""
         if self._back is None:
-            self._back = WayBack(self._controller.robot, self._data, self._hold_still(state), self._stance)
+            self._back = WayBack(self._controller.robot, self._hold_still(state), self._stance)
         self.active, self.status = True, statuses.GOING_BACK
         return GO_BACK
 
@@ -129,19 +128,16 @@ class Reflex:
 
     def _follow(self, trajectory: SampledTrajectory) -> None:
         """Be led to one row, the hands to where it has them: a plan begins with both."""
-        self._follower.stand(trajectory, hands_at_rest(self._controller.robot, trajectory.q[0], self._data))
+        self._follower.stand(trajectory, hands_at_rest(self._controller.robot, trajectory.q[0]))
 
     def _resting(self, state: RobotState) -> np.ndarray:
         """Where the robot comes to rest, configuration (nq,)."""
         return resting_posture(state.q, state.v, self._config.body.posture_kd)
 
 
-def hands_at_rest(robot: Robot, q: np.ndarray, data: pin.Data | None = None) -> np.ndarray:
-    """Motions of hands that stay where a configuration (nq,) has them, rows (2, 40).
-
-    ``data`` is overwritten; to make it anew takes some milliseconds.
-    """
-    tools, data = robot.spec.tools, data or robot.model.createData()
+def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Motions of hands that stay where a configuration (nq,) has them, rows (2, 40)."""
+    tools, data = robot.spec.tools, robot.scratch
     pin.framesForwardKinematics(robot.model, data, q)
     poses = [data.oMf[robot.frame_id(tool.wrist_frame)].homogeneous for tool in tools]
     fingers = [q[7 + robot.joint_indices(tool.finger_joints)] for tool in tools]

@@ -20,15 +20,14 @@ class WayBack:
 
     Args:
         robot: Its model.
-        data: Overwritten at each step.
         begin: Where it stands, one row.
         stance: Configuration, shape (nq,).
     """
 
-    def __init__(self, robot: Robot, data: pin.Data, begin: SampledTrajectory, stance: np.ndarray) -> None:
-        self._robot, self._data, self._begin = robot, data, begin
+    def __init__(self, robot: Robot, begin: SampledTrajectory, stance: np.ndarray) -> None:
+        self._robot, self._begin = robot, begin
         self._trunk = [robot.frame_id(name) for name in (robot.spec.base_body, robot.spec.torso_body)]
-        self._end = pin.centerOfMass(robot.model, self._data, stance).copy()
+        self._end = pin.centerOfMass(robot.model, robot.scratch, stance).copy()
         self._way = pin.difference(robot.model, begin.q[0], stance)
         self.seconds = float(np.abs(self._way[3:]).max()) / SPEED
         self._share = 0.0
@@ -36,7 +35,7 @@ class WayBack:
     def advance(self, elapsed: float) -> SampledTrajectory:
         """Where to stand that much later [s], one row at rest; the stance at last."""
         self._share = min(self._share + elapsed / max(self.seconds, 1e-9), 1.0)
-        robot, data, begin, share = self._robot, self._data, self._begin, self._share
+        robot, data, begin, share = self._robot, self._robot.scratch, self._begin, self._share
         q = pin.integrate(robot.model, begin.q[0], share * self._way)
         pin.framesForwardKinematics(robot.model, data, q)
         com, height, zero = begin.com.copy(), begin.height.copy(), np.zeros((1, 3))

@@ -55,7 +55,7 @@ class ChunkPlanner:
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
         self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
-        self.model, self.data = robot.model, robot.model.createData()
+        self.model = robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
@@ -198,5 +198,6 @@ class ChunkPlanner:
 
     def _palms(self, q: np.ndarray) -> list[np.ndarray]:
         """Poses of both palms, (4, 4) each, at a configuration."""
-        pin.forwardKinematics(self.model, self.data, q)
-        return [pin.updateFramePlacement(self.model, self.data, frame).homogeneous for frame in self.palm_ids]
+        body = self.optimizer.body
+        pin.forwardKinematics(body.model, body.data, q[body.body])
+        return [pin.updateFramePlacement(body.model, body.data, palm).homogeneous for palm in body.palms]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -43,6 +44,11 @@ class Robot:
     def mass(self) -> float:
         """Of the robot with what it carries [kg]."""
         return self.loads.total
+
+    @cached_property
+    def scratch(self) -> pin.Data:
+        """For passing computations in the thread of the control loop: whoever uses it overwrites it. One is 5 MB."""
+        return self.model.createData()
 
     def frame_id(self, name: str) -> int:
         """Index of a frame.
