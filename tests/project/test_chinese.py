@@ -55,7 +55,7 @@ def spans(section):
 
 
 def links(section):
-    """Targets of links, without the language of the page and the words of a heading; the way to the other is left out."""
+    """Targets of links, without the language of the page and the words of a heading."""
     targets = [target.replace(".zh.md", ".md") for target in LINK.findall(FENCE.sub("", section))]
     return Counter(re.sub(r"#.*", "#", target) for target in targets)
 
