@@ -20,6 +20,7 @@ NEED_LEROBOT = [
 ]
 collect_ignore_glob = [] if find_spec("lerobot") else list(NEED_LEROBOT)
 collect_ignore_glob += [] if find_spec("viser") else ["wholebody/live/test_page*.py"]
+collect_ignore_glob += [] if find_spec("k3d") else ["wholebody/verdict/test_page*.py"]
 # Recordings of people are not a part of this repository.
 MOTIONS = os.environ.get("G1_MOTIONS", "")
 collect_ignore_glob += [] if MOTIONS else ["studies/test_recorded_motions.py"]

@@ -22,6 +22,7 @@ from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
     from wholebody.cli.options import Input, Judging, Sampling, Simulation
+    from wholebody.cli.pages import Pages
     from wholebody.verdict.verdict import Verdict
 
 FEASIBLE, INFEASIBLE, MALFORMED = 0, 1, 2
@@ -55,13 +56,15 @@ class Judge:
         sampling: How checkpoints are run.
         judging: Whether anything is simulated.
         quiet: Without a progress bar.
+        pages: Where the report of each input is written; without them if None.
     """
 
     def __init__(
-        self, given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, *, quiet: bool = False
-    ) -> None:
+        self, given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, *, quiet: bool = False,
+        pages: Pages | None = None,
+    ) -> None:  # fmt: skip
         self.given, self.simulation, self.sampling, self.judging = given, simulation, sampling, judging
-        self.quiet = quiet
+        self.quiet, self.pages = quiet, pages
         self._checker = cache(lambda scene: make_checker(simulation, scene, quiet))
         self._fast = cache(lambda: make_fast_checker(simulation, quiet))
 
@@ -92,6 +95,8 @@ class Judge:
                 progress_bar(name, quiet=self.quiet) as progress,
                 ours(),
             ):
+                if self.pages is not None:
+                    return _answer(self.pages.check(checker, policy, name, seconds, cameras, progress))
                 verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
                 if self.judging.why and verdict.verdict != "feasible":
                     verdict = replace(
@@ -132,7 +137,7 @@ def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
     if jobs == 1:
         yield from (judge.answer(name) if isinstance(name, str) else name for name in names)
         return
-    options = (judge.given, judge.simulation, judge.sampling, judge.judging)
+    options = (judge.given, judge.simulation, judge.sampling, judge.judging, judge.pages)
     # Fresh interpreters: threads of libraries do not survive a fork.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=options)
     try:
@@ -155,12 +160,12 @@ def _come(name: str, future: Future[Answer], quiet: bool) -> Answer:
     return answer
 
 
-def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Judging) -> None:
+def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, pages: Pages | None) -> None:
     """In a process of its own: the judge of all its inputs."""
     global _judge  # noqa: PLW0603 - a process has one
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_DFL)
-    _judge = Judge(given, simulation, sampling, judging, quiet=True)
+    _judge = Judge(given, simulation, sampling, judging, quiet=True, pages=pages)
 
 
 def _judge_apart(name: str) -> Answer:

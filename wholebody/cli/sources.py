@@ -103,7 +103,7 @@ def length(policy: Policy, duration: float) -> float:
 
 
 def expanded(name: str, episodes: str) -> list[str]:
-    """A dataset folder as one name an episode, ``FOLDER#3``; anything else as it is.
+    """A dataset folder as one name an episode, ``FOLDER#3``, one of files as their names; anything else as it is.
 
     Args:
         name: What the user named.
@@ -113,12 +113,18 @@ def expanded(name: str, episodes: str) -> list[str]:
         DatasetError: If the dataset cannot be read, or the text names no episodes.
     """
     if not is_dataset(name):
-        return [name]
+        return [name] if is_checkpoint(name) else files(name) or [name]
     from policy.dataset.conversion import episode_numbers
     from policy.dataset.open import open_dataset
 
     numbers = episode_numbers(episodes) if episodes else range(len(open_dataset(name).episodes))
     return [f"{name}#{number}" for number in numbers]
+
+
+def files(folder: str) -> list[str]:
+    """Chunk and motion files of a folder, by name; none of anything else."""
+    found = Path(folder).iterdir() if Path(folder).is_dir() else ()
+    return sorted(str(path) for path in found if path.suffix.lower() in (".npz", ".csv"))
 
 
 def is_dataset(name: str) -> bool:

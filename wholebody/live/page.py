@@ -24,10 +24,10 @@ from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.config.description import describe
 from wholebody.live import wire
 from wholebody.live.glance import HANDS, Glance, Wish
-from wholebody.live.meshes import Part, parts
 from wholebody.live.robot_process import World, WorldView
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
+from wholebody.sim.pictures.meshes import Part, parts
 from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Mark, Scene
 
 FPS = 30.0

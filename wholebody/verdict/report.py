@@ -59,11 +59,11 @@ CHANGES = {
 
 def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
-    text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {_gist(verdict)}"]
+    text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {gist(verdict)}"]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
     if verdict.would_do:
         text.append(f"  it would do {', or '.join(said(x.slower, x.moved, x.turned) for x in verdict.would_do)}")
-    text += [f"  {_violation(violation)}" for violation in verdict.violations]
+    text += [f"  {violation_line(violation)}" for violation in verdict.violations]
     if verdict.method == "fast":
         return text + _fast_lines(verdict)
     text.append(
@@ -109,7 +109,8 @@ def json_line(verdict: Verdict) -> str:
     return json.dumps(verdict.as_dict(), allow_nan=False)
 
 
-def _gist(verdict: Verdict) -> str:
+def gist(verdict: Verdict) -> str:
+    """The answer in a few words."""
     if verdict.verdict == "feasible":
         return "done as given"
     worst = [violation for violation in verdict.violations if violation.severity is not Severity.NOTE]
@@ -124,7 +125,8 @@ def _durations(verdict: Verdict) -> str:
     return ", ".join(f"{name} {time:.1f} s" for name, time in verdict.seconds.items()) or "nothing was run"
 
 
-def _violation(violation: Violation) -> str:
+def violation_line(violation: Violation) -> str:
+    """A violation for people: code, what, how much, when."""
     when = "" if violation.time is None else f" at {violation.time:.2f} s"
     if violation.step is not None:
         when += f" (step {violation.step})"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,6 +10,7 @@ import typer
 from wholebody.cli.console import JsonVerdicts, check_places, print_verdict
 from wholebody.cli.judging import FEASIBLE, Judge, answers
 from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictsTo, completed_script
+from wholebody.cli.pages import Pages
 from wholebody.cli.simulated import check_times
 
 JOBS_MAX = 256
@@ -26,6 +28,10 @@ def check(
     ] = 1,
     judging: Judging,
     json_to: VerdictsTo = "",
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Write a page (.html) with the robot in motion; of several inputs an index, ranked."),
+    ] = None,
 ) -> None:
     """Judge inputs by simulating them, or by their plans.
 
@@ -35,14 +41,22 @@ def check(
     check_places(json_to)
     if not 1 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 1 to {JOBS_MAX} inputs can be judged side by side")
-    quiet, worst = json_to == "-", FEASIBLE
+    quiet, worst, verdicts = json_to == "-", FEASIBLE, []
     judge = Judge(given, simulation, sampling, judging, quiet=quiet)
+    if report is not None:
+        if judging.fast:
+            raise ValueError("--fast simulates nothing, so --report would have nothing to show; leave one out")
+        inputs = [name for name in judge.names(inputs) if isinstance(name, str)]
+        judge.pages = Pages.at(report, inputs)
     with JsonVerdicts(json_to) as written:
         for answer in answers(judge, inputs, jobs):
             worst = max(worst, answer.code)
             if answer.verdict is None:
                 continue
+            verdicts.append(answer.verdict)
             written.add(answer.verdict)
             if not quiet:
                 print_verdict(answer.verdict)
+    if judge.pages is not None:
+        judge.pages.write_index(verdicts)
     raise typer.Exit(worst)

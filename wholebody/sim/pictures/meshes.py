@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from models.mujoco_model import load_mujoco
+from models.scenes import SceneFile
 from models.spec import RobotSpec
 
 CELL = 0.006
@@ -35,7 +36,7 @@ class Part:
     robot: bool
 
 
-def parts(spec: RobotSpec, scene: str) -> list[Part]:
+def parts(spec: RobotSpec, scene: str | SceneFile) -> list[Part]:
     """All that there is to see of the robot and its surroundings but the floor."""
     model = load_mujoco(spec, scene=scene, visuals=True)
     base, found = model.body(spec.base_body).id, []

@@ -1,0 +1,1 @@
+"""A verdict as a page: the robot in motion, every margin with its bound, causes in words, in one file."""

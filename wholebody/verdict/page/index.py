@@ -1,0 +1,58 @@
+"""Many verdicts on one page, the worst first, each with the way to its own page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from wholebody.verdict.page.page import HERE
+from wholebody.verdict.report import gist
+from wholebody.verdict.verdict import Verdict
+
+RANK = ("infeasible", "feasible_after_repair", "feasible")
+HEADINGS = ("", "input", "why", "moved by", "palms at most", "time factor")
+
+
+def ranked(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Falls first, then what cannot be done, then what is changed most."""
+    return sorted(verdicts, key=lambda v: (RANK.index(v.verdict), not v.fell, -v.moved_max_m, -v.time_factor, v.name))
+
+
+def write_index(path: str | Path, verdicts: Sequence[Verdict], pages: Mapping[str, str]) -> None:
+    """Write the index.
+
+    Args:
+        path: Where to.
+        verdicts: In any order.
+        pages: Address of each one's page, by its name.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    counts = ", ".join(f"{sum(v.verdict == answer for v in verdicts)} {answer.replace('_', ' ')}" for answer in RANK)
+    rows = "\n".join(_row(v, pages.get(v.name)) for v in ranked(verdicts))
+    heads = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+    body = (
+        f"<p>{len(verdicts)} inputs: {counts}.</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+    )
+    Path(path).write_text(listing("wholebody check", body), encoding="utf-8")
+
+
+def listing(title: str, body: str) -> str:
+    """A page of words alone, in the reports' style."""
+    text = (HERE / "list.html").read_text(encoding="utf-8")
+    style = (HERE / "page.css").read_text(encoding="utf-8")
+    return text.replace("[[style]]", style).replace("[[title]]", escape(title)).replace("[[body]]", body)
+
+
+def _row(v: Verdict, page: str | None) -> str:
+    name = escape(v.name) if page is None else f'<a href="{escape(page)}">{escape(v.name)}</a>'
+    why = "; ".join([gist(v), *(cause.sentence for cause in v.causes[:1])])
+    turned = np.degrees(v.moved_turn_max_rad)
+    numbers = (f"{1e3 * v.moved_max_m:.0f} mm, {turned:.0f}°", f"{1e3 * v.max_m:.0f} mm", f"{v.time_factor:.2f}")
+    cells = "".join(f'<td class="number">{number}</td>' for number in numbers)
+    answer = f'<span class="answer {v.verdict}">{v.verdict.replace("_", " ")}</span>'
+    return f"<tr><td>{answer}</td><td>{name}</td><td>{escape(why)}</td>{cells}</tr>"
