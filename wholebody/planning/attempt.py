@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from wholebody.config import PlannerConfig
-from wholebody.planning.trajectory import SampledTrajectory
+from wholebody.planning.trajectory import CentroidalTrack, SampledTrajectory, track_along
 from wholebody.planning.trajopt.optimizer import KnotTrajectory
 from wholebody.reference import HandPath
+from wholebody.reference.cubic import CubicBSpline
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class Attempt:
         targets: What it is to follow.
         knots: What the optimiser found.
         distance: Of each palm from where it should be, shape (K, 2), [m].
-        trajectory: The same as it is followed.
+        curve: The same as it is followed.
+        centroidal: Where the mass and the trunk go along it.
         drift: `ContactFeasibility.capture_point_drift` of it [m].
         deficit: `ContactFeasibility.friction_impulse_deficit` of it [m/s].
         warm_started: Whether the search began with a part of the plan before.
@@ -52,15 +55,26 @@ class Attempt:
     targets: Targets
     knots: KnotTrajectory
     distance: np.ndarray
-    trajectory: SampledTrajectory
+    curve: CubicBSpline
+    centroidal: CentroidalTrack
     drift: float
     deficit: float
     warm_started: bool
+
+    @cached_property
+    def trajectory(self) -> SampledTrajectory:
+        """The whole of it, sampled for the control loop; most attempts are judged without."""
+        return track_along(self.curve, self.centroidal)
 
     @property
     def tracking_error(self) -> float:
         """Largest distance of a palm from where it should be [m]."""
         return float(self.distance.max())
+
+    @property
+    def start_error(self) -> float:
+        """The same at the first knot, where the plan begins, whatever the targets [m]."""
+        return float(self.distance[0].max())
 
     @property
     def mean_error(self) -> float:

@@ -23,7 +23,7 @@ from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.strategies import PREVIEW, Begin, Strategy
-from wholebody.planning.trajectory import BodyState, curve_through, track_along
+from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
@@ -169,15 +169,16 @@ class ChunkPlanner:
         weights = strategy.weights(self.config)
         knots = self.optimizer.plan(start.q, start.v, T_palms, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
-        trajectory = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self.centroidal)
+        centroidal = centroidal_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self.centroidal)
         return Attempt(
             strategy=strategy.name,
             targets=targets,
             knots=knots,
             distance=np.linalg.norm(knots.T_palms[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2),
-            trajectory=trajectory,
-            drift=self.contacts.capture_point_drift(trajectory, slowdown),
-            deficit=self.contacts.friction_impulse_deficit(trajectory, slowdown),
+            curve=curve,
+            centroidal=centroidal,
+            drift=self.contacts.capture_point_drift(centroidal, slowdown),
+            deficit=self.contacts.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
         )
 

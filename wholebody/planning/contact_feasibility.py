@@ -12,7 +12,7 @@ import daqp
 import numpy as np
 
 from wholebody.contacts.friction import pyramid_slope
-from wholebody.planning.trajectory import COARSE, GRID, SampledTrajectory
+from wholebody.planning.trajectory import COARSE, GRID, CentroidalTrack, SampledTrajectory
 from wholebody.planning.trajopt.robot_tables import HALF_SOLE, RobotTables
 from wholebody.robot.kernels.pendulum import LOWEST_HEIGHT
 
@@ -32,6 +32,9 @@ LIFT_MIN = 0.1
 point."""
 SEPARATED, INSIDE = 1, -1
 """daqp's exit flags: a plane between wrench and cone is found; there is none."""
+
+Track = CentroidalTrack | SampledTrajectory
+"""What has centre of mass and momentum on the grid."""
 
 _UNITS = np.array([1.0, 1.0, HALF_SOLE, HALF_SOLE, HALF_SOLE])
 """Of a wrench: forces per weight; a place and a moment per weight [m], half a sole of which counts as much."""
@@ -66,7 +69,7 @@ class ContactFeasibility:
             size = 0.8 * size
         return size
 
-    def _motion(self, track: SampledTrajectory, slowdown: float, every: int) -> tuple[np.ndarray, ...]:
+    def _motion(self, track: Track, slowdown: float, every: int) -> tuple[np.ndarray, ...]:
         """Centre of mass, its acceleration and the rate of the angular momentum per mass, of some rows of a track."""
         rate, rows = slowdown**-2, slice(None, None, every)
         return track.com[0, rows], rate * track.com[2, rows], rate * track.momentum[1, rows] / self._body.mass
@@ -77,7 +80,7 @@ class ContactFeasibility:
         shift = com[:, 2:] * a[:, :2] + turning[:, [1, 0]] * [1.0, -1.0]
         return com[:, :2] - shift / lift[:, None], lift
 
-    def capture_point_drift(self, track: SampledTrajectory, slowdown: float) -> float:
+    def capture_point_drift(self, track: Track, slowdown: float) -> float:
         """How far the capture point drifts from the plan because the pressure under the soles cannot follow it [m].
 
         The plan keeps its zero-moment point inside at its knots. Between them it may be outside for some hundredths of
@@ -99,7 +102,7 @@ class ContactFeasibility:
         edges = np.flatnonzero(outside.max(axis=0) > 0.0)
         return max(_edge_drift(outside[:, edge].tolist(), step.tolist()) for edge in edges)
 
-    def friction_impulse_deficit(self, track: SampledTrajectory, slowdown: float) -> float:
+    def friction_impulse_deficit(self, track: Track, slowdown: float) -> float:
         """Largest impulse that is missing for lack of friction at any time, per mass [m/s].
 
         Arms that swing against each other ask for a moment about the vertical. With the pressure under one edge of the

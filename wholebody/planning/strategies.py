@@ -155,7 +155,7 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
     for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
-        if now.tracking_error > config.relax_error and budget.allows(ATTEMPT_MIN):
+        if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
             relaxed = attempt(strategy, slowdown, now.knots.q[1:])
             now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
@@ -165,6 +165,12 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
             turned = attempt(FIRM_RELAXED, slowdown, now.knots.q[1:])
             now = min(now, turned, key=lambda one: (one.unsafety(config), one.tracking_error))
     return now
+
+
+def _turning_helps(config: PlannerConfig, now: Attempt) -> bool:
+    """Whether a palm is off that may come nearer if it turns: where the plan begins, no plan changes how far it is."""
+    fixed = now.start_error if now.is_safe(config) else 0.0
+    return now.tracking_error > max(config.relax_error, fixed)
 
 
 def _out_of_reach(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt | None:

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from policy.geometry.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
-from policy.geometry.se3 import bracket
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot
@@ -66,6 +65,23 @@ class SampledTrajectory:
 
 
 @dataclass(frozen=True)
+class CentroidalTrack:
+    """Where the mass of a trajectory goes, on the grid of `SampledTrajectory`.
+
+    Attributes:
+        start, end: Of the path parameter [s]; the last row is the first one at or after the end.
+        com, momentum: As in `SampledTrajectory`.
+        turns: Orientations of pelvis and torso at every `COARSE`-th row, shape (2, m, 3, 3).
+    """
+
+    start: float
+    end: float
+    com: np.ndarray
+    momentum: np.ndarray
+    turns: np.ndarray
+
+
+@dataclass(frozen=True)
 class BodyState:
     """Where a trajectory is, for the next one to continue.
 
@@ -96,46 +112,66 @@ def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> Cubi
     return CubicBSpline(steps[0], dt, points)
 
 
-def track_along(curve: CubicBSpline, start: float, end: float, momenta: Centroidal) -> SampledTrajectory:
-    """The posture on the grid from ``start`` to ``end``: everything from one smooth curve.
+def centroidal_along(curve: CubicBSpline, start: float, end: float, momenta: Centroidal) -> CentroidalTrack:
+    """Where the mass and the trunk go along a curve from ``start`` to ``end``: all that the floor's part depends on."""
+    grid = np.arange(start, end + GRID, GRID)
+    n = len(np.arange(start, end + COARSE * GRID, COARSE * GRID))
+    q, v, _, _ = _states(curve, np.minimum(grid[np.minimum(COARSE * np.arange(n), len(grid) - 1)], end))
+    com, com_velocity, momentum, turns = momenta(q, v)
+    com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
+    values = np.hstack([com, com_velocity, com_acceleration, momentum, momentum_rate])
+    parts = _between(values, len(grid)).reshape(len(grid), 5, 3).swapaxes(0, 1).copy()
+    # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
+    parts[1:, -1] = 0.0
+    return CentroidalTrack(float(start), float(end), parts[:3], parts[3:], turns)
+
+
+def track_along(curve: CubicBSpline, centroidal: CentroidalTrack) -> SampledTrajectory:
+    """The posture on the grid of where the mass goes: everything from one smooth curve.
 
     Positions, velocities and accelerations that did not belong together would lead the robot off the plan.
     """
-    grid = np.arange(start, end + GRID, GRID)
-    coarse = np.arange(start, end + COARSE * GRID, COARSE * GRID)
-    q, dq, ddq = curve(np.minimum(grid, end))
-    norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    q[:, 3:7] /= norm
-    v = _velocities(q, dq / np.concatenate([np.ones((len(q), 3)), norm.repeat(4, 1), np.ones_like(q[:, 7:])], 1))
-    rows = np.minimum(COARSE * np.arange(len(coarse)), len(grid) - 1)
-    com, com_velocity, momentum, turns = momenta(q[rows], v[rows])
-    com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))
-    spin, change = _angular_rates(turns, COARSE * GRID)
+    start, n = centroidal.start, centroidal.com.shape[1]
+    q, v, dq, ddq = _states(curve, np.minimum(start + GRID * np.arange(n), centroidal.end))
+    spin, change = _angular_rates(centroidal.turns, COARSE * GRID)
     # Neighbours are close, so normalised quaternions will do between rotations.
-    quat = [_same_side(x) for x in matrix_to_quaternion(turns, "xyzw")]
-    parts = [com, com_velocity, com_acceleration, momentum, momentum_rate, *spin, *change, *quat]
-    values, (low, share) = np.hstack(parts), bracket(coarse, grid)
-    values = values[low] + share[:, None] * (values[low + 1] - values[low])
-    parts = np.split(values, np.cumsum([3] * 9 + [4]), axis=1)
-    quat = np.stack(parts[9:])
+    quat = [_same_side(x) for x in matrix_to_quaternion(centroidal.turns, "xyzw")]
+    parts = np.split(_between(np.hstack([*spin, *change, *quat]), n), np.cumsum([3] * 4 + [4]), axis=1)
+    quat = np.stack(parts[4:])
     R = quaternion_to_matrix(quat / np.linalg.norm(quat, axis=2, keepdims=True), "xyzw")
-    bodies = list(zip(R, parts[5:7], parts[7:9], strict=True))
+    bodies = list(zip(R, parts[:2], parts[2:4], strict=True))
     track = SampledTrajectory(
-        start=float(start),
+        start=start,
         q=q,
         v=v,
         ddq=ddq[:, 7:].copy(),
-        com=np.stack(parts[:3]),
-        momentum=np.stack(parts[3:5]),
+        com=centroidal.com,
+        momentum=centroidal.momentum,
         height=np.stack([q[:, 2], dq[:, 2], ddq[:, 2]]),
         pelvis=bodies[0],
         torso=bodies[1],
     )
-    # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
-    for rates in (track.v, track.ddq, *track.com[1:], *track.momentum, *track.pelvis[1:], *track.torso[1:]):
+    for rates in (track.v, track.ddq, *track.pelvis[1:], *track.torso[1:]):
         rates[-1] = 0.0
     track.height[1:, -1] = 0.0
     return track
+
+
+def _states(curve: CubicBSpline, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Configurations (n, nq) with unit quaternions, velocities (n, nv), and the curve's own derivatives, at ``s``."""
+    q, dq, ddq = curve(s)
+    norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+    q[:, 3:7] /= norm
+    unit = dq.copy()
+    unit[:, 3:7] /= norm
+    return q, _velocities(q, unit), dq, ddq
+
+
+def _between(values: np.ndarray, n: int) -> np.ndarray:
+    """Values (m, C) at every `COARSE`-th row of the grid, linear in between: at the first ``n`` rows of it."""
+    share = np.linspace(0.0, 1.0, COARSE, endpoint=False)[:, None]
+    between = values[:-1, None] + share * np.diff(values, axis=0)[:, None]
+    return np.vstack([between.reshape(-1, values.shape[1]), values[-1]])[:n]
 
 
 def _angular_rates(R: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ import pytest
 
 from models import g1
 from models.pinocchio_model import stance_q
+from policy.chunk import ActionChunk
 from tests.support.hostile_chunks import FAMILIES, hostile_chunk
 from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
@@ -88,6 +89,21 @@ def test_what_the_start_breaks_is_not_tried_at_other_speeds_and_with_other_hands
     assert not report.safe
     assert tried[0] == "as_given"
     assert set(tried[1:]) <= {"fallback", "stop"}
+
+
+def test_palms_are_not_turned_for_what_they_are_off_where_the_plan_begins(robot, rest, monkeypatch):
+    """Three searches were made: no plan changes where it begins."""
+    one, made = planner(robot, 160.0), []
+    attempt = one._attempt
+    monkeypatch.setattr(one, "_attempt", lambda *arguments: made.append(attempt(*arguments)) or made[-1])
+    q, (still, hands) = rest[0].q.copy(), rest
+    q[robot.model.idx_qs[robot.model.getJointId("left_elbow_joint")]] += 0.08
+    T = [hands.T_world_hand[i][None].repeat(30, axis=0) for i in (0, 1)]
+    chunk = ActionChunk("", 0, 0.0, 30.0, *T, *(x[None].repeat(30, axis=0) for x in hands.q_finger))
+    one.plan(chunk, 0.0, BodyState.still(q, len(still.v)), hands)
+    assert made[0].start_error > one.config.relax_error
+    assert made[0].tracking_error == made[0].start_error
+    assert len(made) == 1
 
 
 def test_time_counts_where_it_is_limited():

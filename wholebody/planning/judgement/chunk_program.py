@@ -17,7 +17,7 @@ from wholebody.planning.posture import FIRM as FIRM_BOUNDS
 from wholebody.planning.posture import GENTLE_SCALES, PALM_SCALES
 from wholebody.planning.preparation import prepare
 from wholebody.planning.still_postures import Round, scattered
-from wholebody.planning.trajectory import curve_through, track_along
+from wholebody.planning.trajectory import centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import SEARCH_MAX, Budget
 from wholebody.planning.trajopt.optimizer import KnotTrajectory
 
@@ -256,7 +256,7 @@ class ChunkProgram:
         """Drift of the capture point and lack of friction between knots, in terms of what a plan may have."""
         planner, steps = self._planner, self.targets.steps
         curve = curve_through(steps, knots.q, self.begin.body.v)
-        track = track_along(curve, steps[0], steps[-1] + steps[1] - steps[0], planner.centroidal)
+        track = centroidal_along(curve, steps[0], steps[-1] + steps[1] - steps[0], planner.centroidal)
         drift = planner.contacts.capture_point_drift(track, 1.0) / planner.config.capture_point_drift_max
         return drift, planner.contacts.friction_impulse_deficit(track, 1.0) / planner.config.friction_deficit_max
 
