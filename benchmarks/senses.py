@@ -1,9 +1,10 @@
-"""What bad readings, a realistic robot, delay, friction, other masses and a slope cost: studies with seeds, resumable.
+"""What bad readings, a realistic robot, delay, friction, other masses and uneven ground cost: studies, resumable.
 
     python benchmarks/senses.py STUDY [--seeds FIRST END] [--out FILE]
 
-Studies: glitches, delay, realistic, hostile, friction, masses, slope. Each case is a line of JSON in the file, which is
-``senses_STUDY.jsonl`` if not given; cases that it has are not run again. At the end: median and worst of each number.
+Studies: glitches, delay, realistic, hostile, friction, masses, ground (floors that slope, a foot that stands higher,
+feet that are turned, a wrong IMU). Each case is a line of JSON in the file, which is ``senses_STUDY.jsonl`` if not
+given; cases that it has are not run again. At the end: median and worst of each number.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 
 from models import g1
 from policy.scripted.library import reach, scripted_policy
 from tests.support.faulty_loops import FaultyStates, bent, not_a_number, pitched, zeros
+from tests.support.grounds import Ground
 from tests.support.hostile_chunks import Episode
 from wholebody.episode.run import run_episode
 from wholebody.estimation.odometry import StandingOdometry
@@ -43,11 +44,11 @@ Case = tuple[str, str, Callable[[], dict[str, float]]]
 
 
 class Told(Supervisor):
-    """A supervisor that is told of a true state what sensors make of it, or what a level IMU says on a slope.
+    """A supervisor that is told of a true state what sensors make of it, or an IMU that is wrong.
 
     Attributes:
         sensors: They, or None.
-        turn: Of the true state, about the origin of world, into what the IMU calls level.
+        turn: Of the true state, about the origin of world, into what the IMU says.
         own: Distances of the palms by the measured joints from the command, in the estimated pelvis [m].
         floor: Distances of the palms by the measured state from the true ones [m].
     """
@@ -169,30 +170,36 @@ def realistic(seed: int, payload: float | None, place: tuple[float, float] | Non
     return numbers
 
 
-def hostile(case: int, plant: Callable[[], MujocoPlant], turn: pin.SE3 | None = None) -> dict[str, float]:
+def hostile(case: int, plant: Callable[[], MujocoPlant]) -> dict[str, float]:
     """A hostile case on some plant."""
     supervisor = told()
-    supervisor.turn = turn or pin.SE3.Identity()
     try:
         result = Episode(supervisor, plant(), case).run()
     finally:
-        supervisor.sensors, supervisor.turn = None, pin.SE3.Identity()
+        supervisor.sensors = None
     return {"falls": float(result.fall is not None), "tilt_deg": float(np.rad2deg(result.tilt))}
 
 
-class Slope(MujocoPlant):
-    """A floor that slopes: gravity is turned, the floor is level in the plant's axes. Reset as it stands there."""
-
-    def __init__(self, turn: pin.SE3) -> None:
-        super().__init__(SPEC)
-        self.model.opt.gravity[:] = turn.rotation.T @ self.model.opt.gravity
-        mujoco.mj_forward(self.model, self.data)
+def on_ground(place: tuple[float, float], ground: dict[str, float]) -> dict[str, float]:
+    """A reach where the robot stands so."""
+    policy = reach(*place)
+    result = run_episode(policy, told(), Ground(SPEC, **ground), duration=policy.duration)
+    return {"falls": float(result.fall is not None), "end_mm": 1e3 * float(result.errors[-1].max())}
 
 
-def slope(angle: float, direction: float) -> pin.SE3:
-    """Turn of a floor that rises by an angle towards a direction [rad]."""
-    axis = np.array([np.sin(direction), -np.cos(direction), 0.0])
-    return pin.SE3(pin.exp3(angle * axis), np.zeros(3))
+def wrong_imu(turn: pin.SE3) -> dict[str, float]:
+    """The lissajous with an IMU that is wrong by a turn."""
+    supervisor = told()
+    supervisor.turn = turn
+    try:
+        return lissajous(supervisor, MujocoPlant(SPEC))[0]
+    finally:
+        supervisor.turn = pin.SE3.Identity()
+
+
+def lean(angle: float, direction: float) -> pin.SE3:
+    """Turn of a robot whose IMU is wrong by an angle, as if the floor rose towards a direction [rad]."""
+    return pin.SE3(pin.exp3(angle * np.array([np.sin(direction), -np.cos(direction), 0.0])), np.zeros(3))
 
 
 def wrong_model(place: tuple[float, float], errors: RobotErrors) -> dict[str, float]:
@@ -251,12 +258,22 @@ def masses(seeds: range) -> Iterator[Case]:
                 yield f"{name} {error}", f"{name} {error}, {place}, {seed}", partial(wrong_model, place, errors)
 
 
-def slopes(seeds: range) -> Iterator[Case]:
-    """Hostile cases on a slope of 5 degrees in eight directions; the seeds are the cases."""
-    for number in range(8):
-        turn, group = slope(np.deg2rad(5.0), number * np.pi / 4.0), f"towards {45 * number} deg"
+def grounds(seeds: range) -> Iterator[Case]:
+    """Reaches and hostile cases, which are the seeds, on floors and feet as they may be; an IMU that is wrong."""
+    ways = {f"{45 * k} deg": k * np.pi / 4.0 for k in range(8)}
+    kinds = {
+        f"slope of 5 deg towards {name}": {"slope": np.deg2rad(5.0), "direction": way} for name, way in ways.items()
+    }
+    kinds |= {"left foot 1 cm higher": {"step": 0.01}, "feet turned by 0.1 rad": {"turn": 0.1}}
+    for name, ground in kinds.items():
+        for place in REACHES:
+            yield f"{name}, reaches", f"{name}, reach {place}", partial(on_ground, place, ground)
         for case in seeds:
-            yield group, f"{group}, {case}", partial(hostile, case, partial(Slope, turn), turn)
+            yield f"{name}, hostile", f"{name}, case {case}", partial(hostile, case, partial(Ground, SPEC, **ground))
+    for name, way in ways.items():
+        for degrees in (1.0, 2.0):
+            group = f"IMU wrong by {degrees:g} deg"
+            yield group, f"{group} towards {name}", partial(wrong_imu, lean(np.deg2rad(degrees), way))
 
 
 STUDIES = {
@@ -266,7 +283,7 @@ STUDIES = {
     "hostile": hostile_chunks,
     "friction": friction,
     "masses": masses,
-    "slope": slopes,
+    "ground": grounds,
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import atan, tan
+
 import numpy as np
 import pinocchio as pin
 
@@ -37,10 +39,15 @@ class FootContact:
     ) -> None:
         self.frame, self.points = frame, np.asarray(points, dtype=float)
         self.n_forces = 3 * len(self.points)
-        self.friction, self.force_min, self.force_max = friction, force_min, force_max
+        self._friction, self.force_min, self.force_max = friction, force_min, force_max
         self.kp, self.kd = kp, kd
         self.T_world_ref: pin.SE3 | None = None
-        block = np.hstack([SIDES, np.full((len(SIDES), 1), -pyramid_slope(friction))])
+        self.slope(0.0)
+
+    def slope(self, angle: float) -> None:
+        """The floor slopes by so much [rad]: the pyramid about the vertical is inside the cone about its normal."""
+        self.friction = self._friction if angle == 0.0 else tan(max(atan(self._friction) - angle, 0.0))
+        block = np.hstack([SIDES, np.full((len(SIDES), 1), -pyramid_slope(self.friction))])
         self.cone_rows = np.kron(np.eye(len(self.points)), block)
         """``cone_rows @ f <= 0``, shape (4 k, 3 k); forces in world axes."""
 

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
@@ -14,6 +15,7 @@ from wholebody.control.task_set import make_feet, make_tasks
 from wholebody.control.tick_report import TickReport
 from wholebody.errors import StateError
 from wholebody.limits.balance import CapturePointLimit
+from wholebody.robot.feet import Feet
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.types import JointCommand, RobotState
@@ -81,14 +83,31 @@ class Controller(ABC):
         robot = self.robot
         robot.update(q, v)
         self.tau = robot.nle[6:].copy()
-        points = np.vstack([foot.points_world(robot) for foot in self.feet])
-        self.balance.support = convex_polygon(points[:, :2])
-        for foot in self.feet:
-            foot.T_world_ref = robot.pose(foot.frame).copy()
+        self._keep_feet([robot.pose(foot.frame).copy() for foot in self.feet])
         if self.compiled is not None:
-            self.compiled.reset()
             self.compiled.palms[:] = self._palm_frames() - q[:3]
             self.compiled.q[:] = q
+
+    def stand_on(self, feet: Feet) -> None:
+        """The feet stay there from now on, on the floor that they make."""
+        self._keep_feet(feet.poses)
+        self.stand_on_floor(feet)
+
+    def stand_on_floor(self, feet: Feet) -> None:
+        """Count on the floor that these feet make: friction about its normal, and how high it comes where hands do."""
+        for foot in self.feet:
+            foot.slope(feet.floor(self.spec).slope)
+
+    def _keep_feet(self, poses: Sequence[pin.SE3]) -> None:
+        """Both feet stay at these poses in world, inside whose outline the robot balances."""
+        for foot, T in zip(self.feet, poses, strict=True):
+            foot.T_world_ref = T
+        points = np.vstack(
+            [foot.points @ T.rotation.T + T.translation for foot, T in zip(self.feet, poses, strict=True)]
+        )
+        self.balance.support = convex_polygon(points[:, :2])
+        if self.compiled is not None:
+            self.compiled.reset()
 
     def carry(self, loads: Sequence[float]) -> None:
         """Count on these masses in the left and right hand from the next tick on [kg]."""

@@ -12,6 +12,7 @@ from models.spec import RobotSpec
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
+from wholebody.contacts.friction import pyramid_slope
 from wholebody.control.base import Controller
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import InputError
@@ -26,6 +27,7 @@ from wholebody.qp.kernels.targets import DAMPING
 from wholebody.qp.problem import QPSolution, QuadraticProgram
 from wholebody.qp.program_inputs import EXTRA_ROWS, ProgramInputs
 from wholebody.qp.solvers import solve
+from wholebody.robot.feet import Feet
 from wholebody.tasks.base import Task
 from wholebody.types import JointCommand, RobotState
 
@@ -133,6 +135,15 @@ class WholeBodyController(Controller):
             brake=safety.floor_brake,
             prescribed=fingers,
         )
+
+    def stand_on_floor(self, feet: Feet) -> None:
+        """As of `Controller`; the program has both for all feet."""
+        super().stand_on_floor(feet)
+        self.floor.distance = self.config.safety.floor_distance + feet.floor(self.spec).rise
+        self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
+        if self.compiled is not None:
+            tick = self.compiled.tick
+            tick.slope, tick.floor_distance = pyramid_slope(self.feet[0].friction), self.floor.distance
 
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""

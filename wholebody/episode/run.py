@@ -59,16 +59,19 @@ def observe(
     state: RobotState,
     task: str = "",
     images: Mapping[str, np.ndarray] | None = None,
+    now: float | None = None,
 ) -> Observation:
-    """What a policy sees of the robot.
+    """What a policy sees of the robot: the state that the controller would go on with, so no chunk begins at a glitch.
 
     Args:
         spec: The robot.
-        supervisor: Knows the order of the joints.
+        supervisor: Knows the order of the joints, and which states can be used.
         state: As measured.
         task: What to do, in words.
         images: Camera name to image, uint8, shape (height, width, 3).
+        now: Present time on the clock of the states [s]; the state's own if not given.
     """
+    state = supervisor.monitor.trusted(state, state.time if now is None else now)
     joints = state.q[7:][supervisor.robot.pin_to_motor]
     fingers = fingers_of(spec, joints)
     T = np.eye(4)
@@ -144,7 +147,8 @@ def run_episode(
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
 
     def seen() -> Observation:
-        return observe(plant.spec, supervisor, measured, config.task, config.cameras() if config.cameras else {})
+        images = config.cameras() if config.cameras else {}
+        return observe(plant.spec, supervisor, measured, config.task, images, state.time)
 
     if recorder is not None:
         recorder.begin(meters.result.orientation_free)

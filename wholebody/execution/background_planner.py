@@ -19,6 +19,7 @@ from wholebody.estimation.prediction import ROUNDING
 from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
+from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
 
 
@@ -35,6 +36,7 @@ class PlanRequest:
         again: Whether the chunk is being followed already, and only a quicker plan is of use.
         cpu_limit: CPU time in which the plan is wanted [s]; infinite where planning takes a simulated time.
         loads: What the hands carry.
+        feet: Where the robot stands; where the stance has them if not given.
     """
 
     chunk: ActionChunk
@@ -45,10 +47,13 @@ class PlanRequest:
     again: bool = False
     cpu_limit: float = inf
     loads: Loads = field(default_factory=Loads)
+    feet: Feet | None = None
 
     def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
         """The plan, computed now."""
         start = self.start
+        if self.feet is not None:
+            planner.stand_on(self.feet)
         planner.carry(self.loads)
         return planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit)
 

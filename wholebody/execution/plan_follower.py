@@ -85,9 +85,8 @@ class PlanFollower:
         self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.limits, offsets)
         for motion, offset, part in zip(smoother.motion.rows, offsets, self._palm_rows(), strict=True):
             kernel.palm(motion, offset, part)
-        support = controller.balance.support
         self._body = kernel.Body(
-            edges=np.column_stack([support.normals, support.offsets]),
+            edges=self._edges(),
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
             weights=np.array([_weight(name) for name in robot.joint_names]),
         )
@@ -176,7 +175,12 @@ class PlanFollower:
         settings.last_step = last
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
-        self._standing = False
+        self._standing, self._body = False, self._body._replace(edges=self._edges())
+
+    def _edges(self) -> np.ndarray:
+        """Half-planes of the support, (k, 3)."""
+        support = self._controller.balance.support
+        return np.column_stack([support.normals, support.offsets])
 
     def stand(self, trajectory: SampledTrajectory, rows: np.ndarray) -> None:
         """Follow no plan: hold the one row of a trajectory, the hands let go of.

@@ -8,7 +8,6 @@ from math import inf
 import numpy as np
 import pinocchio as pin
 
-from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_quaternion
@@ -16,6 +15,7 @@ from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.execution import statuses
 from wholebody.execution.plan_follower import Foreseen, PlanFollower
+from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.way_back import WayBack
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother, rest_row
@@ -64,6 +64,7 @@ class Reflex:
         config: Its configuration.
         follower: Told what to follow.
         smoother: Of the hands.
+        planted: Has the stance on its feet.
 
     Attributes:
         active: Whether the robot is off any plan.
@@ -71,10 +72,15 @@ class Reflex:
     """
 
     def __init__(
-        self, controller: Controller, config: ControllerConfig, follower: PlanFollower, smoother: ReferenceSmoother
+        self,
+        controller: Controller,
+        config: ControllerConfig,
+        follower: PlanFollower,
+        smoother: ReferenceSmoother,
+        planted: PlantedFeet,
     ) -> None:
         self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
-        self._stance = stance_q(controller.spec, controller.robot.model)
+        self._planted = planted
         self._patience, self._back = Patience(), None
         self.active, self.status = False, statuses.OFF_PLAN
 
@@ -94,7 +100,7 @@ class Reflex:
 
     def is_away(self, state: RobotState) -> bool:
         """Whether the robot is off any plan, or without one and not in its stance."""
-        return self.active or self._follower.distance(state.q, self._stance) > self._config.safety.posture_slow
+        return self.active or self._follower.distance(state.q, self._planted.stance) > self._config.safety.posture_slow
 
     def is_elsewhere(self, state: RobotState, begin: np.ndarray) -> bool:
         """Whether the robot, off its last plan, is not where the next one begins, configuration (nq,)."""
@@ -105,7 +111,7 @@ class Reflex:
     def go_back(self, state: RobotState) -> float:
         """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""
         if self._back is None:
-            self._back = WayBack(self._controller.robot, self._hold_still(state), self._stance)
+            self._back = WayBack(self._controller.robot, self._hold_still(state), self._planted.stance)
         self.active, self.status = True, statuses.GOING_BACK
         return GO_BACK
 

@@ -45,13 +45,14 @@ class StateMonitor:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._predictor, self._plausibility = StatePredictor(robot), Plausibility(robot.joint_names)
-        self.bridged = 0.0
+        self.bridged, self._now = 0.0, 0.0
         self._measured: RobotState | None = None
         self._present: RobotState | None = None
 
     def reset(self, state: RobotState) -> None:
         """Begin with a valid state."""
         self._measured = self._present = self._newest = state
+        self._now = state.time
         self.bridged, self._agreeing, self._lost = 0.0, 0, 0
         self._predictor.reset()
         self._plausibility.follows(state, state, 0.0)  # loaded now, not in a tick
@@ -60,6 +61,18 @@ class StateMonitor:
     def standing_lost(self) -> bool:
         """Whether the robot stands no more: in several states in a row, none of them a fault."""
         return self._lost >= CONSISTENT
+
+    def trusted(self, state: RobotState, now: float) -> RobotState:
+        """A measured state carried on to the present time [s], or the last usable one: what `usable` would go on with.
+
+        Nothing is remembered of it; before the first `reset` it is the measured state.
+        """
+        if self._measured is None:
+            return state
+        agreeing, newest = self._agreeing, self._newest
+        fault = self._fault(state, max(now - self._now, 0.0))
+        self._agreeing, self._newest = agreeing, newest
+        return self._predictor.carried(state if fault is None else self._measured, now)
 
     def usable(
         self, state: RobotState, now: float, elapsed: float, tick: TickReport | None
@@ -72,6 +85,7 @@ class StateMonitor:
             elapsed: Time since the last call [s].
             tick: What the last tick did, or None before the first.
         """
+        self._now = now
         if tick is not None and elapsed > 0.0:
             dv = np.zeros(self._robot.nv) if tick.solution is None else tick.solution.dv
             self._predictor.commanded(now - elapsed, dv)

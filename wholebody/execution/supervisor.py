@@ -19,6 +19,7 @@ from wholebody.execution.carrying import Carrying
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
+from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
@@ -49,6 +50,7 @@ class Supervisor:
         chunk: The chunk that is being followed, or None.
         plan: Its plan.
         handover: The plan on its way, and how many came too late. carrying: What the hands carry.
+        monitor: Says which states are used.
     """
 
     def __init__(
@@ -65,8 +67,8 @@ class Supervisor:
         planning = self.config.planning
         beside = SimulatedPlanner(self._compute, planning) if planner is None else planner(self._compute)
         self.handover = Handover(beside, planning, self.config.dt)
-        self._monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config.loads)
-        self._smoother: ReferenceSmoother | None = None
+        self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config.loads)
+        self._planted, self._smoother = PlantedFeet(self.controller), None
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
         self._last_state: RobotState | None = None
@@ -92,11 +94,12 @@ class Supervisor:
         check_state(state, self.robot.n_joints)
         self.carrying.reset()
         self.controller.reset(state)
-        self._monitor.reset(state)
+        self._planted.reset(state)
+        self.monitor.reset(state)
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
-        self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother)
+        self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother, self._planted)
         self._last_state = state
         self._forget(state.time if now is None else now)
 
@@ -158,8 +161,7 @@ class Supervisor:
         """
         self._following()
         now = self._now if now is None else now
-        fault = statuses.chunk_fault(chunk, self._newest, now)
-        if fault is not None:
+        if (fault := statuses.chunk_fault(chunk, self._newest, now)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
         self._waiting, self._retry = chunk, self._now
@@ -188,13 +190,13 @@ class Supervisor:
         """Have a chunk planned from where the robot will be on its plan once the lead is over."""
         self._retry, ticks = self._now + RETRY, self.handover.ticks
         state, due = self._last_state, self._now + ticks * self.config.dt
-        off = self._reflex.active
-        start = self._reflex.foreseen(state, ticks) if off else self._follower.foreseen(ticks, state.q)
+        start = self._reflex.foreseen(state, ticks) if self._reflex.active else self._follower.foreseen(ticks, state.q)
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not self.carrying.changed
         before = self.plan and rest_of_plan(self.plan, start, self.config.planner.posture.dt)
-        self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, loads=self.carrying.planned()))
+        counted = {"loads": self.carrying.planned(), "feet": self._planted.planned(state)}
+        self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, **counted))
         self._exchange(self._now)
 
     def _exchange(self, now: float) -> None:
@@ -210,8 +212,7 @@ class Supervisor:
 
     def _judge_plan(self, answer: PlanAnswer) -> None:
         """Keep a plan for its time, or refuse its chunk."""
-        request, plan = answer.request, answer.plan
-        chunk = request.chunk
+        request, plan, chunk = answer.request, answer.plan, answer.request.chunk
         if plan is None:
             logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=answer.error)
             self._refuse_planned(chunk, statuses.refused(Reason.PLANNING_FAILED, str(answer.error)))
@@ -268,8 +269,8 @@ class Supervisor:
         if now is None:
             now = state.time if np.isfinite(state.time) else self._now + self.config.dt
         elapsed = max(now - self._now, 0.0)
-        state, fault = self._monitor.usable(state, now, elapsed, self.last_tick)
-        if self._fallen or self._monitor.standing_lost:
+        state, fault = self.monitor.usable(state, now, elapsed, self.last_tick)
+        if self._fallen or self.monitor.standing_lost:
             self._fallen, self._now, self._last_state = True, now, state
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
@@ -285,7 +286,7 @@ class Supervisor:
         self._try_waiting(self._now)
         self._reflex.advance(elapsed)
         self._last_state, self._now = state, max(now, self._now)
-        allowed = 1.0 if self._monitor.bridged <= GO_ON else 0.0
+        allowed = 1.0 if self.monitor.bridged <= GO_ON else 0.0
         reference = follower.reference(state.q, elapsed, allowed=allowed)
         command, self.last_tick = self.controller.step(state, reference, elapsed)
         self._judge()

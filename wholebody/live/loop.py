@@ -167,7 +167,7 @@ class ControlLoop:
 
     def _poll(self, now: float) -> None:
         """Ask for a chunk if one is due; give one that has come to the supervisor."""
-        seen = partial(observe, self.spec, self.supervisor, self.state, self.task)
+        seen = partial(observe, self.spec, self.supervisor, self.state, self.task, now=now)
         chunk = self.executor.poll(seen, partial(commanded_chunk, self.supervisor))
         if chunk is not None:
             self.told.accepted += 1

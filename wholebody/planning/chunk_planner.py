@@ -28,6 +28,7 @@ from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion
+from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
 from wholebody.types import Reason
@@ -57,6 +58,7 @@ class ChunkPlanner:
         self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
         self.model = robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
+        self._friction = config.friction
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
@@ -73,6 +75,12 @@ class ChunkPlanner:
         """Plan with these masses in the hands from now on: bounds hold with the reserve, centres are without it."""
         self.optimizer.body.carry(loads.most)
         self.centroidal.carry(loads.masses)
+
+    def stand_on(self, feet: Feet) -> None:
+        """Plan with the feet there from now on."""
+        if not feet.same(self.optimizer.body.footing.feet):
+            self.optimizer.stand_on(feet)
+            self.contacts = ContactFeasibility(self.optimizer.body, self._friction)
 
     def plan(
         self,
@@ -98,7 +106,7 @@ class ChunkPlanner:
             quick: Take the first safe motion that is near the chunk at its own speed, however good a search would be.
         """
         budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
-        prepared = prepare(chunk, self.hand_limits)
+        prepared = prepare(chunk, self.hand_limits, self.optimizer.body.footing.floor.rise)
 
         @cache
         def targets(slowdown: float) -> Targets:
@@ -130,12 +138,12 @@ class ChunkPlanner:
     def _report(
         self, chosen: Attempt, changed: dict[Reason, Change], budget: Budget, *, implausible: bool
     ) -> PlanReport:
-        body = self.optimizer.body
+        footing = self.optimizer.body.footing
         return PlanReport(
             steps=chosen.targets.steps,
             tracking_error=chosen.distance,
             slowdown=chosen.targets.slowdown,
-            zmp_margin=np.min(body.pressure_offsets - chosen.knots.zmp @ body.support.normals.T, axis=1),
+            zmp_margin=np.min(footing.pressure_offsets - chosen.knots.zmp @ footing.support.normals.T, axis=1),
             changes=changed,
             strategy=chosen.strategy,
             violation=chosen.violation,

@@ -11,9 +11,9 @@ from itertools import product
 import daqp
 import numpy as np
 
-from wholebody.contacts.friction import pyramid_slope
 from wholebody.planning.trajectory import COARSE, GRID, CentroidalTrack, SampledTrajectory
-from wholebody.planning.trajopt.robot_tables import HALF_SOLE, RobotTables
+from wholebody.planning.trajopt.footing import HALF_SOLE
+from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.kernels.pendulum import LOWEST_HEIGHT
 
 EDGE_MARGIN = 0.005
@@ -50,16 +50,13 @@ class ContactFeasibility:
     """
 
     def __init__(self, body: RobotTables, friction: float) -> None:
-        self._normals, self._offsets = body.support.normals, body.pressure_offsets
+        footing, support = body.footing, body.footing.support
+        self._normals, self._offsets = support.normals, footing.pressure_offsets
         self._body, self._gravity = body, -float(body.tables.gravity[2])
-        middle = body.support.vertices.mean(axis=0)
-        # Each foot keeps its least load: only the rest can be moved about.
-        x, y = (middle + (1.0 - 2.0 * body.foot_load_min) * (body.support.vertices - middle)).T
-        ones = np.ones_like(x)
-        edges = pyramid_slope(friction) * np.array(list(product((-1.0, 1.0), repeat=2)))
-        generators = [np.stack([fx * ones, fy * ones, x, y, x * fy - y * fx], axis=1) for fx, fy in edges]
-        self._generators = np.concatenate(generators) / _UNITS
-        self._middle = np.array([0.0, 0.0, *middle, 0.0]) / _UNITS
+        (x, y, z), (fx, fy, fz) = (part.T for part in footing.forces(friction, body.foot_load_min))
+        fx, fy = fx / fz, fy / fz
+        self._generators = np.stack([fx, fy, x - z * fx, y - z * fy, x * fy - y * fx], axis=1) / _UNITS
+        self._middle = np.array([0.0, 0.0, *support.vertices.mean(axis=0), 0.0]) / _UNITS
         self._box = self._inner_box()
 
     def _inner_box(self) -> np.ndarray:

@@ -15,12 +15,17 @@ HAND_BOX = np.array([[x, y, z] for x in (-0.02, 0.22) for y in (-0.12, 0.12) for
 from the meshes of the URDF."""
 
 
-def above_floor(chunk: ActionChunk) -> tuple[ActionChunk, float]:
-    """The chunk with both hands lifted over the floor where it would have them in it, and by how much at most [m]."""
+def above_floor(chunk: ActionChunk, rise: float = 0.0) -> tuple[ActionChunk, float]:
+    """The chunk with both hands lifted over the floor where it would have them in it, and by how much at most [m].
+
+    Args:
+        chunk: A valid chunk.
+        rise: How high the floor is at most where hands come [m].
+    """
     hands, most = [], 0.0
     for T in (chunk.T_world_lhand, chunk.T_world_rhand):
         lowest = T[:, 2, 3] + (T[:, 2, :3] @ HAND_BOX.T).min(axis=1)
-        lift = np.maximum(CLEARANCE - lowest, 0.0)
+        lift = np.maximum(CLEARANCE + rise - lowest, 0.0)
         most = max(most, float(lift.max()))
         T = T.copy()  # noqa: PLW2901
         T[:, 2, 3] += lift

@@ -90,14 +90,15 @@ class PreparedChunk:
         return tuple(paths), projected
 
 
-def prepare(chunk: ActionChunk, limits: tuple[HandLimits, ...]) -> PreparedChunk:
+def prepare(chunk: ActionChunk, limits: tuple[HandLimits, ...], rise: float = 0.0) -> PreparedChunk:
     """Bring the fingers of a valid chunk into their range, lift its hands out of the floor, smooth what scatters.
 
     Args:
         chunk: A valid chunk.
         limits: Of the left and the right hand.
+        rise: How high the floor is at most where hands come [m].
     """
-    lifted, _ = above_floor(within_range(chunk, limits))
+    lifted, _ = above_floor(within_range(chunk, limits), rise)
     smooth, names = smoothed_chunk(lifted, limits)
     lift, (moved, turned) = _off(chunk, lifted)[0], _off(lifted, smooth)
     return PreparedChunk(smooth, limits, lift, names, moved, turned)

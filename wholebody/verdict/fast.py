@@ -159,7 +159,7 @@ class _Run:
         if found.plan.report.changes or not found.plan.report.safe or found.exceeded:
             self.suspects.append((chunk, begin, now))
         body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
-        if found.plan.report.safe and ends_at_rest(found.plan, body.support, margin):
+        if found.plan.report.safe and ends_at_rest(found.plan, body.footing.support, margin):
             self.followed, self._since = found, now
         else:
             result.refusals.append(Refusal(now, Reason.NOT_JOINED, Reason.NOT_JOINED.sentence))

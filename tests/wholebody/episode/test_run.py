@@ -16,7 +16,9 @@ from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import simulated_executor, uniform_latency
 from policy.remote.client import RemotePolicy
 from policy.scripted.library import scripted_policy, wave
+from tests.support.faulty_loops import not_a_number, pitched
 from tests.support.faulty_policies import FaultyPolicy, executor
+from tests.support.watching_policy import Reaching
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -59,6 +61,25 @@ def run_faulty(robot, fault, *, horizon, at, after, settings):
     runner = executor(policy, config=settings)
     result = run_episode(runner, *robot, duration=at + after, config=EpisodeConfig(settle=0.1, hold=0.0))
     return result, runner.report
+
+
+@pytest.mark.parametrize("fault", [pitched(1.2), not_a_number], ids=["pitched by 69 deg", "not a number"])
+def test_a_policy_that_is_asked_at_a_glitch_sees_the_state_that_the_controller_trusts(robot, fault):
+    class Glitch:
+        """A measurement that is wrong for one tick, when the policy is asked."""
+
+        def reset(self):
+            """Nothing is remembered."""
+
+        def measure(self, state):
+            return fault(state, state) if abs(state.time - 0.1) < 1e-6 else state
+
+    policy, (supervisor, plant) = Reaching(), robot
+    run_episode(policy, supervisor, plant, duration=0.1, config=EpisodeConfig(settle=0.1, hold=0.0), sensors=Glitch())
+    seen = policy.asked[0]
+    assert seen.time == pytest.approx(0.1)
+    assert np.allclose(seen.T_world_base[:3, :3], np.eye(3), atol=0.01)
+    assert np.allclose(seen.q_body, SPEC.stance.joints[:29], atol=0.01)
 
 
 @pytest.mark.parametrize(("fault", "code"), HEADLINES.items())

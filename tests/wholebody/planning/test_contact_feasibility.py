@@ -106,7 +106,11 @@ def test_slower_needs_less_and_what_is_missing_long_ago_is_forgotten(balance, bo
 def test_while_the_pressure_is_at_the_edge_the_capture_point_runs_away_like_a_pendulum(balance, body, still):
     height, aside, seconds = still.com[0, 0, 2], 0.16, 0.1
     track = swinging(still, ahead=-aside / height * 9.81, seconds=seconds)
-    outside = aside + still.com[0, 0, 1] - (body.pressure_offsets[np.argmax(body.support.normals[:, 1])] - EDGE_MARGIN)
+    outside = (
+        aside
+        + still.com[0, 0, 1]
+        - (body.footing.pressure_offsets[np.argmax(body.footing.support.normals[:, 1])] - EDGE_MARGIN)
+    )
     grown = np.exp(np.sqrt(9.81 / height) * seconds) - 1.0
     assert balance.capture_point_drift(track, 1.0) == pytest.approx(outside * grown, rel=0.02)
 

@@ -43,7 +43,7 @@ def sent_down(chunk, height, pitch, seconds):
 @pytest.mark.parametrize(("height", "pitch", "seconds"), [(0.12, 1.5, 0.4), (0.1, 1.2, 0.25)])
 def test_hands_sent_into_the_floor_never_touch_it(robot, monkeypatch, height, pitch, seconds):
     supervisor, plant = robot
-    monkeypatch.setattr("wholebody.planning.preparation.above_floor", lambda chunk: (chunk, 0.0))
+    monkeypatch.setattr("wholebody.planning.preparation.above_floor", lambda chunk, rise: (chunk, 0.0))
     state, policy, least = plant.reset(), reach(0.40, 0.30), np.inf
     supervisor.reset(state)
     policy.reset()

@@ -117,7 +117,7 @@ def test_the_room_of_the_centre_of_mass_is_that_of_pinocchio(checker):
     chunk = sent(to=(0.3, 0.1, 0.1))
     found = checker.judge.judge(chunk, checker.judge.first_pose(chunk))
     body, model = checker.judge.planner.optimizer.body, checker.judge.planner.model
-    support, data = body.support, model.createData()
+    support, data = body.footing.support, model.createData()
     room = [support.margin(pin.centerOfMass(model, data, q)[:2]) for q in found.plan.knots.q[1:]]
     balance = next(one for one in found.margins if one.code is Limit.BALANCE)
     assert balance.value == pytest.approx(min(room), abs=1e-6)

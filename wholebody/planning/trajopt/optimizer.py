@@ -29,6 +29,7 @@ from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.gauss_newton import optimise
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.robot.feet import Feet
 
 SIZES_KEPT = 2
 """Numbers of knots for which memory is kept, that of a plan and of a slower try; measured: 8 MB for forty knots, taken
@@ -76,10 +77,15 @@ class TrajectoryOptimizer:
         self.spec, self.config = spec, config or TrajectoryConfig()
         self.body = RobotTables(spec, self.config, friction, force_min)
         self.model = self.body.full
-        self.support = self.body.support
         self.q_stance = self.body.q_full.copy()
         self._problems: dict[int, TrajectoryProblem] = {}
         self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))
+
+    def stand_on(self, feet: Feet) -> None:
+        """Plan with the feet there from now on."""
+        self.body.stand_on(feet)
+        self.q_stance[self.body.body] = self.body.tables.q_stance
+        self._problems.clear()  # the support may have another number of edges
 
     def plan(
         self,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -15,17 +14,14 @@ from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import Proximity
 from wholebody.collision.shapes import ShapeTable, shape_table
 from wholebody.config import ControllerConfig, TrajectoryConfig
-from wholebody.contacts.friction import pyramid_slope
 from wholebody.errors import InputError
 from wholebody.planning.trajopt.arrays import Shapes, Tables
+from wholebody.planning.trajopt.footing import Footing
 from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_FLOOR, N_JOINTS, UPPER
 from wholebody.robot.body_table import body_table
+from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import HandLoads
 from wholebody.robot.kernels.bodies import PLACEMENT_P
-from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
-
-HALF_SOLE = 0.1
-"""Lever at which a moment counts as much as a force [m]; from the URDF: half of the G1's sole of 0.17 m, rounded."""
 
 ARM_ROOM = 0.1
 """Share of the torque of an arm that plans leave for each kg of its load, up to 1 kg; chosen: a plan may exceed its
@@ -33,7 +29,7 @@ bound by 0.08, and where that is all that the program has, no hand is held."""
 
 
 class RobotTables:
-    """The robot without its fingers, whose feet stay where the stance has them.
+    """The robot without its fingers, on feet that stay: where the stance has them, or where `stand_on` is told.
 
     Configurations and velocities here are the body's, (36,) and (35,): the fingers are locked in the dynamics, and
     where the caller has them for the distances.
@@ -48,7 +44,7 @@ class RobotTables:
         body: Entries of the body in the full configuration. columns: The same in the full velocity.
         fingers: Entries of the fingers in the full configuration, hand by hand.
         finger_order: Which of those the fingers are in the order of their bodies.
-        support: The support polygon. pressure_offsets: How far the centre of pressure goes towards its edges [m].
+        footing: Where it stands.
         mass: Of the robot with what it carries [kg]. foot_load_min: Least share of the weight on each foot.
         tables, shapes: What compiled code works on.
         proximity: Distances by coal, for shapes that touch.
@@ -74,9 +70,11 @@ class RobotTables:
         self._loads, self.mass = HandLoads(spec, model), float(pin.computeTotalMass(full))
         points = max(len(foot.points) for foot in spec.feet)
         self.foot_load_min = points * force_min / (self.mass * float(np.linalg.norm(full.gravity.linear)))
-        self.tables, self.support, self.pressure_offsets = _tables(
-            spec, config, friction, model, self.q_full[self.body].copy(), self.mass, self.foot_load_min
-        )
+        self._spec, self._config, self._friction = spec, config, friction
+        q = self.q_full[self.body].copy()
+        self.footing = Footing.of(spec, Feet.at(spec, model, q, self.data), self.foot_load_min)
+        placed = self.footing.tables(config, friction, self.foot_load_min)
+        self.tables = _tables(spec, config, model, q, self.mass, placed)
         self._tau_max, upper = self.tables.tau_max.copy(), list(model.names)[2 + N_JOINTS - UPPER :]
         self._arms = [np.array([name.startswith(f"{tool.side}_") for name in upper]) for tool in spec.tools]
         bodies = self._place_fingers(locked)
@@ -93,6 +91,19 @@ class RobotTables:
             self.tables.tau_max[arm] = (1.0 - ARM_ROOM * min(load, 1.0)) * self._tau_max[arm]
         self.tables = self.tables._replace(mass=self.mass)
 
+    def stand_on(self, feet: Feet) -> None:
+        """The feet are there from now on."""
+        self.footing = Footing.of(self._spec, feet, self.foot_load_min)
+        q = feet.stance(self._spec, self.full)[self.body]
+        floor, c = self.shapes.floor.copy(), self._config
+        floor[0] = c.floor_distance + self.footing.floor.rise
+        self.shapes = self.shapes._replace(floor=floor)
+        self.tables = self.tables._replace(
+            q_stance=q,
+            com_stance=_com_stance(self.model, self.data, q),
+            **self.footing.tables(c, self._friction, self.foot_load_min),
+        )
+
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
         """Put the fingers behind the bodies of the plan; the plan's number of each body of the full model."""
         table, parent = body_table(self.full)
@@ -107,9 +118,9 @@ class RobotTables:
 
 
 def _tables(
-    spec: RobotSpec, c: TrajectoryConfig, friction: float, model: pin.Model, q: np.ndarray, mass: float, least: float
-) -> tuple[Tables, SupportPolygon, np.ndarray]:
-    """Without fingers; the support, and how far the centre of pressure goes towards its edges."""
+    spec: RobotSpec, c: TrajectoryConfig, model: pin.Model, q: np.ndarray, mass: float, placed: dict[str, np.ndarray]
+) -> Tables:
+    """Without fingers, in the stance ``q``; ``placed`` is what `Footing` says."""
     bodies, parent = body_table(model)
     ids = [*palm_frame_ids(spec, model), *(model.getFrameId(name) for name in (spec.torso_body, spec.base_body))]
     ids += [model.getFrameId(foot.frame) for foot in spec.feet]
@@ -120,74 +131,29 @@ def _tables(
             f"the optimiser needs {N_BODY} velocities, base and legs first, as the G1 has them: {spec.name} has "
             f"{model.nv}, '{list(model.names)[2]}' first"
         )
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    feet = [data.oMf[i] for i in ids[4:]]
-    corners = [[foot.act(np.array(x))[:2] for x in part.points] for foot, part in zip(feet, spec.feet, strict=True)]
-    support = convex_polygon(np.concatenate(corners))
-    pressure = _pressure_offsets(support, *np.array(corners), least)
-    tables = Tables(
+    return Tables(
         bodies=bodies,
         parent=parent,
         frame_body=np.array([frame.parentJoint - 1 for frame in frames]),
         frame_R=np.array([frame.placement.rotation for frame in frames]),
         frame_p=np.array([frame.placement.translation for frame in frames]),
         carries=carries,
-        R_feet=np.array([foot.rotation for foot in feet]),
-        p_feet=np.array([foot.translation for foot in feet]),
         q_stance=q,
-        com_stance=pin.centerOfMass(model, data, q)[:2].copy(),
+        com_stance=_com_stance(model, model.createData(), q),
         gravity=np.array(model.gravity.linear),
         mass=mass,
         load_min=c.load_min,
         limits=np.array([c.torso_tilt, c.pelvis_tilt, c.height_min]),
         **_limits(spec, c, list(model.names[2:])),
-        normals=support.normals.copy(),
-        com_offsets=support.offsets - c.com_margin,
-        zmp_offsets=pressure - c.zmp_margin,
-        capture_offsets=pressure - c.capture_margin,
-        cone=_cone(support, c.friction_share * friction, least),
         capture_time=c.capture_time,
         approach_time=c.approach_time,
+        **placed,
     )
-    return tables, support, pressure
 
 
-def _pressure_offsets(support: SupportPolygon, left: np.ndarray, right: np.ndarray, least: float) -> np.ndarray:
-    """How far the centre of pressure goes towards each edge while both feet, corners (k, 2), carry their least load."""
-    shares = np.array([least, 1.0 - least])[:, None]
-    offsets = [(foot @ support.normals.T).max(0) for foot in (left, right)]
-    return (shares * offsets[0] + (1.0 - shares) * offsets[1]).max(0)
-
-
-def _cone(support: SupportPolygon, friction: float, least: float) -> np.ndarray:
-    """Sides (N_FRICTION, 6) of the cone of wrenches that soles give without sliding, the edges of the pressure aside.
-
-    Exact for a rectangle and the pyramid of `wholebody.contacts.friction`; the largest rectangle in the support of the
-    proportions of the box around it is taken. So it is inside the cone of `ContactFeasibility`, which has the same
-    pyramids at the corners of the whole support: an optimiser needs few sides, a judge the truth.
-
-    Source:
-        Caron, Pham and Nakamura 2015, "Stability of Surface Contacts for Humanoid Robots: Closed-Form Formulae of the
-        Contact Wrench for Rectangular Support Areas", ICRA.
-    """
-    low, high = support.vertices.min(axis=0), support.vertices.max(axis=0)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    room = support.offsets - support.normals @ middle
-    half = half * np.min(room / (np.abs(support.normals) @ half)) * (1.0 - 2.0 * least)
-    (x, y), mu = half, pyramid_slope(friction)
-    # Moments about the middle, as columns by ZMP_FORCE, VERTICAL, HORIZONTAL, YAW.
-    turn_x, turn_y = np.array([0.0, 1.0, -middle[1], 0.0, 0.0, 0.0]), np.array([-1.0, 0.0, middle[0], 0.0, 0.0, 0.0])
-    twist = np.array([0.0, 0.0, 0.0, middle[1], -middle[0], 1.0])
-    load, along, across = np.eye(6)[2:5]
-    sides = [sign * force - mu * load for force in (along, across) for sign in (1.0, -1.0)]
-    for sign, a, b in product((1.0, -1.0), repeat=3):
-        shears = a * (y * along + sign * mu * turn_x) + b * (x * across + sign * mu * turn_y)
-        sides.append(sign * twist + shears - mu * (x + y) * load)
-    sides = np.array(sides)
-    # All in terms of a force.
-    size = np.linalg.norm(sides * [HALF_SOLE, HALF_SOLE, 0.0, 1.0, 1.0, HALF_SOLE], axis=1)
-    return sides / size[:, None]
+def _com_stance(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
+    """Where the centre of mass of a configuration is over the floor, shape (2,), [m]."""
+    return pin.centerOfMass(model, data, q)[:2].copy()
 
 
 def _carries(model: pin.Model, joints: list[int]) -> np.ndarray:

@@ -341,8 +341,8 @@ def test_the_least_load_of_a_foot_is_that_of_the_controllers_least_forces(body):
     heavy = RobotTables(SPEC, TrajectoryConfig(), force_min=20.0)
     assert heavy.foot_load_min == pytest.approx(80.0 / weight)
     # The pressure cannot go as far to the sides, where one foot would carry everything.
-    assert (heavy.pressure_offsets <= body.pressure_offsets).all()
-    assert (body.pressure_offsets - heavy.pressure_offsets).max() > 0.01
+    assert (heavy.footing.pressure_offsets <= body.footing.pressure_offsets).all()
+    assert (body.footing.pressure_offsets - heavy.footing.pressure_offsets).max() > 0.01
 
 
 def forces_at(corners):
@@ -354,7 +354,7 @@ def forces_at(corners):
 
 def test_what_is_inside_the_cone_of_friction_can_be_had_from_the_soles_and_what_is_outside_cannot(body):
     """Oracle: whether forces at the corners add up to a wrench, by non-negative least squares."""
-    rng, vertices = np.random.default_rng(2), (1.0 - 2.0 * body.foot_load_min) * body.support.vertices
+    rng, vertices = np.random.default_rng(2), (1.0 - 2.0 * body.foot_load_min) * body.footing.support.vertices
     box = product(*zip(vertices.min(axis=0), vertices.max(axis=0), strict=True))
     sole_accelerations, around, seen = forces_at(vertices), forces_at(box), [0, 0]
     for wrench in rng.uniform(-1.0, 1.0, (400, 6)) * [0.06, 0.1, 0.0, 0.4, 0.4, 0.06] + np.eye(6)[2]:

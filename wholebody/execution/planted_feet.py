@@ -1,0 +1,73 @@
+"""Where plans and program take the feet to stand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.pinocchio_model import stance_q
+from wholebody.control.base import Controller
+from wholebody.robot.feet import Feet
+from wholebody.types import RobotState
+
+PLACE, ANGLE = 0.005, 0.01
+"""Difference between where a foot is taken to be and where it is measured up to which it stays so [m, rad]; derived:
+soles creep by 4 mm in the lissajous, and an IMU that is wrong by 0.3 degrees turns both feet by 0.005 rad."""
+SETTLED = 1.0
+"""Time for which a foot that moved has to stay where it is to be taken to stand there [s]; chosen: longer than a robot
+that tips stands on an edge of its soles."""
+SLOPE_MAX = 0.2
+"""Steepest floor that a robot is taken to stand on [rad]; chosen: half of the slope of the friction pyramid."""
+
+
+class PlantedFeet:
+    """The feet as measured: at once when an episode starts, later when a plan is asked for and they stand still.
+
+    Feet that are where the stance has them, but for `PLACE` and `ANGLE`, are taken to be exactly there.
+
+    Args:
+        controller: Told where the robot stands.
+
+    Attributes:
+        feet: Both feet.
+        stance: The stance on them, shape (nq,).
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller, robot = controller, controller.robot
+        self._spec, self._model, self._data = controller.spec, robot.model, robot.scratch
+        self._nominal = stance_q(self._spec, self._model)
+        self._seen: tuple[float, Feet] | None = None
+        self._take(Feet.at(self._spec, self._model, self._nominal, self._data), self._nominal)
+
+    def reset(self, state: RobotState) -> None:
+        """Begin where a measured state has them."""
+        nominal, measured = Feet.at(self._spec, self._model, self._nominal, self._data), self._measured(state)
+        self._seen = None
+        self._take(nominal, self._nominal)
+        self._controller.stand_on_floor(nominal)
+        if measured.differ(nominal, PLACE, ANGLE):
+            self._stand_on(measured)
+
+    def planned(self, state: RobotState) -> Feet:
+        """What a plan that is asked for now counts on."""
+        measured = self._measured(state)
+        if not measured.differ(self.feet, PLACE, ANGLE):
+            self._seen = None
+        elif self._seen is None or measured.differ(self._seen[1], 0.5 * PLACE, 0.5 * ANGLE):
+            self._seen = state.time, measured
+        elif state.time - self._seen[0] >= SETTLED:
+            self._stand_on(measured)
+        return self.feet
+
+    def _measured(self, state: RobotState) -> Feet:
+        return Feet.at(self._spec, self._model, state.q, self._data)
+
+    def _stand_on(self, feet: Feet) -> None:
+        """Stand there from now on, if that is a floor to stand on."""
+        self._seen = None
+        if feet.floor(self._spec).slope <= SLOPE_MAX:
+            self._take(feet, feet.stance(self._spec, self._model))
+            self._controller.stand_on(feet)
+
+    def _take(self, feet: Feet, stance: np.ndarray) -> None:
+        self.feet, self.stance = feet, stance
