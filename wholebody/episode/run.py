@@ -147,8 +147,7 @@ def run_episode(
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
 
     def seen() -> Observation:
-        images = config.cameras() if config.cameras else {}
-        return observe(plant.spec, supervisor, measured, config.task, images, state.time)
+        return observe(plant.spec, supervisor, measured, config.task, config.cameras and config.cameras(), state.time)
 
     if recorder is not None:
         recorder.begin(meters.result.orientation_free)

@@ -20,8 +20,8 @@ reach, and half of a hand."""
 BASE_GIVE = 0.01
 """How far the base gives way where a joint of a leg does by 1 [m/rad, no unit]; chosen: only where a leg cannot."""
 STEPS, CLOSE = 20, 1e-9
-"""Most Newton steps that put the stance on its feet, and how near that is [m, rad]; chosen: they converge quadratically,
-in four or five."""
+"""Most Newton steps that put the stance on its feet, and how near that is [m, rad]; chosen: four or five will do, they
+converge quadratically."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Strategy: the feet that are counted on, state by state; then reaches where the floor is none that the stance knows."""
+"""Strategy: the feet that are counted on, state by state; then a reach on a slope."""
 
 from dataclasses import replace
 
