@@ -107,7 +107,7 @@ class Executor:
         self.running: ActionChunk | None = None
         self._before: tuple[ActionChunk | None, ActionChunk | None] = (None, None)
         self._asked: float | None = None
-        self._hung = self._dead = self._starving = False
+        self._hung = self._dead = self._starving = self._hastened = False
         self._not_before = -inf
         self._polled = self.clock.now()
         if self._ensemble is not None:
@@ -139,6 +139,10 @@ class Executor:
             self.report.deliveries.pop()
         self._fail(now, code, detail)
 
+    def hasten(self) -> None:
+        """Ask for the next chunk as soon as no other is being asked for: what the policy is to do has changed."""
+        self._hastened = True
+
     def close(self) -> None:
         """End the worker; does not wait for a running call."""
         self.worker.close()
@@ -161,7 +165,7 @@ class Executor:
     def _due(self, now: float) -> bool:
         if self._asked is not None or self._dead or now < self._not_before - TIME_TOLERANCE:
             return False
-        if self.running is None:
+        if self.running is None or self._hastened:
             return True
         return now >= self.running.t_obs + self._asked_after(self.running) - TIME_TOLERANCE
 
@@ -172,7 +176,7 @@ class Executor:
         return max(step, min(step * self.config.replace_every, step * (len(chunk) // 2), covered))
 
     def _ask(self, now: float, observation: Observation, executing: Executing | None) -> None:
-        self._asked = now
+        self._asked, self._hastened = now, False
         prefix = self._prefix(observation, executing) if self.config.real_time else None
         self.worker.submit(Job(self._episode, now, observation, prefix))
 

@@ -19,6 +19,9 @@ SPEED_MAX = 0.8
 """Fastest that a long way is gone [m/s]; chosen: less than the 1.1 m/s that a recorded motion may demand."""
 FPS, HORIZON = 30.0, 15
 """Of the chunks [Hz], [steps]; chosen: half a second, so that planning it is quick."""
+RESTING_HORIZON, RESTING = 60, 1e-4
+"""Of chunks of palms that stay [steps], and how near they are to their targets then [m, rad]; chosen: two seconds,
+so that the planner is free when a drag begins."""
 
 
 @dataclass
@@ -39,6 +42,12 @@ class _Approach:
         # A palm that has the largest speed already does not become faster with this frequency, one at rest less fast.
         frequency = min(STIFFNESS, 2.0 * SPEED_MAX / max(np.linalg.norm(offset[:3]), 1e-6))
         return cls(time, target, offset, rate, frequency)
+
+    def rests(self, time: float) -> bool:
+        """Whether the palm is at its target from a time on [s]."""
+        t, w = time - self.time, self.frequency
+        slope = np.abs(self.rate + w * self.offset)
+        return bool((np.abs(self.offset) + slope * (t + 1.0 / w)).max() * np.exp(-w * t) < RESTING)
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Poses (n, 4, 4), and velocities (n, 6), at n times [s]."""
@@ -82,10 +91,11 @@ class DraggedHands:
             self._ways = [
                 _Approach.to(target, T[0], rate[0], time) for target, (T, rate) in zip(self.targets, now, strict=True)
             ]
-        times = time + np.arange(HORIZON) / FPS
+        horizon = RESTING_HORIZON if all(way.rests(time) for way in self._ways) else HORIZON
+        times = time + np.arange(horizon) / FPS
         left, right = (way.at(times)[0] for way in self._ways)
         stance = stance_pose()
         motion = ScriptedMotion(
             left[:, :3, 3], right[:, :3, 3], left[:, :3, :3], right[:, :3, :3], stance.q_lhand, stance.q_rhand
         )
-        return to_chunk(motion, self.spec.id, self._seq, time, FPS, HORIZON)
+        return to_chunk(motion, self.spec.id, self._seq, time, FPS, horizon)

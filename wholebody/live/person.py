@@ -16,7 +16,7 @@ from policy.geometry.rotations import rotation_residual
 from wholebody.episode.run import followed
 from wholebody.errors import InputError
 from wholebody.live.glance import Glance, Wish
-from wholebody.live.hands import DraggedHands
+from wholebody.live.hands import RESTING_HORIZON, DraggedHands
 from wholebody.live.loop import ControlLoop
 from wholebody.live.page_process import PageProcess
 from wholebody.live.robot_process import MASS_MIN, Order, RobotProcess
@@ -27,8 +27,8 @@ LOOK_AGAIN = 0.02
 """How often a paused loop looks what is wanted [s]; chosen: no person notices it."""
 RESET_TIME = 0.1
 """Time for the robot to be put back to its stance [s]; chosen: fifty of its periods."""
-REPLACE_EVERY = 3
-"""Steps after which the way of dragged hands is asked for again: a tenth of a second."""
+DRAG_PERIOD = 0.1
+"""How often the way of hands that are being dragged is asked for [s]; chosen: the lead, in which one plan is made."""
 PUSHED = "torso_link"
 BOUNDS: dict[Wish, tuple[float, float]] = {
     Wish.TARGETS: (-5.0, 5.0),
@@ -67,6 +67,7 @@ class Person:
             if isinstance(policy, DraggedHands):
                 policy.palms = loop.supervisor.palm_reference
         self._source, self._latency, self._shown, self._wanted = 0, 0.0, 0.0, False
+        self._dragged, self._hastened = False, 0.0
 
     def asking(self, wanted: bool) -> None:
         """Whether chunks are asked for now."""
@@ -84,7 +85,7 @@ class Person:
             return
         policy, config = self._sources[source], self._config
         if isinstance(policy, DraggedHands):
-            config = ExecutorConfig(replace_every=REPLACE_EVERY)
+            config = ExecutorConfig(replace_every=RESTING_HORIZON)
         worker = ThreadWorker(policy, loop.clock)
         worker.latency = self._latency
         loop.executor = Executor(policy, loop.clock, config=config, worker=worker)
@@ -96,6 +97,9 @@ class Person:
         if self._page is None:
             return
         paused = self._obey()
+        if self._dragged and now - self._hastened >= DRAG_PERIOD and self._loop.executor is not None:
+            self._dragged, self._hastened = False, now
+            self._loop.executor.hasten()
         if now - self._shown >= 1.0 / FPS:
             self._shown = now
             self._page.show(self._glance(now))
@@ -138,7 +142,7 @@ class Person:
         hands = next(i for i, policy in enumerate(self._sources) if isinstance(policy, DraggedHands))
         if self._source != hands:
             self._choose(hands)
-        self._sources[hands].targets = targets
+        self._sources[hands].targets, self._dragged = targets, True
 
     def _pause(self) -> None:
         """Let the world stand until it is to go on; for the robot no time passes."""

@@ -44,6 +44,16 @@ def test_a_late_chunk_keeps_the_time_of_its_observation_and_its_latency_is_measu
     assert "200 ms median" in runner.report.summary()
 
 
+def test_a_hastened_chunk_is_asked_for_at_once_and_only_one_at_a_time():
+    runner = started(scripted_policy("wave"), latency=0.2)
+    run(runner, 0.3)
+    runner.hasten()
+    run(runner, 0.1, start=0.3)
+    runner.hasten()
+    got = run(runner, 0.5, start=0.4)
+    assert [chunk.t_obs for _, chunk in got] == pytest.approx([0.3, 0.5], abs=3 * TICK)
+
+
 def test_chunks_with_random_latency_below_half_their_length_never_starve():
     runner = started(scripted_policy("wave"), latency=uniform_latency(0.0, 0.4, seed=3))
     run(runner, 10.0)

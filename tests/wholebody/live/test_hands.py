@@ -5,7 +5,7 @@ import pytest
 
 from policy.observation import Observation
 from policy.scripted.policy import palm_offset
-from wholebody.live.hands import FPS, SPEED_MAX, DraggedHands
+from wholebody.live.hands import FPS, RESTING_HORIZON, SPEED_MAX, DraggedHands
 
 PALMS = {"left": np.eye(4), "right": np.eye(4)}
 PALMS["left"][:3, 3], PALMS["right"][:3, 3] = (0.25, 0.2, 0.85), (0.25, -0.2, 0.85)
@@ -21,6 +21,12 @@ def palms_of(chunk):
     return np.stack([T[:, :3, 3] + T[:, :3, :3] @ palm_offset(side) for T, side in poses])
 
 
+def moved(hands):
+    hands.targets = np.stack([PALMS["left"], PALMS["right"]])
+    hands.targets[0, 2, 3] += 0.05
+    return hands
+
+
 @pytest.fixture
 def hands():
     return DraggedHands(lambda: PALMS)
@@ -30,6 +36,11 @@ def test_palms_that_nobody_holds_stay(hands):
     chunk = hands.infer(observation(1.0))
     chunk.validate()
     np.testing.assert_allclose(palms_of(chunk)[0], np.tile(PALMS["left"][:3, 3], (len(chunk), 1)), atol=1e-12)
+
+
+def test_palms_that_stay_are_asked_for_less_often(hands):
+    assert len(hands.infer(observation(0.0))) > 2 * len(moved(hands).infer(observation(0.1)))
+    assert len(hands.infer(observation(3.0))) == RESTING_HORIZON
 
 
 def test_palms_go_to_where_they_are_held_and_the_way_has_no_seam(hands):

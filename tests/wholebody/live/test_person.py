@@ -82,6 +82,17 @@ def test_dragging_takes_the_hands_over_whatever_ran(person):
     np.testing.assert_array_equal(hands.targets, POSES)
 
 
+def test_a_drag_is_acted_on_at_once_and_a_stream_of_them_ten_times_a_second(person):
+    asked = []
+    wish(person, Wish.TARGETS, *POSES.ravel())
+    person.test.loop.executor = SimpleNamespace(hasten=lambda: asked.append(now), close=lambda: None)
+    for k in range(40):
+        now = 1.0 + k * 0.01
+        person.test.page.sent.append((Wish.TARGETS, POSES.ravel()))
+        person.look(now)
+    assert asked == pytest.approx([1.0, 1.1, 1.2, 1.3], abs=0.02)
+
+
 def test_a_pose_that_is_none_is_not_gone_to(person):
     wish(person, Wish.TARGETS, *(2.0 * POSES).ravel())
     assert person.test.sources["hands"].targets is None
