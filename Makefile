@@ -14,6 +14,8 @@ PYTEST = -m pytest -q
 ARGS ?=
 # Folder of recorded motions (.csv) for the long studies: make regression MOTIONS=~/motions
 MOTIONS ?=
+# Where the studies that take hours write: make studies OUT=~/studies ARGS="--only variants"
+OUT ?= build/studies
 # Checkout of openpi, whose own server is then met: make test-openpi OPENPI=~/openpi
 OPENPI ?=
 QUICK = not regression and not latest and not openpi and not browser
@@ -26,7 +28,7 @@ REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: configs help demo setup setup-core lint format test regression regression-update test-latest test-openpi test-browser fuzz-readers bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update studies test-latest test-openpi test-browser fuzz-readers bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -58,6 +60,9 @@ regression: $(VENV)/.all-installed ## Run the long studies against their stored 
 regression-update: $(VENV)/.all-installed ## Run the long studies and store their values, stamped with the versions used
 	$(REGRESSION) --regression-update $(ARGS)
 	$(BIN)/python tests/support/stored.py
+
+studies: $(VENV)/.all-installed ## Run the studies that take hours into the folder OUT, going on where they ended
+	G1_MOTIONS="$(MOTIONS)" $(BIN)/python -m tests.studies $(OUT) $(ARGS)
 
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	@$(LATEST)/bin/wholebody warmup
