@@ -9,7 +9,7 @@ from policy.executor.executor import Executor
 from wholebody.episode.chunk_seams import SeamMeter
 from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import TrackingError, start_jump
-from wholebody.execution.supervisor import Supervisor
+from wholebody.execution.as_given import Executes
 from wholebody.planning.plan import PlanReport
 from wholebody.robot.standing import pelvis_tilt
 from wholebody.sim.fall import detect_fall
@@ -21,7 +21,7 @@ from wholebody.types import Reason, RobotState, Status, StatusReport
 class Meters:
     """What is measured in an episode."""
 
-    def __init__(self, supervisor: Supervisor, plant: MujocoPlant, executor: Executor, start: float) -> None:
+    def __init__(self, supervisor: Executes, plant: MujocoPlant, executor: Executor, start: float) -> None:
         free = executor.policy.spec.orientation_free
         self.result = EpisodeResult(start=start, execution=executor.report, orientation_free=free)
         self._tracking_error = TrackingError(supervisor)
@@ -41,7 +41,7 @@ class Meters:
         if answer is not None and answer.status is Status.HOLD and answer.reason:
             executor.refused(answer.reason, answer.detail)
 
-    def commanded(self, supervisor: Supervisor, state: RobotState) -> None:
+    def commanded(self, supervisor: Executes, state: RobotState) -> None:
         """Take note of what is commanded in a true state."""
         if supervisor.plan_report is not self._plan:
             self._plan = supervisor.plan_report
@@ -50,7 +50,7 @@ class Meters:
         self._seams.add(self._palms)
         self._tracking_error.measure(state, self._palms, supervisor.moved_for or supervisor.status.reason)
 
-    def _taken_over(self, supervisor: Supervisor, now: float) -> None:
+    def _taken_over(self, supervisor: Executes, now: float) -> None:
         """A plan was taken over: what it changes in the chunk."""
         result, chunk, report = self.result, supervisor.chunk, self._plan
         if self._tracking_error.empty:
@@ -63,12 +63,12 @@ class Meters:
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
 
-    def after(self, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:
+    def after(self, supervisor: Executes, plant: MujocoPlant, state: RobotState) -> None:
         """Take note of the state that it led to."""
         self._limits.look(state.time)
         _count(self.result, supervisor, plant, state)
 
-    def finish(self, supervisor: Supervisor) -> EpisodeResult:
+    def finish(self, supervisor: Executes) -> EpisodeResult:
         """The result with what was collected along the way."""
         result, limits = self.result, self._limits
         result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
@@ -88,7 +88,7 @@ def _left_out(robot: RobotSpec, layout: ActionSpec) -> tuple[str, ...]:
     return (f"the robot has no fingers: what the layout asks of {', '.join(asked)} is left out",)
 
 
-def _count(result: EpisodeResult, supervisor: Supervisor, plant: MujocoPlant, state: RobotState) -> None:
+def _count(result: EpisodeResult, supervisor: Executes, plant: MujocoPlant, state: RobotState) -> None:
     status = supervisor.status
     for counts, key in ((result.seconds, status.status.value), (result.reasons, status.reason)):
         if key:

@@ -22,7 +22,7 @@ from wholebody.episode.chunk_seams import commanded_chunk
 from wholebody.episode.meters import Meters
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.tracking_error import asked_palms
-from wholebody.execution.supervisor import Supervisor
+from wholebody.execution.as_given import AsGiven, Executes
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Followed, Recorder
 from wholebody.sim.sensors import Sensors
@@ -48,6 +48,8 @@ class EpisodeConfig:
     """What to do, in words."""
     cameras: Cameras | None = None
     """Called once an observation for its images."""
+    begin: RobotState | None = None
+    """Where the robot stands at first; in the stance if None."""
 
     def __post_init__(self) -> None:
         require_all(self)
@@ -55,7 +57,7 @@ class EpisodeConfig:
 
 def observe(
     spec: RobotSpec,
-    supervisor: Supervisor,
+    supervisor: Executes,
     state: RobotState,
     task: str = "",
     images: Mapping[str, np.ndarray] | None = None,
@@ -87,7 +89,7 @@ def observe(
     )
 
 
-def followed(supervisor: Supervisor, now: float) -> Followed:
+def followed(supervisor: Executes, now: float) -> Followed:
     """What a supervisor followed in its last step, for a recording.
 
     Args:
@@ -100,7 +102,7 @@ def followed(supervisor: Supervisor, now: float) -> Followed:
         commanded=np.stack([palms["left"], palms["right"]]),
         status=supervisor.status,
         rate=supervisor.rate,
-        planning_time=supervisor.handover.planning_time,
+        planning_time=0.0 if isinstance(supervisor, AsGiven) else supervisor.handover.planning_time,
     )
 
 
@@ -112,7 +114,7 @@ def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
 
 def run_episode(
     policy: Policy | Executor,
-    supervisor: Supervisor,
+    supervisor: Executes,
     plant: MujocoPlant,
     *,
     duration: float,
@@ -125,7 +127,7 @@ def run_episode(
 
     Args:
         policy: Source of chunks: a policy, which answers in no time, or an executor on a simulated clock.
-        supervisor: Made for the plant's robot.
+        supervisor: Made for the plant's robot; or an `AsGiven`.
         plant: Where it happens; reset here.
         duration: Time for which chunks are asked for, after the settling time [s].
         config: How the episode runs.
@@ -136,7 +138,8 @@ def run_episode(
     Raises:
         TypeError: If an executor's clock is not a simulated one.
     """
-    config, state = config or EpisodeConfig(), plant.reset()
+    config = config or EpisodeConfig()
+    state = plant.reset(config.begin)
     if sensors is not None:
         sensors.reset()
     measure = (lambda state: state) if sensors is None else sensors.measure

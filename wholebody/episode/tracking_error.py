@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from wholebody.execution.supervisor import Supervisor
+from wholebody.execution.as_given import Executes
 from wholebody.planning.plan import PlanReport
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState
@@ -57,10 +57,10 @@ class TrackingError:
     the two ticks around it.
     """
 
-    def __init__(self, supervisor: Supervisor) -> None:
+    def __init__(self, supervisor: Executes) -> None:
         robot, spec = supervisor.robot, supervisor.spec
         self._model, self._data = robot.model, robot.scratch
-        self._palms = supervisor.planner.palm_ids
+        self._palms = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
         self._ranges = [

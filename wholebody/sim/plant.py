@@ -16,7 +16,7 @@ from wholebody.errors import InputError, SimulationError
 from wholebody.jit.entry import Entry
 from wholebody.sim.kernels import motors
 from wholebody.sim.scene_file import scene_of
-from wholebody.types import JointCommand, RobotState, check_command
+from wholebody.types import JointCommand, RobotState, check_command, check_state
 
 _drive, _read = Entry(motors.drive), Entry(motors.read)
 
@@ -83,9 +83,16 @@ class MujocoPlant:
         """Largest magnitude asked of each motor during the last control period, before the effort limit [N m]."""
         self.reset()
 
-    def reset(self) -> RobotState:
-        """The default stance, at rest, at time 0; pushes are forgotten."""
+    def reset(self, begin: RobotState | None = None) -> RobotState:
+        """The default stance, at rest, or another state of the robot, at time 0; pushes are forgotten.
+
+        Raises:
+            InputError: If that is no state of this robot.
+        """
         mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
+        if begin is not None:
+            check_state(begin, self.spec.n_joints)
+            self._conversion.to_mujoco(begin.q, begin.v, *self._state)
         mujoco.mj_forward(self.model, self.data)
         self._touching = None
         self._pushes.clear()

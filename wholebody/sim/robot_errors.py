@@ -115,11 +115,11 @@ class RealisticPlant(MujocoPlant):
             model.dof_frictionloss[dof] += errors.joint_friction * found[1]
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
-    def reset(self) -> RobotState:
+    def reset(self, begin: RobotState | None = None) -> RobotState:
         """As of `MujocoPlant`; commands on their way are forgotten."""
         self._sent.clear()
         self._given[:] = 0.0
-        return super().reset()
+        return super().reset(begin)
 
     def _torques(self, asked: tuple[np.ndarray, ...], anew: bool) -> bool:
         """The command that has arrived by now, on the angles that the encoders read, as slowly as the motors are."""

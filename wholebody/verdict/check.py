@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from typing import Any
 
-from models.spec import FLOOR_FRICTION
+from models.spec import RobotSpec
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
@@ -14,12 +15,18 @@ from wholebody.config.description import describe
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.estimation.odometry import StandingOdometry
+from wholebody.execution.as_given import Executes
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
+from wholebody.types import RobotState
 from wholebody.verdict.verdict import Verdict, judge
+
+
+TIMESTEP = 0.002
+"""Longest physics step [s]; chosen: one control period at 500 Hz."""
 
 
 class Checker:
@@ -30,10 +37,10 @@ class Checker:
         config: Of the robot and its controller.
         episode: How an episode runs.
         sensors: Errors of the sensors; the controller gets the true state if not given.
-        timestep: Physics step [s].
-        payload_kg: Mass in the left and right hand [kg]; the controller observes it, or is told by ``config.loads``.
-        friction: Friction coefficient of the floor.
         errors: How the robot differs from its model; then its state is estimated from readings.
+        follower: Makes what follows chunks, such as `AsGiven`, which does so without plans.
+        **world: Further settings of the plant: physics step, masses in the hands, which the controller observes, or is
+            told by ``config.loads``, and friction of the floor.
     """
 
     def __init__(
@@ -43,15 +50,14 @@ class Checker:
         *,
         episode: EpisodeConfig | None = None,
         sensors: SensorConfig | None = None,
-        timestep: float = 0.002,
-        payload_kg: tuple[float, float] = (0.0, 0.0),
-        friction: float = FLOOR_FRICTION,
         errors: RobotErrors | None = None,
+        follower: Callable[[RobotSpec, ControllerConfig], Executes] = Supervisor,
+        **world: Any,
     ) -> None:
         config = config or ControllerConfig()
         spec = describe(config.robot)
         self.scene, self.episode, dt = scene, episode or EpisodeConfig(), config.dt
-        world = {"timestep": min(timestep, dt), "payload_kg": payload_kg, "friction": friction}
+        world["timestep"] = min(world.get("timestep", TIMESTEP), dt)
         estimator = None if errors is None else StandingOdometry(spec, dt)
         self.sensors = Sensors(spec, sensors, dt, estimator) if sensors is not None else None
         # The plant before the supervisor: a scene that does not exist is told at once.
@@ -59,7 +65,7 @@ class Checker:
             self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
         else:
             self.plant = RealisticPlant(spec, errors, encoders=self.sensors, scene=scene, control_dt=dt, **world)
-        self.supervisor = Supervisor(spec, config)
+        self.supervisor = follower(spec, config)
         self._errors = errors
 
     @property
@@ -84,6 +90,7 @@ class Checker:
         cameras: Cameras | None = None,
         progress: Callable[[float, float], None] | None = None,
         recorder: Recorder | None = None,
+        begin: RobotState | None = None,
     ) -> tuple[Verdict, EpisodeResult]:
         """Judge a policy's episode.
 
@@ -94,6 +101,7 @@ class Checker:
             cameras: What the policy's cameras see, such as `wholebody.sim.cameras.RenderedCameras`; nothing if None.
             progress: See `run_episode`.
             recorder: See `run_episode`.
+            begin: Where the robot stands at first; in the stance if not given.
 
         Raises:
             InputError: If the duration is negative or longer than six hours.
@@ -104,7 +112,7 @@ class Checker:
             self.supervisor,
             self.plant,
             duration=duration,
-            config=self.episode if cameras is None else replace(self.episode, cameras=cameras),
+            config=replace(self.episode, cameras=cameras or self.episode.cameras, begin=begin),
             sensors=self.sensors,
             recorder=recorder,
             progress=progress,

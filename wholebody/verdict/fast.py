@@ -254,7 +254,7 @@ def judge(
         ChunkError: If the chunk is malformed.
         InputError: If the state is.
     """
-    checker = _checker(config or ControllerConfig())
+    checker = shared_checker(config or ControllerConfig())
     chunk.validate()
     if state is None:
         begin = checker.judge.first_pose(chunk)
@@ -264,5 +264,6 @@ def judge(
 
 
 @lru_cache(maxsize=1)
-def _checker(config: ControllerConfig) -> FastChecker:
+def shared_checker(config: ControllerConfig) -> FastChecker:
+    """The same one for the same settings, as long as no others are asked for."""
     return FastChecker(config)
