@@ -128,6 +128,8 @@ class Reason(StrEnum):
     CHUNK_FROM_FUTURE = "chunk_from_future", Status.HOLD, "a chunk's observation is later than the present"
     PLANNING_FAILED = "planning_failed", Status.HOLD, "no plan could be computed for a chunk"
     NOT_JOINED = "not_joined", Status.HOLD, "no balanced motion leads to the chunk yet: the one before is followed on"
+    NOT_CLEARED = "not_cleared", Status.HOLD, "the gate holds a chunk: what could be done of it is another motion"
+    GATE_LATE = "gate_late", Status.HOLD, "a plan and what the gate says of it came too late: neither is followed"
 
     # Balance needs everything, or is lost.
     OFF_PLAN = (

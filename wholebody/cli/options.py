@@ -6,9 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from typer import Option
+
+if TYPE_CHECKING:
+    from wholebody.verdict.verdict import Follow
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
@@ -114,6 +117,29 @@ class Simulation:
 
 
 @dataclass(frozen=True)
+class Following:
+    """How a run follows chunks."""
+
+    gate: Annotated[
+        bool, Option("--gate", help="Hold chunks that cannot be done, nearly as given: judged by their plans.")
+    ] = False
+    as_given: Annotated[
+        bool, Option("--as-given", help="Follow chunks as they are: no plan, no filter, the stance as posture.")
+    ] = False
+
+    @property
+    def follow(self) -> Follow:
+        """How chunks are followed.
+
+        Raises:
+            ValueError: If both are asked for.
+        """
+        if self.gate and self.as_given:
+            raise ValueError("--gate judges plans and --as-given follows chunks without any; give one of them")
+        return "gated" if self.gate else "as_given" if self.as_given else "planned"
+
+
+@dataclass(frozen=True)
 class Judging:
     """How inputs are judged."""
 
@@ -122,9 +148,14 @@ class Judging:
     )
     start: Annotated[
         Literal["", "first", "stance"],
-        Option(help="With --fast: hands at the first step, or the stance. [default: first for a chunk .npz]"),
+        Option(help="Hands at the first step, or the stance. [default: first for a chunk .npz]"),
     ] = ""
-
+    worlds: Annotated[
+        int, Option(help="Also simulate in so many realistic worlds, on all cores: the share in which it held.")
+    ] = 0
+    as_given: Annotated[
+        bool, Option("--as-given", help="Simulate chunks as they are: no plan, no filter, the stance as posture.")
+    ] = False
     why: Annotated[
         bool, Option("--why", help="Say which bounds together forbid what is not feasible: seconds a chunk.")
     ] = False

@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from wholebody.sim.sensors import SensorConfig
     from wholebody.verdict.check import Checker
     from wholebody.verdict.fast import FastChecker
+    from wholebody.verdict.verdict import Follow
 
 UNSEEN = "the planner sees the robot and the floor alone: what the robot touches of the scene is in the verdict"
 SCENE_OF = {"grasp": "table_cylinder"}
 """Scenes of scripted policies that need more than the floor."""
 
 
-def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checker:
+def make_checker(options: Simulation, scene: str, quiet: bool = False, follow: Follow = "planned") -> Checker:
     """What runs policies in a scene and judges them; says that it takes a while unless quiet.
 
     Raises:
@@ -48,6 +49,7 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False) -> Checke
             sensors=_sensors(options),
             payload_kg=options.payload_kg,
             errors=replace(REALISTIC_ROBOT, seed=options.robot_seed) if options.realistic else None,
+            follow=follow,
         )
 
 

@@ -30,6 +30,8 @@ NOT_JOINED = StatusReport(
     "begins nearer to the hands, or slower, would be joined at once",
 )
 
+GATE_LATE = StatusReport(Status.HOLD, Reason.GATE_LATE, "the chunk was not cleared in time: it is judged again")
+
 
 def refused(reason: Reason, detail: str) -> StatusReport:
     """A chunk is not followed: what goes on instead is the one before."""

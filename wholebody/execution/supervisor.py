@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 
 import numpy as np
@@ -16,6 +15,7 @@ from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
+from wholebody.execution.gate import Gate, gated, why_not
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
@@ -31,8 +31,6 @@ RETRY = 0.2
 """Time from one attempt to join a chunk, or to stand off the plan, to the next [s]; chosen: twice the default
 `planning.lead`."""
 
-logger = logging.getLogger(__name__)
-
 
 class Supervisor:
     """Owns planner and controller; the only thing a runtime talks to.
@@ -45,6 +43,7 @@ class Supervisor:
         spec: The robot.
         config: Settings; the defaults if not given.
         planner: Makes who plans beside the loop from a function that plans; simulated if not given.
+        gate: Judges each chunk by its plan there; what it does not clear is held.
 
     Attributes:
         chunk: The chunk that is being followed, or None.
@@ -59,14 +58,16 @@ class Supervisor:
         config: ControllerConfig | None = None,
         *,
         planner: Callable[[Compute], BackgroundPlanner] | None = None,
+        gate: Gate | None = None,
     ) -> None:
         self.spec, self.config = spec, config or ControllerConfig()
         self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
         self.planner = ChunkPlanner(spec, self.robot, self.config)
         planning = self.config.planning
-        beside = SimulatedPlanner(self._compute, planning) if planner is None else planner(self._compute)
-        self.handover = Handover(beside, planning, self.config.dt)
+        compute = gated(lambda request: request.plan_with(self.planner), gate)
+        beside = SimulatedPlanner(compute, planning) if planner is None else planner(compute)
+        self.handover, self._gated = Handover(beside, planning, self.config.dt), gate is not None
         self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config.loads)
         self._planted, self._smoother = PlantedFeet(self.controller), None
         self._follower: PlanFollower | None = None
@@ -108,9 +109,6 @@ class Supervisor:
         if self._follower is None:
             raise StateError("the supervisor has no state yet: call `reset` with a measured state of standing first")
         return self._follower
-
-    def _compute(self, request: PlanRequest) -> ChunkPlan:
-        return request.plan_with(self.planner)
 
     @property
     def time_factor(self) -> float:
@@ -201,7 +199,7 @@ class Supervisor:
 
     def _exchange(self, now: float) -> None:
         """Judge a plan that has come, and take one over that is due; a chunk whose plan came too late waits again."""
-        handover, follower = self.handover, self._follower
+        handover, follower, late = self.handover, self._follower, self.handover.late
         if (answer := handover.collect(now, self._now)) is not None:
             self._judge_plan(answer)
         taken = handover.take(self._now, None if self.plan is None else follower.s, follower.rate)
@@ -209,13 +207,14 @@ class Supervisor:
             self._take_over(taken)
         if (dropped := handover.take_dropped()) is not None:
             self._waiting, self._retry = self._waiting or dropped, self._now
+        if self._gated and handover.late > late:
+            self._refuse(statuses.GATE_LATE)
 
     def _judge_plan(self, answer: PlanAnswer) -> None:
         """Keep a plan for its time, or refuse its chunk."""
         request, plan, chunk = answer.request, answer.plan, answer.request.chunk
         if plan is None:
-            logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=answer.error)
-            self._refuse_planned(chunk, statuses.refused(Reason.PLANNING_FAILED, str(answer.error)))
+            self._refuse_planned(chunk, why_not(answer))
             if self._reflex.active:
                 self._waiting = self._waiting or chunk
             self._go_back()

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
-from models.spec import RobotSpec
 from policy.base import Policy
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
@@ -15,15 +14,16 @@ from wholebody.config.description import describe
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.estimation.odometry import StandingOdometry
-from wholebody.execution.as_given import Executes
+from wholebody.execution.as_given import AsGiven
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.types import RobotState
-from wholebody.verdict.verdict import Verdict, judge
-
+from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.gate import ChunkGate
+from wholebody.verdict.verdict import Follow, Verdict, judge
 
 TIMESTEP = 0.002
 """Longest physics step [s]; chosen: one control period at 500 Hz."""
@@ -38,7 +38,7 @@ class Checker:
         episode: How an episode runs.
         sensors: Errors of the sensors; the controller gets the true state if not given.
         errors: How the robot differs from its model; then its state is estimated from readings.
-        follower: Makes what follows chunks, such as `AsGiven`, which does so without plans.
+        follow: ``planned``, ``gated``: what a `ChunkGate` clears or its plan repairs, or ``as_given``, see `AsGiven`.
         **world: Further settings of the plant: physics step, masses in the hands, which the controller observes, or is
             told by ``config.loads``, and friction of the floor.
     """
@@ -51,7 +51,7 @@ class Checker:
         episode: EpisodeConfig | None = None,
         sensors: SensorConfig | None = None,
         errors: RobotErrors | None = None,
-        follower: Callable[[RobotSpec, ControllerConfig], Executes] = Supervisor,
+        follow: Follow = "planned",
         **world: Any,
     ) -> None:
         config = config or ControllerConfig()
@@ -65,8 +65,9 @@ class Checker:
             self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
         else:
             self.plant = RealisticPlant(spec, errors, encoders=self.sensors, scene=scene, control_dt=dt, **world)
-        self.supervisor = follower(spec, config)
-        self._errors = errors
+        self.gate = ChunkGate(FastChecker(config)) if follow == "gated" else None
+        self.supervisor = AsGiven(spec, config) if follow == "as_given" else Supervisor(spec, config, gate=self.gate)
+        self.follow, self._errors = follow, errors
 
     @property
     def robot(self) -> str:
@@ -107,15 +108,20 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
+        if self.gate is not None:
+            layout = (policy.policy if isinstance(policy, Executor) else policy).spec
+            self.gate.begin(layout.orientation_free)
         result = run_episode(
             policy,
             self.supervisor,
             self.plant,
             duration=duration,
-            config=replace(self.episode, cameras=cameras or self.episode.cameras, begin=begin),
+            config=replace(self.episode, cameras=cameras or self.episode.cameras, begin=begin or self.episode.begin),
             sensors=self.sensors,
             recorder=recorder,
             progress=progress,
         )
         config = self.supervisor.config
-        return replace(judge(name, result, asdict(config), bounds=config.verdict), robot=self.robot), result
+        summary = None if self.gate is None else self.gate.summary(self.supervisor.handover.late)
+        verdict = judge(name, result, asdict(config), bounds=config.verdict)
+        return replace(verdict, robot=self.robot, follow=self.follow, gate=summary), result

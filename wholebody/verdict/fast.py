@@ -26,6 +26,7 @@ from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState, check_state
 from wholebody.verdict.repair import Repairer
@@ -111,6 +112,26 @@ class FastChecker:
         run.follow(chunk, begin, chunk.t_obs, np.inf)
         return self._told(run, name, ask_why=ask_why)
 
+    def of_plan(
+        self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]
+    ) -> Verdict:
+        """Judge what a plan makes of the rest of a chunk, begun somewhere now [s], at the speed of the plan.
+
+        A slow-down is told, and moves nothing. Hands that begin elsewhere, and are on their way for longer than the
+        chunk lasts, come to its last step. Room to bounds is not looked at.
+        """
+
+        def judged(followed: ActionChunk) -> Verdict:
+            run, none = _Run(self.judge, free, by_path=True), np.zeros((0, 2))
+            run.follow(followed, begin, now, np.inf, ChunkJudgement(plan, followed.times, none, none, ()))
+            return run.verdict(f"chunk {chunk.seq}", {})
+
+        verdict, bounds = judged(chunk), self.config.verdict
+        elsewhere = verdict.start_m > bounds.palm_feasible or verdict.start_rad > bounds.turn_feasible
+        if verdict.verdict == "infeasible" and elsewhere and not verdict.approach_s:
+            return judged(_held_until(chunk, plan.end))
+        return verdict
+
     def repairer(
         self, chunk: ActionChunk, begin: Begin | None = None, free: tuple[bool, bool] = (False, False)
     ) -> Repairer:
@@ -144,17 +165,24 @@ class FastChecker:
 class _Run:
     """Chunks planned one after the other, and what they come to."""
 
-    def __init__(self, judge: ChunkJudge, free: tuple[bool, bool]) -> None:
+    def __init__(self, judge: ChunkJudge, free: tuple[bool, bool], *, by_path: bool = False) -> None:
+        """Of palms whose orientation may be free, compared at the steps' own times, or else where the plan is then."""
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
+        self._by_path = by_path
         self.margins: dict[Limit, Margin] = {}
         self.suspects: list[tuple[ActionChunk, Begin, float]] = []
         self.followed: ChunkJudgement | None = None
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
-    def follow(self, chunk: ActionChunk, begin: Begin, now: float, until: float) -> Begin:
-        """Plan a chunk from where the robot is then, now [s], and follow it until a time [s]; where that leads."""
+    def follow(
+        self, chunk: ActionChunk, begin: Begin, now: float, until: float, found: ChunkJudgement | None = None
+    ) -> Begin:
+        """Plan a chunk from where the robot is then, now [s], and follow it until a time [s]; where that leads.
+
+        What was ``found`` of it is not planned again.
+        """
         chunk.validate()
-        result, found = self.result, self.judge.judge(chunk, begin, now)
+        result, found = self.result, found or self.judge.judge(chunk, begin, now)
         self._note(chunk, found, begin)
         if found.plan.report.changes or not found.plan.report.safe or found.exceeded:
             self.suspects.append((chunk, begin, now))
@@ -195,7 +223,7 @@ class _Run:
             self._fair(np.zeros((n, 2), dtype=bool))
         else:
             plan = self.followed.plan
-            s = plan.start + plan.rate * (times - self._since)
+            s = plan.start + (1.0 if self._by_path else plan.rate) * (times - self._since)
             commanded = self.judge.commanded(plan, np.minimum(s, plan.end + 10.0))
             reasons = [plan.report.moved_at(x) for x in s.tolist()]
             self._fair(demandable(chunk, plan.report)[due])
@@ -231,6 +259,12 @@ class _Run:
         verdict = judge_episode(name, result, settings, bounds=self.judge.config.verdict)
         tightest = sorted(self.margins.values(), key=lambda one: one.share)
         return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)
+
+
+def _held_until(chunk: ActionChunk, end: float) -> ActionChunk:
+    """A chunk whose last step is held until a time after its first one [s]."""
+    steps = np.minimum(np.arange(max(int(np.ceil(end * chunk.fps)) + 1, len(chunk))), len(chunk) - 1)
+    return replace(chunk, **{name: value[steps] for name, value in chunk.arrays().items()})
 
 
 def judge(

@@ -11,6 +11,7 @@ import numpy as np
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.quantity import quantity, said
+from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
 
@@ -72,6 +73,10 @@ def lines(verdict: Verdict) -> list[str]:
         f"{np.rad2deg(verdict.turn_max_rad):.2f} deg at most"
     )
     text.append(f"  time     factor {verdict.time_factor:.3f}; {_durations(verdict)}")
+    if verdict.follow == "as_given":
+        text.append("  as given without plans, filters or gate: the whole-body program alone")
+    if verdict.gate is not None:
+        text.append(f"  gate     {_gate(verdict.gate)}")
     if verdict.robot != "true":
         text.append(f"  robot    {verdict.robot}")
     margin = verdict.pressure_margin_m
@@ -119,6 +124,17 @@ def gist(verdict: Verdict) -> str:
         return next(said, "it cannot be done")
     said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
     return "done, but " + (", ".join(said) or "not as given")
+
+
+def _gate(gate: GateSummary) -> str:
+    """What the gate made of an input."""
+    text = f"{gate.cleared} chunks cleared, {gate.repaired} repaired, {gate.held} held"
+    if gate.repaired:
+        text += f"; repairs: {said(gate.slower_max, gate.moved_max_m, gate.turned_max_rad)} at most"
+    if gate.reasons:
+        text += f"; {', '.join(f'{code} {count}' for code, count in gate.reasons.items())}"
+    late = f"; {gate.late} came too late" if gate.late else ""
+    return f"{text}{late}; judging took {1e3 * gate.seconds_max:.0f} ms at most"
 
 
 def _durations(verdict: Verdict) -> str:

@@ -10,7 +10,6 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.episode.tracking_error import TrackingError
-from wholebody.execution.as_given import AsGiven
 from wholebody.sim.fall import detect_fall
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.check import Checker
@@ -97,4 +96,4 @@ def as_given(chunk: ActionChunk, state: RobotState | None = None, config: Contro
 
 @lru_cache(maxsize=1)
 def _checker(config: ControllerConfig) -> Checker:
-    return Checker(config=config, follower=AsGiven)
+    return Checker(config=config, follow="as_given")

@@ -16,10 +16,12 @@ from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.verdict.approach import approach_steps
+from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.violations import Severity, Violation, violations
 from wholebody.verdict.why import Why, WouldDo
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
+Follow = Literal["planned", "gated", "as_given"]
 
 ANSWERS: dict[Severity, Answer] = {
     Severity.INFEASIBLE: "infeasible",
@@ -61,6 +63,8 @@ class Verdict:
         versions: Versions that the answer depends on.
         robot: Which robot was simulated: ``true``, or how it differed, with the seed.
         method: ``simulated``, or ``fast``: by plans alone.
+        follow: How chunks were followed: ``planned``, ``gated``: those that the gate let through, or ``as_given``.
+        gate: What the gate made of them; None without one.
         decided_by: Of a fast one, whether previews told, or plans had to be searched for; else empty.
         margins: Of a fast one, the least room to each kind of bound, the tightest first.
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
@@ -96,6 +100,8 @@ class Verdict:
     versions: dict[str, str] = field(default_factory=dict)
     robot: str = "true"
     method: Literal["simulated", "fast"] = "simulated"
+    follow: Follow = "planned"
+    gate: GateSummary | None = None
     decided_by: Literal["", "preview", "plan"] = ""
     margins: list[Margin] = field(default_factory=list)
     causes: list[Why] = field(default_factory=list)

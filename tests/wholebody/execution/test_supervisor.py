@@ -250,7 +250,7 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
     before = supervisor._smoother.state.copy()
     status = supervisor.accept(replace(chunk, t_obs=state.time, seq=chunk.seq + 1))
     assert (status.status, status.reason) == (Status.HOLD, "planning_failed")
-    assert caplog.records[0].name == "wholebody.execution.supervisor"
+    assert caplog.records[0].name == "wholebody.execution.gate"
     assert caplog.records[0].exc_info[0] is PlanningError, "the log has the traceback"
     np.testing.assert_array_equal(supervisor._smoother.state, before)
     # A robot that is far from its plan stands, and is planned anew from where it is.

@@ -21,6 +21,7 @@ from wholebody.cli.crash import ours
 from wholebody.cli.options import (
     SOURCES,
     Asking,
+    Following,
     Input,
     Pictures,
     Sampling,
@@ -42,19 +43,21 @@ def run(
     given: Input,
     simulation: Simulation,
     asking: Asking,
+    following: Following,
     sampling: Sampling,
     json_to: VerdictsTo = "",
     pictures: Pictures,
 ) -> None:
     """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall, or if no chunk was executed."""
-    quiet = json_to == "-"
+    quiet, follow = json_to == "-", following.follow
     check_times(given.duration, simulation.hold)
     check_places(json_to, pictures.video, pictures.sheet, pictures.record)
     names = _names(source, motions, given, one=pictures.wanted())
     choices = sampling.choices() | {"rtc": asking.real_time_chunking}
     policies = [opened(name, given, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
-    checker, verdicts = make_checker(simulation, simulation.scene or SCENE_OF.get(source, "floor"), quiet), []
+    scene, verdicts = simulation.scene or SCENE_OF.get(source, "floor"), []
+    checker = make_checker(simulation, scene, quiet, follow)
     recorder = checker.recorder() if pictures.wanted() else None
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict
     with JsonVerdicts(json_to) as written:

@@ -1,0 +1,53 @@
+"""A gate between a chunk's plan and the control loop: what it does not clear is held."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from wholebody.errors import PlanningError
+from wholebody.execution.background_planner import Compute, PlanAnswer, PlanRequest
+from wholebody.execution.standing import HELD
+from wholebody.execution.statuses import refused
+from wholebody.planning.plan import ChunkPlan
+from wholebody.types import Reason, StatusReport
+
+Gate = Callable[[PlanRequest, ChunkPlan], StatusReport | None]
+"""Judges a chunk by its plan, before that is followed: why the chunk is held, or None where it is not."""
+
+logger = logging.getLogger(__name__)
+
+
+class HeldError(PlanningError):
+    """A gate holds a chunk; ``report`` is what is said of it."""
+
+    def __init__(self, report: StatusReport) -> None:
+        super().__init__(report.detail)
+        self.report = report
+
+
+def gated(compute: Compute, gate: Gate | None) -> Compute:
+    """What plans, and hands out only what a gate lets through, where plans are computed: beside the control loop.
+
+    It raises a `HeldError` for what is held. A chunk that is none of the policy's, made to stay where the hands are, is
+    not judged.
+    """
+    if gate is None:
+        return compute
+
+    def cleared(request: PlanRequest) -> ChunkPlan:
+        plan = compute(request)
+        if request.chunk.spec_id != HELD and (held := gate(request, plan)) is not None:
+            raise HeldError(held)
+        return plan
+
+    return cleared
+
+
+def why_not(answer: PlanAnswer) -> StatusReport:
+    """Why there is no plan to follow; said in the log too where no gate says so."""
+    error, chunk = answer.error, answer.request.chunk
+    if isinstance(error, HeldError):
+        return error.report
+    logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=error)
+    return refused(Reason.PLANNING_FAILED, str(error))
