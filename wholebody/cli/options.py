@@ -117,29 +117,6 @@ class Simulation:
 
 
 @dataclass(frozen=True)
-class Following:
-    """How a run follows chunks."""
-
-    gate: Annotated[
-        bool, Option("--gate", help="Hold chunks that cannot be done, nearly as given: judged by their plans.")
-    ] = False
-    as_given: Annotated[
-        bool, Option("--as-given", help="Follow chunks as they are: no plan, no filter, the stance as posture.")
-    ] = False
-
-    @property
-    def follow(self) -> Follow:
-        """How chunks are followed.
-
-        Raises:
-            ValueError: If both are asked for.
-        """
-        if self.gate and self.as_given:
-            raise ValueError("--gate judges plans and --as-given follows chunks without any; give one of them")
-        return "gated" if self.gate else "as_given" if self.as_given else "planned"
-
-
-@dataclass(frozen=True)
 class Judging:
     """How inputs are judged."""
 
@@ -181,6 +158,23 @@ class Asking:
     strict: Annotated[bool, Option("--strict", help="Exit code 1 if a chunk was refused or came too late, too.")] = (
         False
     )
+    gate: Annotated[
+        bool, Option("--gate", help="Hold chunks that cannot be done, nearly as given: judged by their plans.")
+    ] = False
+    as_given: Annotated[
+        bool, Option("--as-given", help="Follow chunks as they are: no plan, no filter, the stance as posture.")
+    ] = False
+
+    @property
+    def follow(self) -> Follow:
+        """How chunks are followed.
+
+        Raises:
+            ValueError: If both are asked for.
+        """
+        if self.gate and self.as_given:
+            raise ValueError("--gate judges plans and --as-given follows chunks without any; give one of them")
+        return "gated" if self.gate else "as_given" if self.as_given else "planned"
 
 
 @dataclass(frozen=True)

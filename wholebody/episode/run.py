@@ -23,6 +23,7 @@ from wholebody.episode.meters import Meters
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.tracking_error import asked_palms
 from wholebody.execution.as_given import AsGiven, Executes
+from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Followed, Recorder
 from wholebody.sim.sensors import Sensors
@@ -74,7 +75,18 @@ def observe(
         now: Present time on the clock of the states [s]; the state's own if not given.
     """
     state = supervisor.monitor.trusted(state, state.time if now is None else now)
-    joints = state.q[7:][supervisor.robot.pin_to_motor]
+    return observation_of(spec, supervisor.robot, state, task, images)
+
+
+def observation_of(
+    spec: RobotSpec,
+    robot: Robot,
+    state: RobotState,
+    task: str = "",
+    images: Mapping[str, np.ndarray] | None = None,
+) -> Observation:
+    """The same where there is no supervisor: the robot's model knows the order of the joints."""
+    joints = state.q[7:][robot.pin_to_motor]
     fingers = fingers_of(spec, joints)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]

@@ -21,7 +21,6 @@ from wholebody.cli.crash import ours
 from wholebody.cli.options import (
     SOURCES,
     Asking,
-    Following,
     Input,
     Pictures,
     Sampling,
@@ -43,13 +42,12 @@ def run(
     given: Input,
     simulation: Simulation,
     asking: Asking,
-    following: Following,
     sampling: Sampling,
     json_to: VerdictsTo = "",
     pictures: Pictures,
 ) -> None:
     """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall, or if no chunk was executed."""
-    quiet, follow = json_to == "-", following.follow
+    quiet, follow = json_to == "-", asking.follow
     check_times(given.duration, simulation.hold)
     check_places(json_to, pictures.video, pictures.sheet, pictures.record)
     names = _names(source, motions, given, one=pictures.wanted())
