@@ -152,9 +152,7 @@ def run_episode(
     """
     config = config or EpisodeConfig()
     state = plant.reset(config.begin)
-    if sensors is not None:
-        sensors.reset()
-    measure = (lambda state: state) if sensors is None else sensors.measure
+    measure = _measures(sensors)
     measured = measure(state)
     supervisor.reset(measured, state.time)
     executor = _executor(policy, config, supervisor.config.planning.lead)
@@ -185,6 +183,14 @@ def run_episode(
         if progress is not None and tick % 50 == 0:
             progress(state.time, end)
     return meters.finish(supervisor)
+
+
+def _measures(sensors: Sensors | None) -> Callable[[RobotState], RobotState]:
+    """What the controller is told of a true state, from now on."""
+    if sensors is None:
+        return lambda state: state
+    sensors.reset()
+    return sensors.measure
 
 
 def _executor(policy: Policy | Executor, config: EpisodeConfig, lead: float) -> Executor:

@@ -41,10 +41,8 @@ class AsGiven:
     Attributes:
         chunk: The one that is followed, or None.
         plan_report: What an episode reads of a plan: its steps are those of the chunk, and nothing was changed.
+        rate, time_factor, moved_for: Likewise: nothing is slowed down, and no hand is led elsewhere.
     """
-
-    rate = time_factor = 1.0
-    moved_for: Reason | None = None
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         config = config or ControllerConfig()
@@ -57,6 +55,8 @@ class AsGiven:
         self._memory = ReferenceMemory(np.zeros(row_length(self.robot.n_joints)))
         self._stance, self._data = stance_q(spec, self.robot.model), self.robot.model.createData()
         self._way: WayBack | None = None
+        self.rate = self.time_factor = 1.0
+        self.moved_for: Reason | None = None
 
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""

@@ -16,7 +16,7 @@ from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import shared_checker
 
 HOLD = 4.0
-"""Time for which the robot has to stand after the last step [s], as in an episode."""
+"""Time for which the robot has to stand after the last step [s]; definition, that of an episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
