@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import quaternion_to_matrix
@@ -17,6 +16,8 @@ from wholebody.control.reference_packet import COM, PALM, PackedReference, Refer
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
+from wholebody.execution.planted_feet import PlantedFeet
+from wholebody.execution.state_monitor import StateMonitor
 from wholebody.execution.supervisor import Supervisor
 from wholebody.execution.way_back import WayBack
 from wholebody.planning.plan import PlanReport
@@ -41,6 +42,7 @@ class AsGiven:
     Attributes:
         chunk: The one that is followed, or None.
         plan_report: What an episode reads of a plan: its steps are those of the chunk, and nothing was changed.
+        monitor: Says which states a policy may see; the robot follows whatever is measured.
         rate, time_factor, moved_for: Likewise: nothing is slowed down, and no hand is led elsewhere.
     """
 
@@ -53,7 +55,7 @@ class AsGiven:
         self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
         self._memory = ReferenceMemory(np.zeros(row_length(self.robot.n_joints)))
-        self._stance, self._data = stance_q(spec, self.robot.model), self.robot.model.createData()
+        self.monitor, self._planted = StateMonitor(self.robot), PlantedFeet(self.controller)
         self._way: WayBack | None = None
         self.rate = self.time_factor = 1.0
         self.moved_for: Reason | None = None
@@ -63,7 +65,10 @@ class AsGiven:
         check_state(state, self.robot.n_joints)
         self.controller.reset(state)
         self.controller.trust_hands(1.0, 1.0)
-        self._way = WayBack(self.robot, self._data, SampledTrajectory.still(self.robot, state.q), self._stance)
+        self.monitor.reset(state)
+        begin = SampledTrajectory.still(self.robot, state.q)
+        self._planted.reset(state)
+        self._way = WayBack(self.robot, begin, self._planted.stance)
         self._motions = [HandMotion(row[None]) for row in standing.hands_at_rest(self.robot, state.q)]
         self._palms = [palm_rows(*pair) for pair in zip(self._motions, self._offsets, strict=True)]
         self._body(self._way.advance(0.0))

@@ -73,6 +73,8 @@ class ChunkGate:
 
     def __call__(self, request: PlanRequest, plan: ChunkPlan) -> StatusReport | None:
         """Why a chunk is held, or None; also where no plan is balanced: that is not followed, and asked for again."""
+        if request.feet is not None:
+            self._checker.judge.planner.stand_on(request.feet)
         begin, since = Begin(request.start.body, request.start.hands), thread_time()
         verdict = self._checker.of_plan(request.chunk, plan, begin, request.due, self.orientation_free)
         decision = _decision(request, verdict, plan.report.slowdown, thread_time() - since)
