@@ -40,12 +40,17 @@ AHEAD = np.array([0.05, 0.0, 0.1])
 """Where hands have room to swing, from the stance [m]."""
 PALM, TURN = 0.02, np.deg2rad(10.0)
 """What counts as done as given [m, rad]."""
+TRIES = 20
+"""Postures from which inverse kinematics begin here."""
+CLEAR = 0.03
+"""Distance of bodies that no bound of theirs has to do with [m]: twice what a plan keeps."""
 
 
 PLAIN = ControllerConfig()
 UPRIGHT = replace(PLAIN.planner.posture, torso_tilt=0.15, pelvis_tilt=0.15, height_min=0.62)
 STIFF = ControllerConfig(planner=PlannerConfig(posture=UPRIGHT))
 TALL = ControllerConfig(planner=PlannerConfig(posture=replace(PLAIN.planner.posture, height_min=0.62)))
+NARROW = ControllerConfig(planner=PlannerConfig(posture=replace(UPRIGHT, joint_margin=0.22)))
 """A robot that may hardly lean or crouch cannot draw its trunk or its leg away from a hand."""
 
 
@@ -120,54 +125,71 @@ def reach(rng):
     return Planted("reach", chunk_of(moved(goal, 1.6)), frozenset({Limit.REACH}), far, length)
 
 
-def least_error(p, R, *, limited):
-    """Least error of the left palm, in terms of what counts as done, with free pelvis in the bounds of a plan."""
+def least_error(goals, *, limited=True, enough=0.5):
+    """Least error of both palms from poses, in terms of what counts as done, and the posture.
+
+    The pelvis is that of a robot that may hardly lean or crouch, generously: it floats in a box, and the waist tilts
+    the torso by no more than the torso and the pelvis may.
+    """
+    from scipy.optimize import least_squares
+
     spec, model, data, q0 = robot()
-    names = [n for n in model.names if n.startswith(("waist_", "left_shoulder", "left_elbow", "left_wrist"))]
+    names = [n for n in model.names if n.startswith("waist_") or any(x in n for x in ("shoulder", "elbow", "wrist"))]
     columns = np.array([model.joints[model.getJointId(n)].idx_q for n in names])
-    c, order = ControllerConfig().planner.posture, [spec.joint_names.index(n) for n in names]
+    c, order = NARROW.planner.posture, [spec.joint_names.index(n) for n in names]
     low, high = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
     high = np.where(["elbow" in n for n in names], np.minimum(high, c.elbow_max), high)
+    tilts = np.array([n in ("waist_roll_joint", "waist_pitch_joint") for n in names])
+    low, high = np.where(tilts, np.maximum(low, -0.32), low), np.where(tilts, np.minimum(high, 0.32), high)
     if not limited:
-        low, high = low - 2.0 * np.pi, high + 2.0 * np.pi
-    frame, free = model.getFrameId(spec.tools[0].palm_frame), np.array([*range(6), *(columns - 1)])
-    best, rng, goal = np.inf, np.random.default_rng(0), pin.SE3(R, p)
-    for start in range(20):
+        arm = np.array([not n.startswith("waist_") for n in names])
+        low, high = np.where(arm, -2.0 * np.pi, low), np.where(arm, 2.0 * np.pi, high)
+    low = np.concatenate([[-0.12, -0.12, -0.15, -0.16, -0.16, -0.6], low])
+    high = np.concatenate([[0.12, 0.12, 0.03, 0.16, 0.16, 0.6], high])
+    frames = [model.getFrameId(tool.palm_frame) for tool in spec.tools]
+
+    def posture(x):
         q = q0.copy()
-        if start:
-            q[columns] = rng.uniform(np.maximum(low, -np.pi), np.minimum(high, np.pi))
-        for _ in range(80):
-            pin.computeJointJacobians(model, data, q)
-            pin.updateFramePlacements(model, data)
-            e = data.oMf[frame].actInv(goal)
-            off, turn = np.linalg.norm(e.translation) / PALM, np.linalg.norm(pin.log3(e.rotation)) / TURN
-            best = min(best, max(off, turn))
-            if best < 0.5:
-                return best
-            J = pin.getFrameJacobian(model, data, frame, pin.LOCAL)[:, free]
-            v = np.zeros(model.nv)
-            v[free] = J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), pin.log6(e).vector)
-            q = pin.integrate(model, q, v)
-            # The pelvis in a box about the stance, joints in their limits.
-            q[:3] = q0[:3] + np.clip(q[:3] - q0[:3], [-0.3, -0.3, -0.5], [0.3, 0.3, 0.1])
-            tilt = pin.log3(pin.Quaternion(q[3:7]).toRotationMatrix())
-            turned = np.clip(tilt, [-0.55, -0.55, -0.8], [0.55, 0.55, 0.8])
-            q[3:7] = pin.Quaternion(pin.exp3(turned)).coeffs()
-            q[columns] = np.clip(q[columns], low, high)
-    return best
+        q[:3] += x[:3]
+        q[3:7] = pin.Quaternion(pin.exp3(x[3:6])).coeffs()
+        q[columns] = x[6:]
+        return q
+
+    def error(x):
+        pin.forwardKinematics(model, data, posture(x))
+        es = [pin.updateFramePlacement(model, data, i).actInv(goal) for i, goal in zip(frames, goals, strict=True)]
+        return np.concatenate([part for e in es for part in (e.translation / PALM, pin.log3(e.rotation) / TURN)])
+
+    best, there, rng = np.inf, q0, np.random.default_rng(0)
+    for start in range(TRIES):
+        x = np.concatenate([np.zeros(6), rng.uniform(low[6:], high[6:]) if start else q0[columns]])
+        found = least_squares(error, np.clip(x, low + 1e-6, high - 1e-6), bounds=(low, high), max_nfev=40)
+        now = np.linalg.norm(found.fun.reshape(4, 3), axis=1).max()
+        if now < best:
+            best, there = float(now), posture(found.x)
+        if best < enough:
+            break
+    return best, there
 
 
 def joint_limit(rng):
-    """A palm turned so that no joint of waist and arm could be in its range, and could if it had none."""
-    stance = stance_pose()
+    """Palms turned so that not all joints of waist and arms can be in their ranges, and could be there without them."""
+    stance, mirror = stance_pose(), np.array([-1.0, 1.0, -1.0])
     while True:
-        turn = rng.normal([1.7, 0.3, -1.7], 0.4)
-        goal = rng.uniform([0.1, 0.25, 1.2], [0.3, 0.4, 1.35])
-        R = rotvec_to_matrix(minimum_jerk(TIME / 1.4)[:, None] * turn) @ stance.R_world_lhand
-        value = least_error(goal, R[-1], limited=True)
-        if value > 1.3 and least_error(goal, R[-1], limited=False) < 1.0:
-            chunk = chunk_of(moved(goal, 1.4), R_left=R)
-            return Planted("joint_limit", chunk, frozenset({Limit.JOINT_POSITION}), value, 1.0)
+        turn = rng.normal(size=3)
+        turn *= rng.uniform(2.0, 3.0) / np.linalg.norm(turn)
+        goal = rng.uniform([0.2, 0.15, 0.85], [0.35, 0.35, 1.15])
+        share = minimum_jerk(TIME / 1.4)[:, None]
+        R = rotvec_to_matrix(share * turn) @ stance.R_world_lhand
+        S = rotvec_to_matrix(share * turn * mirror) @ stance.R_world_rhand
+        goals = [pin.SE3(R[-1], goal), pin.SE3(S[-1], mirrored(goal))]
+        value, _ = least_error(goals, enough=1.3)
+        if value <= 1.3:
+            continue
+        error, q = least_error(goals, limited=False)
+        if error < 0.5 and clearance(q) > CLEAR:
+            chunk = chunk_of(moved(goal, 1.4), mirrored(moved(goal, 1.4)), R, S)
+            return Planted("joint_limit", chunk, frozenset({Limit.JOINT_POSITION}), value, 1.0, NARROW)
 
 
 def forearms():
@@ -235,6 +257,26 @@ def geometry():
     spec, model, *_ = robot()
     shapes = load_collision(spec, model)
     return shapes, shapes.createData()
+
+
+def clearance(q):
+    """Least distance of the hulls of the left hand from all that its forearm does not carry, at a configuration [m]."""
+    import coal
+
+    _, model, data, _ = robot()
+    shapes, placed = geometry()
+    pin.forwardKinematics(model, data, q)
+    pin.updateGeometryPlacements(model, data, shapes, placed)
+    items = [(item.name, item.geometry, placed.oMg[i]) for i, item in enumerate(shapes.geometryObjects)]
+    mine = [one for one in items if one[0].startswith("left_hand")]
+    others = [one for one in items if not one[0].startswith(("left_hand", "left_wrist", "left_elbow"))]
+    least = np.inf
+    for _, a, A in mine:
+        for _, b, B in others:
+            result = coal.DistanceResult()
+            A1, B1 = (coal.Transform3s(x.rotation, x.translation) for x in (A, B))
+            least = min(least, coal.distance(a, A1, b, B1, coal.DistanceRequest(), result))
+    return least
 
 
 def hull_distance(poses, those):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -30,6 +30,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState, check_state
 from wholebody.verdict.repair import Repairer
+from wholebody.verdict.tick import TickProver
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.verdict import judge as judge_episode
 from wholebody.verdict.why import WouldDo, why
@@ -72,6 +73,11 @@ class FastChecker:
         self.spec: RobotSpec = describe(self.config.robot)
         self.judge = ChunkJudge(self.spec, self.config)
         self._settings = asdict(self.config)
+
+    @cached_property
+    def prover(self) -> TickProver:
+        """What asks the tick's program."""
+        return TickProver(self.spec, self.config)
 
     def check(
         self, policy: Policy, name: str, duration: float, *, start: Start = "first", ask_why: bool = False
@@ -152,7 +158,8 @@ class FastChecker:
             if found:
                 changes = self.repairer(chunk, begin, run.result.orientation_free).singles()
                 would_do = [WouldDo(kind=x.kind, slower=x.slower, moved=x.moved, turned=x.turned) for x in changes]
-                return replace(verdict, causes=found, would_do=would_do)
+                tick = self.prover.of(program, chunk.t_obs - run.result.start)
+                return replace(verdict, causes=found, would_do=would_do, tick=tick)
         return verdict
 
     def _observation(self, begin: Begin, time: float) -> Observation:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
+from wholebody.verdict.why import Tick
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -56,6 +58,18 @@ CHANGES = {
     Reason.QP_FAILED: "the torques were held for a while",
 }
 """In words, what a violation did to the input."""
+ROWS = {
+    "torque": "torque of {}",
+    "friction": "friction",
+    "balance": "balance",
+    "distance": "distance of {}",
+    "floor": "height of {}",
+    "acceleration": "end of what joints can",
+    "force": "load of the soles",
+    "pelvis": "turn of the pelvis",
+    "torso_link": "turn of the torso",
+}
+"""Bounds of the tick's program by what their rows' names begin with."""
 
 
 def lines(verdict: Verdict) -> list[str]:
@@ -64,6 +78,8 @@ def lines(verdict: Verdict) -> list[str]:
     text += [f"  because  {one.sentence}" for one in verdict.causes]
     if verdict.would_do:
         text.append(f"  it would do {', or '.join(said(x.slower, x.moved, x.turned) for x in verdict.would_do)}")
+    if verdict.tick is not None:
+        text.append(f"  {tick_line(verdict.tick)}")
     text += [f"  {violation_line(violation)}" for violation in verdict.violations]
     if verdict.method == "fast":
         return text + _fast_lines(verdict)
@@ -102,6 +118,16 @@ def margin_line(margin: Margin) -> str:
     """A margin for people: what, where, value and bound."""
     value, bound = (quantity(number, margin.unit) for number in (margin.value, margin.bound))
     return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {margin.time:.2f} s"
+
+
+def tick_line(tick: Tick) -> str:
+    """What the tick's program says, the bounds alone: what moves and what is asked for takes part in every proof."""
+    bounds = [name for name in tick.rows if name.partition(".")[0] in ROWS]
+    kinds = [ROWS[name.partition(".")[0]].format(name.partition(".")[2].replace(".", " and ")) for name in bounds]
+    told = ", ".join(f"{n} x {kind}" if n > 1 else kind for kind, n in Counter(kinds).most_common(5))
+    if tick.proven:
+        return f"proven   at {tick.time:.2f} s no acceleration takes the hands along: {told or 'whatever the bounds'}"
+    return f"limits   at {tick.time:.2f} s the hands lack most, held back by {told or 'other tasks'}"
 
 
 def to_json(verdicts: Sequence[Verdict]) -> str:

@@ -18,7 +18,7 @@ from wholebody.planning.judgement.limits import Margin
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.violations import Severity, Violation, violations
-from wholebody.verdict.why import Why, WouldDo
+from wholebody.verdict.why import Tick, Why, WouldDo
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 Follow = Literal["planned", "gated", "as_given"]
@@ -69,6 +69,7 @@ class Verdict:
         margins: Of a fast one, the least room to each kind of bound, the tightest first.
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
         would_do: Single changes of that chunk, each of which makes it feasible by its plan.
+        tick: What the tick's program says of that chunk's hands as given; None where they lack nothing.
     """
 
     name: str
@@ -106,6 +107,7 @@ class Verdict:
     margins: list[Margin] = field(default_factory=list)
     causes: list[Why] = field(default_factory=list)
     would_do: list[WouldDo] = field(default_factory=list)
+    tick: Tick | None = None
 
     def as_dict(self) -> dict:
         """Plain data for JSON, as `verdict.schema.json` describes it."""

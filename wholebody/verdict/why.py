@@ -57,6 +57,29 @@ class WouldDo:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Tick:
+    """What the tick's program says at one instant.
+
+    Attributes:
+        proven: Whether it has no solution, which ``A``, ``lower``, ``upper`` and ``weights`` prove.
+        time: Since the first step of the input [s]. step: The same in steps.
+        rows: Names of the rows that forbid or, where there is a solution, of those that limit the hands most.
+        weights: Of each row: the Farkas vector, or the multipliers.
+        A, lower, upper: Of a proof ``lower <= A x <= upper``, x the accelerations of base and joints, then the forces
+            at the corners of the soles; infinite sides are None.
+    """
+
+    proven: bool
+    time: float
+    step: int
+    rows: list[str]
+    weights: list[float]
+    A: list[list[float]]
+    lower: list[float | None]
+    upper: list[float | None]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Why:
     """One cause of a verdict.
 

@@ -3,6 +3,9 @@ without any one member the plan that was kept keeps all the others and has the p
 """
 
 import json
+import re
+from dataclasses import asdict
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -15,6 +18,7 @@ from wholebody.planning.judgement.limits import Limit
 from wholebody.resources import verdict_schema
 from wholebody.verdict.fast import FastChecker, judge
 from wholebody.verdict.report import lines, to_json
+from wholebody.verdict.tick import TickProver
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +62,38 @@ def test_a_finger_and_the_floor_are_causes_by_themselves(holder):
     assert kinds[:2] == [(Limit.FINGER_RANGE,), (Limit.INTO_FLOOR,)]
 
 
-def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json():
-    verdict = judge(sent(to=(0.0, -0.45, 0.0), time=1.3), ask_why=True)
+def proves(tick):
+    """The checker of the document, as it stands there."""
+    text = (Path(__file__).parents[3] / "docs" / "verdict.md").read_text().partition("## What is proven")[2]
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], names)
+    return names["proves"](tick)
+
+
+def test_what_is_proven_of_a_tick_holds_for_the_checker_of_the_document(in_the_other):
+    tick = json.loads(to_json([in_the_other]))[0]["tick"]
+    assert tick["proven"]
+    assert proves(tick)
+    assert not proves(tick | {"weights": [1.0001 * tick["weights"][0], *tick["weights"][1:]]})
+    assert any(row.startswith("distance.") for row in tick["rows"])
+    assert any(line.strip().startswith("proven   at") for line in lines(in_the_other))
+
+
+def test_where_the_tick_has_a_solution_nothing_is_proven_and_what_limits_is_told(holder):
+    tick = TickProver(holder.spec, holder.config).of(ChunkProgram(holder, sent(to=(0.5, 0.0, 0.0), time=1.4)))
+    assert not tick.proven
+    assert tick.A == []
+    assert tick.rows[0].startswith("balance.")
+    assert not proves(asdict(tick))
+
+
+@pytest.fixture(scope="module")
+def in_the_other():
+    return judge(sent(to=(0.0, -0.45, 0.0), time=1.3), ask_why=True)
+
+
+def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json(in_the_other):
+    verdict = in_the_other
     one = verdict.causes[0]
     assert (one.codes, one.irreducible) == ((Limit.SELF_DISTANCE,), True)
     assert {"left", "right"} == {body.split("_")[0] for body in one.members[0].subject.split(" - ")}

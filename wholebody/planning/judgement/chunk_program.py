@@ -17,9 +17,10 @@ from wholebody.planning.posture import FIRM as FIRM_BOUNDS
 from wholebody.planning.posture import GENTLE_SCALES, PALM_SCALES
 from wholebody.planning.preparation import prepare
 from wholebody.planning.still_postures import Round, scattered
-from wholebody.planning.trajectory import centroidal_along, curve_through
+from wholebody.planning.trajectory import GRID, SampledTrajectory, centroidal_along, curve_through, track_along
 from wholebody.planning.trajopt.budget import SEARCH_MAX, Budget
 from wholebody.planning.trajopt.optimizer import KnotTrajectory
+from wholebody.reference import HandMotion
 
 STARTS = 5
 """Postures from which each search begins."""
@@ -143,9 +144,9 @@ class ChunkProgram:
         """What `find` finds, and whether it looked everywhere."""
         rows, missed = self._rows(enforced), False
         plain, free, eased, firm = self._weights
-        for seed in self._seeds():
-            last = None
-            for weights in (plain, free, eased) if seed is None else (eased,):
+        for seed, first in self._seeds(enforced):
+            last = first
+            for weights in (eased,) if missed else (plain, free, eased):
                 one = self._witness(self._plan(rows, weights, seed, last))
                 if one.near and not self._keeps(one.knots, enforced):
                     # Palms that pull less leave more to the bounds.
@@ -160,6 +161,16 @@ class ChunkProgram:
     def nearest(self) -> Witness:
         """What the planner's own weights come to with every bound enforced."""
         return self._witness(self._plan(self._rows(EVERY), self._weights[0], None, None))
+
+    def nearest_track(self) -> tuple[SampledTrajectory, tuple[HandMotion, HandMotion]]:
+        """The same as it would be followed, and the hands as given at its rows."""
+        steps = self.targets.steps
+        curve = curve_through(steps, self.nearest().knots.q, self.begin.body.v)
+        end = steps[-1] + steps[1] - steps[0]
+        track = track_along(curve, centroidal_along(curve, steps[0], end, self._planner.centroidal))
+        times = np.minimum(track.start + GRID * np.arange(len(track.q)), steps[-1])
+        left, right = (path.sample(times) for path in self.targets.paths)
+        return track, (left, right)
 
     def margins(self, witness: Witness) -> list[Margin]:
         """Least room that a motion leaves to every kind of bound, the tightest first."""
@@ -193,13 +204,18 @@ class ChunkProgram:
             names.append(Limit.FRICTION)
         return list(dict.fromkeys(names))
 
-    def _seeds(self) -> Iterator[np.ndarray | None]:
-        yield None
+    def _seeds(self, enforced: frozenset[Limit]) -> Iterator[tuple[np.ndarray | None, np.ndarray | None]]:
+        """What searches begin with: a posture for inverse kinematics from knot to knot, or the knots of a motion."""
+        yield None, None
+        # What keeps most of these bounds and breaks others may be near to what keeps all.
+        less = [kinds for kinds, one in self._known.items() if kinds < enforced and one.witness is not None]
+        for kinds in sorted(less, key=len)[-1:]:
+            yield None, self._known[kinds].witness.knots.q[1:]
         body, generator = self._planner.optimizer.body, np.random.default_rng(0)
         for _ in range(STARTS - 1):
             q = self.begin.body.q.copy()
             q[body.body] = scattered(body, q[body.body], SPREAD, generator)
-            yield q
+            yield q, None
 
     def _has_posture(self, missed: Witness, rows: np.ndarray) -> bool:
         """Whether a posture at rest is found for the knots at which a motion is furthest from the palms or a bound."""
