@@ -1,0 +1,121 @@
+"""From the readings of an instant to the state of the robot; compiles with numba as it stands.
+
+Bodies and soles are in the axes of the base; the filter's position and velocity are those of the IMU in world.
+"""
+
+from __future__ import annotations
+
+import math
+
+from wholebody.estimation.kernels import invariant_filter, legs
+from wholebody.estimation.kernels.invariant_filter import PLACE, SIZE, SOLE
+from wholebody.jit.packed import Packed
+from wholebody.robot.kernels.rotation import base_rotation, rotate
+from wholebody.robot.kernels.spatial import velocity_at
+
+PRESSED_FILTER = 0.01
+"""Time constant of the forces on the soles [s]; chosen: five readings, noise of torques is left out and a lifted foot is
+noticed before it is far."""
+
+
+def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out) -> None:
+    """One set of readings.
+
+    Args:
+        memory: As in `wholebody.estimation.state_estimator.memory`, changed.
+        dt: Time since the ones before [s]; not above 0: begin anew.
+        quat: Orientation by the IMU, xyzw (4,).
+        gyro: [rad/s] (3,).
+        acc: Specific force (3,) [m/s^2]; none if it is no number.
+        q: Positions of the joints (n,) [rad].
+        dq: Speeds likewise.
+        tau: Torques likewise [N m]; none if they are no numbers.
+        q_out: Configuration (7 + n,).
+        v_out: Velocity (6 + n,).
+    """
+    feels, tells = math.isfinite(acc[0] + acc[1] + acc[2]), True
+    for i in range(memory.joint.shape[0]):
+        tells = tells and math.isfinite(tau[memory.joint[i]])
+    for k in range(4):
+        memory.E[3 + k] = quat[k]
+    base_rotation(memory.E, memory.Ri)
+    for k in range(3):
+        memory.gyro[k] = gyro[k] - memory.gyro_bias[k]
+        down = memory.Ri[0, k] * memory.gravity[0] + memory.Ri[1, k] * memory.gravity[1] + memory.Ri[2, k] * memory.gravity[2]
+        memory.felt[k] = acc[k] - memory.acc_bias[k] if feels else -down
+    legs.place_soles(memory, q, dq)
+    if dt > 0.0:
+        invariant_filter.move(memory, dt, feels)
+        invariant_filter.spread(memory, dt, feels)
+    if tells:
+        legs.press(memory, tau, math.exp(-dt / PRESSED_FILTER) if dt > 0.0 else 0.0)
+    for foot in range(2):
+        least = memory.press_min * (1.0 if memory.stands[foot] else 2.0)
+        memory.stands[foot] = not tells or memory.pressed[foot] >= least
+    if dt > 0.0:
+        compare(memory)
+    else:
+        begin(memory)
+    answer(memory, q, dq, q_out, v_out)
+
+
+def compare(memory: Packed) -> None:
+    """Hold the state against the IMU's vertical and the legs, and correct it."""
+    Rw, Ri, variance = memory.Rw, memory.Ri, memory.variance
+    x, y = rotate(Rw, 0, Ri[2, 0], Ri[2, 1], Ri[2, 2]), rotate(Rw, 1, Ri[2, 0], Ri[2, 1], Ri[2, 2])
+    invariant_filter.look(memory, 0, -1, y, variance[0])
+    invariant_filter.look(memory, 1, -1, -x, variance[0])
+    for foot in range(2):
+        h, d = memory.h[foot], memory.d[foot]
+        for k in range(3):
+            off = rotate(Rw, k, h[0], h[1], h[2]) - (d[k] - memory.x[k])
+            invariant_filter.look(memory, SOLE + 3 * foot + k, PLACE + k, off, variance[1])
+    invariant_filter.correct(memory)
+
+
+def begin(memory: Packed) -> None:
+    """World is midway between the soles, x the mean of their directions, z up; the legs say how fast the base is."""
+    x, d, v, Ri = memory.x, memory.d, memory.v, memory.Ri
+    ahead = side = 0.0
+    for foot in range(2):
+        R = memory.R[memory.ankle[foot]]
+        ahead += rotate(Ri, 0, R[0, 0], R[1, 0], R[2, 0])
+        side += rotate(Ri, 1, R[0, 0], R[1, 0], R[2, 0])
+    for k in range(3, 7):
+        x[k] = memory.E[k]
+    invariant_filter.turned(0.0, 0.0, -math.atan2(side, ahead), x, True)
+    base_rotation(x, memory.Rw)
+    for k in range(3):
+        first = rotate(memory.Rw, k, memory.h[0, 0], memory.h[0, 1], memory.h[0, 2])
+        second = rotate(memory.Rw, k, memory.h[1, 0], memory.h[1, 1], memory.h[1, 2])
+        x[k], d[0, k], d[1, k] = -0.5 * (first + second), 0.5 * (first - second), 0.5 * (second - first)
+        v[k] = 0.0
+    for foot in range(2):
+        for k in range(3):
+            memory.place[k] = memory.h[foot, k] + memory.imu[k]
+        a, b, c = velocity_at(memory.V[memory.ankle[foot]], memory.place)
+        # The base goes where the soles would come from; the IMU turns about the base with it.
+        w, r = memory.gyro, memory.imu
+        a, b, c = a - w[1] * r[2] + w[2] * r[1], b - w[2] * r[0] + w[0] * r[2], c - w[0] * r[1] + w[1] * r[0]
+        for k in range(3):
+            v[k] -= 0.5 * rotate(memory.Rw, k, a, b, c)
+    for a in range(SIZE):
+        for b in range(SIZE):
+            memory.P[a, b] = 0.0
+        memory.P[a, a] = memory.first[a]
+
+
+def answer(memory: Packed, q, dq, q_out, v_out) -> None:
+    """Configuration and velocity of the base from those of the IMU, and the joints as they are read."""
+    Rw, r, w, v = memory.Rw, memory.imu, memory.gyro, memory.v
+    sign = 1.0 if memory.x[6] >= 0.0 else -1.0
+    for k in range(3):
+        q_out[k] = memory.x[k] - rotate(Rw, k, r[0], r[1], r[2])
+        v_out[3 + k] = w[k]
+    for k in range(3, 7):
+        q_out[k] = sign * memory.x[k]
+    turn = w[1] * r[2] - w[2] * r[1], w[2] * r[0] - w[0] * r[2], w[0] * r[1] - w[1] * r[0]
+    for k in range(3):
+        v_out[k] = Rw[0, k] * v[0] + Rw[1, k] * v[1] + Rw[2, k] * v[2] - turn[k]
+    for i in range(q.shape[0]):
+        q_out[7 + i], v_out[6 + i] = q[i], dq[i]

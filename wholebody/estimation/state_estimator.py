@@ -1,0 +1,149 @@
+"""The state of the robot from what it reads itself: joints, their torques, and the IMU in the pelvis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import inf, isfinite, sqrt
+
+import numpy as np
+import pinocchio as pin
+
+from models.pinocchio_model import load_pinocchio
+from models.spec import RobotSpec
+from wholebody.errors import InputError
+from wholebody.estimation.kernels import estimate as kernel
+from wholebody.estimation.kernels.invariant_filter import SIZE
+from wholebody.estimation.readings import Readings
+from wholebody.jit.entry import Entry
+from wholebody.jit.packed import Packed
+from wholebody.robot.body_table import body_table
+from wholebody.robot.kernels.bodies import BODY
+from wholebody.types import QUATERNION_TOLERANCE, RobotState
+
+GAP_MAX = 0.05
+"""Longest time between readings that the IMU bridges [s]; chosen: beyond it the filter begins anew."""
+PRESSED_SHARE = 0.06
+"""Share of the weight below which a foot does not stand, and twice that above which it stands again; chosen: 20 N, what
+dry friction of a leg's joints can feign."""
+GYRO_NOISE, ACC_NOISE = 4.5e-4, 0.02
+"""Of gyro [rad/s per sqrt(Hz)] and accelerometer [m/s^2 per sqrt(Hz)]; chosen: 0.01 rad/s and some 0.4 m/s^2 at 500 Hz,
+of which most is the pelvis shaking, not the sensor."""
+GYRO_WALK, ACC_WALK = 1e-4, 1e-3
+"""How their biases wander [rad/s, m/s^2 per sqrt(s)]; chosen: as slowly as they warm up."""
+SOLE_WALK, SOLE_FREE = 1e-3, 3.0
+"""How soles wander that stand, and that do not [m per sqrt(s)]; chosen: a millimetre a second, and wherever they are."""
+ACC_UNKNOWN = 1.0
+"""What the velocity may do without an accelerometer [m/s per sqrt(s)]; chosen: 3 m/s^2 for a tenth of a second."""
+TILT_NOISE, LEG_NOISE = 2e-3, 1e-3
+"""Of the IMU's vertical [rad] and of a sole's place by the legs [m] at each reading; chosen: 0.1 degrees, of which a
+part stays; a sole that gives."""
+FIRST = (5e-3, 1e-3, 0.05, 1e-3, 1e-3, 1e-3, 0.01, 0.1)
+"""First errors of tilt [rad], yaw [rad], velocity [m/s], place and soles [m], gyro [rad/s] and accelerometer
+[m/s^2]; chosen: offsets of 2 mrad in the legs, 0.3 degrees in the IMU."""
+
+_estimate = Entry(kernel.estimate)
+
+
+class StateEstimator:
+    """Contact-aided invariant filter for a robot on its feet.
+
+    World is midway between the soles at the first reading, x the mean of their directions, z up. Afterwards gyro and
+    accelerometer carry the state on; the IMU's vertical, and soles that stand where they are, correct it. Its yaw,
+    which drifts, is not used: the soles hold the yaw, and tell the gyro's bias. Which foot stands is known by the
+    torques of its leg; without torques both are taken to. Without an accelerometer the legs alone say how fast it is.
+
+    Assumed is that the IMU is level where the robot is: an error of its tilt and a floor that slopes cannot be told
+    apart, and a floor may slope.
+
+    Args:
+        spec: The robot.
+
+    Attributes:
+        stands: Whether each foot stands, shape (2,), left first.
+        pressed: Force of the floor along the normal of each sole, shape (2,), [N]; zeros without torques.
+        gyro_bias: As learned [rad/s]. acc_bias: Likewise [m/s^2].
+    """
+
+    def __init__(self, spec: RobotSpec) -> None:
+        whole = load_pinocchio(spec)
+        self._names = list(whole.names)[2:]
+        ankles = [whole.frames[whole.getFrameId(foot.frame)].parentJoint for foot in spec.feet]
+        legs = sorted({joint for ankle in ankles for joint in whole.supports[ankle]} - {0, 1})
+        locked = [joint for joint in range(2, whole.njoints) if joint not in legs]
+        model = pin.buildReducedModel(whole, locked, pin.neutral(whole))
+        memory = self._memory = _memory(len(legs))
+        memory.table[:], memory.parent[:] = body_table(model)
+        memory.joint[:] = [whole.idx_vs[joint] - 6 for joint in legs]
+        for k, foot in enumerate(spec.feet):
+            ankle = model.frames[model.getFrameId(foot.frame)]
+            memory.ankle[k] = ankle.parentJoint - 1
+            memory.sole[k] = ankle.placement.act(foot.sole_center)
+        memory.imu[:] = model.frames[model.getFrameId(spec.imu_frame)].placement.translation
+        memory.R[0], memory.gravity[:] = np.eye(3), model.gravity.linear
+        memory.press_min = PRESSED_SHARE * pin.computeTotalMass(whole) * -memory.gravity[2]
+        walks = GYRO_NOISE, ACC_NOISE, GYRO_WALK, ACC_WALK, SOLE_WALK, SOLE_FREE, ACC_UNKNOWN
+        memory.noise[:], memory.variance[:] = np.square(walks), np.square((TILT_NOISE, LEG_NOISE))
+        tilt, yaw, speed, place, left, right, gyro, acc = np.square(FIRST)
+        memory.first[:] = np.repeat([tilt, speed, place, left, right, gyro, acc], 3)
+        memory.first[2] = yaw
+        self.stands, self.pressed = memory.stands, memory.pressed
+        self.gyro_bias, self.acc_bias = memory.gyro_bias, memory.acc_bias
+        self._none, self._n = np.full(len(self._names), np.nan), len(self._names)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with the next readings; biases are forgotten."""
+        self.gyro_bias[:], self.acc_bias[:], self._time = 0.0, 0.0, -inf
+        self.stands[:], self._memory.xi[:] = 1, 0.0
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Of orientation [rad], velocity [m/s] and position [m] of the IMU in world, shape (9, 9)."""
+        memory, T = self._memory, np.eye(9)
+        # The filter's error moves what it turns about the origin.
+        T[3:6, :3], T[6:, :3] = -pin.skew(memory.v), -pin.skew(memory.x[:3])
+        return T @ memory.P[:9, :9] @ T.T
+
+    def estimate(self, readings: Readings) -> RobotState:
+        """The state for the readings of an instant; not finite if those of IMU or legs are not, which change nothing.
+
+        After a gap of more than 50 ms, or a time that goes back, it begins anew.
+        """
+        r, n = readings, self._n
+        q, v = np.empty(7 + n), np.empty(6 + n)
+        # The compiled code takes what it is given as it lies in memory.
+        given = [np.ascontiguousarray(one, dtype=float) for one in (r.quat_xyzw, r.gyro, r.q, r.dq)]
+        quat, gyro, joints, speeds = given
+        off = abs(sqrt(quat.dot(quat)) - 1.0)
+        if not (off <= QUATERNION_TOLERANCE and isfinite(gyro.dot(gyro) + joints.dot(joints) + speeds.dot(speeds))):
+            q[:7], q[7:], v[3:6], v[6:] = np.nan, joints, gyro, speeds
+            v[:3] = np.nan
+            return RobotState(r.time, q, v, r.tau)
+        acc = self._none[:3] if r.acc is None else np.ascontiguousarray(r.acc, dtype=float)
+        tau = self._none if r.tau is None else np.ascontiguousarray(r.tau, dtype=float)
+        dt = r.time - self._time
+        self._time = r.time
+        if dt > GAP_MAX:
+            dt = 0.0
+        _estimate(self._memory, dt, quat, gyro, acc, joints, speeds, tau, q, v)
+        return RobotState(r.time, q, v, r.tau)
+
+
+def _memory(joints: int) -> Packed:
+    """What goes on from reading to reading, for legs of so many joints together.
+
+    ``x`` is position [m] and orientation of the IMU in world, ``v`` its velocity, ``d`` are the soles; ``P`` is the
+    covariance of the filter's error ``xi``. ``h`` are the soles from the IMU in the axes of the base. Constant are what
+    stands in ``table`` to ``first`` and the integers but ``stands``; the rest is for the arithmetic.
+    """
+    bodies, six = 1 + joints, (6,)
+    constant = {"table": (bodies, BODY), "sole": (2, 3), "imu": (3,), "gravity": (3,), "noise": (7,)}
+    constant |= {"variance": (2,), "first": (SIZE,), "press_min": ()}
+    kept = {"x": (7,), "v": (3,), "d": (2, 3), "gyro_bias": (3,), "acc_bias": (3,), "P": (SIZE, SIZE), "pressed": (2,)}
+    body = {"R": (bodies, 3, 3), "p": (bodies, 3), "S": (5 + bodies, 6), "V": (bodies, 6), "A": (bodies, 6)}
+    body |= {"force": (bodies, 6), "angles": (6 + bodies,), "missing": (joints,), "inertia": (10,), "h6": six}
+    body |= {"lifted": six, "J": (6, 6), "wrench": (2, 6), "falling": (3,), "place": (3,), "h": (2, 3)}
+    work = {"gyro": (3,), "felt": (3,), "Rw": (3, 3), "Ri": (3, 3), "Re": (3, 3), "E": (7,), "B": (15, 3)}
+    work |= {"K": (SIZE,), "xi": (SIZE,)}
+    integers = {"parent": (bodies,), "joint": (joints,), "ankle": (2,), "stands": (2,)}
+    return Packed(constant | kept | body | work, integers)
