@@ -26,7 +26,7 @@ from tests.support.faulty_loops import FaultyStates, bent, not_a_number, pitched
 from tests.support.grounds import Ground
 from tests.support.hostile_chunks import Episode
 from wholebody.episode.run import run_episode
-from wholebody.estimation.odometry import StandingOdometry
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant, RobotErrors
@@ -147,7 +147,7 @@ def realistic_plant(supervisor: Told, seed: int, payload: float | None = None) -
     errors = replace(REALISTIC_ROBOT, seed=seed)
     errors = errors if payload is None else replace(errors, payload_max=payload)
     readings = replace(REALISTIC_READINGS, seed=seed)
-    supervisor.sensors = Sensors(SPEC, readings, DT, StandingOdometry(SPEC, DT))
+    supervisor.sensors = Sensors(SPEC, readings, DT, StateEstimator(SPEC))
     return RealisticPlant(SPEC, errors, encoders=supervisor.sensors)
 
 

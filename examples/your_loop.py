@@ -10,19 +10,19 @@ import numpy as np
 
 from models import g1
 from policy import Executor, ExecutorConfig, scripted_policy
-from wholebody import JointCommand, MujocoPlant, Robot, StandingOdometry, Status, Supervisor, ThreadPlanner, observe
+from wholebody import JointCommand, MujocoPlant, Robot, StateEstimator, Status, Supervisor, ThreadPlanner, observe
 
 
 def drive(robot, policy, seconds, task=""):
     """The loop. Yours: ``robot.now()``, ``robot.read()``, which waits for the next readings, ``robot.write()``."""
     spec = g1()
-    odometry, supervisor = StandingOdometry(spec), Supervisor(spec, planner=ThreadPlanner)
+    estimator, supervisor = StateEstimator(spec), Supervisor(spec, planner=ThreadPlanner)
     executor = Executor(policy, clock=robot, config=ExecutorConfig(lead=supervisor.config.planning.lead))
-    supervisor.reset(odometry.state(**robot.read()))
+    supervisor.reset(estimator.state(**robot.read()))
     executor.reset(task)
     said = None
     while robot.now() < seconds:
-        state = odometry.state(**robot.read())
+        state = estimator.state(**robot.read())
         chunk = executor.poll(partial(observe, spec, supervisor, state, task))
         answer = supervisor.take_refusal() if chunk is None else supervisor.accept(chunk, robot.now())
         if answer is not None and answer.status is Status.HOLD and answer.reason:
@@ -54,7 +54,12 @@ class StandIn:
         sleep(max(0.0, self.begin + self.state.time - monotonic()))
         q, v = self.state.q, self.state.v
         joints, speeds = dict(zip(self.names, q[7:], strict=True)), dict(zip(self.names, v[6:], strict=True))
-        return {"time": self.state.time, "joints": joints, "speeds": speeds, "quat_xyzw": q[3:7], "gyro": v[3:6]}
+        torques, acc = (
+            dict(zip(self.names, self.state.tau, strict=True)),
+            self.plant.data.sensor("imu_accelerometer").data,
+        )
+        imu = {"quat_xyzw": q[3:7], "gyro": v[3:6], "acc": acc}
+        return {"time": self.state.time, "joints": joints, "speeds": speeds, "torques": torques} | imu
 
     def write(self, motors):
         """Position [rad], speed [rad/s], torque [N m], stiffness and damping for each motor by name."""

@@ -35,7 +35,7 @@ _HOME = {
     "SensorConfig": "sim.sensors",
     "Sensors": "sim.sensors",
     "Solution": "planning.posture",
-    "StandingOdometry": "estimation.odometry",
+    "StateEstimator": "estimation.state_estimator",
     "Status": "types",
     "StatusReport": "types",
     "Supervisor": "execution.supervisor",

@@ -33,6 +33,10 @@ class RobotState:
     v: np.ndarray
     tau: np.ndarray | None = None
 
+    def age(self, now: float) -> float:
+        """Time that has passed since it was measured, at a present time on the same clock [s]."""
+        return now - self.time
+
 
 @dataclass(frozen=True, slots=True)
 class JointCommand:

@@ -76,6 +76,8 @@ OF_RUN: dict[str, tuple[float, float, str]] = {
     "speed_noise": (0.0, 100.0, "rad/s"),
     "velocity_cutoff": (0.0, 1e4, "Hz"),
     "gyro_bias": (0.0, 1.0, "rad/s"),
+    "acc_noise": (0.0, 50.0, "m/s^2"),
+    "acc_bias": (0.0, 10.0, "m/s^2"),
     "yaw_drift": (0.0, 1.0, "rad/s"),
     "lost": (0.0, 0.9, ""),
     "joint_friction": (0.0, 10.0, ""),

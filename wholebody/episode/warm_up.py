@@ -17,6 +17,7 @@ from wholebody.config.description import describe
 from wholebody.config.robot import RobotConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.episode.run import fingers_of, observe
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.plan_follower import compile_follow
 from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.supervisor import Supervisor
@@ -64,6 +65,7 @@ def compile_tick(robot: RobotConfig) -> None:
     problem.set_weights(config, 1.0)
     problem.step(1.0)
     WholeBodyController(spec)
+    StateEstimator(spec)
     compile_follow(spec.n_joints)
     plant.warm_up()
 

@@ -42,7 +42,7 @@ class StatePredictor:
 
     def carried(self, state: RobotState, now: float) -> RobotState:
         """A measured state, carried on to the present time [s]; itself if that is its own."""
-        seconds = now - state.time
+        seconds = state.age(now)
         if seconds <= ROUNDING:
             return state
         times = self._times[: self._n]

@@ -21,8 +21,8 @@ class Readings:
         q: Positions of the joints, shape (n,), [rad].
         dq: Speeds, likewise [rad/s].
         tau: Torques, likewise [N m]; None if they are not known.
-        acc: Specific force at the IMU in its own axes, shape (3,), [m/s^2]: what an accelerometer reads, 9.81 upwards at
-            rest; None if it is not known.
+        acc: Specific force at the IMU in its own axes, shape (3,), [m/s^2]: what an accelerometer reads, 9.81 upwards
+            at rest; None if it is not known.
     """
 
     time: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf, isfinite, sqrt
+from math import inf
 
 import numpy as np
 import pinocchio as pin
@@ -12,13 +12,14 @@ from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.errors import InputError
 from wholebody.estimation.kernels import estimate as kernel
+from wholebody.estimation.kernels.estimate import BEGIN
 from wholebody.estimation.kernels.invariant_filter import SIZE
 from wholebody.estimation.readings import Readings
 from wholebody.jit.entry import Entry
 from wholebody.jit.packed import Packed
 from wholebody.robot.body_table import body_table
 from wholebody.robot.kernels.bodies import BODY
-from wholebody.types import QUATERNION_TOLERANCE, RobotState
+from wholebody.types import RobotState
 
 GAP_MAX = 0.05
 """Longest time between readings that the IMU bridges [s]; chosen: beyond it the filter begins anew."""
@@ -30,8 +31,9 @@ GYRO_NOISE, ACC_NOISE = 4.5e-4, 0.02
 of which most is the pelvis shaking, not the sensor."""
 GYRO_WALK, ACC_WALK = 1e-4, 1e-3
 """How their biases wander [rad/s, m/s^2 per sqrt(s)]; chosen: as slowly as they warm up."""
-SOLE_WALK, SOLE_FREE = 1e-3, 3.0
-"""How soles wander that stand, and that do not [m per sqrt(s)]; chosen: a millimetre a second, and wherever they are."""
+SOLE_WALK, SOLE_FREE = 2e-4, 3.0
+"""How soles wander that stand, and that do not [m per sqrt(s)]; chosen: 1.5 mm in a minute, which with `LEG_NOISE`
+believes a sole that has slid within a second; and wherever the leg says."""
 ACC_UNKNOWN = 1.0
 """What the velocity may do without an accelerometer [m/s per sqrt(s)]; chosen: 3 m/s^2 for a tenth of a second."""
 TILT_NOISE, LEG_NOISE = 2e-3, 1e-3
@@ -88,7 +90,10 @@ class StateEstimator:
         memory.first[2] = yaw
         self.stands, self.pressed = memory.stands, memory.pressed
         self.gyro_bias, self.acc_bias = memory.gyro_bias, memory.acc_bias
-        self._none, self._n = np.full(len(self._names), np.nan), len(self._names)
+        self._n = n = len(self._names)
+        self._no_acc, self._no_tau = np.full(3, np.nan), np.full(n, np.nan)
+        given = np.zeros(4), self._no_acc, self._no_acc, self._no_tau, self._no_tau, self._no_tau
+        self._estimate = _estimate.native(memory, 0.0, *given, np.zeros(7 + n), np.zeros(6 + n))
         self.reset()
 
     def reset(self) -> None:
@@ -104,29 +109,67 @@ class StateEstimator:
         T[3:6, :3], T[6:, :3] = -pin.skew(memory.v), -pin.skew(memory.x[:3])
         return T @ memory.P[:9, :9] @ T.T
 
-    def estimate(self, readings: Readings) -> RobotState:
-        """The state for the readings of an instant; not finite if those of IMU or legs are not, which change nothing.
+    def state(
+        self,
+        *,
+        time: float,
+        joints: Mapping[str, float],
+        speeds: Mapping[str, float],
+        quat_xyzw: Sequence[float],
+        gyro: Sequence[float],
+        acc: Sequence[float] | None = None,
+        torques: Mapping[str, float] | None = None,
+    ) -> RobotState:
+        """The state for one set of readings, for `Supervisor.step`.
 
-        After a gap of more than 50 ms, or a time that goes back, it begins anew.
+        Args:
+            time: When they were taken, on the clock of the robot [s].
+            joints: Position of every joint by its name in the URDF [rad]; others are ignored.
+            speeds: Likewise [rad/s].
+            quat_xyzw: Orientation of the pelvis, as its IMU has it: x, y, z, w. Unitree's messages begin with w.
+            gyro: Angular velocity of the pelvis in its own axes [rad/s].
+            acc: What the accelerometer of the IMU says, in the same axes [m/s^2]; 9.81 upwards at rest.
+            torques: Torque of every joint by its name, as the motors tell it [N m], if they do.
+
+        Raises:
+            InputError: If a joint is missing, or the quaternion or a vector has another length.
+        """
+        quat, w = np.array(quat_xyzw, dtype=float), np.array(gyro, dtype=float)
+        f = self._no_acc if acc is None else np.array(acc, dtype=float)
+        if quat.shape != (4,) or w.shape != (3,) or f.shape != (3,):
+            raise InputError(
+                f"quat_xyzw has shape {quat.shape}, gyro {w.shape} and acc {f.shape}; a quaternion (4,) x, y, z, w, an "
+                "angular velocity (3,) [rad/s] and a specific force (3,) [m/s^2] of the pelvis are expected"
+            )
+        tau = None if torques is None else self._all(torques, "torques")
+        return self.estimate(Readings(time, quat, w, self._all(joints, "joints"), self._all(speeds, "speeds"), tau, f))
+
+    def estimate(self, readings: Readings) -> RobotState:
+        """The same for readings as arrays.
+
+        Readings of the IMU or the legs that are no numbers, or a quaternion that is none, give a state that is not
+        finite and change nothing: the supervisor predicts the robot meanwhile and says so (`state_invalid`). Readings
+        that are not newer change nothing either. After a gap of more than 50 ms the filter begins anew.
         """
         r, n = readings, self._n
-        q, v = np.empty(7 + n), np.empty(6 + n)
+        q, v, dt = np.empty(7 + n), np.empty(6 + n), r.time - self._time
+        acc, tau = self._no_acc if r.acc is None else r.acc, self._no_tau if r.tau is None else r.tau
         # The compiled code takes what it is given as it lies in memory.
-        given = [np.ascontiguousarray(one, dtype=float) for one in (r.quat_xyzw, r.gyro, r.q, r.dq)]
-        quat, gyro, joints, speeds = given
-        off = abs(sqrt(quat.dot(quat)) - 1.0)
-        if not (off <= QUATERNION_TOLERANCE and isfinite(gyro.dot(gyro) + joints.dot(joints) + speeds.dot(speeds))):
-            q[:7], q[7:], v[3:6], v[6:] = np.nan, joints, gyro, speeds
-            v[:3] = np.nan
-            return RobotState(r.time, q, v, r.tau)
-        acc = self._none[:3] if r.acc is None else np.ascontiguousarray(r.acc, dtype=float)
-        tau = self._none if r.tau is None else np.ascontiguousarray(r.tau, dtype=float)
-        dt = r.time - self._time
-        self._time = r.time
-        if dt > GAP_MAX:
-            dt = 0.0
-        _estimate(self._memory, dt, quat, gyro, acc, joints, speeds, tau, q, v)
+        given = [np.ascontiguousarray(one, dtype=float) for one in (r.quat_xyzw, r.gyro, acc, r.q, r.dq, tau)]
+        dt = max(dt, 0.0) if -GAP_MAX <= dt <= GAP_MAX else BEGIN
+        if self._estimate(self._memory, dt, *given, q, v) and dt != 0.0:
+            self._time = r.time
         return RobotState(r.time, q, v, r.tau)
+
+    def _all(self, readings: Mapping[str, float], what: str) -> np.ndarray:
+        try:
+            return np.array([readings[name] for name in self._names], dtype=float)
+        except KeyError:
+            missing = [name for name in self._names if name not in readings]
+            raise InputError(
+                f"{what} lack {', '.join(missing[:5])}{' and others' if len(missing) > 5 else ''}: {len(missing)} of "
+                f"{len(self._names)}; a number for every joint of the robot is expected, by its name in the URDF"
+            ) from None
 
 
 def _memory(joints: int) -> Packed:
@@ -136,13 +179,12 @@ def _memory(joints: int) -> Packed:
     covariance of the filter's error ``xi``. ``h`` are the soles from the IMU in the axes of the base. Constant are what
     stands in ``table`` to ``first`` and the integers but ``stands``; the rest is for the arithmetic.
     """
-    bodies, six = 1 + joints, (6,)
+    bodies = 1 + joints
     constant = {"table": (bodies, BODY), "sole": (2, 3), "imu": (3,), "gravity": (3,), "noise": (7,)}
     constant |= {"variance": (2,), "first": (SIZE,), "press_min": ()}
     kept = {"x": (7,), "v": (3,), "d": (2, 3), "gyro_bias": (3,), "acc_bias": (3,), "P": (SIZE, SIZE), "pressed": (2,)}
-    body = {"R": (bodies, 3, 3), "p": (bodies, 3), "S": (5 + bodies, 6), "V": (bodies, 6), "A": (bodies, 6)}
-    body |= {"force": (bodies, 6), "angles": (6 + bodies,), "missing": (joints,), "inertia": (10,), "h6": six}
-    body |= {"lifted": six, "J": (6, 6), "wrench": (2, 6), "falling": (3,), "place": (3,), "h": (2, 3)}
+    body = {"R": (bodies, 3, 3), "p": (bodies, 3), "S": (5 + bodies, 6), "angles": (6 + bodies,), "h": (2, 3)}
+    body |= {"J": (6, 6), "force": (6,), "wrench": (2, 6), "place": (3,)}
     work = {"gyro": (3,), "felt": (3,), "Rw": (3, 3), "Ri": (3, 3), "Re": (3, 3), "E": (7,), "B": (15, 3)}
     work |= {"K": (SIZE,), "xi": (SIZE,)}
     integers = {"parent": (bodies,), "joint": (joints,), "ankle": (2,), "stands": (2,)}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from models.pinocchio_model import frame_id, load_pinocchio
 from models.spec import RobotSpec
 from wholebody.config.bounds import require_run
 from wholebody.estimation.odometry import StanceOdometry
@@ -37,8 +38,12 @@ class SensorConfig:
     """Standard deviation of the constant offset of the gyro, per axis [rad/s]."""
     yaw_drift: float = 0.0
     """Standard deviation of the speed at which the orientation's yaw drifts away [rad/s]."""
+    acc_noise: float = 0.0
+    """Of the accelerometer, per axis [m/s^2]."""
+    acc_bias: float = 0.0
+    """Standard deviation of its constant offset, per axis [m/s^2]."""
     lost: float = 0.0
-    """Share of the samples that are lost: the one before comes again."""
+    """Share of the samples that are lost: the one before comes again, and the estimator gets none."""
     delay: float = 0.0
     """Age of the state when the controller gets it [s]; its own time says so."""
     delay_misjudged: float = 0.0
@@ -63,9 +68,12 @@ REALISTIC = SensorConfig(
 in the prototype."""
 
 
-REALISTIC_READINGS = replace(REALISTIC, gyro_bias=0.005, yaw_drift=np.deg2rad(10.0) / 60.0, lost=0.01)
-"""Sensors of the realistic robot, which has no odometry but what is estimated [rad/s]; chosen, no G1 was measured: 0.3
-degrees a second of bias, 10 degrees a minute of drift, one sample in a hundred lost."""
+REALISTIC_READINGS = replace(
+    REALISTIC, gyro_bias=0.005, yaw_drift=np.deg2rad(10.0) / 60.0, acc_noise=0.1, acc_bias=0.05, lost=0.01
+)
+"""Sensors of the realistic robot, which has no odometry but what is estimated [rad/s, m/s^2]; chosen, no G1 was
+measured: 0.3 degrees a second of bias, 10 degrees a minute of drift, 10 mg of noise and 5 of offset, as calibrated MEMS
+sensors have, one sample in a hundred lost."""
 
 
 class Sensors:
@@ -84,6 +92,8 @@ class Sensors:
     def __init__(self, spec: RobotSpec, config: SensorConfig, dt: float, estimator: Estimator | None = None) -> None:
         self.config, self._dt, self._n = config, dt, spec.n_joints
         self.estimator = StanceOdometry(spec) if estimator is None else estimator
+        model = load_pinocchio(spec)
+        self._imu, self._gravity = model.frames[frame_id(model, spec.imu_frame)].placement, model.gravity.linear
         self.reset()
 
     def reset(self) -> None:
@@ -94,11 +104,12 @@ class Sensors:
         direction = self._rng.uniform(0.0, 2.0 * np.pi)
         self._tilt = c.imu_bias * np.array([np.cos(direction), np.sin(direction), 0.0])
         self._bias, self._drift = c.gyro_bias * other.standard_normal(3), c.yaw_drift * other.standard_normal()
-        self._losing, self.encoder_error = other, self._offset.copy()
+        self._acc_bias = c.acc_bias * other.standard_normal(3)
+        self._other, self.encoder_error = other, self._offset.copy()
         self._filtered: np.ndarray | None = None
         self._began: float | None = None
         self._late: deque[RobotState] = deque(maxlen=round(c.delay / self._dt) + 1)
-        self._told: RobotState | None = None
+        self._moved: tuple[float, np.ndarray] | None = None
         self.estimator.reset()
 
     def measure(self, state: RobotState) -> RobotState:
@@ -106,26 +117,37 @@ class Sensors:
 
         Before the first one the robot has been at rest for as long as that.
         """
-        late, lost = self._late, self._told is not None and self._losing.random() < self.config.lost
+        late = self._late
+        lost = len(late) > 0 and self._other.random() < self.config.lost
         for back in range(0 if late else late.maxlen - 1, 0, -1):
             late.append(self.estimator.estimate(self.read(replace(state, time=state.time - back * self._dt))))
-        late.append(self.estimator.estimate(self.read(state)))
-        self._told = self._told if lost else late[0]
-        return self._told
+        readings = self.read(state)
+        late.append(late[-1] if lost else self.estimator.estimate(readings))
+        return late[0]
 
     def read(self, state: RobotState) -> Readings:
         """What the sensors say in a true state."""
         c, n = self.config, self._n
         self._began = state.time if self._began is None else self._began
         self.encoder_error = self._offset + self._noise(c.encoder_noise, n)
-        tilt = self._tilt + self._noise(c.imu_noise, 3)
+        acc, tilt = self._accelerometer(state), self._tilt + self._noise(c.imu_noise, 3)
         tilt[2] += self._drift * (state.time - self._began)
         quat = (pin.Quaternion(pin.exp3(tilt)) * pin.Quaternion(state.q[3:7])).normalized().coeffs()
         v = state.v[3:].copy()
         v[:3] += self._bias + self._noise(c.gyro_noise, 3)
         v[3:] += self._noise(c.speed_noise, n)
         v, time = self._filter(v), state.time + c.delay_misjudged
-        return Readings(time, quat, v[:3], state.q[7:] + self.encoder_error, v[3:], state.tau)
+        return Readings(time, quat, v[:3], state.q[7:] + self.encoder_error, v[3:], state.tau, acc)
+
+    def _accelerometer(self, state: RobotState) -> np.ndarray:
+        """What an accelerometer feels that is mounted as crookedly as the IMU's tilt is wrong, mean since last time."""
+        c, R = self.config, pin.Quaternion(state.q[3:7]).toRotationMatrix()
+        speed = R @ (state.v[:3] + np.cross(state.v[3:6], self._imu.translation))
+        before, self._moved = self._moved, (state.time, speed)
+        past = 0.0 if before is None else state.time - before[0]
+        force = (speed - before[1]) / past - self._gravity if past > 0.0 else -self._gravity
+        noise = c.acc_noise * self._other.standard_normal(3) if c.acc_noise > 0.0 else 0.0
+        return R.T @ pin.exp3(self._tilt).T @ force + self._acc_bias + noise
 
     def _noise(self, deviation: float, n: int) -> np.ndarray:
         return deviation * self._rng.standard_normal(n)

@@ -13,7 +13,7 @@ from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
-from wholebody.estimation.odometry import StandingOdometry
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.as_given import AsGiven
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -58,7 +58,7 @@ class Checker:
         spec = describe(config.robot)
         self.scene, self.episode, dt = scene, episode or EpisodeConfig(), config.dt
         world["timestep"] = min(world.get("timestep", TIMESTEP), dt)
-        estimator = None if errors is None else StandingOdometry(spec, dt)
+        estimator = None if errors is None else StateEstimator(spec)
         self.sensors = Sensors(spec, sensors, dt, estimator) if sensors is not None else None
         # The plant before the supervisor: a scene that does not exist is told at once.
         if errors is None:

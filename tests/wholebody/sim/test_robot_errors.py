@@ -9,7 +9,7 @@ from models import g1
 from policy.scripted.library import reach
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.errors import InputError
-from wholebody.estimation.odometry import StandingOdometry
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant, RobotErrors
@@ -77,7 +77,7 @@ def test_senseless_errors_are_refused(changed):
 
 
 def test_the_realistic_robot_without_a_load_reaches():
-    sensors = Sensors(SPEC, REALISTIC_READINGS, 0.002, StandingOdometry(SPEC, 0.002))
+    sensors = Sensors(SPEC, REALISTIC_READINGS, 0.002, StateEstimator(SPEC))
     plant = RealisticPlant(SPEC, replace(REALISTIC_ROBOT, payload_max=0.0), encoders=sensors)
     config = EpisodeConfig(settle=0.3, hold=0.5)
     result = run_episode(reach(0.45, 0.9), Supervisor(SPEC), plant, duration=3.2, config=config, sensors=sensors)

@@ -9,8 +9,10 @@ import pytest
 from models import g1
 from models.pinocchio_model import load_pinocchio, stance_q
 from wholebody.errors import InputError
+from wholebody.estimation.odometry import StanceOdometry
+from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.sensors import REALISTIC, SensorConfig, Sensors
-from wholebody.types import RobotState
+from wholebody.types import JointCommand, RobotState
 
 SPEC = g1()
 MODEL = load_pinocchio(SPEC)
@@ -115,6 +117,45 @@ def test_gyro_bias_and_yaw_drift_are_in_the_readings():
     turn = pin.log3((pin.Quaternion(second.quat_xyzw) * pin.Quaternion(first.quat_xyzw).inverse()).matrix())
     assert 0.001 < abs(turn[2]) < 0.5
     assert np.allclose(turn[:2], 0.0)
+
+
+def test_the_accelerometer_feels_what_that_of_mujoco_feels():
+    plant, sensors = MujocoPlant(SPEC), Sensors(SPEC, SensorConfig(), DT)
+    sensors.read(plant.reset())
+    shaken = []
+    for k in range(100):
+        tau = np.zeros(SPEC.n_joints)
+        tau[[3, 9]] = 40.0 * np.sin(0.2 * k)
+        command = JointCommand(k * DT, np.array(SPEC.stance.joints), 0.0 * tau, tau, SPEC.kp, SPEC.kd)
+        seen = sensors.read(plant.step(command)).acc
+        np.testing.assert_allclose(seen, plant.data.sensor("imu_accelerometer").data, rtol=0.01, atol=0.05)
+        shaken.append(seen)
+    assert np.ptp(shaken, axis=0).max() > 1.0
+
+
+def test_an_accelerometer_is_mounted_as_crookedly_as_the_imu_and_has_its_own_offset():
+    still = [Sensors(SPEC, config, DT).read(standing()) for config in (SensorConfig(imu_bias=0.01), SensorConfig())]
+    tilted = pin.Quaternion(still[0].quat_xyzw).matrix().T @ [0.0, 0.0, 9.81]
+    np.testing.assert_allclose(still[0].acc, tilted, atol=1e-9)
+    np.testing.assert_allclose(still[1].acc, [0.0, 0.0, 9.81], atol=1e-6)
+    off = Sensors(SPEC, SensorConfig(acc_bias=0.1, acc_noise=0.001), DT)
+    told = np.array([off.read(standing(k * DT)).acc - still[1].acc for k in range(500)])
+    assert 0.01 < np.abs(told.mean(axis=0)).max() < 0.4
+    np.testing.assert_allclose(told.std(axis=0), 0.001, rtol=0.2)
+
+
+def test_a_lost_sample_never_reaches_the_estimator():
+    class Counting(StanceOdometry):
+        times = ()
+
+        def estimate(self, readings):
+            self.times += (readings.time,)
+            return super().estimate(readings)
+
+    counting = Counting(SPEC)
+    sensors = Sensors(SPEC, SensorConfig(lost=0.2), DT, counting)
+    told = [sensors.measure(standing(k * DT)).time for k in range(300)]
+    assert len(counting.times) == len(set(told)) < 270
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])

@@ -11,19 +11,22 @@ from wholebody.estimation.kernels import invariant_filter, legs
 from wholebody.estimation.kernels.invariant_filter import PLACE, SIZE, SOLE
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.rotation import base_rotation, rotate
-from wholebody.robot.kernels.spatial import velocity_at
+from wholebody.types import QUATERNION_TOLERANCE
 
 PRESSED_FILTER = 0.01
-"""Time constant of the forces on the soles [s]; chosen: five readings, noise of torques is left out and a lifted foot is
-noticed before it is far."""
+"""Time constant of the forces on the soles [s]; chosen: five readings, noise of torques is left out and a lifted foot
+is noticed before it is far."""
+
+BEGIN = -1.0
+"""What stands for the time since the readings before where there are none that count [s]; definition."""
 
 
-def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out) -> None:
+def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out) -> bool:
     """One set of readings.
 
     Args:
         memory: As in `wholebody.estimation.state_estimator.memory`, changed.
-        dt: Time since the ones before [s]; not above 0: begin anew.
+        dt: Time since the ones before [s]; 0: the state stays as it is; below: begin anew.
         quat: Orientation by the IMU, xyzw (4,).
         gyro: [rad/s] (3,).
         acc: Specific force (3,) [m/s^2]; none if it is no number.
@@ -32,7 +35,16 @@ def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out) -> N
         tau: Torques likewise [N m]; none if they are no numbers.
         q_out: Configuration (7 + n,).
         v_out: Velocity (6 + n,).
+
+    Returns:
+        Whether IMU and legs gave numbers; if not, nothing is changed, and base and velocity are none.
     """
+    if not sound(memory, quat, gyro, q, dq):
+        for k in range(q.shape[0]):
+            q_out[7 + k], v_out[6 + k] = q[k], dq[k]
+        for k in range(6):
+            q_out[k] = q_out[6] = v_out[k] = math.nan
+        return False
     feels, tells = math.isfinite(acc[0] + acc[1] + acc[2]), True
     for i in range(memory.joint.shape[0]):
         tells = tells and math.isfinite(tau[memory.joint[i]])
@@ -41,22 +53,31 @@ def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out) -> N
     base_rotation(memory.E, memory.Ri)
     for k in range(3):
         memory.gyro[k] = gyro[k] - memory.gyro_bias[k]
-        down = memory.Ri[0, k] * memory.gravity[0] + memory.Ri[1, k] * memory.gravity[1] + memory.Ri[2, k] * memory.gravity[2]
-        memory.felt[k] = acc[k] - memory.acc_bias[k] if feels else -down
-    legs.place_soles(memory, q, dq)
+        memory.felt[k] = acc[k] - memory.acc_bias[k] if feels else -memory.gravity[2] * memory.Ri[2, k]
+    legs.place_soles(memory, q)
     if dt > 0.0:
         invariant_filter.move(memory, dt, feels)
         invariant_filter.spread(memory, dt, feels)
     if tells:
-        legs.press(memory, tau, math.exp(-dt / PRESSED_FILTER) if dt > 0.0 else 0.0)
+        legs.press(memory, tau, math.exp(-dt / PRESSED_FILTER) if dt >= 0.0 else 0.0)
     for foot in range(2):
         least = memory.press_min * (1.0 if memory.stands[foot] else 2.0)
         memory.stands[foot] = not tells or memory.pressed[foot] >= least
     if dt > 0.0:
         compare(memory)
-    else:
-        begin(memory)
+    elif dt < 0.0:
+        begin(memory, dq)
     answer(memory, q, dq, q_out, v_out)
+    return True
+
+
+def sound(memory: Packed, quat, gyro, q, dq) -> bool:
+    """Whether the readings of IMU and legs are numbers, and the orientation is one."""
+    size = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
+    total = gyro[0] + gyro[1] + gyro[2]
+    for i in range(memory.joint.shape[0]):
+        total += q[memory.joint[i]] + dq[memory.joint[i]]
+    return abs(math.sqrt(size) - 1.0) <= QUATERNION_TOLERANCE and math.isfinite(total)
 
 
 def compare(memory: Packed) -> None:
@@ -73,7 +94,7 @@ def compare(memory: Packed) -> None:
     invariant_filter.correct(memory)
 
 
-def begin(memory: Packed) -> None:
+def begin(memory: Packed, dq) -> None:
     """World is midway between the soles, x the mean of their directions, z up; the legs say how fast the base is."""
     x, d, v, Ri = memory.x, memory.d, memory.v, memory.Ri
     ahead = side = 0.0
@@ -91,12 +112,7 @@ def begin(memory: Packed) -> None:
         x[k], d[0, k], d[1, k] = -0.5 * (first + second), 0.5 * (first - second), 0.5 * (second - first)
         v[k] = 0.0
     for foot in range(2):
-        for k in range(3):
-            memory.place[k] = memory.h[foot, k] + memory.imu[k]
-        a, b, c = velocity_at(memory.V[memory.ankle[foot]], memory.place)
-        # The base goes where the soles would come from; the IMU turns about the base with it.
-        w, r = memory.gyro, memory.imu
-        a, b, c = a - w[1] * r[2] + w[2] * r[1], b - w[2] * r[0] + w[0] * r[2], c - w[0] * r[1] + w[1] * r[0]
+        a, b, c = legs.sole_speed(memory, foot, dq)
         for k in range(3):
             v[k] -= 0.5 * rotate(memory.Rw, k, a, b, c)
     for a in range(SIZE):

@@ -88,20 +88,26 @@ def lever(memory: Packed, part) -> tuple[float, float, float]:
 def mix(P, B, R, g, dt) -> None:
     """``P = F P``; places before speeds before turns, so that each still finds what it depends on as it was."""
     for r in range(SOLE, GYRO):
+        less(P, r, GYRO, B[r, 0], B[r, 1], B[r, 2])
+    for k in range(3):
         for c in range(SIZE):
-            P[r, c] -= B[r, 0] * P[GYRO, c] + B[r, 1] * P[GYRO + 1, c] + B[r, 2] * P[GYRO + 2, c]
-    for r in range(PLACE, SOLE):
-        for c in range(SIZE):
-            P[r, c] += dt * P[r - 3, c] - B[r, 0] * P[GYRO, c] - B[r, 1] * P[GYRO + 1, c] - B[r, 2] * P[GYRO + 2, c]
+            P[PLACE + k, c] += dt * P[SPEED + k, c]
+        less(P, PLACE + k, GYRO, B[PLACE + k, 0], B[PLACE + k, 1], B[PLACE + k, 2])
     for k in range(3):
         r, s, t = SPEED + k, (k + 1) % 3, (k + 2) % 3
+        up, down = dt * g[s], dt * g[t]
         for c in range(SIZE):
-            force = R[k, 0] * P[ACC, c] + R[k, 1] * P[ACC + 1, c] + R[k, 2] * P[ACC + 2, c]
-            turn = B[r, 0] * P[GYRO, c] + B[r, 1] * P[GYRO + 1, c] + B[r, 2] * P[GYRO + 2, c]
-            P[r, c] += dt * (g[s] * P[t, c] - g[t] * P[s, c] - force) - turn
+            P[r, c] += up * P[t, c] - down * P[s, c]
+        less(P, r, GYRO, B[r, 0], B[r, 1], B[r, 2])
+        less(P, r, ACC, dt * R[k, 0], dt * R[k, 1], dt * R[k, 2])
     for r in range(SPEED):
-        for c in range(SIZE):
-            P[r, c] -= B[r, 0] * P[GYRO, c] + B[r, 1] * P[GYRO + 1, c] + B[r, 2] * P[GYRO + 2, c]
+        less(P, r, GYRO, B[r, 0], B[r, 1], B[r, 2])
+
+
+def less(P, r, bias, x, y, z) -> None:
+    """Row ``r`` of P less a mixture of the three rows of a bias."""
+    for c in range(SIZE):
+        P[r, c] -= x * P[bias, c] + y * P[bias + 1, c] + z * P[bias + 2, c]
 
 
 def add_noise(memory: Packed, dt, feels) -> None:
@@ -110,9 +116,9 @@ def add_noise(memory: Packed, dt, feels) -> None:
     # The columns of B are those of the gyro's error, times dt.
     share = noise[0] / dt
     for a in range(GYRO):
-        for b in range(a, GYRO):
-            P[a, b] += share * (B[a, 0] * B[b, 0] + B[a, 1] * B[b, 1] + B[a, 2] * B[b, 2])
-            P[b, a] = P[a, b]
+        x, y, z = share * B[a, 0], share * B[a, 1], share * B[a, 2]
+        for b in range(GYRO):
+            P[a, b] += x * B[b, 0] + y * B[b, 1] + z * B[b, 2]
     for k in range(3):
         P[SPEED + k, SPEED + k] += dt * speed
         P[GYRO + k, GYRO + k] += dt * noise[2]
