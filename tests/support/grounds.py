@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio, stance_q
-from models.spec import FLOOR_FRICTION
 from wholebody.robot.feet import Feet
 from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.robot_errors import RealisticPlant
 
 SUNK = 6e-4
 """How deep MuJoCo's soles are in the floor when they carry the robot [m]: all corners touch at once."""
@@ -25,10 +25,10 @@ class Ground(MujocoPlant):
         slope: Of the floor [rad]. direction: Towards which it rises, from x to y [rad].
         step: How much higher the left foot stands [m].
         turn: About the normal of each foot, both outwards [rad].
-        friction: Of the floor.
+        world: As of `MujocoPlant`.
     """
 
-    def __init__(self, spec, *, slope=0.0, direction=0.0, step=0.0, turn=0.0, friction=FLOOR_FRICTION):
+    def __init__(self, spec, *, slope=0.0, direction=0.0, step=0.0, turn=0.0, **world):
         floor = pin.exp3(slope * np.array([np.sin(direction), -np.cos(direction), 0.0]))
         quat = pin.Quaternion(floor).coeffs()[[3, 0, 1, 2]]
         model = load_pinocchio(spec)
@@ -40,7 +40,7 @@ class Ground(MujocoPlant):
                 middle = self.feet.poses[0].act(spec.feet[0].sole_center) - 0.5 * step * floor[:, 2]
                 sizes = (0.11, 0.06, 0.5 * step), middle, quat
                 Path(scene).write_text(SLAB.format(*(" ".join(f"{x:.12g}" for x in numbers) for numbers in sizes)))
-            super().__init__(spec, scene=scene, friction=friction)
+            super().__init__(spec, scene=scene, **world)
         ground = self.model.geom("floor")
         ground.quat, ground.pos = quat, -0.5 * step * floor[:, 2]
         # MuJoCo has compiled a level floor: neither its pose nor the boxes around it are to be taken from that.
@@ -50,6 +50,10 @@ class Ground(MujocoPlant):
         q[:3] -= SUNK * floor[:, 2]
         self._conversion.to_mujoco(q, zero, self.model.key_qpos[0], np.zeros(self.model.nv))
         self.reset()
+
+
+class RealisticGround(RealisticPlant, Ground):
+    """The same under a robot that differs from its model."""
 
 
 def feet_on(spec, model, floor, step=0.0, turn=0.0):
