@@ -11,7 +11,7 @@ motors   the lissajous with each of 29 motors at half of its torque
 pushes   largest impulse at the torso, 0.1 s, in 16 directions without a step, to 0.5 N s
 
 The realistic robot is that of `wholebody run --realistic`; each seed is another one. Cases are lines of JSON in the
-file, ``limits_TABLE.jsonl`` if not given; those that it has are not run again. At the end the table, worst of the seeds.
+file, ``limits_TABLE.jsonl`` if not given; those that it has are not run again. At the end the table, worst of seeds.
 """
 
 from __future__ import annotations
