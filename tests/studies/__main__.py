@@ -13,12 +13,15 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 from pathlib import Path
 
 PLANNING = ("100", "300", "x3")
 LOADS = ("reach", "ready", "change", "grasp", "hostile")
-SENSES = {"glitches": 20, "delay": 1, "realistic": 20, "hostile": 5, "friction": 40, "masses": 20, "slope": 40}
+SENSES = {"glitches": 20, "delay": 1, "realistic": 20, "hostile": 5, "friction": 40, "masses": 20, "ground": 40}
 """Studies of `benchmarks/senses.py`, and how many seeds each has."""
+LIMITS, ROBOTS = ("loads", "slope", "delay", "friction", "model", "motors", "pushes"), {"true": 3, "realistic": 3}
+"""Tables of `benchmarks/limits.py`, and how many seeds each robot has there."""
 SAID = 12
 """Lines of a study that are printed."""
 
@@ -34,6 +37,8 @@ def studies() -> dict[str, list[str]]:
         found[f"loads-{family}"] = ["-m", "tests.studies.loads", family]
     for name, seeds in SENSES.items():
         found[f"senses-{name}"] = ["benchmarks/senses.py", name, "--seeds", "0", str(seeds)]
+    for table, (robot, seeds) in product(LIMITS, ROBOTS.items()):
+        found[f"limits-{table}-{robot}"] = ["benchmarks/limits.py", table, "--robot", robot, "--seeds", "0", str(seeds)]
     return found
 
 
