@@ -33,7 +33,7 @@ from tests.support.carried import still
 from tests.support.grounds import Ground, RealisticGround
 from tests.support.resumable import finished
 from wholebody.episode.run import EpisodeConfig, run_episode
-from wholebody.estimation.odometry import StandingOdometry
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.support_polygon import convex_polygon
@@ -84,7 +84,7 @@ def robot(
             return RealisticPlant(SPEC, RobotErrors(seed=seed, **errors), **world), sensors
         return (Ground if on else MujocoPlant)(SPEC, **world), sensors
     readings = replace(REALISTIC_READINGS, seed=seed, delay=REALISTIC_READINGS.delay + delay)
-    sensors = Sensors(SPEC, readings, DT, StandingOdometry(SPEC, DT))
+    sensors = Sensors(SPEC, readings, DT, StateEstimator(SPEC))
     drawn = replace(REALISTIC_ROBOT, seed=seed, **(errors or {}))
     if "friction" in world:
         drawn = replace(drawn, floor_friction=world.pop("friction"))
