@@ -66,7 +66,7 @@ class Judge:
         self.given, self.simulation, self.sampling, self.judging = given, simulation, sampling, judging
         self.quiet, self.pages = quiet, pages
         self._checker = cache(lambda scene: make_checker(simulation, scene, quiet))
-        self._fast = cache(lambda: make_fast_checker(simulation, quiet))
+        self.fast = cache(lambda: make_fast_checker(simulation, quiet))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
         """What is to be judged, an episode each of a dataset, or the answer about what cannot be read."""
@@ -85,7 +85,7 @@ class Judge:
         try:
             policy = opened(name, self.given, **self.sampling.choices())
             if self.judging.fast:
-                seconds, start, checker = length(policy, self.given.duration), self.judging.starts(name), self._fast()
+                seconds, start, checker = length(policy, self.given.duration), self.judging.starts(name), self.fast()
                 with ours():
                     return _answer(checker.check(policy, name, seconds, start=start, ask_why=self.judging.why))
             checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
@@ -100,7 +100,7 @@ class Judge:
                 verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
                 if self.judging.why and verdict.verdict != "feasible":
                     verdict = replace(
-                        verdict, causes=self._fast().check(policy, name, seconds, start="stance", ask_why=True).causes
+                        verdict, causes=self.fast().check(policy, name, seconds, start="stance", ask_why=True).causes
                     )
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
@@ -118,7 +118,7 @@ class Judge:
             raise error
         # The other inputs must not meet the traces of a fault of ours.
         self._checker.cache_clear()
-        self._fast.cache_clear()
+        self.fast.cache_clear()
         return _told(name, sentence(error), CRASH)
 
 

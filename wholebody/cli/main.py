@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from wholebody.bench.commands import bench
+from wholebody.cli.commands.audit import audit
 from wholebody.cli.commands.check import check
 from wholebody.cli.commands.convert import convert
 from wholebody.cli.commands.doctor import doctor
@@ -27,7 +28,7 @@ from wholebody.cli.options import flat
 MISUSE = 2
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
-for command in (check, repair, run, live, plot, convert, layouts, spec, doctor, serve_policy, warmup, config):
+for command in (check, audit, repair, run, live, plot, convert, layouts, spec, doctor, serve_policy, warmup, config):
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
 

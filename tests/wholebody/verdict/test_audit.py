@@ -1,0 +1,145 @@
+"""Strategy: processes and journal with inputs that sleep and die; then the command itself on real chunks, killed in the
+middle and gone on with, against the same that was left alone."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pyarrow.parquet
+import pytest
+
+from tests.support.audited import judging
+from tests.support.commands import wholebody
+from tests.support.pages import chunk_file
+from wholebody.errors import InputError
+from wholebody.verdict.audit.audit import audit
+from wholebody.verdict.audit.journal import NAME, Journal
+from wholebody.verdict.audit.lists import delete_settings, slow_down, to_delete
+from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.workers import outcomes
+
+TABLES = ("episodes.parquet", "violations.parquet")
+ASKED = {"fps": 30.0}
+
+
+def outcome(name, answer="feasible", **more):
+    verdict = {"verdict": answer, "fell": False, "moved_max_m": 0.0, "moved_turn_max_rad": 0.0, "violations": []}
+    return Outcome(name=name, ending="judged", verdict=verdict, motion_s=2.0, **more)
+
+
+def test_a_process_that_dies_is_replaced_and_its_input_done(tmp_path):
+    names = ["a", f"die_once:{tmp_path / 'died'}", "b", "c"]
+    found = {one.name: one for one in outcomes(names, judging, jobs=2, limit=60.0)}
+    assert found.keys() == set(names)
+    assert {one.ending for one in found.values()} == {"judged"}
+
+
+def test_an_input_that_kills_its_process_and_one_that_takes_too_long_are_told():
+    names = ["die:", "sleep:600", "a"]
+    found = {one.name: one for one in outcomes(names, judging, jobs=3, limit=1.0, loading=2.0)}
+    endings = {name: one.ending for name, one in found.items()}
+    assert endings == {"die:": "crashed", "sleep:600": "timed_out", "a": "judged"}
+    assert "within 1 s" in found["sleep:600"].message
+
+
+def test_wrong_options_end_an_audit():
+    with pytest.raises(InputError, match="these options are wrong"):
+        list(outcomes(["a", "wrong:"], judging, jobs=1, limit=60.0))
+
+
+def test_a_journal_forgets_half_a_line_and_nothing_else(tmp_path):
+    journal = Journal(tmp_path, ASKED)
+    for name in "ab":
+        journal.add(outcome(name))
+    journal.close()
+    path = tmp_path / NAME
+    path.write_bytes(path.read_bytes()[:-9])
+    again = Journal(tmp_path, ASKED)
+    assert list(again.done) == ["a"]
+    again.add(outcome("b"))
+    again.close()
+    assert Journal(tmp_path, ASKED).done == {name: outcome(name) for name in "ab"}
+
+
+def test_a_journal_of_other_settings_is_not_gone_on_with(tmp_path):
+    Journal(tmp_path, ASKED).close()
+    with pytest.raises(InputError, match=r"other settings \(fps\).*--to"):
+        Journal(tmp_path, {"fps": 60.0})
+
+
+def test_an_input_that_changed_is_judged_again(tmp_path):
+    (tmp_path / "a.npz").write_text("1")
+    names, judged = [str(tmp_path / name) for name in ("a.npz", "b.npz")], []
+
+    def judge(left):
+        judged.append(list(left))
+        return map(outcome, left)
+
+    audit(names, tmp_path / "to", judge, asked=ASKED)
+    (tmp_path / "a.npz").write_text("12")
+    audit(names, tmp_path / "to", judge, asked=ASKED)
+    assert judged == [names, names[:1]]
+
+
+def test_lists_have_what_no_speed_makes_feasible_and_what_one_does():
+    found = [
+        outcome("set#0"),
+        outcome("set#1", "infeasible"),
+        outcome("set#2", "infeasible", slower=1.6),
+        outcome("set#3", "feasible_after_repair"),
+        Outcome(name="set#4", ending="malformed"),
+        outcome("motion.csv", "infeasible"),
+    ]
+    assert to_delete(found) == {"set": [1, 4]}
+    assert slow_down(found) == [{"source": "set", "episode": 2, "slower": 1.6}]
+    assert delete_settings("a/set", [1, 4])["operation"] == {"type": "delete_episodes", "episode_indices": [1, 4]}
+
+
+@pytest.fixture(scope="module")
+def chunks(tmp_path_factory):
+    """A folder with chunks that are fine, too fast and too far, and one that is none."""
+    folder = tmp_path_factory.mktemp("chunks")
+    for name in ("fine", "too_fast", "too_far"):
+        chunk_file(folder, name)
+    (folder / "broken.npz").write_bytes(b"no archive")
+    return folder
+
+
+def rows(folder):
+    return [pyarrow.parquet.read_table(folder / name).to_pylist() for name in TABLES]
+
+
+def test_an_audit_that_is_killed_and_gone_on_with_equals_one_that_is_not(chunks, tmp_path):
+    whole = wholebody("audit", str(chunks), "--to", str(tmp_path / "whole"), "-j", "2")
+    assert whole.returncode == 2, whole.stderr
+    killed = tmp_path / "killed"
+    code = "from wholebody.cli.main import main; main()"
+    arguments = [sys.executable, "-c", code, "audit", str(chunks), "--to", str(killed), "-j", "1"]
+    process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    journal, end = killed / NAME, time.monotonic() + 200.0
+    while not (journal.exists() and journal.read_bytes().count(b"\n") >= 3) and time.monotonic() < end:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    before = journal.read_bytes()
+    assert not (killed / TABLES[0]).exists()
+    done = wholebody("audit", str(chunks), "--to", str(killed), "-j", "2")
+    assert done.returncode == 2, done.stderr
+    assert rows(killed) == rows(tmp_path / "whole")
+    # Nothing is done twice, and what was done is as it was.
+    assert journal.read_bytes().startswith(before[: before.rfind(b"\n") + 1])
+    names = [json.loads(line)["name"] for line in journal.read_bytes().splitlines()[1:]]
+    assert sorted(names) == sorted(str(path) for path in chunks.iterdir())
+    episodes, violations = rows(killed)
+    answers = {row["name"].rpartition("/")[2]: (row["answer"], row["slower"]) for row in episodes}
+    assert answers == {
+        "broken.npz": ("malformed", None),
+        "fine.npz": ("feasible", None),
+        "too_far.npz": ("infeasible", None),
+        "too_fast.npz": ("infeasible", 2.0),
+    }
+    assert {row["code"] for row in violations} >= {"out_of_reach"}
+    assert "too_far.npz" in (killed / "index.html").read_text()

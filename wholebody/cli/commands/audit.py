@@ -1,0 +1,114 @@
+"""``wholebody audit``: datasets, motions and chunks by the thousand."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer import Option
+
+from wholebody.cli.auditing import Audited, make_judging
+from wholebody.cli.console import say
+from wholebody.cli.judging import CRASH, FEASIBLE, INFEASIBLE, MALFORMED
+from wholebody.cli.sources import expanded
+
+if TYPE_CHECKING:
+    from wholebody.verdict.audit.outcome import Outcome
+
+JOBS_MAX = 256
+"""Most processes side by side."""
+LIMIT_MIN, LIMIT_MAX = 1.0, 86400.0
+"""Bounds of the time that an input may take [s]; definition: a day."""
+TOLD_EVERY = 3.0
+"""Time between two lines of progress [s]; chosen, no trial is on record."""
+CODES = {"crashed": CRASH, "timed_out": INFEASIBLE, "malformed": MALFORMED, "infeasible": INFEASIBLE}
+
+
+def audit(
+    *,
+    inputs: Annotated[
+        list[str],
+        typer.Argument(help="LeRobot datasets, folders of motions or chunks, motions .csv, chunks .npz."),
+    ],
+    to: Annotated[Path, Option("--to", help="Folder of the answers; what was interrupted goes on.")] = Path("audit"),
+    audited: Audited,
+    jobs: Annotated[int, Option("--jobs", "-j", help="Processes, each with 0.4 GB of memory; 0: one a core.")] = 0,
+    limit: Annotated[float, Option("--limit", help="Seconds that an input may take.")] = 600.0,
+) -> None:
+    """Judge datasets, motions and chunks on all cores: tables, a ranked page, what to delete and what to slow down.
+
+    Exit code 0 all feasible (repaired ones too), 1 any not, 2 any malformed, 3 a fault of wholebody itself.
+    """
+    from wholebody.verdict.audit import audit as audits
+    from wholebody.verdict.audit.workers import outcomes
+
+    if not 0 <= jobs <= JOBS_MAX:
+        raise ValueError(f"-j is {jobs}; 0 to {JOBS_MAX} inputs can be judged side by side")
+    if not LIMIT_MIN <= limit <= LIMIT_MAX:
+        raise ValueError(f"--limit is {limit:g} s; {LIMIT_MIN:g} to {LIMIT_MAX:g} s is expected")
+    names = list(dict.fromkeys(one for name in inputs for one in expanded(name, audited.episodes)))
+    if not names:
+        raise ValueError("there is nothing to audit")
+    asked = asdict(audited) | {"config": audited.config.read_text() if audited.config else ""}
+    asked.pop("episodes")
+    # Arithmetic of an input has one thread; there are as many processes as cores.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    judge = partial(outcomes, make=partial(make_judging, audited), jobs=jobs or cores(), limit=limit)
+    try:
+        found = audits.audit(names, to, judge, asked=asked, progress=_Progress())
+    except KeyboardInterrupt:
+        say(f"interrupted; the same command goes on where it was ({to})", to_errors=True)
+        raise typer.Exit(130) from None
+    say(*_summary(found, to))
+    raise typer.Exit(max((CODES.get(one.answer, FEASIBLE) for one in found), default=FEASIBLE))
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
+    from collections import Counter
+
+    from wholebody.verdict.audit.lists import to_delete
+    from wholebody.verdict.audit.summary import PAGE, RANK
+
+    answers = Counter(one.answer for one in found)
+    counts = ", ".join(f"{answers[name]} {name.replace('_', ' ')}" for name in RANK if answers[name])
+    yield f"{len(found)} inputs, {sum(one.motion_s for one in found) / 60.0:.1f} minutes of motion: {counts}"
+    slower = sum(one.slower is not None for one in found)
+    delete = sum(map(len, to_delete(found).values()))
+    yield f"{slower} would do slower, {delete} episodes of datasets to delete; {folder / PAGE} ranks them"
+
+
+class _Progress:
+    """How far an audit is, and how long it takes still."""
+
+    def __init__(self) -> None:
+        self._begin, self._told, self._first, self._motion = monotonic(), -TOLD_EVERY, 0, 0.0
+
+    def __call__(self, done: int, count: int, outcome: Outcome) -> None:
+        self._first, self._motion = self._first or done, self._motion + outcome.motion_s
+        now = monotonic() - self._begin
+        if now - self._told < TOLD_EVERY and done < count:
+            return
+        self._told = now
+        judged = done - self._first + 1
+        left = now / judged * (count - done)
+        text = f"{done} of {count}, {self._motion / 60.0:.1f} min of motion, about {_clock(left)} left"
+        sys.stderr.write(f"\r{text}   " if sys.stderr.isatty() else f"wholebody: {text}\n")
+        if sys.stderr.isatty() and done == count:
+            sys.stderr.write("\n")
+        sys.stderr.flush()
+
+
+def _clock(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"

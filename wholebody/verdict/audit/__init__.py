@@ -1,0 +1,1 @@
+"""Many inputs judged: on all cores, resumed after a kill, answers as tables, lists and a ranked page."""

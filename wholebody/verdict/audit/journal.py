@@ -1,0 +1,79 @@
+"""The journal of an audit: a line an input when it is done, so that after a kill nothing is lost or done twice."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from wholebody.errors import InputError
+from wholebody.verdict.audit.outcome import Outcome
+
+NAME = "journal.jsonl"
+
+
+class Journal:
+    """Lines of JSON: first what the audit was asked for, then an outcome each.
+
+    Args:
+        folder: Of the audit; made if it is not there.
+        asked: What answers depend on: a journal of anything else is not gone on with.
+
+    Attributes:
+        done: Outcomes by name.
+
+    Raises:
+        InputError: If there is a journal of something else, or a damaged one.
+        OSError: If it cannot be read or written.
+    """
+
+    def __init__(self, folder: str | Path, asked: Mapping[str, Any]) -> None:
+        self._path = Path(folder) / NAME
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        self.done: dict[str, Outcome] = {}
+        asked = json.loads(json.dumps(asked, sort_keys=True, default=str))
+        whole = self._read(asked)
+        self._file = self._path.open("r+b" if whole else "wb")
+        # A kill in the middle of a line leaves a part of it.
+        self._file.truncate(whole)
+        self._file.seek(whole)
+        if not whole:
+            self._write({"asked": asked})
+
+    def _read(self, asked: dict[str, Any]) -> int:
+        """Read what is there; how many bytes of it are whole lines."""
+        if not self._path.exists():
+            return 0
+        data = self._path.read_bytes()
+        whole = data.rfind(b"\n") + 1
+        for number, line in enumerate(data[:whole].splitlines()):
+            try:
+                told = json.loads(line)
+                if number:
+                    outcome = Outcome(**told)
+                    self.done[outcome.name] = outcome
+            except (ValueError, TypeError) as error:
+                raise InputError(f"{self._path} is damaged in line {number + 1}: {error}; delete it") from error
+            if not number and told.get("asked") != asked:
+                changed = sorted(key for key in asked if told.get("asked", {}).get(key) != asked[key])
+                raise InputError(
+                    f"{self._path} is of an audit with other settings ({', '.join(changed)}): name another folder "
+                    "with --to, or delete it"
+                )
+        return whole
+
+    def add(self, outcome: Outcome) -> None:
+        """Write an outcome; it is on the disk when this returns."""
+        self.done[outcome.name] = outcome
+        self._write(outcome.as_dict())
+
+    def _write(self, line: dict[str, Any]) -> None:
+        self._file.write(json.dumps(line, allow_nan=False).encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """Nothing is added any more."""
+        self._file.close()

@@ -1,0 +1,82 @@
+"""The outcomes of an audit on one page, the worst first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.page.index import listing
+
+PAGE = "index.html"
+RANK = ("crashed", "timed_out", "malformed", "infeasible", "feasible_after_repair", "feasible")
+ROWS_MAX = 2000
+"""Rows of the page; the tables have all of them."""
+TOLD = 3
+"""Violations of an input that are named."""
+HEADINGS = ("", "input", "what speaks against it", "moved by", "length", "slower")
+
+
+def ranked(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """What could not be judged first, then falls, then what is moved most."""
+
+    def rank(one: Outcome) -> tuple:
+        verdict = one.verdict or {"fell": False, "moved_max_m": 0.0, "violations": []}
+        return (RANK.index(one.answer), not verdict["fell"], -verdict["moved_max_m"], one.name)
+
+    return sorted(outcomes, key=rank)
+
+
+def write_summary(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
+    """Write the page.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    answers, motion = Counter(one.answer for one in outcomes), sum(one.motion_s for one in outcomes)
+    counts = ", ".join(f"{answers[name]} {name.replace('_', ' ')}" for name in RANK if answers[name])
+    codes = Counter(
+        v["code"]
+        for one in outcomes
+        if one.verdict
+        for v in {v["code"]: v for v in one.verdict["violations"] if v["severity"] != "note"}.values()
+    )
+    bars = "".join(_bar(code, count, len(outcomes)) for code, count in codes.most_common())
+    rows = "\n".join(map(_row, ranked(outcomes)[:ROWS_MAX]))
+    left = f"<p>The first {ROWS_MAX} of {len(outcomes)}.</p>" if len(outcomes) > ROWS_MAX else ""
+    heads = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+    body = (
+        f"<p>{len(outcomes)} inputs, {motion / 60.0:.1f} minutes of motion: {counts or 'nothing'}.</p>"
+        f"<table><tbody>{bars}</tbody></table><br>"
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{left}"
+    )
+    (Path(folder) / PAGE).write_text(listing("wholebody audit", body), encoding="utf-8")
+
+
+def _bar(code: str, count: int, total: int) -> str:
+    width = 100.0 * count / max(total, 1)
+    return (
+        f'<tr><td>{escape(code)}</td><td class="number">{count}</td>'
+        f'<td style="width:60%"><div class="bar" style="width:{width:.1f}%"></div></td></tr>'
+    )
+
+
+def _when(violation: dict) -> str:
+    time = violation["time"]
+    return violation["code"] if time is None else f"{violation['code']} at {time:.2f} s"
+
+
+def _row(one: Outcome) -> str:
+    verdict = one.verdict
+    answer = f'<span class="answer {one.answer}">{one.answer.replace("_", " ")}</span>'
+    why, moved = escape(one.message), ""
+    if verdict:
+        why = "; ".join(escape(_when(v)) for v in verdict["violations"][:TOLD] if v["severity"] != "note")
+        moved = f"{1e3 * verdict['moved_max_m']:.0f} mm, {np.degrees(verdict['moved_turn_max_rad']):.0f}°"
+    slower = "" if one.slower is None else f"{one.slower:.2f} ×"
+    numbers = "".join(f'<td class="number">{cell}</td>' for cell in (moved, f"{one.motion_s:.1f} s", slower))
+    return f"<tr><td>{answer}</td><td>{escape(one.name)}</td><td>{why}</td>{numbers}</tr>"

@@ -1,0 +1,98 @@
+"""The outcomes of an audit as tables: a row an input, a row a violation, in the order of the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from wholebody.errors import InputError
+from wholebody.verdict.audit.outcome import Outcome
+
+EPISODES, VIOLATIONS = "episodes.parquet", "violations.parquet"
+MISSING = "an audit needs the extra of that name: pip install 'g1-wholebody[audit]'"
+NUMBERS = (
+    *("rms_m", "max_m", "moved_max_m", "moved_turn_max_rad", "start_m", "start_rad", "approach_s", "time_factor"),
+    *("demandable_share", "within_20mm"),
+)
+"""Numbers of a verdict that are columns of `EPISODES`."""
+OF_VIOLATION = (
+    *(("code", "string"), ("severity", "string"), ("subject", "string"), ("time", "double"), ("step", "int64")),
+    *(("value", "double"), ("bound", "double"), ("unit", "string"), ("margin", "double")),
+)
+"""Columns of `VIOLATIONS` behind the input's, with their types."""
+
+
+def require_packages() -> None:
+    """Refuse to begin what could not be written.
+
+    Raises:
+        InputError: If the extra is not installed.
+    """
+    if not find_spec("pyarrow"):
+        raise InputError(MISSING)
+
+
+def whence(name: str) -> tuple[str, int | None]:
+    """File or dataset of an input, and which episode of it."""
+    folder, mark, number = name.rpartition("#")
+    return (folder, int(number)) if mark and number.isdecimal() else (name, None)
+
+
+def episode_row(outcome: Outcome) -> dict[str, Any]:
+    """A row of `EPISODES`."""
+    source, episode = whence(outcome.name)
+    verdict = outcome.verdict or {}
+    worst = next(iter(verdict.get("violations", ())), {})
+    tightest = next(iter(verdict.get("margins", ())), {})
+    return {
+        "name": outcome.name, "source": source, "episode": episode, "answer": outcome.answer,
+        "message": outcome.message, "motion_s": outcome.motion_s, "fell": verdict.get("fell"),
+        "method": verdict.get("method"), "decided_by": verdict.get("decided_by"), "slower": outcome.slower,
+        **{name: verdict.get(name) for name in NUMBERS},
+        "worst": worst.get("code"), "worst_time": worst.get("time"), "violations": len(verdict.get("violations", ())),
+        "tightest": tightest.get("code"), "tightest_share": tightest.get("share"),
+    }  # fmt: skip
+
+
+def violation_rows(outcome: Outcome) -> list[dict[str, Any]]:
+    """Rows of `VIOLATIONS`."""
+    source, episode = whence(outcome.name)
+    found = (outcome.verdict or {}).get("violations", ())
+    about = {"name": outcome.name, "source": source, "episode": episode}
+    return [about | {name: one[name] for name, _ in OF_VIOLATION} for one in found]
+
+
+def write_tables(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
+    """Write both tables.
+
+    Raises:
+        OSError: If one cannot be written.
+    """
+    _write(Path(folder) / EPISODES, _episodes_schema(), map(episode_row, outcomes))
+    rows = (row for outcome in outcomes for row in violation_rows(outcome))
+    _write(Path(folder) / VIOLATIONS, [*_INPUT, *OF_VIOLATION], rows)
+
+
+_INPUT = (("name", "string"), ("source", "string"), ("episode", "int64"))
+
+
+def _episodes_schema() -> list[tuple[str, str]]:
+    return [
+        *_INPUT,
+        *(("answer", "string"), ("message", "string"), ("motion_s", "double"), ("fell", "bool")),
+        *(("method", "string"), ("decided_by", "string"), ("slower", "double")),
+        *((name, "double") for name in NUMBERS),
+        *(("worst", "string"), ("worst_time", "double"), ("violations", "int64")),
+        *(("tightest", "string"), ("tightest_share", "double")),
+    ]
+
+
+def _write(path: Path, columns: Sequence[tuple[str, str]], rows: Iterable[dict[str, Any]]) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    types = {"double": pyarrow.float64(), "int64": pyarrow.int64(), "string": pyarrow.string(), "bool": pyarrow.bool_()}
+    schema = pyarrow.schema([(name, types[kind]) for name, kind in columns])
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(list(rows), schema=schema), path)
