@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from wholebody.verdict.audit.outcome import Outcome
 
 SLOWER = (1.25, 1.6, 2.0, 3.0, 4.0)
-"""Factors on the time of an input that are tried, the least that does is told; chosen: steps of a quarter."""
+"""Each a factor on the time of an input; of those that do the least is told; chosen: steps of a quarter."""
 
 
 @dataclass(frozen=True)
