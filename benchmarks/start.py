@@ -1,8 +1,9 @@
 """How long it takes from the first import to the first tick; the compile cache is warm (`wholebody warmup`).
 
-    python benchmarks/start.py [--repeats 5]
+    python benchmarks/start.py [--repeats 5] [--check CHUNK.npz]
 
-Elapsed time since the start of the import, in fresh interpreters [s].
+Elapsed time since the start of the import, and CPU time, in fresh interpreters [s]. With ``--check``, in turn with it,
+the same of ``wholebody check`` on a chunk file: until its plans have said what they say, and the first simulated tick.
 """
 
 from __future__ import annotations
@@ -14,27 +15,51 @@ import sys
 
 import numpy as np
 
+BEGIN = """
+from time import perf_counter, process_time
+def now():
+    return perf_counter(), process_time()
+times = [now()]
+"""
+END = """
+print([[now - begin for now, begin in zip(time, times[0])] for time in times[1:]])
+"""
 STEPS = ("import wholebody", "modules", "robot and controller", "first tick")
-
-ONCE = """
-from time import perf_counter
-times = [perf_counter()]
+LOOP = """
 import wholebody
-times.append(perf_counter())
+times.append(now())
 import numpy as np
 from models import g1
 from models.pinocchio_model import stance_q
 from wholebody.execution.supervisor import Supervisor
 from wholebody.types import RobotState
-times.append(perf_counter())
+times.append(now())
 spec = g1()
 supervisor = Supervisor(spec)
-times.append(perf_counter())
+times.append(now())
 state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
 supervisor.reset(state)
 supervisor.step(state)
-times.append(perf_counter())
-print([time - times[0] for time in times[1:]])
+times.append(now())
+"""
+CHECK_STEPS = ("check: its command", "check: ready to plan", "check: fast answer", "check: first simulated tick")
+CHECK = """
+import wholebody.cli.main
+from wholebody.cli.judging import Judge
+from wholebody.cli.options import Input, Judging, Sampling, Simulation
+from wholebody.cli.sources import opened
+judge, policy = Judge(Input(), Simulation(), Sampling(), Judging(), quiet=True), opened(FILE, Input())
+times.append(now())
+fast = judge.fast()
+times.append(now())
+fast.check(policy, FILE, policy.duration)
+times.append(now())
+from wholebody.verdict.trial import first_state
+checker = judge._checker("floor")
+state = checker.plant.reset(first_state(fast, policy))
+checker.supervisor.reset(state)
+checker.supervisor.step(state)
+times.append(now())
 """
 
 
@@ -42,15 +67,25 @@ def main() -> None:
     """Print a table in Markdown."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--repeats", type=int, default=5)
-    runs = [_run() for _ in range(parser.parse_args().repeats)]
-    print("| Until | median | least | most |\n|---|---|---|---|")
-    for name, times in zip(STEPS, np.array(runs).T, strict=True):
-        print(f"| {name} | {np.median(times):.3f} | {times.min():.3f} | {times.max():.3f} |")
+    parser.add_argument("--check", default="", metavar="CHUNK.npz")
+    chosen = parser.parse_args()
+    programs = [(STEPS, LOOP)]
+    if chosen.check:
+        programs.append((CHECK_STEPS, f"FILE = {chosen.check!r}\n{CHECK}"))
+    # In turn, so that both see the same load.
+    runs = [[_run(program) for _, program in programs] for _ in range(chosen.repeats)]
+    print("| Until | median | least | most | CPU time, median |\n|---|---|---|---|---|")
+    for k, (steps, _) in enumerate(programs):
+        spent = np.array([run[k] for run in runs])
+        for i, name in enumerate(steps):
+            times, cpu = spent[:, i].T
+            print(f"| {name} | {np.median(times):.3f} | {times.min():.3f} | {times.max():.3f} | {np.median(cpu):.3f} |")
 
 
-def _run() -> list[float]:
-    answer = subprocess.run([sys.executable, "-W", "ignore", "-c", ONCE], capture_output=True, text=True, check=True)
-    return json.loads(answer.stdout)
+def _run(program: str) -> list[list[float]]:
+    """Elapsed and CPU time until each step [s]."""
+    command = [sys.executable, "-W", "ignore", "-c", BEGIN + program + END]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
 if __name__ == "__main__":

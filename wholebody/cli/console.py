@@ -97,7 +97,7 @@ def waiting(text: str, quiet: bool = False) -> Iterator[None]:
         with Console(stderr=True, markup=False).status(printable(text)):
             yield
     else:
-        with _heartbeat(lambda seconds: f"{text} ({seconds:.0f} s)"):
+        with heartbeat(lambda seconds: f"{text} ({seconds:.0f} s)"):
             yield
 
 
@@ -120,7 +120,7 @@ def progress_bar(
             yield lambda time, end: bar.update(task, completed=time / end, description=escape(printable(name, 200)))
     else:
         lines = _DrawingLines(name) if drawing else _ProgressLines(name)
-        with _heartbeat(lines.line):
+        with heartbeat(lines.line):
             yield lines.update
 
 
@@ -153,8 +153,11 @@ class _DrawingLines:
 
 
 @contextmanager
-def _heartbeat(line: Callable[[float], str]) -> Iterator[None]:
+def heartbeat(line: Callable[[float], str], *, quiet: bool = False) -> Iterator[None]:
     """A line on standard error every `HEARTBEAT` seconds, made of the seconds since the beginning."""
+    if quiet:
+        yield
+        return
     begin, over = monotonic(), Event()
 
     def beat() -> None:

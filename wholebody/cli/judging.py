@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stderr
@@ -15,12 +16,13 @@ from multiprocessing import get_context
 from signal import SIG_DFL, SIGINT, signal
 from typing import TYPE_CHECKING
 
-from wholebody.cli.console import complain, log_to_terminal, progress_bar, waiting
-from wholebody.cli.crash import CRASH, ours, sentence
+from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
+from wholebody.cli.crash import CRASH, CrashError, ours, sentence
 from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker
 from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
+    from policy.base import Policy
     from wholebody.cli.options import Input, Judging, Sampling, Simulation
     from wholebody.cli.pages import Pages
     from wholebody.verdict.verdict import Verdict
@@ -65,8 +67,10 @@ class Judge:
     ) -> None:  # fmt: skip
         self.given, self.simulation, self.sampling, self.judging = given, simulation, sampling, judging
         self.quiet, self.pages = quiet, pages
-        self._checker = cache(lambda scene: make_checker(simulation, scene, quiet))
-        self.fast = cache(lambda: make_fast_checker(simulation, quiet))
+        self._first = not judging.as_given
+        follow = "as_given" if judging.as_given else "planned"
+        self._checker = cache(lambda scene: make_checker(simulation, scene, quiet, follow))
+        self.fast = cache(lambda: make_fast_checker(simulation, quiet, alone=judging.fast))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
         """What is to be judged, an episode each of a dataset, or the answer about what cannot be read."""
@@ -76,8 +80,12 @@ class Judge:
             except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
                 yield self._failed(name, error)
 
-    def answer(self, name: str) -> Answer:
-        """Judge an input.
+    def answer(self, name: str, title: str = "") -> Answer:
+        """Judge an input: by its plans, and then in a simulation, if that is wanted.
+
+        Args:
+            name: As a user named it.
+            title: What to call it while it is simulated.
 
         Raises:
             WholebodyError, RobotSpecError, ValueError: If the options are wrong, which they are for every input.
@@ -85,26 +93,68 @@ class Judge:
         try:
             policy = opened(name, self.given, **self.sampling.choices())
             if self.judging.fast:
-                seconds, start, checker = length(policy, self.given.duration), self.judging.starts(name), self.fast()
-                with ours():
-                    return _answer(checker.check(policy, name, seconds, start=start, ask_why=self.judging.why))
-            checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
-            seconds = length(policy, self.given.duration)
-            with (
-                cameras_of(policy, checker, self.given.images) as cameras,
-                progress_bar(name, quiet=self.quiet) as progress,
-                ours(),
-            ):
-                if self.pages is not None:
-                    return _answer(self.pages.check(checker, policy, name, seconds, cameras, progress))
-                verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
-                if self.judging.why and verdict.verdict != "feasible":
-                    verdict = replace(
-                        verdict, causes=self.fast().check(policy, name, seconds, start="stance", ask_why=True).causes
-                    )
+                return _answer(self._planned(policy, name, why=self.judging.why))
+            verdict = self._simulated(policy, name, title or name)
+            if self.judging.why and self.pages is None and verdict.verdict != "feasible":
+                asked = self._planned(policy, name, why=True)
+                verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do, tick=asked.tick)
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
         return _answer(verdict)
+
+    def _planned(self, policy: Policy, name: str, *, why: bool) -> Verdict:
+        """The fast check."""
+        seconds, start, fast = length(policy, self.given.duration), self.judging.starts(name), self.fast()
+        with ours():
+            return fast.check(policy, name, seconds, start=start, ask_why=why)
+
+    def _foretold(self, policy: Policy, name: str) -> Verdict | None:
+        """The fast check before a simulation; None where a chunk cannot be planned, which the simulation tells."""
+        from wholebody.errors import PlanningError
+
+        try:
+            return self._planned(policy, name, why=False)
+        except CrashError as error:
+            if isinstance(error.__cause__, PlanningError):
+                return None
+            raise
+
+    def _simulated(self, policy: Policy, name: str, title: str) -> Verdict:
+        """The simulated check, after the fast one where asking twice is free: of sources that do not see the robot."""
+        from wholebody.verdict.trial import first_state
+
+        checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
+        seconds, begin, first = length(policy, self.given.duration), None, None
+        planned, placed = self._first and not policy.sees_robot, self.judging.starts(name) == "first"
+        fast = self.fast() if planned or placed else None
+        with waiting(f"planning {title}", self.quiet):
+            if planned:
+                first = self._foretold(policy, name)
+                title += f", {first.verdict.replace('_', ' ')} by its plans" if first else ""
+            if placed:
+                with ours():
+                    begin = first_state(fast, policy)
+        checker.episode = replace(checker.episode, begin=begin)
+        with (
+            cameras_of(policy, checker, self.given.images) as cameras,
+            progress_bar(title, quiet=self.quiet) as progress,
+            ours(),
+        ):
+            if self.pages is not None:
+                verdict = self.pages.check(checker, policy, name, seconds, cameras, progress)
+            else:
+                verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
+        if first is None:
+            return verdict
+        return replace(verdict, fast=first.verdict, decided_by=first.decided_by, margins=first.margins)
+
+    def in_world(self, name: str, seed: int) -> Answer:
+        """Judge an input in the realistic world of a seed."""
+        simulation = replace(self.simulation, realistic=True, robot_seed=seed)
+        judge = Judge(self.given, simulation, self.sampling, replace(self.judging, why=False), quiet=True)
+        # Plans know nothing of the world: what they say is said once.
+        judge.fast, judge._first = self.fast, False
+        return judge.answer(name)
 
     def _failed(self, name: str, error: Exception) -> Answer:
         """Say what is wrong with an input; what is wrong with the options is raised again."""
@@ -133,24 +183,62 @@ def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
     Raises:
         WholebodyError, RobotSpecError, ValueError: If the options are wrong.
     """
-    names = judge.names(inputs)
-    if jobs == 1:
-        yield from (judge.answer(name) if isinstance(name, str) else name for name in names)
+    names, judging = list(judge.names(inputs)), judge.judging
+    if jobs == 1 and not judging.worlds:
+        yield from _one_by_one(judge, names)
         return
-    options = (judge.given, judge.simulation, judge.sampling, judge.judging, judge.pages)
+    seeds = range(judge.simulation.robot_seed, judge.simulation.robot_seed + judging.worlds)
+    jobs = max(jobs, len(os.sched_getaffinity(0))) if judging.worlds else jobs
+    options = (judge.given, judge.simulation, judge.sampling, judging, judge.pages)
     # Fresh interpreters: threads of libraries do not survive a fork.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=options)
     try:
-        waiting = [(name, pool.submit(_judge_apart, name) if isinstance(name, str) else name) for name in names]
-        for name, answer in waiting:
-            yield _come(name, answer, judge.quiet) if isinstance(answer, Future) else answer
+        tasks = [
+            [pool.submit(_judge_apart, name, seed) for seed in (None, *seeds)] if isinstance(name, str) else name
+            for name in names
+        ]
+        for k, (name, task) in enumerate(zip(names, tasks, strict=True)):
+            title = _title(name, k, len(names))
+            yield _together(name, title, task, seeds, judge.quiet) if isinstance(task, list) else task
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _come(name: str, future: Future[Answer], quiet: bool) -> Answer:
+def _one_by_one(judge: Judge, names: Sequence[str | Answer]) -> Iterator[Answer]:
+    """Answers in this process; how many there are of them is said while one is simulated, or they are planned."""
+    count = 0
+
+    def line(seconds: float) -> str:
+        return f"judged {count} of {len(names)} ({seconds:.0f} s)"
+
+    # What is simulated has a line of its own, with the number of the input.
+    with heartbeat(line, quiet=judge.quiet or not judge.judging.fast or len(names) == 1):
+        for count, name in enumerate(names):
+            yield judge.answer(name, _title(name, count, len(names))) if isinstance(name, str) else name
+
+
+def _title(name: str | Answer, k: int, n: int) -> str:
+    return f"{name} ({k + 1} of {n})" if n > 1 else str(name)
+
+
+def _together(name: str, title: str, tasks: Sequence[Future[Answer]], seeds: Sequence[int], quiet: bool) -> Answer:
+    """The answer about an input, with what became of it in worlds."""
+    from wholebody.verdict.worlds import in_worlds
+
+    answer, *others = (
+        _come(name, task, quiet, f"{title}, world {k} of {len(seeds)}" if k else title) for k, task in enumerate(tasks)
+    )
+    found = [other.verdict for other in others]
+    if answer.verdict is None or not found:
+        return answer
+    if None in found:
+        return _told(name, "could not be judged in every world", max(other.code for other in others))
+    return replace(_answer(in_worlds(answer.verdict, seeds, found)), said=answer.said)
+
+
+def _come(name: str, future: Future[Answer], quiet: bool, title: str = "") -> Answer:
     try:
-        with waiting(f"judging {name} and those after it", quiet):
+        with waiting(f"judging {title or name} and those after it", quiet):
             answer = future.result()
     except BrokenProcessPool:
         return _told(name, BROKEN, CRASH)
@@ -168,7 +256,7 @@ def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Ju
     _judge = Judge(given, simulation, sampling, judging, quiet=True, pages=pages)
 
 
-def _judge_apart(name: str) -> Answer:
+def _judge_apart(name: str, seed: int | None = None) -> Answer:
     from models.spec import RobotSpecError
     from wholebody.errors import WholebodyError
 
@@ -178,10 +266,11 @@ def _judge_apart(name: str) -> Answer:
         logging.root.handlers.clear()
         log_to_terminal()
         try:
-            answer = _judge.answer(name)
+            answer = _judge.answer(name) if seed is None else _judge.in_world(name, seed)
         except (WholebodyError, RobotSpecError, ValueError) as error:
             answer = Answer(MALFORMED, misuse=str(error))
-    return replace(answer, said=said.getvalue())
+    # Of worlds only the first one says what there is to say.
+    return replace(answer, said="" if seed is not None and answer.verdict is not None else said.getvalue())
 
 
 def _answer(verdict: Verdict) -> Answer:

@@ -64,8 +64,13 @@ def _sensors(options: Simulation) -> SensorConfig | None:
     return replace(errors, delay=1e-3 * options.delay_ms, seed=options.robot_seed)
 
 
-def make_fast_checker(options: Simulation, quiet: bool = False) -> FastChecker:
-    """What judges by plans alone; says that it takes a while unless quiet.
+def make_fast_checker(options: Simulation, quiet: bool = False, *, alone: bool = True) -> FastChecker:
+    """What judges by plans; says that it takes a while unless quiet.
+
+    Args:
+        options: As given.
+        quiet: Without a note.
+        alone: Whether nothing is simulated beside.
 
     Raises:
         ConfigError: If the settings file is malformed.
@@ -78,7 +83,7 @@ def make_fast_checker(options: Simulation, quiet: bool = False) -> FastChecker:
         "--delay-ms": options.delay_ms,
         "--payload-kg": any(options.payload_kg) and not options.payload_known,
     }
-    if simulated := [name for name, given in asked.items() if given]:
+    if alone and (simulated := [name for name, given in asked.items() if given]):
         raise ValueError(f"--fast simulates nothing, so {', '.join(simulated)} would say nothing; leave one out")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
         return FastChecker(_settings(options))

@@ -20,7 +20,6 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
-from wholebody.types import RobotState
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.gate import ChunkGate
 from wholebody.verdict.verdict import Follow, Verdict, judge
@@ -91,7 +90,6 @@ class Checker:
         cameras: Cameras | None = None,
         progress: Callable[[float, float], None] | None = None,
         recorder: Recorder | None = None,
-        begin: RobotState | None = None,
     ) -> tuple[Verdict, EpisodeResult]:
         """Judge a policy's episode.
 
@@ -102,7 +100,6 @@ class Checker:
             cameras: What the policy's cameras see, such as `wholebody.sim.cameras.RenderedCameras`; nothing if None.
             progress: See `run_episode`.
             recorder: See `run_episode`.
-            begin: Where the robot stands at first; in the stance if not given.
 
         Raises:
             InputError: If the duration is negative or longer than six hours.
@@ -116,7 +113,7 @@ class Checker:
             self.supervisor,
             self.plant,
             duration=duration,
-            config=replace(self.episode, cameras=cameras or self.episode.cameras, begin=begin or self.episode.begin),
+            config=replace(self.episode, cameras=cameras or self.episode.cameras),
             sensors=self.sensors,
             recorder=recorder,
             progress=progress,

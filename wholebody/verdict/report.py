@@ -12,7 +12,7 @@ import numpy as np
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.quantity import quantity, said
-from wholebody.verdict.summaries import GateSummary
+from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
 from wholebody.verdict.why import Tick
@@ -93,12 +93,17 @@ def lines(verdict: Verdict) -> list[str]:
         text.append("  as given without plans, filters or gate: the whole-body program alone")
     if verdict.gate is not None:
         text.append(f"  gate     {_gate(verdict.gate)}")
+    if verdict.worlds is not None:
+        text.append(f"  worlds   {_worlds(verdict.worlds)}")
     if verdict.robot != "true":
         text.append(f"  robot    {verdict.robot}")
     margin = verdict.pressure_margin_m
     room = "" if margin is None else f"centre of pressure at least {1e3 * margin:.0f} mm inside the soles; "
     text.append(f"  balance  {room}feet slid {1e3 * verdict.creep_m:.1f} mm")
     text.append(f"  chunks   {verdict.timing.text()}")
+    if verdict.fast is not None:
+        by = "a preview" if verdict.decided_by == "preview" else "its plan"
+        text.append(f"  fast     {verdict.fast.replace('_', ' ')} by {by}, before anything was simulated")
     return text
 
 
@@ -150,6 +155,17 @@ def gist(verdict: Verdict) -> str:
         return next(said, "it cannot be done")
     said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
     return "done, but " + (", ".join(said) or "not as given")
+
+
+def _worlds(worlds: Worlds) -> str:
+    """In how many realistic worlds an input held."""
+    n, seeds = len(worlds.seeds), worlds.seeds
+    fell = f"; fell with seeds {', '.join(map(str, worlds.fell))}" if worlds.fell else "; none fell"
+    return (
+        f"{worlds.held} of {n} realistic worlds held, seeds {seeds[0]} to {seeds[-1]}: {100 * worlds.low:.1f} to "
+        f"{100 * worlds.high:.1f} % of all, with {100 * worlds.level:.0f} % confidence{fell}; palms "
+        f"{1e3 * worlds.max_m:.0f} mm off at most"
+    )
 
 
 def _gate(gate: GateSummary) -> str:

@@ -27,3 +27,29 @@ class GateSummary:
     moved_max_m: float
     turned_max_rad: float
     seconds_max: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worlds:
+    """What became of an input in realistic worlds: robots with errors, drawn from seeds, as with ``--realistic``.
+
+    Attributes:
+        seeds: Of each world.
+        verdicts: Of each world, in words.
+        fell: Seeds with which the robot fell.
+        held: In how many worlds it held: feasible, or after repair.
+        share: The same as a share.
+        low, high: Shares between which that of all such worlds lies, by Clopper and Pearson.
+        level: Confidence of that.
+        max_m: Largest palm error in any of them [m].
+    """
+
+    seeds: tuple[int, ...]
+    verdicts: tuple[str, ...]
+    fell: tuple[int, ...]
+    held: int
+    share: float
+    low: float
+    high: float
+    level: float
+    max_m: float

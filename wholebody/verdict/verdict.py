@@ -16,7 +16,7 @@ from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.verdict.approach import approach_steps
-from wholebody.verdict.summaries import GateSummary
+from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
 from wholebody.verdict.why import Tick, Why, WouldDo
 
@@ -65,8 +65,10 @@ class Verdict:
         method: ``simulated``, or ``fast``: by plans alone.
         follow: How chunks were followed: ``planned``, ``gated``: those that the gate let through, or ``as_given``.
         gate: What the gate made of them; None without one.
-        decided_by: Of a fast one, whether previews told, or plans had to be searched for; else empty.
-        margins: Of a fast one, the least room to each kind of bound, the tightest first.
+        fast: Of a simulated one, what the fast check had said before; None where there was none.
+        worlds: What became of it in realistic worlds, where it was asked for; else None.
+        decided_by: By the fast check, whether previews told, or plans had to be searched for; else empty.
+        margins: By the fast check, the least room to each kind of bound, the tightest first.
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
         would_do: Single changes of that chunk, each of which makes it feasible by its plan.
         tick: What the tick's program says of that chunk's hands as given; None where they lack nothing.
@@ -103,6 +105,8 @@ class Verdict:
     method: Literal["simulated", "fast"] = "simulated"
     follow: Follow = "planned"
     gate: GateSummary | None = None
+    fast: Answer | None = None
+    worlds: Worlds | None = None
     decided_by: Literal["", "preview", "plan"] = ""
     margins: list[Margin] = field(default_factory=list)
     causes: list[Why] = field(default_factory=list)

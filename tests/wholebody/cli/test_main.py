@@ -14,6 +14,7 @@ from tests.support.hostile_files import write_scene
 from wholebody.cli.commands import run as run_command
 from wholebody.cli.simulated import SCENE_OF
 from wholebody.cli.sources import NO_END
+from wholebody.episode.run import EpisodeConfig
 from wholebody.episode.timing import Timing
 from wholebody.errors import InputError
 from wholebody.resources import verdict_schema
@@ -178,7 +179,7 @@ def test_a_run_in_which_the_policy_did_nothing_is_no_success(inside, monkeypatch
 class Breaking:
     """A checker with a fault of its own in the first input, as numpy and Python raise them; `made` counts them."""
 
-    made = 0
+    made, episode = 0, EpisodeConfig()
 
     def __init__(self, error):
         self.error = error
@@ -195,6 +196,8 @@ class Breaking:
 )
 def test_7_a_crash_of_ours_has_code_3_and_one_sentence_and_the_other_inputs_are_judged(inside, monkeypatch, error):
     """It used to end with code 1, that of "infeasible", a traceback, and no verdict on what came after it."""
+    planned = SimpleNamespace(check=lambda *_, **__: Verdict(name="", verdict="feasible", fell=False))
+    monkeypatch.setattr("wholebody.cli.judging.make_fast_checker", lambda *_, **__: planned)
     monkeypatch.setattr("wholebody.cli.judging.make_checker", lambda *_: Breaking(error))
     Breaking.made = 0
     answer = inside("check", "reach", "wave")

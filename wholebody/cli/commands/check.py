@@ -15,6 +15,8 @@ from wholebody.cli.simulated import check_times
 
 JOBS_MAX = 256
 """Most processes side by side."""
+WORLDS_MAX = 1000
+"""Most realistic worlds of an input."""
 
 
 def check(
@@ -41,6 +43,10 @@ def check(
     check_places(json_to)
     if not 1 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 1 to {JOBS_MAX} inputs can be judged side by side")
+    if not 0 <= judging.worlds <= WORLDS_MAX:
+        raise ValueError(f"--worlds is {judging.worlds}; 0 to {WORLDS_MAX} can be simulated")
+    if judging.fast and (judging.worlds or judging.as_given):
+        raise ValueError("--fast simulates nothing, so --worlds and --as-given would say nothing; leave one out")
     quiet, worst, verdicts = json_to == "-", FEASIBLE, []
     judge = Judge(given, simulation, sampling, judging, quiet=quiet)
     if report is not None:

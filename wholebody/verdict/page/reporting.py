@@ -47,7 +47,8 @@ def report(
     record, config, ghost = recorder.record(), checker.supervisor.config, None
     if verdict.verdict != "feasible":
         fast = FastChecker(config)
-        asked = fast.check(policy, name, duration, start="stance", ask_why=True)
+        start = "stance" if checker.episode.begin is None else "first"
+        asked = fast.check(policy, name, duration, start=start, ask_why=True)
         verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do)
         ghost = repaired(fast, watched.chunks, record, verdict, result.orientation_free)
     write_page(path, Shown(verdict, record, checker.supervisor.spec, config, command, ghost, result.start))
