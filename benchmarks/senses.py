@@ -51,6 +51,7 @@ class Told(Supervisor):
         turn: Of the true state, about the origin of world, into what the IMU says.
         own: Distances of the palms by the measured joints from the command, in the estimated pelvis [m].
         floor: Distances of the palms by the measured state from the true ones [m].
+        pelvis: Errors of its measured position [m] and yaw [rad], four each.
     """
 
     sensors: Sensors | None = None
@@ -60,7 +61,7 @@ class Told(Supervisor):
         """Begin with what is told of a true state."""
         if self.sensors is not None:
             self.sensors.reset()
-        self.own, self.floor = [], []
+        self.own, self.floor, self.pelvis = [], [], []
         super().reset(self._told(state), state.time)
 
     def step(self, state: RobotState, now: float | None = None):
@@ -82,6 +83,8 @@ class Told(Supervisor):
         asked = np.array([palm[:3, 3] for palm in self.palm_reference().values()])
         self.own.append(np.linalg.norm(asked - seen, axis=1))
         self.floor.append(np.linalg.norm(true - seen, axis=1))
+        R_seen, R_true = (pin.Quaternion(q[3:7]).toRotationMatrix() for q in (told.q, state.q))
+        self.pelvis.append(np.append(told.q[:3] - state.q[:3], pin.log3(R_seen @ R_true.T)[2]))
 
     def _palms(self, q: np.ndarray) -> np.ndarray:
         model, data = self.robot.model, _data()
@@ -162,6 +165,7 @@ def realistic(seed: int, payload: float | None, place: tuple[float, float] | Non
             policy = reach(*place)
             result = run_episode(policy, supervisor, plant, duration=policy.duration)
             numbers = {"falls": float(result.fall is not None), "end_mm": 1e3 * float(result.errors[-1].max())}
+            numbers["floor_end_mm"] = 1e3 * float(supervisor.floor[-1].max())
         for name in ("own", "floor"):
             part = np.array(getattr(supervisor, name))[150:]
             numbers[f"{name}_rms_mm"] = 1e3 * float(np.sqrt((part**2).mean()))
@@ -287,10 +291,10 @@ STUDIES = {
 }
 
 
-def main() -> None:
-    """Run what is missing, and print what there is."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("study", choices=tuple(STUDIES))
+def run_studies(studies: dict[str, Callable[[range], Iterator[Case]]], about: str) -> None:
+    """Run what is missing of the one asked for, and print what there is."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("study", choices=tuple(studies))
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), help="first, and the one after the last")
     parser.add_argument("--out", type=Path, help="file with a line a case")
     arguments = parser.parse_args()
@@ -299,7 +303,7 @@ def main() -> None:
     if out.exists():
         done = {(line["group"], line["name"]): line for line in map(json.loads, out.read_text().splitlines())}
     found = defaultdict(list)
-    for group, name, run in STUDIES[arguments.study](range(*arguments.seeds)):
+    for group, name, run in studies[arguments.study](range(*arguments.seeds)):
         if (group, name) not in done:
             done[group, name] = {"group": group, "name": name, "numbers": run()}
             with out.open("a") as file:
@@ -316,4 +320,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_studies(STUDIES, __doc__)
