@@ -37,6 +37,8 @@ def studies() -> dict[str, list[str]]:
         found[f"loads-{family}"] = ["-m", "tests.studies.loads", family]
     for name, seeds in SENSES.items():
         found[f"senses-{name}"] = ["benchmarks/senses.py", name, "--seeds", "0", str(seeds)]
+    for name in ("drift", *(("motions",) if os.environ.get("G1_MOTIONS") else ())):
+        found[f"realistic-{name}"] = ["benchmarks/realistic.py", name, "--seeds", "0", "20"]
     for table, (robot, seeds) in product(LIMITS, ROBOTS.items()):
         found[f"limits-{table}-{robot}"] = ["benchmarks/limits.py", table, "--robot", robot, "--seeds", "0", str(seeds)]
     return found

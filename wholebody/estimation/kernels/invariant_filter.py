@@ -73,6 +73,10 @@ def spread(memory: Packed, dt, feels) -> None:
             P[a, b], P[b, a] = P[b, a], P[a, b]
     mix(P, B, R, g, dt)
     add_noise(memory, dt, feels)
+    # Rounding that is not alike on both sides of the diagonal would grow, and be everything after some minutes.
+    for a in range(SIZE):
+        for b in range(a):
+            P[a, b] = P[b, a] = 0.5 * (P[a, b] + P[b, a])
 
 
 def lever(memory: Packed, part) -> tuple[float, float, float]:
@@ -137,12 +141,11 @@ def look(memory: Packed, plus, minus, off, variance) -> None:
     for a in range(SIZE):
         K[a] = P[plus, a] - (P[minus, a] if minus >= 0 else 0.0)
     size = variance + K[plus] - (K[minus] if minus >= 0 else 0.0)
-    along = (off - xi[plus] + (xi[minus] if minus >= 0 else 0.0)) / size
+    along, share = (off - xi[plus] + (xi[minus] if minus >= 0 else 0.0)) / size, 1.0 / size
     for a in range(SIZE):
         xi[a] += along * K[a]
-        share = K[a] / size
         for b in range(SIZE):
-            P[a, b] -= share * K[b]
+            P[a, b] -= K[a] * K[b] * share  # in this order: as much on either side of the diagonal
 
 
 def correct(memory: Packed) -> None:
