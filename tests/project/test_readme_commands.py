@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SHORT = {name: ["--duration", "0.4", "--hold", "0"] for name in ("run", "check")}
 SHORT["live"] = ["wave", "--headless", "--duration", "1"]
 SERVE, COMPLETE, WARM_UP = "serve-policy CHECKPOINT", "--install-completion", "warmup"
-LONG = ("live", "--video", "--sheet", "-j 4", SERVE, "ws://")
+LONG = ("live", "--video", "--sheet", "-j 4", "--worlds", SERVE, "ws://")
 CODE = "from wholebody.cli.main import main; main()"
 
 

@@ -42,7 +42,9 @@ def audit(
     jobs: Annotated[int, Option("--jobs", "-j", help="Processes, each with 0.4 GB of memory; 0: one a core.")] = 0,
     limit: Annotated[float, Option("--limit", help="Seconds that an input may take.")] = 600.0,
 ) -> None:
-    """Judge datasets, motions and chunks on all cores: tables, a ranked page, what to delete and what to slow down.
+    """Judge datasets, motions and chunks on all cores.
+
+    Tables, a ranked page, what to delete and what to slow down.
 
     Exit code 0 all feasible (repaired ones too), 1 any not, 2 any malformed, 3 a fault of wholebody itself.
     """
