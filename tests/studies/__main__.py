@@ -28,7 +28,7 @@ SAID = 12
 
 def studies() -> dict[str, list[str]]:
     """Arguments of each study, by name."""
-    found = {"variants": ["-m", "tests.studies.lissajous_variants"]}
+    found = {"variants": ["-m", "tests.studies.lissajous_variants"], "repairs": ["-m", "tests.studies.repairs"]}
     families = ("hostile", "edge", *(("motions",) if os.environ.get("G1_MOTIONS") else ()))
     for family in families:
         for planning in PLANNING:

@@ -22,11 +22,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import wholebody
 from models import g1
 from models.pinocchio_model import load_collision, load_pinocchio, stance_q
+from models.scenes.furniture import TABLE_HEIGHT
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
 from tests.support.sent_chunks import FPS, SPEC, STANCE, STEPS
-from wholebody.config import ControllerConfig, PlannerConfig, RobotConfig
+from wholebody.config import ControllerConfig, LoadConfig, PlannerConfig, RobotConfig
 from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit
@@ -35,6 +36,8 @@ from wholebody.verdict.fast import FastChecker
 TIME = np.arange(STEPS) / FPS
 SLIPPERY, WEAK = 0.05, 10.0
 """Friction coefficient, and effort limit of the waist's linkage [N m], of the robots that are planted with."""
+LOADS = 4.5, 5.0
+"""Masses in a hand that its arm does not hold ahead [kg]."""
 ARM = ("elbow", "wrist", "hand")
 AHEAD = np.array([0.05, 0.0, 0.1])
 """Where hands have room to swing, from the stance [m]."""
@@ -65,6 +68,8 @@ class Planted:
     bound: float
     config: ControllerConfig = PLAIN
     from_stance: bool = False
+    scene: str = "floor"
+    also: frozenset = frozenset()
 
 
 @lru_cache(maxsize=1)
@@ -252,6 +257,25 @@ def waist_torque(rng):
     return Planted("waist_torque", chunk, frozenset({Limit.WAIST_TORQUE}), abs(float(tau)), 2.0 * WEAK, config)
 
 
+def arm_torque(rng):
+    """A hand ahead with a load that it is told of; what the posture without a load asks of the arm with it."""
+    spec, model, data, _ = robot()
+    load = rng.uniform(*LOADS)
+    goal = np.array([rng.uniform(0.4, 0.44), rng.uniform(0.2, 0.35), rng.uniform(1.0, 1.15)])
+    chunk = chunk_of(moved(goal, 1.4))
+    q = wholebody.solve(chunk.T_world_lhand[-1], chunk.T_world_rhand[-1]).q
+    tau = pin.computeGeneralizedGravity(model, data, q)
+    pin.computeJointJacobians(model, data, q)
+    J = pin.getFrameJacobian(model, data, model.getFrameId(spec.tools[0].palm_frame), pin.LOCAL_WORLD_ALIGNED)
+    tau += load * 9.81 * J[2]
+    names = [n for n in model.names if n.startswith(("left_shoulder", "left_elbow", "left_wrist"))]
+    columns = [model.joints[model.getJointId(n)].idx_v for n in names]
+    limits = spec.effort_max[[spec.joint_names.index(n) for n in names]]
+    config = replace(STIFF, loads=LoadConfig(source="told", left=load))
+    right = frozenset({Limit.WAIST_TORQUE})
+    return Planted("arm_torque", chunk, right, float((np.abs(tau[columns]) / limits).max()), 1.2, config)
+
+
 @lru_cache(maxsize=1)
 def geometry():
     spec, model, *_ = robot()
@@ -338,6 +362,28 @@ def arm_thigh(rng):
     return collision("arm_thigh", moved(goal, 1.4), None, [("left_hip", False), ("left_knee", False)], TALL)
 
 
+def scene(rng):
+    """A hand asked into the board of a table."""
+    import coal
+
+    goal = np.array([rng.uniform(0.28, 0.45), rng.uniform(0.1, 0.3), TABLE_HEIGHT + rng.uniform(-0.06, 0.0)])
+    chunk = chunk_of(moved(goal, 1.4))
+    spec, model, data, q = robot()
+    shapes, placed = geometry()
+    pin.forwardKinematics(model, data, q)
+    pin.updateGeometryPlacements(model, data, shapes, placed)
+    wrist = pin.updateFramePlacement(model, data, model.getFrameId(spec.tools[0].wrist_frame))
+    move, board = pin.SE3(chunk.T_world_lhand[-1]) * wrist.inverse(), coal.Box(0.5, 1.0, 0.04)
+    least, there = np.inf, coal.Transform3s(np.eye(3), np.array([0.45, 0.0, TABLE_HEIGHT - 0.02]))
+    for i, item in enumerate(shapes.geometryObjects):
+        if item.name.startswith("left_hand"):
+            T, result = move * placed.oMg[i], coal.DistanceResult()
+            at = coal.Transform3s(T.rotation, T.translation)
+            least = min(least, coal.distance(item.geometry, at, board, there, coal.DistanceRequest(), result))
+    right = frozenset({Limit.SCENE_DISTANCE})
+    return Planted("scene", chunk, right, -least, 0.01, scene="table")
+
+
 def floor(rng):
     goal = np.array([rng.uniform(0.2, 0.4), rng.uniform(0.15, 0.3), rng.uniform(-0.3, -0.05)])
     chunk = chunk_of(moved(goal, 1.5))
@@ -388,58 +434,96 @@ def finger_range(rng):
     return Planted("finger_range", chunk, right, spec.position_max[i] + past, spec.position_max[i])
 
 
+def pair(first, second):
+    """Two kinds in one chunk: the second, which is about one hand alone, is done by the right hand."""
+
+    def both(rng):
+        one, other = past(KINDS[first], rng), past(KINDS[second], rng)
+        chunk = one.chunk
+        if second == "finger_range":
+            chunk.q_rhand[:] = STANCE.q_rhand
+            excess = np.abs(other.chunk.q_lhand - STANCE.q_lhand).max(axis=1).argmax()
+            i = g1().indices(g1().tools[1].finger_joints)[0]
+            chunk.q_rhand[int(excess), 0] = g1().position_max[i] + other.value - other.bound
+        else:
+            palm = other.chunk.T_world_lhand[:, :3, 3] + other.chunk.T_world_lhand[:, :3, :3] @ palm_offset("left")
+            chunk.T_world_rhand[:, :3, 3] = mirrored(palm) - chunk.T_world_rhand[:, :3, :3] @ palm_offset("right")
+        return replace(one, kind=f"{first}+{second}", also=other.right)
+
+    return both
+
+
+def past(kind, rng):
+    """A case whose value, as computed here, is past its bound."""
+    while True:
+        one = kind(rng)
+        if one.value > one.bound:
+            return one
+
+
 KINDS = {
     "reach": reach,
     "joint_limit": joint_limit,
     "too_fast": too_fast,
     "friction": friction,
     "waist_torque": waist_torque,
+    "arm_torque": arm_torque,
     "hand_hand": hand_hand,
     "arm_torso": arm_torso,
     "arm_thigh": arm_thigh,
     "floor": floor,
+    "scene": scene,
     "start": start,
     "hand_speed": hand_speed,
     "jerk": jerk,
     "finger_range": finger_range,
 }
+PAIRS = {
+    f"{first}+{second}": pair(first, second)
+    for first, second in (
+        ("reach", "jerk"), ("reach", "floor"), ("arm_torso", "hand_speed"), ("arm_thigh", "finger_range"),
+        ("too_fast", "finger_range"), ("waist_torque", "finger_range"), ("hand_hand", "finger_range"),
+        ("friction", "finger_range"), ("scene", "jerk"), ("floor", "hand_speed"),
+    )
+}  # fmt: skip
 
 
 def planted(kind, seed):
-    """A case whose value, as computed here, is past its bound."""
-    rng = np.random.default_rng([seed, list(KINDS).index(kind)])
-    while True:
-        one = KINDS[kind](rng)
-        if one.value > one.bound:
-            return one
+    """The case of a kind and a seed."""
+    every = KINDS | PAIRS
+    return past(every[kind], np.random.default_rng([seed, *kind.encode()]))
 
 
 @lru_cache(maxsize=4)
-def holder(config):
-    return FastChecker(config).judge
+def holder(config, scene="floor"):
+    return FastChecker(config, scene)
 
 
 def told(one):
     """Causes of a case, the program that they are of, and the CPU time [s]."""
-    judge, begin = holder(one.config), thread_time()
+    judge, begin = holder(one.config, one.scene).judge, thread_time()
     program = ChunkProgram(judge, one.chunk, judge.stance() if one.from_stance else None)
     return causes(program), program, thread_time() - begin
 
 
 def is_right(one, found):
-    """Whether what was planted is in the first set."""
+    """Whether what was planted is in the first set; of a pair, whether each is in one."""
+    if one.also:
+        return all(any(right & set(cause.kinds) for cause in found) for right in (one.right, one.also))
     return bool(found) and bool(one.right & set(found[0].kinds))
 
 
 def main(first, last, kinds):
-    right, count, times = Counter(), Counter(), []
-    for kind in kinds or KINDS:
+    right, count, times, sets_told, whole = Counter(), Counter(), [], 0, 0
+    for kind in kinds or (*KINDS, *PAIRS):
         for seed in range(first, last):
             one = planted(kind, seed)
             found, program, spent = told(one)
             times.append(spent)
             count[kind] += 1
             right[kind] += is_right(one, found)
+            sets_told += len(found)
+            whole += sum(cause.irreducible for cause in found)
             sets = "; ".join(f"{'+'.join(cause.kinds)}{'' if cause.irreducible else ' (reducible)'}" for cause in found)
             mark = "right" if is_right(one, found) else "WRONG"
             print(
@@ -449,7 +533,8 @@ def main(first, last, kinds):
             )
     print()
     for kind in count:
-        print(f"{kind:14s} {right[kind]:3d} of {count[kind]:3d}")
+        print(f"{kind:26s} {right[kind]:3d} of {count[kind]:3d}")
+    print(f"sets told as irreducible {whole} of {sets_told}")
     print(
         f"all {right.total()} of {count.total()}; {np.median(times):.2f} s median, {max(times):.2f} s at most, CPU time"
     )

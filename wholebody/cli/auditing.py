@@ -75,7 +75,7 @@ def slower(judge: Judge, name: str) -> float | None:
 
     def holds(factor: float) -> bool:
         slow = ReplayPolicy(slowed(policy.episode, factor), name=name, spec=policy.spec, horizon=policy.horizon)
-        checker, start = judge.fast(), judge.judging.starts(name)
+        checker, start = judge.fast(judge.simulation.scene or "floor"), judge.judging.starts(name)
         return checker.check(slow, name, slow.duration, start=start).verdict == "feasible"
 
     if not isinstance(policy, ReplayPolicy) or not holds(SLOWER[-1]):

@@ -70,7 +70,7 @@ class Judge:
         self._first = not judging.as_given
         follow = "as_given" if judging.as_given else "planned"
         self._checker = cache(lambda scene: make_checker(simulation, scene, quiet, follow))
-        self.fast = cache(lambda: make_fast_checker(simulation, quiet, alone=judging.fast))
+        self.fast = cache(lambda scene: make_fast_checker(simulation, scene, quiet, alone=judging.fast))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
         """What is to be judged, an episode each of a dataset, or the answer about what cannot be read."""
@@ -104,7 +104,11 @@ class Judge:
 
     def _planned(self, policy: Policy, name: str, *, why: bool) -> Verdict:
         """The fast check."""
-        seconds, start, fast = length(policy, self.given.duration), self.judging.starts(name), self.fast()
+        seconds, start, fast = (
+            length(policy, self.given.duration),
+            self.judging.starts(name),
+            self.fast(self._scene(name)),
+        )
         with ours():
             return fast.check(policy, name, seconds, start=start, ask_why=why)
 
@@ -123,10 +127,10 @@ class Judge:
         """The simulated check, after the fast one where asking twice is free: of sources that do not see the robot."""
         from wholebody.verdict.trial import first_state
 
-        checker = self._checker(self.simulation.scene or SCENE_OF.get(name, "floor"))
+        checker = self._checker(self._scene(name))
         seconds, begin, first = length(policy, self.given.duration), None, None
         planned, placed = self._first and not policy.sees_robot, self.judging.starts(name) == "first"
-        fast = self.fast() if planned or placed else None
+        fast = self.fast(self._scene(name)) if planned or placed else None
         with waiting(f"planning {title}", self.quiet):
             if planned:
                 first = self._foretold(policy, name)
@@ -155,6 +159,9 @@ class Judge:
         # Plans know nothing of the world: what they say is said once.
         judge.fast, judge._first = self.fast, False
         return judge.answer(name)
+
+    def _scene(self, name: str) -> str:
+        return self.simulation.scene or SCENE_OF.get(name, "floor")
 
     def _failed(self, name: str, error: Exception) -> Answer:
         """Say what is wrong with an input; what is wrong with the options is raised again."""

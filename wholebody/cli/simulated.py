@@ -64,11 +64,12 @@ def _sensors(options: Simulation) -> SensorConfig | None:
     return replace(errors, delay=1e-3 * options.delay_ms, seed=options.robot_seed)
 
 
-def make_fast_checker(options: Simulation, quiet: bool = False, *, alone: bool = True) -> FastChecker:
+def make_fast_checker(options: Simulation, scene: str, quiet: bool = False, *, alone: bool = True) -> FastChecker:
     """What judges by plans; says that it takes a while unless quiet.
 
     Args:
         options: As given.
+        scene: What stands around the robot.
         quiet: Without a note.
         alone: Whether nothing is simulated beside.
 
@@ -86,7 +87,7 @@ def make_fast_checker(options: Simulation, quiet: bool = False, *, alone: bool =
     if alone and (simulated := [name for name, given in asked.items() if given]):
         raise ValueError(f"--fast simulates nothing, so {', '.join(simulated)} would say nothing; leave one out")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
-        return FastChecker(_settings(options))
+        return FastChecker(_settings(options), scene)
 
 
 def _settings(options: Simulation) -> ControllerConfig:

@@ -30,8 +30,9 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState, check_state
 from wholebody.verdict.repair import Repairer
+from wholebody.verdict.scene import SceneDistance
 from wholebody.verdict.tick import TickProver
-from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.verdict import Verdict, blocked
 from wholebody.verdict.verdict import judge as judge_episode
 from wholebody.verdict.why import WouldDo, why
 
@@ -65,13 +66,14 @@ class FastChecker:
     """Judges by plans; nothing is simulated.
 
     Args:
-        config: Of the robot and its controller.
+        config: Of the robot and its controller. scene: What stands around it: a name of `models.scenes`, or a file.
     """
 
-    def __init__(self, config: ControllerConfig | None = None) -> None:
+    def __init__(self, config: ControllerConfig | None = None, scene: str = "floor") -> None:
         self.config = config or ControllerConfig()
         self.spec: RobotSpec = describe(self.config.robot)
-        self.judge = ChunkJudge(self.spec, self.config)
+        around = None if scene == "floor" else SceneDistance(self.spec, scene)
+        self.judge = ChunkJudge(self.spec, self.config, around)
         self._settings = asdict(self.config)
 
     @cached_property
@@ -264,6 +266,8 @@ class _Run:
         result.palms = self.palms.errors()
         result.time_factor = self._spent / self._travelled if self._travelled else 1.0
         verdict = judge_episode(name, result, settings, bounds=self.judge.config.verdict)
+        if Limit.SCENE_DISTANCE in self.margins:
+            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
         tightest = sorted(self.margins.values(), key=lambda one: one.share)
         return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)
 
@@ -279,6 +283,7 @@ def judge(
     state: RobotState | None = None,
     config: ControllerConfig | None = None,
     *,
+    scene: str = "floor",
     orientation_free: tuple[bool, bool] = (False, False),
     ask_why: bool = False,
 ) -> Verdict:
@@ -288,6 +293,7 @@ def judge(
         chunk: What the hands are to do.
         state: Where the robot is; at rest with its hands at the chunk's first step if not given.
         config: Of the robot and its controller.
+        scene: What stands around it: a name of `models.scenes`, or a MuJoCo file (.xml).
         orientation_free: Whether nothing is asked of the left and the right palm's orientation.
         ask_why: Look for causes where it is not feasible, which takes seconds.
 
@@ -295,7 +301,7 @@ def judge(
         ChunkError: If the chunk is malformed.
         InputError: If the state is.
     """
-    checker = shared_checker(config or ControllerConfig())
+    checker = shared_checker(config or ControllerConfig(), scene)
     chunk.validate()
     if state is None:
         begin = checker.judge.first_pose(chunk)
@@ -305,6 +311,6 @@ def judge(
 
 
 @lru_cache(maxsize=1)
-def shared_checker(config: ControllerConfig) -> FastChecker:
+def shared_checker(config: ControllerConfig, scene: str = "floor") -> FastChecker:
     """The same one for the same settings, as long as no others are asked for."""
-    return FastChecker(config)
+    return FastChecker(config, scene)

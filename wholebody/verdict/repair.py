@@ -56,7 +56,7 @@ class Repairer:
         self, judge: ChunkJudge, chunk: ActionChunk, begin: Begin | None, holds: Callable[[ActionChunk, Begin], bool]
     ) -> None:
         self._judge, self._begin, self._holds = judge, begin, holds
-        self.chunk, self._inside = chunk, prepare(chunk, judge.planner.hand_limits).chunk
+        self.chunk, self.inside = chunk, prepare(chunk, judge.planner.hand_limits).chunk
 
     def holds(self, chunk: ActionChunk) -> bool:
         """Whether a chunk is feasible as it is."""
@@ -71,7 +71,7 @@ class Repairer:
 
     def repaired(self) -> Change | None:
         """Slowed down first, then its path bent as little as possible; None if that would be another motion."""
-        bounds, one = self._judge.config.verdict, self._slower(self._inside)
+        bounds, one = self._judge.config.verdict, self._slower(self.inside)
         for factor in (1.0, *self._judge.config.planner.slowdowns):
             one = one or self._bent(factor, "led")
         if one is None or one.moved > bounds.palm_repair or one.turned > bounds.turn_repair:
@@ -90,7 +90,7 @@ class Repairer:
 
     def _bent(self, factor: float, kind: Kind) -> Change | None:
         """The path led towards what is planned for it at a speed."""
-        slow = slowed(self._inside if kind == "led" else self.chunk, factor)
+        slow = slowed(self.inside if kind == "led" else self.chunk, factor)
         begin = self._begin or self._judge.first_pose(slow)
         plan = self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands)
         times = plan.start + plan.rate * np.arange(len(slow)) / slow.fps

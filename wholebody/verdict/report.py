@@ -35,6 +35,7 @@ PHRASES = {
 """What a violation with a number and a bound says; one in seconds says how long, the others are their subject alone."""
 
 WHY_NOT = {
+    Reason.SCENE_CONTACT: "it would go into what stands there",
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
     Reason.NO_CHUNK: "nothing of it was executed",
@@ -51,6 +52,7 @@ CHANGES = {
     Reason.FAR_START: "it begins elsewhere",
     Reason.TRACKING_ERROR: "not everywhere on time",
     Reason.STARVED: "it waited for chunks",
+    Reason.SCENE_CONTACT: "into what stands there",
     Reason.FINGER_LIMIT: "fingers only to the end of their range",
     Reason.SELF_CONTACT: "the robot touches itself",
     Reason.TORQUE_LIMIT: "at a motor's limit",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from math import isfinite
@@ -15,6 +15,7 @@ from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
+from wholebody.types import Reason
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
@@ -161,6 +162,23 @@ def judge(
         config=config or {},
         versions=dict(_versions()),
     )
+
+
+def blocked(verdict: Verdict, scene: Margin, bounds: VerdictConfig) -> Verdict:
+    """A fast verdict of hands or a plan that go into the scene: as far as a hand may be moved is a repair."""
+    depth = -scene.margin
+    if depth <= 0.0:
+        return verdict
+    severity = (Severity.NOTE, Severity.REPAIR, Severity.INFEASIBLE)[
+        (depth > bounds.palm_feasible) + (depth > bounds.palm_repair)
+    ]
+    one = Violation(
+        code=Reason.SCENE_CONTACT, severity=severity, subject=scene.subject, time=scene.time, step=scene.step,
+        value=scene.value, bound=scene.bound, unit=scene.unit,
+    )  # fmt: skip
+    worst = list(reversed(Severity))
+    found = sorted([*verdict.violations, one], key=lambda x: worst.index(x.severity))
+    return replace(verdict, violations=found, verdict=ANSWERS[found[0].severity])
 
 
 @cache

@@ -18,6 +18,7 @@ SAID = {
     Limit.TURN_ACCELERATION: "the turn of the {subject} would have to be sped up by {value}, it can {bound}",
     Limit.TURN_JERK: "the turn of the {subject} would have to be jerked by {value}, it can {bound}",
     Limit.INTO_FLOOR: "it would be {value} too low for the floor",
+    Limit.SCENE_DISTANCE: "{subject} would be {value} deep in each other",
     Limit.REACH: "it is {value} further than any posture reaches",
     Limit.ORIENTATION: "no posture turns it so, {value} are missing",
     Limit.TILT: "the {subject} is tilted as far as it may be",
@@ -116,7 +117,7 @@ def _said(one: Margin) -> str:
     if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
         return STRAIGHT.format(side=one.subject.partition("_")[0])
     subject = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ")
-    if one.code is Limit.SELF_DISTANCE:
+    if one.code in (Limit.SELF_DISTANCE, Limit.SCENE_DISTANCE):
         subject = subject.replace(" - ", " and ")
-    excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION) else one.value
+    excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE) else one.value
     return SAID[one.code].format(subject=subject, value=quantity(excess, one.unit), bound=quantity(one.bound, one.unit))

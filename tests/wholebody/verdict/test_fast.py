@@ -150,6 +150,18 @@ def test_schema_and_document_know_every_bound():
     ]
 
 
+def test_a_hand_asked_into_the_table_is_infeasible_there_and_feasible_without_one():
+    chunk = sent(to=(0.15, 0.0, -0.2))
+    assert judge(chunk).verdict == "feasible"
+    there = judge(chunk, scene="table")
+    assert (there.verdict, there.violations[0].code) == ("infeasible", Reason.SCENE_CONTACT)
+    found = margin(there, Limit.SCENE_DISTANCE)
+    assert found.subject.startswith("left_")
+    assert found.subject.endswith("table")
+    assert found.margin < -0.05
+    assert judge(sent(to=(0.0, 0.0, 0.2)), scene="table").verdict == "feasible"
+
+
 def test_a_load_that_is_told_is_planned_for():
     config = ControllerConfig(loads=LoadConfig(source="told", left=2.0))
     bare, loaded = FastChecker().judge, FastChecker(config).judge

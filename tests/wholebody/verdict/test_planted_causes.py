@@ -5,7 +5,7 @@ import pytest
 from tests.support.planted_causes import is_right, planted, told
 
 
-@pytest.mark.parametrize("kind", ["reach", "floor", "start", "jerk", "finger_range", "waist_torque"])
+@pytest.mark.parametrize("kind", ["reach", "floor", "start", "jerk", "finger_range", "waist_torque", "scene"])
 def test_what_was_planted_is_the_first_cause_and_nothing_of_it_can_be_left_out(kind):
     one = planted(kind, 0)
     found, _, _ = told(one)

@@ -65,7 +65,10 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     judge, chunk = program.judge, program.chunk
     margins = {one.code: one for one in chunk_margins(chunk, judge.planner.hand_limits, judge.spec)}
     margins[Limit.START] = judge.start_margin(chunk, program.begin, program.now)
-    exceeded = [code for code in (Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR) if code in margins]
+    if judge.scene is not None and (near := judge.scene.asked(chunk)) is not None:
+        margins[Limit.SCENE_DISTANCE] = near
+    numbers = Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE
+    exceeded = [code for code in numbers if code in margins]
     exceeded = [code for code in exceeded if margins[code].margin < 0.0]
     for row in RATES:
         exceeded += [code for code in row if code in margins and margins[code].margin < 0.0][:1]
@@ -73,7 +76,7 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     for code in exceeded:
         one = margins[code]
         side = int(one.subject.startswith("right"))
-        where = one.time, side, tuple(points[one.step, side].tolist())
+        where = one.time, side, tuple(points[min(one.step, len(chunk) - 1), side].tolist())
         witness = program.find(frozenset())
         yield Cause((code,), (one,), where, witness is not None, {code: witness} if witness else {})
 

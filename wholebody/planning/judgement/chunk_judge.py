@@ -15,7 +15,7 @@ from policy.geometry.rotations import angle_between
 from wholebody.config import START_MAX, ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_margins import chunk_margins
-from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin
+from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin, Surroundings
 from wholebody.planning.judgement.motion_margins import MotionMargins
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.posture import PostureSolver
@@ -81,9 +81,13 @@ class ChunkJudge:
 
     Args:
         spec: The robot. config: Of its controller: bounds, margins and the budget of a plan are the planner's.
+        scene: What stands around it; nothing if not given.
     """
 
-    def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
+    def __init__(
+        self, spec: RobotSpec, config: ControllerConfig | None = None, scene: Surroundings | None = None
+    ) -> None:
+        self.scene = scene
         self.spec, self.config, self.robot = spec, config or ControllerConfig(), Robot(spec)
         self.planner = ChunkPlanner(spec, self.robot, self.config)
         # What hands carry is known by the time that a chunk comes: told, or observed.
@@ -149,6 +153,9 @@ class ChunkJudge:
             *self.measured(self.planner.optimizer.measured(plan.knots), chunk.fps, plan.start),
             *self._palms(chunk, moved, turned),
         ]
+        if self.scene is not None:
+            near = self.scene.asked(chunk), self.scene.planned(plan, chunk.fps)
+            margins += sorted((one for one in near if one is not None), key=lambda one: one.margin)[:1]
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
 
     def start_margin(self, chunk: ActionChunk, begin: Begin, now: float) -> Margin:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
+
+from policy.chunk import ActionChunk
+from wholebody.planning.plan import ChunkPlan
 
 
 class Limit(StrEnum):
@@ -33,6 +37,9 @@ class Limit(StrEnum):
     TURN_ACCELERATION = "turn_acceleration", "rad/s^2", "angular acceleration of a hand about an axis"
     TURN_JERK = "turn_jerk", "rad/s^3", "angular jerk of a hand about an axis"
     INTO_FLOOR = "into_floor", "m", "how far a hand asked into the floor has to be lifted"
+
+    # Of what stands around the robot.
+    SCENE_DISTANCE = "scene_distance", "m", "distance of hands as asked, and of the planned robot, from the scene"
 
     # Of the palms that a plan gets to.
     REACH = "reach", "m", "distance of a planned palm from where it is asked to be"
@@ -85,3 +92,13 @@ class Margin:
     unit: str
     margin: float
     share: float
+
+
+class Surroundings(Protocol):
+    """What stands around the robot, which no plan sees."""
+
+    def asked(self, chunk: ActionChunk) -> Margin | None:
+        """Least room of the hands where a chunk asks them to be; None where nothing is near."""
+
+    def planned(self, plan: ChunkPlan, fps: float) -> Margin | None:
+        """Least room of the robot along a plan, steps counted at a rate [Hz]; None where nothing is near."""

@@ -49,7 +49,7 @@ def report(
         fast = FastChecker(config)
         start = "stance" if checker.episode.begin is None else "first"
         asked = fast.check(policy, name, duration, start=start, ask_why=True)
-        verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do)
+        verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do, tick=asked.tick)
         ghost = repaired(fast, watched.chunks, record, verdict, result.orientation_free)
     write_page(path, Shown(verdict, record, checker.supervisor.spec, config, command, ghost, result.start))
     return verdict

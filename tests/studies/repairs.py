@@ -1,0 +1,114 @@
+"""Are planted chunks repaired, how much does that change, and is a slow-down the least one?
+
+    python -m tests.studies.repairs --out OUT.jsonl --cases 0 20 [--kinds KIND ...]
+
+repairs the planted cases 0 to 19 of each kind of `tests/support/planted_causes.py`, adds a line for each to OUT.jsonl,
+and prints what all of its lines come to. Cases that are there already are left out: it can be stopped and begun again.
+
+A chunk that is repaired is encoded, decoded and judged again by a checker of its own. The least slow-down
+is found by bisection to 0.5 %. One feasible chunk a seed has to come back as it is, to 1e-9.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from time import thread_time
+
+import numpy as np
+
+from policy.action_spec.codec import decode, encode
+from tests.support.planted_causes import KINDS, chunk_of, holder, moved, planted
+from tests.support.sent_chunks import SPEC, STANCE
+from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.repair import SLOWER_MAX, slowed
+
+FINE = 8
+"""Halvings of the range of slow-downs: 4 to the power of 1 / 256 is 0.5 %."""
+
+
+def least_slowdown(repairer, chunk):
+    """By bisection; None where even the largest does not do."""
+    low, high = 0.0, np.log(SLOWER_MAX)
+    if not repairer.holds(slowed(chunk, SLOWER_MAX)):
+        return None
+    for _ in range(FINE):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if repairer.holds(slowed(chunk, float(np.exp(middle)))) else (middle, high)
+    return float(np.exp(high))
+
+
+def case(kind, seed):
+    one = planted(kind, seed)
+    checker, began = holder(one.config, one.scene), thread_time()
+    begin = checker.judge.stance() if one.from_stance else None
+    repairer = checker.repairer(one.chunk, begin)
+    change = repairer.repaired()
+    spent = thread_time() - began
+    singles = repairer.singles()
+    within = checker.config.verdict
+    cured = [x.kind for x in singles if x.moved <= within.palm_repair and x.turned <= within.turn_repair]
+    out = {"kind": kind, "seed": seed, "cured_by": cured, "seconds": spent, "change": None}
+    if change is None:
+        return out
+    again, chunk = FastChecker(one.config, one.scene), decode(SPEC, encode(SPEC, change.chunk, STANCE), STANCE)
+    start = begin or again.judge.first_pose(chunk)
+    out |= {"change": change.kind, "slower": change.slower, "moved": change.moved, "turned": change.turned}
+    out["holds"] = again.of_chunk(chunk, start, "", (False, False)).verdict == "feasible"
+    if change.kind == "slower" and change.slower > 1.0:
+        out["least"] = least_slowdown(repairer, repairer.inside)
+    return out
+
+
+def unchanged(seed):
+    """Largest change of a feasible chunk."""
+    rng = np.random.default_rng(seed)
+    chunk = chunk_of(moved(rng.uniform([0.22, 0.1, 0.8], [0.3, 0.25, 1.0]), 1.4))
+    change = holder(planted("floor", 0).config).repairer(chunk).repaired()
+    return max(
+        float(np.abs(b - a).max()) for a, b in zip(chunk.arrays().values(), change.chunk.arrays().values(), strict=True)
+    )
+
+
+def told(rows):
+    cured = [row for row in rows if row["cured_by"]]
+    done = [row for row in rows if row["change"]]
+    slow = [row for row in done if row["slower"] > 1.0]
+    bent = [row for row in done if row["change"] == "led"]
+    close = [row for row in done if row.get("least")]
+    again = sum(bool(row["change"]) for row in cured)
+    print(f"some single change cures {len(cured)} of {len(rows)}; of those repaired {again}")
+    print(f"repaired in all {len(done)}; hold when judged again {sum(row['holds'] for row in done)}")
+    if bent:
+        print(f"bent {len(bent)}: median {1e3 * np.median([row['moved'] for row in bent]):.1f} mm")
+    if slow:
+        print(f"slowed {len(slow)}: median {np.median([row['slower'] for row in slow]):.2f}")
+    if close:
+        off = [row["slower"] / row["least"] - 1.0 for row in close]
+        print(f"slow-down over the least: median {100 * np.median(off):.1f} %, worst {100 * max(off):.1f} %")
+    print(f"{np.median([row['seconds'] for row in rows]):.2f} s of CPU time median")
+
+
+def main(path, first, last, kinds):
+    path, rows = Path(path), []
+    if path.exists():
+        rows = [json.loads(line) for line in path.read_text().splitlines()]
+    known = {(row["kind"], row["seed"]) for row in rows}
+    for seed in range(first, last):
+        for kind in kinds or KINDS:
+            if (kind, seed) in known:
+                continue
+            rows.append(case(kind, seed))
+            with path.open("a") as out:
+                out.write(json.dumps(rows[-1]) + "\n")
+            print(rows[-1], flush=True)
+    told(rows)
+    print(f"a feasible chunk changes by {max(map(unchanged, range(first, last))):.1e} at most")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--out", required=True)
+    parser.add_argument("--cases", type=int, nargs=2, default=(0, 20))
+    parser.add_argument("--kinds", nargs="*", choices=KINDS)
+    chosen = parser.parse_args()
+    main(chosen.out, *chosen.cases, chosen.kinds)
