@@ -41,6 +41,7 @@ def audit(
     audited: Audited,
     jobs: Annotated[int, Option("--jobs", "-j", help="Processes, each with 0.4 GB of memory; 0: one a core.")] = 0,
     limit: Annotated[float, Option("--limit", help="Seconds that an input may take.")] = 600.0,
+    ray: Annotated[str, Option("--ray", help="Address of a Ray cluster, such as auto; local: one begun here.")] = "",
 ) -> None:
     """Judge datasets, motions and chunks on all cores.
 
@@ -49,7 +50,7 @@ def audit(
     Exit code 0 all feasible (repaired ones too), 1 any not, 2 any malformed, 3 a fault of wholebody itself.
     """
     from wholebody.verdict.audit import audit as audits
-    from wholebody.verdict.audit.workers import outcomes
+    from wholebody.verdict.audit import on_ray, workers
 
     if not 0 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 0 to {JOBS_MAX} inputs can be judged side by side")
@@ -62,7 +63,10 @@ def audit(
     asked.pop("episodes")
     # Arithmetic of an input has one thread; there are as many processes as cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    judge = partial(outcomes, make=partial(make_judging, audited), jobs=jobs or cores(), limit=limit)
+    judge = partial(workers.outcomes, jobs=jobs or cores())
+    if ray:
+        judge = partial(on_ray.outcomes, jobs=jobs, address=ray)
+    judge = partial(judge, make=partial(make_judging, audited), limit=limit)
     try:
         found = audits.audit(names, to, judge, asked=asked, progress=_Progress())
     except KeyboardInterrupt:

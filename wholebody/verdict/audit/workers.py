@@ -59,7 +59,7 @@ def outcomes(
             soonest = min(worker.end for worker in workers)
             ready = wait([worker.pipe for worker in workers], max(soonest - monotonic(), 0.0))
             for worker in [one for one in workers if one.pipe in ready or one.end <= monotonic()]:
-                outcome = _heard(worker) if worker.pipe in ready else _too_long(worker, limit)
+                outcome = _heard(worker) if worker.pipe in ready else too_long(worker.name, limit)
                 alive = outcome is not None and outcome.ending != "timed_out"
                 if outcome is None:
                     tries[worker.name] += 1
@@ -106,8 +106,9 @@ def _heard(worker: _Worker) -> Outcome | None:
     return told
 
 
-def _too_long(worker: _Worker, limit: float) -> Outcome:
-    return Outcome(name=worker.name, ending="timed_out", message=f"not judged within {limit:g} s (--limit)")
+def too_long(name: str, limit: float) -> Outcome:
+    """Of an input that takes more than a limit [s]."""
+    return Outcome(name=name, ending="timed_out", message=f"not judged within {limit:g} s (--limit)")
 
 
 def _end(worker: _Worker) -> None:
@@ -126,8 +127,12 @@ def _work(make: Callable[[], Judging], pipe: Connection) -> None:
             name = pipe.recv()
         except EOFError:
             return
-        try:
-            told = judging(name)
-        except (InputError, ValueError) as error:
-            told = str(error)
-        pipe.send(told)
+        pipe.send(said(judging, name))
+
+
+def said(judging: Judging, name: str) -> Outcome | str:
+    """An outcome, or what is wrong with the options, which is so for every input."""
+    try:
+        return judging(name)
+    except (InputError, ValueError) as error:
+        return str(error)
