@@ -52,7 +52,9 @@ def check(
     if report is not None:
         if judging.fast:
             raise ValueError("--fast simulates nothing, so --report would have nothing to show; leave one out")
-        inputs = [name for name in judge.names(inputs) if isinstance(name, str)]
+        named = list(judge.names(inputs))
+        inputs = [name for name in named if isinstance(name, str)]
+        worst = max((one.code for one in named if not isinstance(one, str)), default=FEASIBLE)
         judge.pages = Pages.at(report, inputs)
     with JsonVerdicts(json_to) as written:
         for answer in answers(judge, inputs, jobs):

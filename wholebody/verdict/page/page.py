@@ -199,7 +199,11 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
             {"text": violation_line(one), "time": one.time, "severity": one.severity.value, "code": one.code.value}
             for one in verdict.violations
         ],
-        "summary": [line.strip() for line in lines(verdict) if line.startswith(("  palms", "  time", "  balance"))],
+        "summary": [
+            line.strip()
+            for line in lines(verdict)
+            if line.startswith(("  proven", "  limits", "  palms", "  time", "  balance"))
+        ],
         "status": [{"name": one.value, "colour": _css(STATUS_COLOUR[one])} for one in Status],
         "statuses": [[one.value for one in Status].index(name) for name in status],
         "robot": verdict.robot,
