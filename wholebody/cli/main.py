@@ -16,6 +16,7 @@ from wholebody.cli.commands.doctor import doctor
 from wholebody.cli.commands.layouts import layouts
 from wholebody.cli.commands.live import live
 from wholebody.cli.commands.plot import plot
+from wholebody.cli.commands.reachability import reachability
 from wholebody.cli.commands.repair import repair
 from wholebody.cli.commands.run import run
 from wholebody.cli.commands.serve_policy import serve_policy
@@ -28,7 +29,8 @@ from wholebody.cli.options import flat
 MISUSE = 2
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
-for command in (check, audit, repair, run, live, plot, convert, layouts, spec, doctor, serve_policy, warmup, config):
+COMMANDS = (check, audit, repair, run, live, plot, reachability, convert, layouts, spec, doctor, serve_policy, warmup, config)
+for command in COMMANDS:
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
 

@@ -7,8 +7,10 @@ of the hands, which often leads where no posture is balanced.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from math import inf
 
 import numpy as np
 
@@ -44,6 +46,8 @@ GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
 """The same where the targets are missed [m, rad]; chosen: the bounds are not to be bent."""
 FIRM = 0.01
 """Factor on the scales of the bounds at the end; chosen: nothing wanted buys `WITHIN` of them."""
+FREE = 1e3
+"""Scale of the palms' orientation where nothing is asked of it [rad]; chosen: it costs nothing then."""
 STAGES, STAGE_STEPS = 12, 15
 """Targets between the stance and those that are missed, and most steps to each."""
 LEVER = 0.25
@@ -136,16 +140,37 @@ class PostureSolver:
             InputError: If a pose is not finite or no rigid transform.
         """
         targets = np.array([_pose(T_world_lhand, "T_world_lhand"), _pose(T_world_rhand, "T_world_rhand")])
-        T_palms = self._shifted(targets, 1.0)
-        generator, missed = np.random.default_rng(0), []
-        for start in range(starts):
-            q = self.body.tables.q_stance.copy()
-            self._search(T_palms, scattered(self.body, q, SPREAD, generator) if start else q, self._reaching)
+        T_palms, missed = self._shifted(targets, 1.0), []
+        for _ in self._attempts(T_palms, self._reaching, starts):
             found = self._solution(targets)
             if found.reached:
                 return found
             missed.append((self._score(found), found.q[self.body.body]))
         return self._nearest(T_palms, targets, min(missed, key=lambda scored: scored[0])[1])
+
+    def missed(
+        self, T_palms: np.ndarray, *, orientation_free: bool = False, starts: int = STARTS, hopeless: float = inf
+    ) -> float:
+        """How far the palms stay from poses (2, 4, 4) in world, at the best start [m]; 0 where a posture holds them.
+
+        That is what `solve` says of the wrists behind them, without its search for what is nearest. Errors of
+        orientation count by `LEVER`, or not at all where it is free; where a start stays further off than ``hopeless``,
+        there is no other.
+        """
+        rounds, least = self._reaching, inf
+        if orientation_free:
+            rounds = tuple(replace(x, weights=replace(x.weights, orientation=FREE), oriented=False) for x in rounds)
+        for _ in self._attempts(T_palms, rounds, starts):
+            T = self._one.T_palms[1]
+            off = float(np.linalg.norm(T[:, :3, 3] - T_palms[:, :3, 3], axis=1).max())
+            turn = 0.0 if orientation_free else float(angle_between(T[:, :3, :3], T_palms[:, :3, :3]).max())
+            inside = max(self._one.shares(1).values()) <= WITHIN
+            if off <= POSITION_REACHED and turn <= ORIENTATION_REACHED and inside:
+                return 0.0
+            least = min(least, max(off + LEVER * turn, POSITION_REACHED))
+            if least > hopeless:
+                break
+        return least
 
     def path_to(
         self,
@@ -208,6 +233,13 @@ class PostureSolver:
             search(T_palms, begin, self._retreating)
         return min(inside, key=lambda scored: scored[0])[1] if inside else self._solution(targets)
 
+    def _attempts(self, T_palms: np.ndarray, rounds: tuple[Round, ...], starts: int) -> Iterator[int]:
+        """Search from the stance, then from postures about it whose seed is fixed; the number of each, once done."""
+        generator, stance = np.random.default_rng(0), self.body.tables.q_stance
+        for start in range(starts):
+            self._search(T_palms, scattered(self.body, stance, SPREAD, generator) if start else stance, rounds)
+            yield start
+
     def _search(self, T_palms: np.ndarray, start: np.ndarray, rounds: tuple[Round, ...]) -> None:
         self._one.search(T_palms, start, self.body.q_full[self.body.fingers], rounds)
 
@@ -231,8 +263,7 @@ class PostureSolver:
         position = np.linalg.norm(wrists[:, :3, 3] - targets[:, :3, 3], axis=1)
         orientation = angle_between(wrists[:, :3, :3], targets[:, :3, :3])
         on_target = position.max() <= POSITION_REACHED and orientation.max() <= ORIENTATION_REACHED
-        margins = one.margins(1)
-        excess = {name: -room / one.tolerance[name] for name, room in margins.items()}
+        margins, excess = one.margins(1), one.shares(1)
         reached = bool(on_target and max(excess.values()) <= WITHIN)
         reasons = () if reached else tuple(name for name, share in excess.items() if share > -NEAR)
         names = list(body.full.names)[2:]

@@ -65,11 +65,12 @@ class Constraint(StrEnum):
 
 @dataclass(frozen=True)
 class Round:
-    """One round of a search: weights, factor on the scales of the bounds, and most steps."""
+    """One round of a search: weights, factor on the scales of the bounds, most steps, and whether the palms' turn counts."""
 
     weights: TrajectoryConfig
     softness: float
     steps: int
+    oriented: bool = True
 
 
 class StillPostures:
@@ -128,6 +129,10 @@ class StillPostures:
         share = np.abs(self.torques(k)[WAIST:]) / self.body.tables.tau_max[WAIST:]
         return margins | {Constraint.ARM_TORQUE: 1.0 - float(share.max())}
 
+    def shares(self, k: int) -> dict[Constraint, float]:
+        """Excess over the bounds of each kind, in terms of its tolerance, negative where there is room."""
+        return {name: -room / self.tolerance[name] for name, room in self.margins(k).items()}
+
     def torques(self, k: int) -> np.ndarray:
         """Torques of waist and arms at rest, shape (17,), [N m]."""
         return pin.computeGeneralizedGravity(self.body.model, self.body.data, self.q[k])[LOWER:].copy()
@@ -153,9 +158,9 @@ class StillPostures:
             problem.set_weights(one.weights, one.softness)
             for _ in range(one.steps):
                 problem.evaluate_still()
-                if self._arrived():
+                if self._arrived(one):
                     problem.evaluate_still(anew=True)
-                    if self._arrived():
+                    if self._arrived(one):
                         return
                 before = self.q[1].copy()
                 problem.still_step(1)
@@ -168,9 +173,10 @@ class StillPostures:
         self._problem.begin(T_palms, fingers, np.zeros(self.q.shape[1] - 1))
         self.q[:] = q
 
-    def _arrived(self) -> bool:
+    def _arrived(self, one: Round) -> bool:
         position, turn = np.linalg.norm(self._problem.now.r[1, :12].reshape(2, 2, 3), axis=2).max(axis=0)
-        near = position < 0.5 * POSITION_REACHED and turn < 0.5 * ORIENTATION_REACHED
+        turned = one.oriented and not turn < 0.5 * ORIENTATION_REACHED
+        near = position < 0.5 * POSITION_REACHED and not turned
         return bool(near and self.excess()[1] < WITHIN)
 
 

@@ -1,0 +1,55 @@
+"""``wholebody reachability``: compute where the standing robot can hold its palms, or draw it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from wholebody.cli.console import say, waiting
+
+MINUTE = 60.0
+"""[s]; definition."""
+
+
+def reachability(
+    *,
+    target: Annotated[
+        Path | None, Argument(help="Map .npz to write; what is found on the way is kept beside it. None: nothing.")
+    ] = None,
+    minutes: Annotated[float, Option(min=0.0, help="CPU time of the search; runs before it on the file count.")] = 20.0,
+    sheet: Annotated[Path | None, Option(help="Picture (.png) of the map to draw: of the target, or the package's.")] = None,
+    config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None,
+) -> None:
+    """Compute where the standing robot can hold its palms, or draw it.
+
+    A run that is broken off goes on where it was.
+    """
+    from wholebody.config import ControllerConfig
+    from wholebody.config.description import describe
+    from wholebody.config.file import load_config
+    from wholebody.planning.reachability.compute import Samples, compute
+    from wholebody.planning.reachability.reach_map import ReachabilityMap, basis
+    from wholebody.planning.reachability.reach_map import reachability as shipped
+
+    if target is None and sheet is None:
+        raise ValueError("name the map to write (.npz), or the picture (--sheet .png)")
+    settings = load_config(config) if config else ControllerConfig()
+    if target is None:
+        found = shipped(settings)
+    elif target.suffix.lower() != ".npz":
+        raise ValueError(f"cannot write '{target}': its name must end in .npz")
+    else:
+        spec = describe(settings.robot)
+        samples = Samples(target.with_suffix(".pairs.npz"), basis(spec, settings))
+        with waiting("loading the robot, compiling if it is the first time: a minute or two"):
+            network = compute(spec, settings, samples, MINUTE * minutes, lambda text: say(text, to_errors=True))
+        found = ReachabilityMap(network, samples.card())
+        found.write(target)
+        say(f"wrote {target}")
+    if sheet is not None:
+        from wholebody.planning.reachability.picture import draw
+
+        draw(found, sheet)
+        say(f"wrote {sheet}", to_errors=True)

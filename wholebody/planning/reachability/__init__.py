@@ -1,0 +1,1 @@
+"""Where the standing robot can hold its palms: a fitted map of what the search for still postures finds."""

@@ -1,0 +1,80 @@
+"""A picture of the map: from the side by payload, and from above by height, for every turn of the palms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wholebody.planning.reachability.pairs import AT_REST, HIGH, LOW, MIRROR, TURNS, Pairs, Turn
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from wholebody.planning.reachability.reach_map import ReachabilityMap
+
+ASIDE = 0.2
+"""How far both palms are from the middle, from the side [m]; chosen: as in the stance."""
+PAYLOADS, HEIGHTS = (0.0, 1.0, 2.0), (0.3, 0.6, 0.9, 1.2, 1.5)
+"""Masses in each hand [kg] and heights of the left palm [m] that have a line; chosen."""
+FINE = 0.01
+"""Distance of two points [m]; chosen: half a pixel."""
+
+
+def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
+    """Write a picture (.png).
+
+    Args:
+        reach_map: The map. output: The file.
+    """
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(15.0, 7.4), layout="constrained")
+    axes = figure.subplots(2, len(TURNS), sharex=True, sharey="row")
+    for (side, above), turn in zip(axes.T, TURNS, strict=True):
+        title = turn.sentence.replace(", ", ",\n")
+        side.set_title(f"{turn}: {title}", fontsize=10)
+        for i, mass in enumerate(PAYLOADS):
+            x, z, room = _from_the_side(reach_map, turn, mass)
+            colour = colormaps["viridis"](0.4 * i)
+            if mass == 0.0:
+                side.contourf(x, z, room, levels=[0.0, np.inf], colors=[colour], alpha=0.12)
+            _line(side, x, z, room, colour, f"{mass:g} kg in each hand")
+        for i, height in enumerate(HEIGHTS):
+            x, y, room = _from_above(reach_map, turn, height)
+            _line(above, x, y, room, colormaps["plasma"](0.2 * i), f"{height:g} m high")
+        above.plot(*(AT_REST @ MIRROR)[:2], "kx")
+        side.set_aspect("equal")
+        above.set_aspect("equal")
+        above.set_xlabel("ahead [m]")
+    axes[0, 0].set_ylabel(f"height [m], both palms {ASIDE:g} m aside")
+    axes[1, 0].set_ylabel("left palm to the left [m],\nright one at rest (x), empty hands")
+    for row in axes:
+        row[-1].legend(*row[0].get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    figure.savefig(output, dpi=110)
+
+
+def _line(axes: Axes, x: np.ndarray, y: np.ndarray, room: np.ndarray, colour: tuple, name: str) -> None:
+    axes.contour(x, y, room, levels=[0.0], colors=[colour], linewidths=1.6)
+    axes.plot([], [], color=colour, label=name)
+
+
+def _from_the_side(reach_map: ReachabilityMap, turn: Turn, mass: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x, z = np.meshgrid(np.arange(LOW[0], HIGH[0], FINE), np.arange(LOW[2], HIGH[2], FINE))
+    left = np.stack([x, np.full_like(x, ASIDE), z], axis=-1)
+    return x, z, _rooms(reach_map, left, left @ MIRROR, turn, mass)
+
+
+def _from_above(reach_map: ReachabilityMap, turn: Turn, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    x, y = np.meshgrid(np.arange(LOW[0], HIGH[0], FINE), np.arange(LOW[1], HIGH[1], FINE))
+    left = np.stack([x, y, np.full_like(x, height)], axis=-1)
+    return x, y, _rooms(reach_map, left, np.broadcast_to(AT_REST @ MIRROR, left.shape), turn, 0.0)
+
+
+def _rooms(reach_map: ReachabilityMap, left: np.ndarray, right: np.ndarray, turn: Turn, mass: float) -> np.ndarray:
+    points = np.stack([left, right], axis=-2).reshape(-1, 2, 3)
+    n = len(points)
+    pairs = Pairs(points, np.full(n, TURNS.index(turn)), np.full((n, 2), mass))
+    return reach_map.rooms(pairs).reshape(left.shape[:2])

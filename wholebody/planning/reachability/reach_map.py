@@ -1,0 +1,155 @@
+"""The map: whether the standing robot can hold a pair of palms, in microseconds and without a search.
+
+It is fitted to what `wholebody.planning.posture` finds, so it is a hint: near its border it errs both ways, and whoever
+has to know asks `solve`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import astuple
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from models.spec import RobotSpec
+from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
+from wholebody.errors import InputError
+from wholebody.jit.entry import Entry
+from wholebody.planning.reachability.kernels import network as kernel
+from wholebody.planning.reachability.kernels.network import N_FEATURES
+from wholebody.planning.reachability.network import WIDTH, Network
+from wholebody.planning.reachability.pairs import BODY, HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
+
+VERSION = 1
+"""Of the file's layout."""
+SHIPPED = Path(__file__).with_name("g1_dex3.npz")
+"""The map of the default settings."""
+NAMES = ("w1", "b1", "w2", "b2", "w3", "b3")
+BOUNDS = (
+    "joint_margin", "knee_min", "elbow_max", "com_margin", "zmp_margin", "capture_margin", "pelvis_tilt", "torso_tilt",
+    "height_min", "torque_share", "self_distance", "floor_distance",
+)  # fmt: skip
+"""Settings of `ControllerConfig.planner.posture` that bound a posture at rest."""
+
+_rooms = Entry(kernel.rooms)
+_NUMBERS = {turn: i for i, turn in enumerate(TURNS)}
+
+
+class ReachabilityMap:
+    """Where both palms can be held at once, standing still with the feet of the stance.
+
+    Args:
+        network: Fitted weights. card: What it was made from: ``basis``, and whatever else is to be known of it.
+    """
+
+    def __init__(self, network: Network, card: dict) -> None:
+        self.network, self.card = network, card
+        scratch = np.zeros((2, 3)), np.zeros(2), np.zeros(N_FEATURES, np.float32), *np.zeros((2, WIDTH), np.float32)
+        self._weights, self._scratch = tuple(network.layers), scratch
+        self._points, self._turns, self._loads, self._out = _blank(1)
+        self._native = _rooms.native(*self._arguments(self._points, self._turns, self._loads, self._out))
+
+    @staticmethod
+    def read(path: Path) -> ReachabilityMap:
+        """A map from a file.
+
+        Raises:
+            InputError: If it is none, or one of another version.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                card = json.loads(str(file["card"]))
+                network = Network(*(np.asarray(file[name], np.float32) for name in NAMES))
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path} is no map of reachability; `wholebody reachability` writes one") from error
+        if card.get("version") != VERSION or network.w1.shape != (N_FEATURES, WIDTH):
+            raise InputError(f"{path} is a map of version {card.get('version')}, not {VERSION}; compute it anew")
+        return ReachabilityMap(network, card)
+
+    def write(self, path: Path) -> None:
+        """Write it to a file."""
+        card = json.dumps({"version": VERSION, **self.card})
+        np.savez_compressed(path, card=card, **dict(zip(NAMES, self.network.layers, strict=True)))
+
+    def room(
+        self,
+        left: Sequence[float],
+        right: Sequence[float],
+        turn: Turn = Turn.ANY,
+        loads: tuple[float, float] = (0.0, 0.0),
+    ) -> float:
+        """Logarithm of the odds that two palm points can be held: positive inside, 0 at the border; one thread at a time.
+
+        Outside the box that the map knows it is that of what the box's border suggests; see `knows`.
+
+        Args:
+            left, right: Palm points in world, midpoint of the soles, x forward, z up [m].
+            turn: How both palms are turned.
+            loads: Masses in the left and right hand [kg].
+        """
+        points, carried = self._points, self._loads
+        points[0, 0, 0], points[0, 0, 1], points[0, 0, 2] = left
+        points[0, 1, 0], points[0, 1, 1], points[0, 1, 2] = right
+        carried[0, 0], carried[0, 1] = loads
+        self._turns[0] = _NUMBERS[turn]
+        self._native(points, self._turns, carried, BODY, self._weights, self._scratch, self._out)
+        return float(self._out[0])
+
+    def rooms(self, pairs: Pairs) -> np.ndarray:
+        """`room` of many pairs, shape (n,)."""
+        points, turns, loads, out = _blank(len(pairs))
+        points[:], turns[:], loads[:] = pairs.points, pairs.turns, pairs.loads
+        self._native(*self._arguments(points, turns, loads, out))
+        return out
+
+    @staticmethod
+    def knows(pairs: Pairs) -> np.ndarray:
+        """Whether pairs are in the box and of the loads that the map was fitted to, shape (n,)."""
+        points = pairs.points.copy()
+        points[:, 1] = points[:, 1] @ MIRROR
+        inside = ((points >= LOW) & (points <= HIGH)).all(axis=(1, 2))
+        return inside & ((pairs.loads >= 0.0) & (pairs.loads <= LOAD_KNOWN)).all(axis=1)
+
+    def _arguments(self, points: np.ndarray, turns: np.ndarray, loads: np.ndarray, out: np.ndarray) -> tuple:
+        return points, turns, loads, BODY, self._weights, self._scratch, out
+
+
+def _blank(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros((n, 2, 3)), np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(n)
+
+
+def basis(spec: RobotSpec, config: ControllerConfig) -> str:
+    """A number that changes with the robot and with the settings that bound its postures at rest."""
+    joints = [(one.name, one.position_min, one.position_max, one.effort_max) for one in spec.joints]
+    tools = [(tool.wrist_frame, tool.palm_offset) for tool in spec.tools]
+    bounds = [getattr(config.planner.posture, name) for name in BOUNDS]
+    told = (spec.name, joints, tools, astuple(spec.stance), bounds, config.friction, config.force_min)
+    return sha256(json.dumps(told).encode()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=4)
+def map_for(spec_basis: str) -> ReachabilityMap | None:
+    """The map that comes with the package, if it is of such a robot and such bounds."""
+    shipped = ReachabilityMap.read(SHIPPED) if SHIPPED.exists() else None
+    return shipped if shipped is not None and shipped.card["basis"] == spec_basis else None
+
+
+def reachability(config: ControllerConfig | None = None) -> ReachabilityMap:
+    """The map that comes with the package.
+
+    Raises:
+        InputError: If the settings describe another robot or other bounds than it was computed for.
+    """
+    config = config or ControllerConfig()
+    found = map_for(basis(describe(config.robot), config))
+    if found is None:
+        raise InputError(
+            "the map that comes with the package is of other settings; `wholebody reachability MAP.npz --config FILE` "
+            "computes one for these, and `ReachabilityMap.read` reads it"
+        )
+    return found
