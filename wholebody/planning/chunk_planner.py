@@ -5,7 +5,7 @@ Slow down along the chunk first, shift the body second (the trajectory), bend th
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 from math import inf
 
 import numpy as np
@@ -22,6 +22,8 @@ from wholebody.planning.hand_clamp import clamped
 from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
+from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
+from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
@@ -55,6 +57,7 @@ class ChunkPlanner:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
+        self._settings, self._loads = config, (0.0, 0.0)
         self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
         self.model = robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
@@ -73,6 +76,7 @@ class ChunkPlanner:
 
     def carry(self, loads: Loads) -> None:
         """Plan with these masses in the hands from now on: bounds hold with the reserve, centres are without it."""
+        self._loads = loads.most
         self.optimizer.body.carry(loads.most)
         self.centroidal.carry(loads.masses)
 
@@ -129,11 +133,28 @@ class ChunkPlanner:
         return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots)
 
     def _preview(self, targets: Targets, start: BodyState) -> Attempt | None:
-        """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP."""
-        if targets.projected.max() > JUMP:
+        """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP.
+
+        The map of reachability only spares a preview where it would be in vain; what cannot be done the search says.
+        """
+        if targets.projected.max() > JUMP or self._surely_out_of_reach(targets):
             return None
         one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK))
         return one if one.is_safe(self.config) and one.tracking_error <= self.config.clamp_tolerance else None
+
+    def _surely_out_of_reach(self, targets: Targets) -> bool:
+        """Whether the map has great odds against some pair of palms, however they are turned."""
+        if self._map is None:
+            return False
+        points = np.ascontiguousarray(targets.T_palms[:, :, :3, 3])
+        n = len(points)
+        loads = np.broadcast_to(np.minimum(self._loads, LOAD_KNOWN), (n, 2))
+        pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), loads)
+        return bool(((self._map.rooms(pairs) < -SURE) & self._map.knows(pairs)).any())
+
+    @cached_property
+    def _map(self) -> ReachabilityMap | None:
+        return map_for(basis(self.spec, self._settings))
 
     def _report(
         self, chosen: Attempt, changed: dict[Reason, Change], budget: Budget, *, implausible: bool

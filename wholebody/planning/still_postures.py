@@ -65,7 +65,7 @@ class Constraint(StrEnum):
 
 @dataclass(frozen=True)
 class Round:
-    """One round of a search: weights, factor on the scales of the bounds, most steps, and whether the palms' turn counts."""
+    """One round of a search: weights, factor on the scales of the bounds, most steps, and whether palms are turned."""
 
     weights: TrajectoryConfig
     softness: float

@@ -19,7 +19,9 @@ def reachability(
         Path | None, Argument(help="Map .npz to write; what is found on the way is kept beside it. None: nothing.")
     ] = None,
     minutes: Annotated[float, Option(min=0.0, help="CPU time of the search; runs before it on the file count.")] = 20.0,
-    sheet: Annotated[Path | None, Option(help="Picture (.png) of the map to draw: of the target, or the package's.")] = None,
+    sheet: Annotated[
+        Path | None, Option(help="Picture (.png) of the map to draw: of the target, or the package's.")
+    ] = None,
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None,
 ) -> None:
     """Compute where the standing robot can hold its palms, or draw it.

@@ -21,7 +21,7 @@ HOPELESS = 0.45
 """Miss of the first start past which there is no other [m]; measured: of 350 pairs, those that a later start holds were
 missed by up to 0.33."""
 ROUND = 1000
-"""Pairs that are searched for between two fits."""
+"""Pairs that are searched for between two fits; chosen."""
 POOL = 20
 """Pairs from which one is chosen, the nearer to the border the likelier."""
 ANYWHERE = 0.2
@@ -53,7 +53,9 @@ class Samples:
                 self.pairs = Pairs(file["points"], file["turns"], file["loads"])
                 self.missed, self.spent, found = file["missed"], float(file["spent"]), str(file["basis"])
             if found != made_for:
-                raise InputError(f"{path} has pairs of another robot or other bounds; give it another name or remove it")
+                raise InputError(
+                    f"{path} has pairs of another robot or other bounds; give it another name or remove it"
+                )
 
     @property
     def held(self) -> np.ndarray:
@@ -95,24 +97,31 @@ def search(solver: PostureSolver, pairs: Pairs, starts: int = STARTS, hopeless: 
 
 
 def compute(
-    spec: RobotSpec, config: ControllerConfig, samples: Samples, seconds: float, tell: Callable[[str], None]
+    spec: RobotSpec,
+    config: ControllerConfig,
+    samples: Samples,
+    seconds: float,
+    tell: Callable[[str], None],
+    at_once: int = ROUND,
 ) -> Network:
     """A network fitted to what is found in a CPU time, that of runs before it counted in.
 
     Args:
-        spec: The robot. config: Bounds and margins.
+        spec: The robot.
+        config: Bounds and margins.
         samples: Where what is found is kept.
         seconds: CPU time [s]; fits at the end come on top.
         tell: Gets a line a round.
+        at_once: Pairs that are searched for between two fits.
     """
     solver, network = PostureSolver(spec, config), untrained(np.random.default_rng(0))
     while samples.spent < seconds:
         begin, generator = time.process_time(), np.random.default_rng(len(samples.held))
-        chosen = draw(ROUND, generator)
+        chosen = draw(at_once, generator)
         if len(samples.held):
             x = inputs(samples.pairs)
             network = fit(network, x, samples.missed, EPOCHS, generator)
-            chosen = _near_the_border(network, generator)
+            chosen = _near_the_border(network, at_once, generator)
         samples.add(chosen, search(solver, chosen), time.process_time() - begin)
         tell(f"{len(samples.held)} pairs, {samples.held.mean():.0%} held, {samples.spent:.0f} of {seconds:.0f} s")
     generator = np.random.default_rng(0)
@@ -127,9 +136,9 @@ def logits(network: Network, pairs: Pairs) -> np.ndarray:
     return (hidden @ w3).sum(axis=0) + b3[0]
 
 
-def _near_the_border(network: Network, generator: np.random.Generator) -> Pairs:
+def _near_the_border(network: Network, n: int, generator: np.random.Generator) -> Pairs:
     """Pairs drawn with a chance that is the greater the less the network is sure of them."""
-    pool = draw_often_asked(POOL * ROUND, generator)
+    pool = draw_often_asked(POOL * n, generator)
     unsure = 1.0 / (2.0 + 2.0 * np.cosh(logits(network, pool)))  # p (1 - p)
     chance = (1.0 - ANYWHERE) * unsure / unsure.sum() + ANYWHERE / len(pool)
-    return pool[generator.choice(len(pool), ROUND, replace=False, p=chance)]
+    return pool[generator.choice(len(pool), n, replace=False, p=chance)]

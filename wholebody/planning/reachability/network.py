@@ -65,9 +65,7 @@ def inputs(pairs: Pairs) -> np.ndarray:
     return out
 
 
-def fit(
-    network: Network, x: np.ndarray, missed: np.ndarray, epochs: int, generator: np.random.Generator
-) -> Network:
+def fit(network: Network, x: np.ndarray, missed: np.ndarray, epochs: int, generator: np.random.Generator) -> Network:
     """The network after some epochs; the step shrinks to nothing along a cosine.
 
     A second output, which is dropped in the end, is fitted to how far pairs are missed: that has the hidden layers
@@ -91,11 +89,11 @@ def fit(
             step += 1
             now = 0.5 * RATE * (1.0 + np.cos(np.pi * step / total))
             gradients = _gradients(layers, x[:, chosen].reshape(-1, x.shape[2]), missed[chosen])
-            for layer, m, s, g in zip(layers, mean, square, gradients, strict=True):
-                m += (1.0 - FADE) * (g - m)
-                s += (1.0 - FADE_SQUARE) * (g * g - s)
-                stepped = m / (1.0 - FADE**step) / (np.sqrt(s / (1.0 - FADE_SQUARE**step)) + TINY)
-                layer -= (now * (stepped + DECAY * layer)).astype(np.float32)
+            for i, g in enumerate(gradients):
+                mean[i] += (1.0 - FADE) * (g - mean[i])
+                square[i] += (1.0 - FADE_SQUARE) * (g * g - square[i])
+                root = np.sqrt(square[i] / (1.0 - FADE_SQUARE**step)) + TINY
+                layers[i] -= (now * (mean[i] / (1.0 - FADE**step) / root + DECAY * layers[i])).astype(np.float32)
     return Network(*layers[:6])
 
 

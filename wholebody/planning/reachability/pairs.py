@@ -62,7 +62,7 @@ TURNS = tuple(Turn)
 PALM_AHEAD = 0.15
 """Distance of a palm from a wrist that turns it [m]; chosen: the wrist's three joints are 0.08 to 0.21 m behind it."""
 HIPS, LEANS, TWISTS = (0.76, 0.6, 0.42), (0.0, 30.0, 55.0), (0.0, 45.0, -45.0)
-"""Heights of the pelvis [m], and angles [deg] by which the trunk leans and is twisted, of postures in terms of which the
+"""Heights of the pelvis [m], and angles by which the trunk leans and is twisted [deg], of postures in terms of which a
 map sees a pair; chosen: all that the bounds allow, in three steps."""
 SHOULDER_UP, SHOULDER_AHEAD, SHOULDER_ASIDE = 0.29, 0.20, 0.12
 """Shoulders above the pelvis, ahead of it where the trunk leans, and aside [m]; derived: URDF, and the pelvis goes back
@@ -81,7 +81,7 @@ def _shoulders() -> np.ndarray:
 
 def _palms_ahead() -> np.ndarray:
     """What leads from a wrist to its palm for each turn, nothing where it is free, shape (n_turns, 2, 3), [m]."""
-    return np.array([0.0 * turn.rotations[:, :, 0] if turn.free else PALM_AHEAD * turn.rotations[:, :, 0] for turn in TURNS])
+    return np.array([(0.0 if turn.free else PALM_AHEAD) * turn.rotations[:, :, 0] for turn in TURNS])
 
 
 BODY = _shoulders(), _palms_ahead()

@@ -18,20 +18,21 @@ ASIDE = 0.2
 """How far both palms are from the middle, from the side [m]; chosen: as in the stance."""
 PAYLOADS, HEIGHTS = (0.0, 1.0, 2.0), (0.3, 0.6, 0.9, 1.2, 1.5)
 """Masses in each hand [kg] and heights of the left palm [m] that have a line; chosen."""
-FINE = 0.01
-"""Distance of two points [m]; chosen: half a pixel."""
+FINE = 0.02
+"""Distance of two points [m]; chosen: one or two pixels."""
 
 
 def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
     """Write a picture (.png).
 
     Args:
-        reach_map: The map. output: The file.
+        reach_map: The map.
+        output: The file.
     """
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(15.0, 7.4), layout="constrained")
+    figure = Figure(figsize=(15.0, 6.8), layout="constrained")
     axes = figure.subplots(2, len(TURNS), sharex=True, sharey="row")
     for (side, above), turn in zip(axes.T, TURNS, strict=True):
         title = turn.sentence.replace(", ", ",\n")

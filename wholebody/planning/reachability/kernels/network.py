@@ -73,7 +73,9 @@ def rooms(points, turns, loads, body, network, scratch, out) -> None:
     """The logarithm of the odds that pairs are held.
 
     Args:
-        points, turns, loads: Of n pairs, as in `wholebody.planning.reachability.pairs.Pairs`.
+        points: Palm points of n pairs in world (n, 2, 3) [m].
+        turns: Numbers of their turns (n,).
+        loads: Masses in their hands (n, 2) [kg].
         body: As of `features`.
         network: Weights w1, b1, w2, b2, w3, b3.
         scratch: Other order of the points (2, 3) and loads (2,), features, and two hidden layers.

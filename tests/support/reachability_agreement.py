@@ -1,6 +1,6 @@
 """How often the map of reachability says what the search for still postures says, on pairs of palms drawn at random.
 
-    python tests/studies/reachability.py KEPT.npz [FIRST] [LAST]
+    python tests/support/reachability_agreement.py [KEPT.npz] [FIRST] [LAST]
 
 Pair i is drawn by its own seed, whatever the map was made from; half have empty hands. The search begins from 12
 postures, as `wholebody.solve` does. What it finds is kept in KEPT.npz every 50 pairs, and a later run goes on from
@@ -19,10 +19,11 @@ from wholebody.planning.reachability.compute import Samples, search
 from wholebody.planning.reachability.pairs import TURNS, Pairs, draw
 from wholebody.planning.reachability.reach_map import basis, map_for
 
+KEPT = Path(__file__).parents[1] / "studies" / "stored" / "reachability.npz"
 SEED, AT_ONCE = 20_000_000, 50
 
 
-def main(kept, first=0, last=2000):
+def main(kept=KEPT, first=0, last=2000):
     spec, config = g1(), ControllerConfig()
     samples, solver = Samples(Path(kept), basis(spec, config)), PostureSolver(spec, config)
     for i in range(int(first) + len(samples.pairs), int(last), AT_ONCE):
@@ -37,7 +38,13 @@ def main(kept, first=0, last=2000):
         mine = samples.pairs.turns == number
         print(agreement(turn, rooms[mine], held[mine]))
     empty = samples.pairs.loads.max(axis=1) == 0.0
-    print(agreement("empty hands", rooms[empty], held[empty]), agreement("loaded", rooms[~empty], held[~empty]), sep="\n")
+    print(
+        agreement("empty hands", rooms[empty], held[empty]), agreement("loaded", rooms[~empty], held[~empty]), sep="\n"
+    )
+    for sure in (2.0, 4.0):
+        some = np.abs(rooms) > sure
+        share = np.mean((rooms > 0.0) == held, where=some)
+        print(f"of {some.mean():.1%} with odds of more than {np.exp(sure):.0f}: {share:.2%}")
     print("highest odds against a pair that is held:", f"{-rooms[held].min():.1f}")
 
 
