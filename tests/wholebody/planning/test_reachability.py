@@ -27,7 +27,7 @@ SPEC, CONFIG = g1(), ControllerConfig()
 BASIS = basis(SPEC, CONFIG)
 SIZE_MAX, QUERY_MAX, QUERIES = 2_000_000, 5e-6, 20_000
 """Bars for the map's file [bytes] and the CPU time of a question [s], and questions asked to measure it."""
-AGREEMENT, AGREEMENT_SURE = 0.945, 0.98
+AGREEMENT, AGREEMENT_SURE = 0.95, 0.98
 """Least share of pairs of which the map says what the search does: of all, and of those with odds of 7 or more."""
 
 
@@ -49,7 +49,7 @@ def test_the_shipped_map_is_small_and_of_the_default_settings():
 def test_the_map_says_what_the_search_says_of_pairs_drawn_apart_from_it(kept):
     rooms, sure = reachability().rooms(kept.pairs), 2.0
     agrees = (rooms > 0.0) == kept.held
-    assert len(kept.held) >= 1000
+    assert len(kept.held) == 2000
     assert agrees.mean() >= AGREEMENT
     assert agrees[np.abs(rooms) > sure].mean() >= AGREEMENT_SURE
     assert rooms[kept.held].min() > -SURE
@@ -98,7 +98,8 @@ def test_one_pair_many_pairs_and_plain_numpy_say_the_same_and_sides_do_not_matte
 
 def test_palms_at_rest_are_held_and_palms_above_the_head_or_in_one_place_are_not():
     told, right = reachability(), AT_REST @ MIRROR
-    assert told.room(AT_REST, right, "facing") > SURE
+    assert told.room(AT_REST, right, "facing") > 0.0
+    assert told.room(right, right) < -2.0
     assert told.room((0.3, 0.2, 1.74), right, "facing") < -SURE
     assert told.room((0.74, 0.74, 1.7), (0.74, -0.74, 0.1)) < -SURE
     with pytest.raises(InputError, match=r"'sideways'.*facing, down, up, hanging, any"):

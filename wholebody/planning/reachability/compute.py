@@ -26,7 +26,8 @@ POOL = 20
 """Pairs from which one is chosen, the nearer to the border the likelier."""
 ANYWHERE = 0.2
 """Share of those that are taken wherever they are; chosen: the network is to be surprised, too."""
-EPOCHS, EPOCHS_LAST = 8, 60
+EPOCHS, EPOCHS_LAST = 8, 100
+"""Times that every pair is seen by a fit in between, and by the last one; chosen: after more it is surer than right."""
 
 
 class Samples:

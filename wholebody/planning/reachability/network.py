@@ -104,7 +104,7 @@ def _gradients(layers: list[np.ndarray], x: np.ndarray, missed: np.ndarray) -> l
     h2 = np.maximum(h1 @ w2 + b2, 0.0)
     logit = (h2 @ w3).reshape(2, -1).sum(axis=0) + b3
     far = (h2 @ w4).reshape(2, -1).sum(axis=0) + b4
-    off = 1.0 / (1.0 + np.exp(-logit)) - (missed == 0.0)
+    off = 0.5 + 0.5 * np.tanh(0.5 * logit) - (missed == 0.0)  # the logistic function, which does not overflow
     # Held pairs are inside by an unknown distance: what is told of them is wrong only if it is positive.
     wrong = far - np.minimum(missed, MISS_MOST) / MISS_SCALE
     wrong = np.where(np.isfinite(missed) & ((missed > 0.0) | (far > 0.0)), MISS_SHARE * wrong, 0.0)

@@ -17,9 +17,9 @@ LOW, HIGH = np.array([-0.3, -0.35, 0.05]), np.array([0.75, 0.75, 1.75])
 reach of the arms ahead, aside and up."""
 AT_REST = np.array([0.26, 0.2, 0.86])
 """The left palm point in the stance [m]; derived: the stance of the G1 with hands."""
-OFTEN, NEAR = (0.15, 0.10, 0.15), 0.12
-"""Shares of pairs for a fit that are mirror images, have one palm at rest, or are near each other, and how near [m];
-chosen: nobody asks for two points at random, and arms that are in each other's way are rare among them."""
+OFTEN, NEAR = (0.15, 0.10, 0.15), 0.25
+"""Shares of pairs for a fit that are mirror images, have one palm at rest, or are near each other, and up to how
+far [m]; chosen: nobody asks for two points at random, and arms that are in each other's way are rare among them."""
 LOAD_KNOWN = 2.0
 """Largest mass in a hand that it knows [kg]; derived: held level, the wrist's 5 N m are spent at 2 kg."""
 
@@ -140,5 +140,7 @@ def draw_often_asked(n: int, generator: np.random.Generator) -> Pairs:
     mirrored, resting, near = np.split(generator.permutation(n), np.cumsum([round(share * n) for share in OFTEN]))[:3]
     right[mirrored] = left[mirrored] @ MIRROR
     right[resting] = AT_REST * np.array([1.0, -1.0, 1.0])
-    right[near] = left[near] + NEAR * generator.standard_normal((len(near), 3))
+    away = generator.standard_normal((len(near), 3))
+    away *= NEAR * generator.random((len(near), 1)) / np.linalg.norm(away, axis=1, keepdims=True)
+    right[near] = left[near] + away
     return pairs

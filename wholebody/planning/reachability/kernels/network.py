@@ -4,7 +4,7 @@ import math
 
 N_TURNS = 5
 N_TRUNKS = 27
-N_FEATURES = 11 + N_TURNS + N_TRUNKS
+N_FEATURES = 12 + N_TURNS + N_TRUNKS
 
 
 def features(points, turn, loads, body, x) -> None:
@@ -31,9 +31,11 @@ def features(points, turn, loads, body, x) -> None:
         x[8 + h] = loads[h]
     for k in range(3):
         apart += (points[0, k] - points[1, k]) ** 2
-    x[10] = 2.0 * math.sqrt(apart) - 1.0
+    apart = math.sqrt(apart)
+    x[10] = 2.0 * apart - 1.0
+    x[11] = max(1.0 - 8.0 * apart, 0.0)
     for i in range(N_TURNS):
-        x[11 + i] = 1.0 if i == turn else 0.0
+        x[12 + i] = 1.0 if i == turn else 0.0
     for i in range(N_TRUNKS):
         furthest = 0.0
         for h in range(2):
@@ -41,7 +43,7 @@ def features(points, turn, loads, body, x) -> None:
             for k in range(3):
                 away += (points[h, k] - ahead[turn, h, k] - shoulders[i, h, k]) ** 2
             furthest = max(furthest, away)
-        x[11 + N_TURNS + i] = 3.0 * math.sqrt(furthest) - 1.2
+        x[12 + N_TURNS + i] = 3.0 * math.sqrt(furthest) - 1.2
 
 
 def all_features(points, turns, loads, body, x) -> None:
