@@ -29,7 +29,22 @@ from wholebody.cli.options import flat
 MISUSE = 2
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
-COMMANDS = (check, audit, repair, run, live, plot, reachability, convert, layouts, spec, doctor, serve_policy, warmup, config)
+COMMANDS = (
+    check,
+    audit,
+    repair,
+    run,
+    live,
+    plot,
+    reachability,
+    convert,
+    layouts,
+    spec,
+    doctor,
+    serve_policy,
+    warmup,
+    config,
+)
 for command in COMMANDS:
     app.command(command.__name__.replace("_", "-"))(flat(command))
 app.add_typer(bench, name="bench")
