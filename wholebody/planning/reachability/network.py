@@ -19,7 +19,8 @@ RATE, DECAY = 2e-3, 1e-4
 MISS_SCALE, MISS_MOST, MISS_SHARE = 0.1, 0.5, 0.1
 """Miss that counts 1, most that counts [m], and weight of its loss beside cross-entropy [no unit]; chosen."""
 FADE, FADE_SQUARE, TINY = 0.9, 0.999, 1e-8
-"""Memory of Adam for gradients and their squares, and what is added to a root; Kingma & Ba 2015, algorithm 1."""
+"""Memory of Adam for gradients and their squares, and what is added to a root [no unit]. Source: Kingma & Ba
+2015, algorithm 1."""
 
 _all_features = Entry(kernel.all_features)
 

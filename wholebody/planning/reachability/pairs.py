@@ -11,7 +11,7 @@ import numpy as np
 from policy.geometry.rotations import rotvec_to_matrix
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
-"""From one side of the body to the other."""
+"""From one side of the body to the other [no unit]; definition."""
 LOW, HIGH = np.array([-0.3, -0.35, 0.05]), np.array([0.75, 0.75, 1.75])
 """Box of the points of the left palm that the map knows, in world, and of the right one mirrored [m]; chosen: past the
 reach of the arms ahead, aside and up."""
@@ -44,11 +44,11 @@ class Turn(StrEnum):
         turn.rotvec = tuple(np.deg2rad(degrees).tolist())
         return turn
 
-    FACING = "facing", (0.0, 0.0, 0.0), "fingers ahead, palms facing each other"
-    DOWN = "down", (90.0, 0.0, 0.0), "fingers ahead, palms down"
-    UP = "up", (-90.0, 0.0, 0.0), "fingers ahead, palms up"
-    HANGING = "hanging", (0.0, 90.0, 0.0), "fingers to the floor, palms facing each other"
-    ANY = "any", (0.0, 0.0, 0.0), "however they are turned", True
+    FACING = "facing", (0, 0, 0), "fingers ahead, palms facing each other"
+    DOWN = "down", (90, 0, 0), "fingers ahead, palms down"
+    UP = "up", (-90, 0, 0), "fingers ahead, palms up"
+    HANGING = "hanging", (0, 90, 0), "fingers to the floor, palms facing each other"
+    ANY = "any", (0, 0, 0), "however they are turned", True
 
     @property
     def rotations(self) -> np.ndarray:
