@@ -97,3 +97,12 @@ def hand_distances(policy, period=1.0 / 30.0):
             near = coal.distance(a, placed[0], b, placed[1], coal.DistanceRequest(), coal.DistanceResult())
             nearest[k] = min(nearest[k], near)
     return t, nearest
+
+
+def least_displacement(distances, clearance):
+    """How far at least the hand moves that moves more, for hulls so far apart (n,) to have a clearance [m], (n,) [m].
+
+    It is a lower bound for hands that keep their orientation: overlapping convex hulls are parted by no shift shorter
+    than their depth, whatever its direction, and the two hands share it at best.
+    """
+    return 0.5 * np.maximum(clearance - distances, 0.0)
