@@ -33,6 +33,8 @@ def studies() -> dict[str, list[str]]:
     for family in families:
         for planning in PLANNING:
             found[f"{family}-{planning}"] = ["-m", "tests.studies.off_plan", family, "--planning", planning]
+    for follow in ("gated", "as_given"):
+        found[f"gate-{follow}"] = ["-m", "tests.studies.gate", follow]
     for family in LOADS:
         found[f"loads-{family}"] = ["-m", "tests.studies.loads", family]
     for name, seeds in SENSES.items():

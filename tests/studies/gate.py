@@ -3,7 +3,7 @@
 ``python -m tests.studies.gate gated --cases 0 100 --out gate.jsonl`` runs the cases 0 to 99 of
 `tests.support.hostile_chunks` behind the gate, prints a line each and appends it to the file; ``planned`` and
 ``as_given`` run the same ones without. Cases that the file has already are left out, so an interrupted study goes on
-where it was. The answer is 1 if one of them fell.
+where it was. The answer is 1 if one of them fell that was not followed as given.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def run(checker: Checker, case: int) -> dict:
 
 
 def main() -> int:
-    """Run what is not in the file yet; 1 if anything fell."""
+    """Run what is not in the file yet; 1 if anything fell behind the gate, or by its plan."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("follow", choices=get_args(Follow))
     parser.add_argument("--cases", type=int, nargs=2, default=(0, 100), metavar=("FIRST", "END"))
@@ -65,7 +65,7 @@ def main() -> int:
     for line in found:
         passed.update({name: line["gate"][name] for name in ("cleared", "repaired", "held")} if line["gate"] else {})
     print(f"{chosen.follow}: {len(fell)} of {len(found)} fell: {fell}; chunks {dict(passed)}")
-    return int(bool(fell))
+    return int(bool(fell) and chosen.follow != "as_given")
 
 
 if __name__ == "__main__":
