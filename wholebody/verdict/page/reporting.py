@@ -46,7 +46,7 @@ def report(
     verdict, result = checker.check(watched, name, duration, cameras=cameras, progress=progress, recorder=recorder)
     record, config, ghost = recorder.record(), checker.supervisor.config, None
     if verdict.verdict != "feasible":
-        fast = FastChecker(config)
+        fast = FastChecker(config, checker.scene)
         start = "stance" if checker.episode.begin is None else "first"
         asked = fast.check(policy, name, duration, start=start, ask_why=True)
         verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do, tick=asked.tick)
