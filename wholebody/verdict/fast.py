@@ -34,7 +34,7 @@ from wholebody.verdict.scene import SceneDistance
 from wholebody.verdict.tick import TickProver
 from wholebody.verdict.verdict import Verdict, blocked
 from wholebody.verdict.verdict import judge as judge_episode
-from wholebody.verdict.why import WouldDo, why
+from wholebody.verdict.why import WouldDo, raised, why
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
@@ -159,7 +159,8 @@ class FastChecker:
             found = [why(one, chunk.t_obs - run.result.start, chunk.fps) for one in causes(program)]
             if found:
                 changes = self.repairer(chunk, begin, run.result.orientation_free).singles()
-                would_do = [WouldDo(kind=x.kind, slower=x.slower, moved=x.moved, turned=x.turned) for x in changes]
+                would_do = [WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x in changes]
+                would_do += raised(program, found, chunk.t_obs - run.result.start)
                 tick = self.prover.of(program, chunk.t_obs - run.result.start)
                 return replace(verdict, causes=found, would_do=would_do, tick=tick)
         return verdict

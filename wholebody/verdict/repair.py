@@ -20,7 +20,7 @@ BISECTIONS = 6
 """Halvings of the range of a change; derived: 4 to the power of 1 / 64 is 2 % of the slow-down."""
 SPARE = 0.02
 """Share by which a change is more than the least one that was found to hold; chosen: rounding in a file."""
-Kind = Literal["slower", "moved", "turned", "led"]
+Kind = Literal["slower", "moved", "turned", "led", "lighter"]
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,7 @@ class Change:
         slower: Factor; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         chunk: As changed, feasible.
+        lighter: Mass less in the hands, both together [kg].
     """
 
     kind: Kind
@@ -40,6 +41,7 @@ class Change:
     moved: float
     turned: float
     chunk: ActionChunk
+    lighter: float = 0.0
 
 
 class Repairer:
@@ -56,17 +58,25 @@ class Repairer:
         self, judge: ChunkJudge, chunk: ActionChunk, begin: Begin | None, holds: Callable[[ActionChunk, Begin], bool]
     ) -> None:
         self._judge, self._begin, self._holds = judge, begin, holds
+        self._last_first: tuple[tuple, Begin] | None = None
         self.chunk, self.inside = chunk, prepare(chunk, judge.planner.hand_limits).chunk
 
     def holds(self, chunk: ActionChunk) -> bool:
         """Whether a chunk is feasible as it is."""
-        return self._holds(chunk, self._begin or self._judge.first_pose(chunk))
+        return self._holds(chunk, self._begin or self._first_pose(chunk))
+
+    def _first_pose(self, chunk: ActionChunk) -> Begin:
+        """That of the last chunk, where both begin alike."""
+        first = tuple(values[0].tobytes() for values in chunk.arrays().values())
+        if self._last_first is None or self._last_first[0] != (first, self._judge.loads):
+            self._last_first = (first, self._judge.loads), self._judge.first_pose(chunk)
+        return self._last_first[1]
 
     def singles(self) -> list[Change]:
         """Of each kind of change the smallest that makes the chunk hold; none for what that kind does not cure."""
         if self.holds(self.chunk):
             return []
-        found = (self._slower(self.chunk), self._bent(1.0, "moved"), self._bent(1.0, "turned"))
+        found = (self._slower(self.chunk), self._bent(1.0, "moved"), self._bent(1.0, "turned"), self._lighter())
         return [one for one in found if one is not None]
 
     def repaired(self) -> Change | None:
@@ -91,7 +101,7 @@ class Repairer:
     def _bent(self, factor: float, kind: Kind) -> Change | None:
         """The path led towards what is planned for it at a speed."""
         slow = slowed(self.inside if kind == "led" else self.chunk, factor)
-        begin = self._begin or self._judge.first_pose(slow)
+        begin = self._begin or self._first_pose(slow)
         plan = self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands)
         times = plan.start + plan.rate * np.arange(len(slow)) / slow.fps
         goal = [path.sample(times).T_world_hand for path in plan.paths]
@@ -105,6 +115,22 @@ class Repairer:
         share = _least(lambda x: self.holds(bent(x)), 1.0)
         chunk = bent(min((1.0 + SPARE) * share, 1.0))
         return self._change(kind, chunk if self.holds(chunk) else bent(share), factor)
+
+    def _lighter(self) -> Change | None:
+        """With less of the loads that are told."""
+        loads = self._judge.loads
+
+        def does(less: float) -> bool:
+            self._judge.carry(*((1.0 - less) * load for load in loads))
+            return self.holds(self.chunk)
+
+        if not sum(loads):
+            return None
+        try:
+            less = _least(does, 1.0) if does(1.0) else None
+        finally:
+            self._judge.carry(*loads)
+        return None if less is None else Change("lighter", 1.0, 0.0, 0.0, self.chunk, less * sum(loads))
 
     def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
         (p, R), (q, S) = self._judge.asked(chunk), self._judge.asked(slowed(self.chunk, factor))

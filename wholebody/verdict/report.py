@@ -15,7 +15,7 @@ from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why import Tick
+from wholebody.verdict.why import Tick, WouldDo
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -79,7 +79,7 @@ def lines(verdict: Verdict) -> list[str]:
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {gist(verdict)}"]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
     if verdict.would_do:
-        text.append(f"  it would do {', or '.join(said(x.slower, x.moved, x.turned) for x in verdict.would_do)}")
+        text.append(f"  it would do {', or '.join(map(change_said, verdict.would_do))}")
     if verdict.tick is not None:
         text.append(f"  {tick_line(verdict.tick)}")
     text += [f"  {violation_line(violation)}" for violation in verdict.violations]
@@ -125,6 +125,14 @@ def margin_line(margin: Margin) -> str:
     """A margin for people: what, where, value and bound."""
     value, bound = (quantity(number, margin.unit) for number in (margin.value, margin.bound))
     return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {margin.time:.2f} s"
+
+
+def change_said(one: WouldDo) -> str:
+    """A single change for people."""
+    if one.bound is None:
+        return said(one.slower, one.moved, one.turned, one.lighter)
+    value, bound = (quantity(number, one.bound.unit) for number in (one.bound.value, one.bound.bound))
+    return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
 
 
 def tick_line(tick: Tick) -> str:

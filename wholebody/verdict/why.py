@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wholebody.planning.judgement.cause import Cause
+from wholebody.planning.judgement.chunk_program import EVERY, ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.verdict.quantity import quantity
 
@@ -41,20 +43,25 @@ STRAIGHT = "the {side} arm is straight"
 """What the end of an elbow's range is called."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class WouldDo:
     """A single change that makes a chunk feasible, the smallest of its kind that was found.
 
     Attributes:
-        kind: ``slower``, ``moved`` or ``turned``.
+        kind: ``slower``, ``moved``, ``turned``, ``lighter`` or ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
+        lighter: Mass less in the hands, both together [kg].
+        bound: A bound of the robot, and the value that a plan with all others kept has instead; it need not be the
+            least one.
     """
 
     kind: str
-    slower: float
-    moved: float
-    turned: float
+    slower: float = 1.0
+    moved: float = 0.0
+    turned: float = 0.0
+    lighter: float = 0.0
+    bound: Margin | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +108,16 @@ def why(cause: Cause, since: float = 0.0, fps: float = 0.0) -> Why:
     """A cause for a verdict, its times moved on by ``since`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
     return Why(codes=cause.kinds, members=members, irreducible=cause.irreducible, sentence=sentence(cause, since))
+
+
+def raised(program: ChunkProgram, causes: Sequence[Why], since: float = 0.0) -> list[WouldDo]:
+    """For each bound of the only cause, the value with which a plan was found that keeps all other bounds."""
+    out = []
+    for kind in causes[0].codes if len(causes) == 1 else ():
+        if kind in EVERY and (one := program.raised(kind)) is not None:
+            moved = replace(one, time=one.time + since, step=one.step + round(since * program.chunk.fps))
+            out.append(WouldDo("bound", bound=moved))
+    return out
 
 
 def sentence(cause: Cause, since: float = 0.0) -> str:

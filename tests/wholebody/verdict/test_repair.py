@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.support.sent_chunks import sent
+from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.repair import slowed
 
@@ -28,6 +29,17 @@ def test_what_is_too_fast_is_slowed_down_no_more_than_it_needs(checker):
     assert (change.kind, change.moved, change.turned) == ("slower", pytest.approx(0.0, abs=1e-9), pytest.approx(0.0))
     assert repairer.holds(change.chunk)
     assert not repairer.holds(slowed(repairer.chunk, 0.93 * change.slower))
+
+
+def test_of_a_load_that_is_too_heavy_less_would_do():
+    checker = FastChecker(ControllerConfig(loads=LoadConfig(source="told", left=5.0)))
+    repairer = checker.repairer(sent(to=(0.18, 0.15, 0.15), time=1.4))
+    (one,) = [change for change in repairer.singles() if change.kind == "lighter"]
+    assert 0.0 < one.lighter < 5.0
+    assert checker.judge.loads == (5.0, 0.0)
+    assert not repairer.holds(one.chunk)
+    checker.judge.carry(5.0 - one.lighter, 0.0)
+    assert repairer.holds(one.chunk)
 
 
 def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):

@@ -79,6 +79,13 @@ def test_what_is_proven_of_a_tick_holds_for_the_checker_of_the_document(in_the_o
     assert any(line.strip().startswith("proven   at") for line in lines(in_the_other))
 
 
+def test_the_bound_with_which_it_would_do_is_told_beside_what_it_is(in_the_other):
+    (one,) = [change for change in in_the_other.would_do if change.kind == "bound"]
+    assert one.bound.code is Limit.SELF_DISTANCE
+    assert one.bound.value < 0.0 < one.bound.bound
+    assert any("where the bound is 14 mm" in line for line in lines(in_the_other))
+
+
 def test_where_the_tick_has_a_solution_nothing_is_proven_and_what_limits_is_told(holder):
     tick = TickProver(holder.spec, holder.config).of(ChunkProgram(holder, sent(to=(0.5, 0.0, 0.0), time=1.4)))
     assert not tick.proven

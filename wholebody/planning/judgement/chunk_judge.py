@@ -95,6 +95,18 @@ class ChunkJudge:
         self.planner.carry(self._loads)
         self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
 
+    @property
+    def loads(self) -> tuple[float, float]:
+        """Masses in the left and right hand that plans count on, without their reserve [kg]."""
+        left, right = self._loads.masses
+        return left, right
+
+    def carry(self, left: float, right: float) -> None:
+        """Count on these masses in the hands from now on [kg]."""
+        self._loads = Loads((left, right))
+        self.planner.carry(self._loads)
+        self.postures.body.carry(self._loads.most)
+
     @cached_property
     def postures(self) -> PostureSolver:
         """Still postures for the first pose of a chunk."""

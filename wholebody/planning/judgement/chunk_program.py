@@ -172,6 +172,17 @@ class ChunkProgram:
         left, right = (path.sample(times) for path in self.targets.paths)
         return track, (left, right)
 
+    def raised(self, kind: Limit) -> Margin | None:
+        """What the bounds of a kind would have to be for a plan that keeps all the others; None where none is found.
+
+        It is the value that such a plan has, which is not the least one.
+        """
+        found = self.find(EVERY - {kind})
+        if found is None:
+            return None
+        of_kind = (one for one in self.margins(found) if NAMES[one.code] == kind and one.margin < 0.0)
+        return next(of_kind, None)
+
     def margins(self, witness: Witness) -> list[Margin]:
         """Least room that a motion leaves to every kind of bound, the tightest first."""
         problem = self._planner.optimizer.measured(witness.knots)

@@ -29,8 +29,7 @@ from wholebody.verdict.page.drawing import CAMERA, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
 from wholebody.verdict.page.timelines import Panel, panels
-from wholebody.verdict.quantity import said
-from wholebody.verdict.report import gist, lines, violation_line
+from wholebody.verdict.report import change_said, gist, lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
 
@@ -193,7 +192,7 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
             {"sentence": one.sentence, "time": min((m.time + shown.since for m in one.members), default=None)}
             for one in verdict.causes
         ],
-        "would": [said(one.slower, one.moved, one.turned) for one in verdict.would_do],
+        "would": [change_said(one) for one in verdict.would_do],
         "repaired": shown.ghost.words if shown.ghost else "",
         "violations": [
             {"text": violation_line(one), "time": one.time, "severity": one.severity.value, "code": one.code.value}
