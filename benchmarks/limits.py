@@ -1,6 +1,6 @@
 """What a standing G1 can do, a table at a time, beside what statics or a pendulum allow: for `docs/limits.md`.
 
-    python benchmarks/limits.py TABLE [--robot true|realistic] [--seeds FIRST END] [--out FILE] [--picture FILE]
+    python benchmarks/limits.py TABLE [--robot true|realistic] [--seeds FIRST END] [--cases FIRST END] [--out FILE]
 
 loads    0.5, 1 and 2 kg in both hands that nobody told, at places of the workspace, 4 s after the reach
 slope    reaches on floors of 2 to 10 degrees that rise in eight directions
@@ -233,14 +233,14 @@ def draw(found: dict[str, dict[str, Numbers]], path: Path) -> None:
     """Pushes by their direction, beside the pendulum's bound."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(5.0, 5.0))
+    figure = Figure(figsize=(5.0, 5.6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
     angles = [math.radians(float(group.split()[1])) for group in found]
     for key, what in (("bound_Ns", "pendulum"), ("impulse_Ns", "measured")):
         values = [min(one[key] for one in ones.values()) for ones in found.values()]
         axes.plot([*angles, angles[0]], [*values, values[0]], "o-" if key == "impulse_Ns" else "--", label=what)
     axes.set_title("largest push at the torso without a step [N s]\n0 deg is ahead, 90 deg to the left")
-    axes.legend(loc="lower left")
+    figure.legend(loc="outside lower center", ncols=2)
     figure.savefig(path, dpi=100)
 
 
@@ -250,6 +250,7 @@ def main() -> None:
     parser.add_argument("table", choices=TABLES)
     parser.add_argument("--robot", choices=("true", "realistic"), default="true")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 3), help="first, and the one after the last")
+    parser.add_argument("--cases", type=int, nargs=2, default=(0, None), help="first, and the one after the last")
     parser.add_argument("--out", type=Path, help="file with a line a case")
     parser.add_argument("--picture", type=Path, help="of pushes, a PNG")
     options = parser.parse_args()
@@ -259,7 +260,7 @@ def main() -> None:
         for group, detail, run in TABLES[options.table]()
         for seed in range(options.seeds[0], options.seeds[0] + 1 if one else options.seeds[1])
     ]
-    found = finished(listed, options.out or Path(f"limits_{options.table}.jsonl"))
+    found = finished(listed[slice(*options.cases)], options.out or Path(f"limits_{options.table}.jsonl"))
     print("\n".join(rows(found)))
     if options.picture is not None:
         draw(found, options.picture)
