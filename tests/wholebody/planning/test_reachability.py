@@ -5,6 +5,7 @@ time, and no chunk its verdict.
 """
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -94,6 +95,13 @@ def test_one_pair_many_pairs_and_plain_numpy_say_the_same_and_sides_do_not_matte
     assert np.allclose(rooms, logits(told.network, pairs), atol=1e-4)
     assert np.allclose(rooms, told.rooms(pairs.mirrored()), atol=1e-4)
     assert told.knows(pairs).all()
+
+
+def test_threads_that_ask_at_once_get_what_one_gets():
+    told, pairs = reachability(), draw(20_000, np.random.default_rng(4))
+    alone = told.rooms(pairs)
+    with ThreadPoolExecutor(4) as threads:
+        assert all(np.array_equal(found, alone) for found in threads.map(told.rooms, [pairs] * 8))
 
 
 def test_palms_at_rest_are_held_and_palms_above_the_head_or_in_one_place_are_not():

@@ -53,10 +53,10 @@ class ReachabilityMap:
 
     def __init__(self, network: Network, card: dict) -> None:
         self.network, self.card = network, card
-        scratch = np.zeros((2, 3)), np.zeros(2), np.zeros(N_FEATURES, np.float32), *np.zeros((2, WIDTH), np.float32)
-        self._weights, self._scratch = tuple(network.layers), scratch
+        self._weights, self._scratch = tuple(network.layers), _scratch()
         self._points, self._turns, self._loads, self._out = _blank(1)
-        self._native = _rooms.native(*self._arguments(self._points, self._turns, self._loads, self._out))
+        one = self._points, self._turns, self._loads, BODY, self._weights, self._scratch, self._out
+        self._native = _rooms.native(*one)
 
     @staticmethod
     def read(path: Path) -> ReachabilityMap:
@@ -112,10 +112,10 @@ class ReachabilityMap:
         return float(self._out[0])
 
     def rooms(self, pairs: Pairs) -> np.ndarray:
-        """`room` of many pairs, shape (n,)."""
+        """`room` of many pairs, shape (n,); any number of threads may ask."""
         points, turns, loads, out = _blank(len(pairs))
         points[:], turns[:], loads[:] = pairs.points, pairs.turns, pairs.loads
-        self._native(*self._arguments(points, turns, loads, out))
+        self._native(points, turns, loads, BODY, self._weights, _scratch(), out)
         return out
 
     @staticmethod
@@ -126,12 +126,13 @@ class ReachabilityMap:
         inside = ((points >= LOW) & (points <= HIGH)).all(axis=(1, 2))
         return inside & ((pairs.loads >= 0.0) & (pairs.loads <= LOAD_KNOWN)).all(axis=1)
 
-    def _arguments(self, points: np.ndarray, turns: np.ndarray, loads: np.ndarray, out: np.ndarray) -> tuple:
-        return points, turns, loads, BODY, self._weights, self._scratch, out
-
 
 def _blank(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return np.zeros((n, 2, 3)), np.zeros(n, np.int64), np.zeros((n, 2)), np.zeros(n)
+
+
+def _scratch() -> tuple[np.ndarray, ...]:
+    return np.zeros((2, 3)), np.zeros(2), np.zeros(N_FEATURES, np.float32), *np.zeros((2, WIDTH), np.float32)
 
 
 def basis(spec: RobotSpec, config: ControllerConfig) -> str:
