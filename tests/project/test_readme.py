@@ -55,7 +55,7 @@ def test_every_command_and_option_exists(document):
         command = commands[name]
         if arguments and arguments[0] in getattr(command, "commands", {}):
             command = command.commands[arguments[0]]
-        options = {option for parameter in command.params for option in parameter.opts}
+        options = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
         for argument in arguments:
             if argument.startswith("--"):
                 assert argument in options, f"{document.name}: wholebody {name} {argument}"
