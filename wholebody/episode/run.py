@@ -151,7 +151,7 @@ def run_episode(
         TypeError: If an executor's clock is not a simulated one.
     """
     config = config or EpisodeConfig()
-    state = plant.reset(config.begin)
+    state = plant.reset() if config.begin is None else plant.reset(config.begin)
     measure = _measures(sensors)
     measured = measure(state)
     supervisor.reset(measured, state.time)

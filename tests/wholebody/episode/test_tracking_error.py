@@ -13,6 +13,7 @@ from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.scripted.policy import stance_pose
 from wholebody.episode.tracking_error import DEMANDABLE_DISTANCE, TrackingError, demandable, start_jump
+from wholebody.robot.state import Robot
 from wholebody.types import Reason, RobotState
 
 SPEC = g1()
@@ -39,9 +40,7 @@ def report(missed=0.0):
 
 
 def tracking_error():
-    palms = [MODEL.getFrameId(tool.palm_frame) for tool in SPEC.tools]
-    robot, planner = SimpleNamespace(model=MODEL), SimpleNamespace(palm_ids=palms)
-    return TrackingError(SimpleNamespace(robot=robot, planner=planner, spec=SPEC))
+    return TrackingError(SimpleNamespace(robot=Robot(SPEC), spec=SPEC))
 
 
 def commanded(*, ahead=0.0):

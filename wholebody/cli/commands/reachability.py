@@ -24,7 +24,7 @@ def reachability(
     ] = None,
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None,
 ) -> None:
-    """Compute where the standing robot can hold its palms, or draw it.
+    """Make or draw the map of where palms can be held.
 
     A run that is broken off goes on where it was.
     """

@@ -87,7 +87,8 @@ def test_reaches_are_planned_to_millimetres_with_every_bound_kept(planner, x, z)
 def test_inverse_dynamics_finds_balance_and_waist_torque_inside_their_bounds(planner, policy, end):
     _, motion = plan(planner, policy, end)
     zmp, torques = inverse_dynamics(planner, motion)
-    margin = np.min(planner.support.offsets - zmp @ planner.support.normals.T, axis=1)
+    support = planner.body.footing.support
+    margin = np.min(support.offsets - zmp @ support.normals.T, axis=1)
     waist = [planner.model.joints[planner.model.getJointId(f"waist_{x}_joint")].idx_v - 6 for x in ("roll", "pitch")]
     assert margin.min() > planner.config.zmp_margin - 3e-3
     assert np.abs(torques[:, waist]).max() < 35.0 * (planner.config.torque_share + 0.06)
