@@ -81,9 +81,6 @@ FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, Begin.LAST_ATTEMPT)
 """Firm bounds again, where palms may turn: a load is often held that way."""
 RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, Begin.LAST_ATTEMPT)
 FREE_ORIENTATION = Strategy("free_orientation", _free, Begin.LAST_ATTEMPT)
-FREE_ANEW = Strategy("free_orientation", _free, Begin.PLAN_BEFORE)
-"""Free orientation again, where the attempts before it led to where the search cannot leave."""
-RELAXED_ANEW = Strategy("relaxed_orientation", _relaxed, Begin.START)
 UNREACHABLE = Strategy("unreachable", lambda c: c.weights_unreachable, Begin.PLAN_BEFORE)
 FALLBACK = Strategy("fallback", lambda c: c.weights_fallback, Begin.PLAN_BEFORE)
 FALLBACK_ANEW = Strategy("fallback", lambda c: c.weights_fallback, Begin.START)
@@ -157,12 +154,10 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
     if now.warm_started and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
-    # A palm that is so far off gave its position up for its orientation: to relax that is not enough.
-    given_up = config.tracking_error_max < now.tracking_error <= config.unreachable
-    for strategy in (FREE_ORIENTATION,) if given_up else (RELAXED_ORIENTATION, FREE_ORIENTATION):
-        now = _turned(config, attempt, budget, now, strategy)
-    if given_up and now.tracking_error <= config.tracking_error_max:
-        now = _turned(config, attempt, budget, now, FREE_ANEW)
+    for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
+        if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
+            relaxed = attempt(strategy, slowdown, now.knots.q[1:])
+            now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
@@ -172,16 +167,10 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
     return now
 
 
-def _turned(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt, strategy: Strategy) -> Attempt:
-    """An attempt, or that of a strategy in which palms may turn, if one is off, and nearer then.
-
-    How far a palm is off where the plan begins, no plan changes.
-    """
+def _turning_helps(config: PlannerConfig, now: Attempt) -> bool:
+    """Whether a palm is off that may come nearer if it turns: where the plan begins, no plan changes how far it is."""
     fixed = now.start_error if now.is_safe(config) else 0.0
-    if now.tracking_error <= max(config.relax_error, fixed) or not budget.allows(ATTEMPT_MIN):
-        return now
-    turned = attempt(strategy, now.targets.slowdown, now.knots.q[1:])
-    return min(now, turned, key=lambda one: (one.unsafety(config), one.tracking_error))
+    return now.tracking_error > max(config.relax_error, fixed)
 
 
 def _out_of_reach(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt | None:
@@ -192,10 +181,6 @@ def _out_of_reach(config: PlannerConfig, attempt: Try, budget: Budget, now: Atte
     far = attempt(UNREACHABLE, now.targets.slowdown, None)
     if not (far.is_safe(config) and far.deficit <= config.friction_deficit_unreachable):
         return None
-    if far.tracking_error <= config.tracking_error_max < now.tracking_error and budget.allows(ATTEMPT_MIN):
-        # It is within reach: the search turned a palm the way that ends far away.
-        anew = attempt(RELAXED_ANEW, now.targets.slowdown, None)
-        far = anew if anew.follows(config) and anew.tracking_error < far.tracking_error else far
     return now if now.follows(config) and now.imbalance(config) < far.imbalance(config) else far
 
 
