@@ -25,8 +25,8 @@ from websockets.sync.client import ClientConnection
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.support.page_watcher import HANDLE, PALM, connected, messages
 
-WAY, PAUSE, MOVED = 0.05, 2.0, 0.002
-"""How far a drag goes [m], time between two [s], and what counts as moved [m]."""
+WAY, PAUSE, MOVED = 0.05, (1.5, 2.5), 0.002
+"""How far a drag goes [m], least and longest time between two [s], drawn for each, and what counts as moved [m]."""
 
 
 def main() -> None:
@@ -56,7 +56,7 @@ def _watch(page: ClientConnection, drags: int) -> tuple[list[float], list[float]
     updates: list[float] = []
     latencies: list[float] = []
     handle, turned, palm, sent = None, None, None, None
-    following = monotonic() + 10.0
+    following, rng = monotonic() + 10.0, np.random.default_rng(0)
     while len(latencies) < drags:
         frame, now = messages(page.recv()), monotonic()
         # A robot that stands still moves by less than a number on the wire; its centre of mass is in every picture.
@@ -73,7 +73,7 @@ def _watch(page: ClientConnection, drags: int) -> tuple[list[float], list[float]
                     latencies.append(now - sent[0])
                     sent = None
         if now > following and sent is None:
-            following = now + PAUSE
+            following = now + rng.uniform(*PAUSE)
             handle = handle + np.array([0.0, 0.0, WAY if len(latencies) % 2 == 0 else -WAY])
             page.send(_drag(handle, turned))
             sent = (now, palm)
