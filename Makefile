@@ -67,7 +67,7 @@ studies: $(VENV)/.all-installed ## Run the studies that take hours into the fold
 test-latest: $(LATEST)/.installed ## Run the core tests on the newest placo and pin, in their own environment
 	@$(LATEST)/bin/wholebody warmup
 	OMP_NUM_THREADS=1 $(LATEST)/bin/python $(PYTEST) -n 2 --dist worksteal -m "not regression and not openpi and not browser and not alone" $(ARGS)
-	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and not browser and alone" $(ALONE) $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
+	$(LATEST)/bin/python $(PYTEST) -m "not regression and not openpi and not browser and alone" $(ARGS) || [ $$? -eq $(NONE_CHOSEN) ]
 
 test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's own client and server, in their own environment
 	OPENPI_PYTHON=$(OPENPI_VENV)/bin/python OPENPI_CHECKOUT="$(OPENPI)" $(BIN)/python $(PYTEST) -m openpi $(ARGS)
