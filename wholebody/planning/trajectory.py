@@ -115,7 +115,7 @@ def curve_through(steps: np.ndarray, q: np.ndarray, v_start: np.ndarray) -> Cubi
 def centroidal_along(curve: CubicBSpline, start: float, end: float, momenta: Centroidal) -> CentroidalTrack:
     """Where the mass and the trunk go along a curve from ``start`` to ``end``: all that the floor's part depends on."""
     grid = np.arange(start, end + GRID, GRID)
-    n = len(np.arange(start, end + COARSE * GRID, COARSE * GRID))
+    n = -(-(len(grid) - 1) // COARSE) + 1
     q, v, _, _ = _states(curve, np.minimum(grid[np.minimum(COARSE * np.arange(n), len(grid) - 1)], end))
     com, com_velocity, momentum, turns = momenta(q, v)
     com_acceleration, momentum_rate = (np.gradient(x, COARSE * GRID, axis=0) for x in (com_velocity, momentum))

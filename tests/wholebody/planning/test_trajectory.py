@@ -1,0 +1,27 @@
+"""Strategy: a curve that stays, between times whose sums round either way; how many rows it gets is known."""
+
+import numpy as np
+import pytest
+
+from models import g1
+from models.pinocchio_model import stance_q
+from wholebody.planning.trajectory import GRID, centroidal_along, curve_through, track_along
+from wholebody.planning.trajopt.centroidal import Centroidal
+from wholebody.robot.state import Robot
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Robot(g1())
+
+
+@pytest.mark.parametrize("start", [0.0, 5.068, 5.11])
+@pytest.mark.parametrize("duration", [0.006, 0.25, 2.95])
+def test_a_trajectory_has_a_row_a_tick_whatever_the_rounding_of_its_times(robot, start, duration):
+    spec, end = g1(), start + duration
+    q = stance_q(spec, robot.model)
+    momenta = Centroidal(spec, robot.model, [robot.frame_id(x) for x in (spec.base_body, spec.torso_body)])
+    curve = curve_through(np.array([start, end]), np.array([q, q]), np.zeros(robot.nv))
+    track = track_along(curve, centroidal_along(curve, start, end, momenta))
+    assert len(track.q) == track.com.shape[1] == len(track.pelvis[1]) == len(np.arange(start, end + GRID, GRID))
+    np.testing.assert_allclose(track.q, np.tile(q, (len(track.q), 1)), atol=1e-9)
