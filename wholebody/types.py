@@ -26,12 +26,17 @@ class RobotState:
         v: Velocity (6 + n,): base linear [m/s] and angular [rad/s] velocity in the base frame, joint speeds [rad/s].
         tau: Torques that the joints had until then, (n,), [N m]; None if they are not known. What hands carry is found
             from them; `check_state` does not look at them.
+        covariance: Of orientation [rad], velocity [m/s] and position [m] in world of the IMU in the pelvis, (9, 9), as
+            measured: what noise makes, not errors that stay, of encoders and the IMU's tilt. None if it is not known.
+        stands: Whether the left and the right foot carries weight; None if it is not known.
     """
 
     time: float
     q: np.ndarray
     v: np.ndarray
     tau: np.ndarray | None = None
+    covariance: np.ndarray | None = None
+    stands: tuple[bool, bool] | None = None
 
     def age(self, now: float) -> float:
         """Time that has passed since it was measured, at a present time on the same clock [s]."""

@@ -18,6 +18,9 @@ class StanceOdometry:
         spec: The robot.
     """
 
+    settling = 0.0
+    """Time at rest that it takes [s]; derived: it remembers nothing."""
+
     def __init__(self, spec: RobotSpec) -> None:
         self._model = load_pinocchio(spec)
         self._data = self._model.createData()

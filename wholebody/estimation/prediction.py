@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 
@@ -52,4 +54,5 @@ class StatePredictor:
         held, dv = end - begin, self._dv[first : self._n]
         # An acceleration moves the state for as long as it holds, and for the rest of the time by the speed it left.
         step = seconds * state.v + (held * (now - 0.5 * (begin + end))) @ dv
-        return RobotState(now, pin.integrate(self._model, state.q, step), state.v + held @ dv, state.tau)
+        q, v = pin.integrate(self._model, state.q, step), state.v + held @ dv
+        return replace(state, time=now, q=q, v=v)

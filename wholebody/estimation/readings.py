@@ -35,7 +35,13 @@ class Readings:
 
 
 class Estimator(Protocol):
-    """Makes the state of the robot of its readings."""
+    """Makes the state of the robot of its readings.
+
+    Attributes:
+        settling: Time at rest that it takes until its states are as good as they get [s].
+    """
+
+    settling: float
 
     def reset(self) -> None:
         """Forget the past."""

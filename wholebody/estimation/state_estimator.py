@@ -12,7 +12,7 @@ from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from wholebody.errors import InputError
 from wholebody.estimation.kernels import estimate as kernel
-from wholebody.estimation.kernels.estimate import BEGIN
+from wholebody.estimation.kernels.estimate import BEGIN, LEVEL_FIRST
 from wholebody.estimation.kernels.invariant_filter import SIZE
 from wholebody.estimation.readings import Readings
 from wholebody.jit.entry import Entry
@@ -39,6 +39,10 @@ ACC_UNKNOWN = 1.0
 TILT_NOISE, LEG_NOISE = 2e-3, 1e-3
 """Of the IMU's vertical [rad] and of a sole's place by the legs [m] at each reading; chosen: 0.1 degrees, of which a
 part stays; a sole that gives."""
+LEVEL_SHARE = 0.7
+"""Of the soles' normal in the vertical on a level floor, the IMU has the rest [no unit]; derived: 0.3 degrees of tilt
+are 3.7 mrad about an axis, encoders that are off by 2 mrad turn the mean of both soles by 2.2, weights go by the
+inverse squares."""
 FIRST = (5e-3, 1e-3, 0.05, 1e-3, 1e-3, 1e-3, 0.01, 0.1)
 """First errors of tilt [rad], yaw [rad], velocity [m/s], place and soles [m], gyro [rad/s] and accelerometer
 [m/s^2]; chosen: offsets of 2 mrad in the legs, 0.3 degrees in the IMU."""
@@ -54,19 +58,25 @@ class StateEstimator:
     which drifts, is not used: the soles hold the yaw, and tell the gyro's bias. Which foot stands is known by the
     torques of its leg; without torques both are taken to. Without an accelerometer the legs alone say how fast it is.
 
-    Assumed is that the IMU is level where the robot is: an error of its tilt and a floor that slopes cannot be told
-    apart, and a floor may slope.
+    An error of the IMU's tilt and a floor that slopes cannot be told apart. A floor that looks less steep than
+    0.015 rad is taken to be level, and both soles to be flat on it: the vertical is a mean of the soles' and the IMU's
+    then. On one that looks twice as steep the IMU alone counts.
 
     Args:
         spec: The robot.
+        level_floor: Whether floors that look nearly level are; if not, the IMU alone says what is vertical.
 
     Attributes:
         stands: Whether each foot stands, shape (2,), left first.
         pressed: Force of the floor along the normal of each sole, shape (2,), [N]; zeros without torques.
         gyro_bias: As learned [rad/s]. acc_bias: Likewise [m/s^2].
+        covariance: That of the last state.
     """
 
-    def __init__(self, spec: RobotSpec) -> None:
+    settling = LEVEL_FIRST
+    """Time at rest that it takes until its states are as good as they get [s]; derived: noise is gone by then."""
+
+    def __init__(self, spec: RobotSpec, *, level_floor: bool = True) -> None:
         whole = load_pinocchio(spec)
         self._names = list(whole.names)[2:]
         ankles = [whole.frames[whole.getFrameId(foot.frame)].parentJoint for foot in spec.feet]
@@ -87,27 +97,21 @@ class StateEstimator:
         memory.noise[:], memory.variance[:] = np.square(walks), np.square((TILT_NOISE, LEG_NOISE))
         tilt, yaw, speed, place, left, right, gyro, acc = np.square(FIRST)
         memory.first[:] = np.repeat([tilt, speed, place, left, right, gyro, acc], 3)
-        memory.first[2] = yaw
+        memory.first[2], memory.level_share = yaw, LEVEL_SHARE if level_floor else 0.0
         self.stands, self.pressed = memory.stands, memory.pressed
         self.gyro_bias, self.acc_bias = memory.gyro_bias, memory.acc_bias
         self._n = n = len(self._names)
         self._no_acc, self._no_tau = np.full(3, np.nan), np.full(n, np.nan)
         given = np.zeros(4), self._no_acc, self._no_acc, self._no_tau, self._no_tau, self._no_tau
-        self._estimate = _estimate.native(memory, 0.0, *given, np.zeros(7 + n), np.zeros(6 + n))
+        self._estimate = _estimate.native(memory, 0.0, *given, np.zeros(7 + n), np.zeros(6 + n), np.zeros((9, 9)))
         self.reset()
 
     def reset(self) -> None:
-        """Begin with the next readings; biases are forgotten."""
+        """Begin with the next readings; biases and the floor are forgotten."""
+        self._memory.looked, self._memory.lean[:] = 0.0, 0.0
         self.gyro_bias[:], self.acc_bias[:], self._time = 0.0, 0.0, -inf
         self.stands[:], self._memory.xi[:] = 1, 0.0
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Of orientation [rad], velocity [m/s] and position [m] of the IMU in world, shape (9, 9)."""
-        memory, T = self._memory, np.eye(9)
-        # The filter's error moves what it turns about the origin.
-        T[3:6, :3], T[6:, :3] = -pin.skew(memory.v), -pin.skew(memory.x[:3])
-        return T @ memory.P[:9, :9] @ T.T
+        self.covariance = np.full((9, 9), np.nan)
 
     def state(
         self,
@@ -153,13 +157,14 @@ class StateEstimator:
         """
         r, n = readings, self._n
         q, v, dt = np.empty(7 + n), np.empty(6 + n), r.time - self._time
+        self.covariance = covariance = np.empty((9, 9))
         acc, tau = self._no_acc if r.acc is None else r.acc, self._no_tau if r.tau is None else r.tau
         # The compiled code takes what it is given as it lies in memory.
         given = [np.ascontiguousarray(one, dtype=float) for one in (r.quat_xyzw, r.gyro, acc, r.q, r.dq, tau)]
         dt = max(dt, 0.0) if -GAP_MAX <= dt <= GAP_MAX else BEGIN
-        if self._estimate(self._memory, dt, *given, q, v) and dt != 0.0:
+        if self._estimate(self._memory, dt, *given, q, v, covariance) and dt != 0.0:
             self._time = r.time
-        return RobotState(r.time, q, v, r.tau)
+        return RobotState(r.time, q, v, r.tau, covariance, (bool(self.stands[0]), bool(self.stands[1])))
 
     def _all(self, readings: Mapping[str, float], what: str) -> np.ndarray:
         try:
@@ -176,13 +181,15 @@ def _memory(joints: int) -> Packed:
     """What goes on from reading to reading, for legs of so many joints together.
 
     ``x`` is position [m] and orientation of the IMU in world, ``v`` its velocity, ``d`` are the soles; ``P`` is the
-    covariance of the filter's error ``xi``. ``h`` are the soles from the IMU in the axes of the base. Constant are what
+    covariance of the filter's error ``xi``. ``lean`` is the mean difference of the soles' normal and the IMU's vertical
+    [rad], ``looked`` the time in it [s]. ``h`` are the soles from the IMU in the axes of the base. Constant are what
     stands in ``table`` to ``first`` and the integers but ``stands``; the rest is for the arithmetic.
     """
     bodies = 1 + joints
     constant = {"table": (bodies, BODY), "sole": (2, 3), "imu": (3,), "gravity": (3,), "noise": (7,)}
-    constant |= {"variance": (2,), "first": (SIZE,), "press_min": ()}
+    constant |= {"variance": (2,), "first": (SIZE,), "press_min": (), "level_share": ()}
     kept = {"x": (7,), "v": (3,), "d": (2, 3), "gyro_bias": (3,), "acc_bias": (3,), "P": (SIZE, SIZE), "pressed": (2,)}
+    kept |= {"lean": (2,), "looked": ()}
     body = {"R": (bodies, 3, 3), "p": (bodies, 3), "S": (5 + bodies, 6), "angles": (6 + bodies,), "h": (2, 3)}
     body |= {"J": (6, 6), "force": (6,), "wrench": (2, 6), "place": (3,)}
     work = {"gyro": (3,), "felt": (3,), "Rw": (3, 3), "Ri": (3, 3), "Re": (3, 3), "E": (7,), "B": (15, 3)}

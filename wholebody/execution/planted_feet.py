@@ -49,9 +49,10 @@ class PlantedFeet:
             self._stand_on(measured)
 
     def planned(self, state: RobotState) -> Feet:
-        """What a plan that is asked for now counts on."""
+        """What a plan that is asked for now counts on; a foot that carries nothing is not where it will stand."""
         measured = self._measured(state)
-        if not measured.differ(self.feet, PLACE, ANGLE):
+        lifted = state.stands is not None and not all(state.stands)
+        if lifted or not measured.differ(self.feet, PLACE, ANGLE):
             self._seen = None
         elif self._seen is None or measured.differ(self._seen[1], 0.5 * PLACE, 0.5 * ANGLE):
             self._seen = state.time, measured

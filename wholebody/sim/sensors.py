@@ -115,11 +115,12 @@ class Sensors:
     def measure(self, state: RobotState) -> RobotState:
         """The state that the controller gets at the time of ``state``: an older one if there is a delay.
 
-        Before the first one the robot has been at rest for as long as that.
+        Before the first one the robot has been at rest for as long as that, and as the estimator takes to settle.
         """
         late = self._late
         lost = len(late) > 0 and self._other.random() < self.config.lost
-        for back in range(0 if late else late.maxlen - 1, 0, -1):
+        before = 0 if late else late.maxlen - 1 + round(self.estimator.settling / self._dt)
+        for back in range(before, 0, -1):
             late.append(self.estimator.estimate(self.read(replace(state, time=state.time - back * self._dt))))
         readings = self.read(state)
         late.append(late[-1] if lost else self.estimator.estimate(readings))

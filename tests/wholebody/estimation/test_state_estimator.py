@@ -93,30 +93,37 @@ def test_the_first_velocity_is_that_of_a_base_over_soles_that_stay():
 
 
 def test_a_robot_that_moves_in_mujoco_is_known_from_mujocos_own_sensors():
-    supervisor, plant, estimator = Supervisor(SPEC), MujocoPlant(SPEC), StateEstimator(SPEC)
+    supervisor, plant = Supervisor(SPEC), MujocoPlant(SPEC)
+    estimator, default = StateEstimator(SPEC, level_floor=False), StateEstimator(SPEC)
     state = plant.reset()
     supervisor.reset(state)
     wrists = [supervisor.robot.pose(tool.wrist_frame).homogeneous.copy() for tool in SPEC.tools]
     for T in wrists:
         T[:3, 3] += (0.15, 0.0, -0.25)
     supervisor.accept(path_to(solve(*wrists), state, duration=1.5).chunk)
-    far, worst, without = 0.0, np.zeros(4), StateEstimator(SPEC)
+    far, worst, without = 0.0, np.zeros(5), StateEstimator(SPEC)
     while state.time < 2.0:
         state = plant.step(supervisor.step(state))
         mujoco.mj_forward(plant.model, plant.data)
         quat, gyro, acc = (plant.data.sensor(f"imu_{name}").data.copy() for name in ("quat", "gyro", "accelerometer"))
         read = Readings(state.time, quat[[1, 2, 3, 0]], gyro, state.q[7:], state.v[6:], state.tau, acc)
-        told = estimator.estimate(read)
+        told, levelled = estimator.estimate(read), default.estimate(read)
         bare = without.estimate(Readings(state.time, quat[[1, 2, 3, 0]], gyro, state.q[7:], state.v[6:]))
-        turn = pin.log3((pin.Quaternion(told.q[3:7]).inverse() * pin.Quaternion(state.q[3:7])).matrix())
-        off = told.q[:3] - state.q[:3], turn, told.v[:3] - state.v[:3], 0.1 * (bare.v[:3] - state.v[:3])
+        turn, other = (pin.Quaternion(one.q[3:7]).inverse() * pin.Quaternion(state.q[3:7]) for one in (told, levelled))
+        off = (
+            told.q[:3] - state.q[:3],
+            pin.log3(turn.matrix()),
+            told.v[:3] - state.v[:3],
+            0.1 * (bare.v[:3] - state.v[:3]),
+        )
+        off += (pin.log3(other.matrix()),)
         worst = np.maximum(worst, [np.linalg.norm(one) for one in off])
         far = max(far, np.linalg.norm(state.q[:3] - standing().q[:3]))
         if state.time > 0.5:
             assert estimator.pressed.sum() == pytest.approx(plant.foot_load()[0], rel=0.1)
             assert list(estimator.stands) == [1, 1]
     assert far > 0.05
-    assert np.all(worst < [1e-3, 1e-4, 0.02, 0.01])
+    assert np.all(worst < [1e-3, 1e-4, 0.02, 0.01, 3e-4])  # the last: soles that give under the robot
 
 
 def test_a_gyro_bias_is_learned_and_a_yaw_that_drifts_does_not_matter():
@@ -137,13 +144,26 @@ def test_noise_is_smoothed_and_the_covariance_says_by_how_much():
         gyro, acc = 0.01 * rng.standard_normal(3), UP + 0.4 * rng.standard_normal(3)
         seen = estimator.estimate(still(0.002 * k, quat=noisy, gyro=gyro, acc=acc))
         offs.append([*pin.log3(pin.Quaternion(seen.q[3:7]).matrix())[:2], *seen.v[:3]])
-        expected.append(np.sqrt(estimator.covariance.diagonal()[[0, 1, 3, 4, 5]]))
+        expected.append(np.sqrt(seen.covariance.diagonal()[[0, 1, 3, 4, 5]]))
     # Otherwise rounding would grow, slowly at first, until nothing is left of the filter after some minutes.
     assert np.array_equal(estimator._memory.P, estimator._memory.P.T)
     found = np.sqrt(np.mean(np.square(offs[1000:]), axis=0))
     assert np.all(found[:2] < 3e-4)
     assert np.all(found / expected[-1] < 1.5)
     assert np.all(found / expected[-1] > 0.1)
+
+
+@pytest.mark.parametrize(
+    ("slope", "wrong", "level_floor", "tilt"),
+    [(0.0, 0.01, True, 0.003), (0.0, 0.01, False, 0.01), (0.05, 0.0, True, 0.0), (0.002, 0.0, True, -0.0014)],
+)
+def test_a_floor_that_looks_nearly_level_says_what_is_vertical_and_a_slope_does_not(slope, wrong, level_floor, tilt):
+    estimator, q, rng = StateEstimator(SPEC, level_floor=level_floor), standing().q[7:], np.random.default_rng(0)
+    q[[NAMES.index(f"{side}_ankle_pitch_joint") for side in ("left", "right")]] += slope
+    for k in range(round(estimator.settling / 0.002)):
+        turn = np.array([0.0, wrong, 0.0]) + 0.002 * rng.standard_normal(3)
+        told = estimator.estimate(still(0.002 * k, quat=pin.Quaternion(pin.exp3(turn)).coeffs(), q=q))
+    assert pin.log3(pin.Quaternion(told.q[3:7]).matrix())[1] == pytest.approx(tilt, abs=5e-4)
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -154,6 +174,7 @@ def test_a_foot_that_carries_nothing_is_not_stood_on_and_moves_nothing_when_it_m
         seen = estimator.estimate(still(0.002 * k, tau=tau))
     assert estimator.stands[foot]
     assert not estimator.stands[1 - foot]
+    assert seen.stands == tuple(bool(stands) for stands in estimator.stands)
     assert estimator.pressed[foot] == pytest.approx(weight, rel=0.01)
     assert abs(estimator.pressed[1 - foot]) < 1.0
     q, hip = standing().q[7:], NAMES.index(f"{('right', 'left')[foot]}_hip_pitch_joint")

@@ -12,8 +12,11 @@ from tests.support.grounds import Ground
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.planted_feet import ANGLE, SETTLED, PlantedFeet
 from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.sensors import REALISTIC_READINGS, Sensors
 from wholebody.types import RobotState
 
 SPEC, FRICTION = g1(), ControllerConfig.friction
@@ -62,6 +65,21 @@ def test_a_foot_that_moved_counts_once_it_has_stayed_there(planted):
     assert planted.planned(replace(moved, time=1.0 + 0.5 * SETTLED)) is before
     assert planted.planned(replace(moved, time=1.0 + SETTLED)) is not before
     assert planted.feet.floor(SPEC).slope == pytest.approx(0.05, abs=1e-6)
+
+
+def test_a_foot_in_the_air_is_not_taken_for_one_that_moved(planted):
+    begun(planted, standing(planted))
+    lifted, before = replace(standing(planted, 0.05, 1.0), stands=(True, False)), planted.feet
+    planted.planned(lifted)
+    assert planted.planned(replace(lifted, time=1.0 + 2.0 * SETTLED)) is before
+
+
+def test_a_level_floor_is_level_for_twenty_robots_with_errors_of_imu_and_encoders(planted):
+    state = MujocoPlant(SPEC).reset()
+    for seed in range(20):
+        sensors = Sensors(SPEC, replace(REALISTIC_READINGS, seed=seed), 0.002, StateEstimator(SPEC))
+        begun(planted, sensors.measure(state))
+        assert planted.feet.floor(SPEC).slope == 0.0
 
 
 def test_no_floor_is_as_steep_as_the_soles_of_a_robot_that_falls(planted):

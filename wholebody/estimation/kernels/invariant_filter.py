@@ -173,3 +173,25 @@ def shift(R, p, xi, at) -> None:
     x, y, z = p[0], p[1], p[2]
     for k in range(3):
         p[k] = rotate(R, k, x, y, z) + xi[at + k]
+
+
+def in_world(memory: Packed, covariance) -> None:
+    """Covariance of orientation, velocity and position of the IMU themselves (9, 9).
+
+    The filter's error moves what it turns about the origin: they are off by ``xi``, less ``v x xi`` and ``x x xi`` of
+    the turn in velocity and position.
+    """
+    P, v, x = memory.P, memory.v, memory.x
+    for a in range(9):
+        for b in range(9):
+            covariance[a, b] = P[a, b]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        for b in range(9):
+            covariance[SPEED + k, b] += v[j] * covariance[i, b] - v[i] * covariance[j, b]
+            covariance[PLACE + k, b] += x[j] * covariance[i, b] - x[i] * covariance[j, b]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        for a in range(9):
+            covariance[a, SPEED + k] += v[j] * covariance[a, i] - v[i] * covariance[a, j]
+            covariance[a, PLACE + k] += x[j] * covariance[a, i] - x[i] * covariance[a, j]
