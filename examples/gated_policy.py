@@ -20,7 +20,7 @@ from models import g1
 from policy import Anchor, builtin, decode
 from policy.action_spec.state import state_layout, state_numbers
 from wholebody import MujocoPlant, Robot, judge
-from wholebody.episode.run import observation_of
+from wholebody.episode.observation import observation_of
 
 LAYOUT = builtin("wbc32")
 SEND = 25

@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
@@ -125,19 +125,19 @@ class Judge:
 
     def _simulated(self, policy: Policy, name: str, title: str) -> Verdict:
         """The simulated check, after the fast one where asking twice is free: of sources that do not see the robot."""
-        from wholebody.verdict.trial import first_state
-
-        checker = self._checker(self._scene(name))
-        seconds, begin, first = length(policy, self.given.duration), None, None
+        scene, seconds, begin, first = self._scene(name), length(policy, self.given.duration), None, None
         planned, placed = self._first and not policy.sees_robot, self.judging.starts(name) == "first"
-        fast = self.fast(self._scene(name)) if planned or placed else None
-        with waiting(f"planning {title}", self.quiet):
+        # What simulates is loaded while plans are made.
+        with ThreadPoolExecutor(1) as beside, waiting(f"planning {title}", self.quiet):
+            fast = self.fast(scene) if planned or placed else None
+            loaded = beside.submit(self._checker, scene)
             if planned:
                 first = self._foretold(policy, name)
                 title += f", {first.verdict.replace('_', ' ')} by its plans" if first else ""
             if placed:
                 with ours():
-                    begin = first_state(fast, policy)
+                    begin = fast.first_state(policy)
+            checker = loaded.result()
         checker.episode = replace(checker.episode, begin=begin)
         with (
             cameras_of(policy, checker, self.given.images) as cameras,

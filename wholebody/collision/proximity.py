@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import coal
 import numpy as np
@@ -116,6 +117,14 @@ class Proximity:
                 break
             known[unknown] = True
             self._measure(unknown, room)
+
+    def copy(self) -> Proximity:
+        """The same shapes, measured independently."""
+        other = copy(self)
+        other._scratch = other._warm = None
+        other.distance, other.bound, other.rows = self.distance.copy(), self.bound.copy(), self.rows.copy()
+        other._joints = self._joints.copy()
+        return other
 
     def keep_state_in(self, distance: np.ndarray, bound: np.ndarray, rows: np.ndarray, joints: np.ndarray) -> None:
         """Keep the state in these arrays from now on, which compiled code updates too; shapes as in the attributes.

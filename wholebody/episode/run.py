@@ -7,30 +7,25 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 
-from models import g1
 from models.spec import RobotSpec
 from policy.base import Policy
 from policy.clock import SimulatedClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.simulated import simulated_executor
-from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from wholebody.config.bounds import require_all
 from wholebody.episode.chunk_seams import commanded_chunk
 from wholebody.episode.meters import Meters
+from wholebody.episode.observation import observation_of
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.tracking_error import asked_palms
 from wholebody.execution.as_given import AsGiven, Executes
-from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Followed, Recorder
 from wholebody.sim.sensors import Sensors
 from wholebody.types import RobotState
 
-RELAXED = np.array(g1().hand_neutral).reshape(2, 7)
-"""What a policy is told of the fingers of a robot that has none, left then right [rad]."""
 Cameras = Callable[[], Mapping[str, np.ndarray]]
 """Images of the present moment: camera name to uint8 (height, width, 3), RGB."""
 
@@ -78,29 +73,6 @@ def observe(
     return observation_of(spec, supervisor.robot, state, task, images)
 
 
-def observation_of(
-    spec: RobotSpec,
-    robot: Robot,
-    state: RobotState,
-    task: str = "",
-    images: Mapping[str, np.ndarray] | None = None,
-) -> Observation:
-    """The same where there is no supervisor: the robot's model knows the order of the joints."""
-    joints = state.q[7:][robot.pin_to_motor]
-    fingers = fingers_of(spec, joints)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
-    return Observation(
-        time=state.time,
-        q_body=joints[: len(BODY_JOINTS)],
-        q_lhand=fingers[0],
-        q_rhand=fingers[1],
-        T_world_base=T,
-        images=images or {},
-        task=task,
-    )
-
-
 def followed(supervisor: Executes, now: float) -> Followed:
     """What a supervisor followed in its last step, for a recording.
 
@@ -116,12 +88,6 @@ def followed(supervisor: Executes, now: float) -> Followed:
         rate=supervisor.rate,
         planning_time=0.0 if isinstance(supervisor, AsGiven) else supervisor.handover.planning_time,
     )
-
-
-def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
-    """Fingers of left and right hand (7,) among joints in motor order [rad]; relaxed ones of a robot without."""
-    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
-    return fingers if any(map(len, fingers)) else list(RELAXED)
 
 
 def run_episode(

@@ -16,7 +16,8 @@ from wholebody.config import ControllerConfig, PlannerConfig
 from wholebody.config.description import describe
 from wholebody.config.robot import RobotConfig
 from wholebody.control.controller import WholeBodyController
-from wholebody.episode.run import fingers_of, observe
+from wholebody.episode.observation import fingers_of
+from wholebody.episode.run import observe
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.plan_follower import compile_follow
 from wholebody.execution.standing import hands_at_rest

@@ -114,7 +114,7 @@ class PostureSolver:
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
         config = config or ControllerConfig()
         self.spec, self._weights = spec, config.planner.posture
-        body = self.body = RobotTables(spec, self._weights, config.friction, config.force_min)
+        body = self.body = RobotTables.of(spec, self._weights, config.friction, config.force_min)
         body.carry((config.loads.left, config.loads.right))
         t = body.tables
         edges = np.minimum(np.minimum(t.com_offsets, t.zmp_offsets), t.capture_offsets)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wholebody.robot.standing import TILT_MAX, has_lost_standing, pelvis_tilt
-from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState, Status
+
+if TYPE_CHECKING:
+    from wholebody.sim.plant import MujocoPlant
 
 
 @dataclass(frozen=True)

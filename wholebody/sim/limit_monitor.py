@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wholebody.robot.support_polygon import convex_polygon
-from wholebody.sim.plant import MujocoPlant
+
+if TYPE_CHECKING:
+    from wholebody.sim.plant import MujocoPlant
 
 POSITION_TOLERANCE = 2e-3
 """How far a joint may pass its position limit before it counts [rad]; chosen: MuJoCo's limits are springs."""

@@ -7,15 +7,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from policy.base import Policy
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
-from wholebody.episode.run import observation_of
 from wholebody.episode.tracking_error import TrackingError
 from wholebody.sim.fall import detect_fall
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.check import Checker
-from wholebody.verdict.fast import FastChecker, shared_checker
+from wholebody.verdict.fast import shared_checker
 
 HOLD = 4.0
 """Time for which the robot has to stand after the last step [s]; definition, that of an episode."""
@@ -70,15 +68,6 @@ def run_chunk(checker: Checker, chunk: ActionChunk, begin: RobotState, hold: flo
     return Outcome(
         fell=fall is not None, time=told_fall[0], cause=told_fall[1], errors=palms.errors, turns=palms.turns
     )  # fmt: skip
-
-
-def first_state(checker: FastChecker, policy: Policy) -> RobotState:
-    """At rest, with the hands at the first step of what a policy answers to a robot in its stance."""
-    policy.reset()
-    robot, q = checker.judge.robot, checker.judge.stance().body.q
-    chunk = policy.infer(observation_of(checker.spec, robot, RobotState(0.0, q, np.zeros(robot.nv))))
-    body = checker.judge.first_pose(chunk).body
-    return RobotState(0.0, body.q, body.v)
 
 
 def as_given(chunk: ActionChunk, state: RobotState | None = None, config: ControllerConfig | None = None) -> Outcome:

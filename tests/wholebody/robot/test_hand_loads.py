@@ -1,5 +1,7 @@
 """Strategy: dynamics with loads changed at run time against Pinocchio's model that has them appended, and MuJoCo's."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -96,6 +98,24 @@ def test_the_plans_robot_with_loads_is_pinocchios():
     for q, _ in states(reduced, 10):
         ours, theirs = (pin.computeGeneralizedGravity(m, d, q) for m, d in ((body.model, other), (reduced, data)))
         assert difference(ours, theirs) < TOLERANCE
+
+
+def test_what_one_plans_with_is_made_once_and_another_one_carries_and_stands_independently():
+    c = ControllerConfig()
+    one, other = (RobotTables.of(SPEC, c.planner.posture, c.friction, c.force_min) for _ in range(2))
+    bare, feet = RobotTables(SPEC, c.planner.posture, c.friction, c.force_min), one.footing.feet
+    one.carry(LOADS)
+    one.stand_on(replace(feet, p=feet.p + 0.01))
+    one.proximity.measure(one.q_full, np.arange(3))
+    one.proximity.distance[:] = 0.0
+    assert one.shapes.vertices is other.shapes.vertices
+    assert other.mass == other.tables.mass == bare.mass
+    for name, theirs in bare.tables._asdict().items():
+        assert np.array_equal(getattr(other.tables, name), theirs), name
+    assert np.array_equal(other.shapes.floor, bare.shapes.floor)
+    assert np.array_equal(other.proximity.distance, bare.proximity.distance)
+    for ours, theirs in zip(other.model.inertias, bare.model.inertias, strict=True):
+        assert ours.isApprox(theirs, 0.0)
 
 
 def test_plans_keep_room_for_the_reserve_and_differ_by_masses_alone():

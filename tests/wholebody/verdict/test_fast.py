@@ -4,6 +4,8 @@ against that of a search, margins against Pinocchio, JSON against its schema.
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import jsonschema
@@ -34,6 +36,11 @@ def codes(verdict):
 
 def margin(verdict, code):
     return next(one for one in verdict.margins if one.code is code)
+
+
+def test_the_fast_check_does_without_mujoco():
+    code = "import sys, wholebody.verdict.fast as f; f.FastChecker(); print('mujoco' in sys.modules)"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "False"
 
 
 def test_a_plain_chunk_is_done_as_given_and_a_preview_tells():

@@ -75,7 +75,7 @@ class TrajectoryOptimizer:
         force_min: float = ControllerConfig.force_min,
     ) -> None:
         self.spec, self.config = spec, config or TrajectoryConfig()
-        self.body = RobotTables(spec, self.config, friction, force_min)
+        self.body = RobotTables.of(spec, self.config, friction, force_min)
         self.model = self.body.full
         self.q_stance = self.body.q_full.copy()
         self._problems: dict[int, TrajectoryProblem] = {}

@@ -1,0 +1,47 @@
+"""What a policy is told of the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from models import g1
+from models.spec import RobotSpec
+from policy.joints import BODY_JOINTS
+from policy.observation import Observation
+from wholebody.robot.state import Robot
+from wholebody.types import RobotState
+
+RELAXED = np.array(g1().hand_neutral).reshape(2, 7)
+"""What a policy is told of the fingers of a robot that has none, left then right [rad]."""
+
+
+def observation_of(
+    spec: RobotSpec,
+    robot: Robot,
+    state: RobotState,
+    task: str = "",
+    images: Mapping[str, np.ndarray] | None = None,
+) -> Observation:
+    """The same where there is no supervisor: the robot's model knows the order of the joints."""
+    joints = state.q[7:][robot.pin_to_motor]
+    fingers = fingers_of(spec, joints)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
+    return Observation(
+        time=state.time,
+        q_body=joints[: len(BODY_JOINTS)],
+        q_lhand=fingers[0],
+        q_rhand=fingers[1],
+        T_world_base=T,
+        images=images or {},
+        task=task,
+    )
+
+
+def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
+    """Fingers of left and right hand (7,) among joints in motor order [rad]; relaxed ones of a robot without."""
+    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+    return fingers if any(map(len, fingers)) else list(RELAXED)

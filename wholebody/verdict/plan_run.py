@@ -1,0 +1,138 @@
+"""Chunks planned one after the other, each from where the plan before leads, and what they come to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between
+from wholebody.episode.result import EpisodeResult, Note, Refusal
+from wholebody.episode.tracking_error import FINGER_TOLERANCE, PalmErrors, demandable
+from wholebody.execution.handover import ends_at_rest
+from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
+from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.sim.limit_monitor import LimitExcess
+from wholebody.types import Reason
+from wholebody.verdict.verdict import Verdict, blocked, judge
+
+
+@dataclass
+class _Palms:
+    """What is collected of the palms, a row a step."""
+
+    times: list[float] = field(default_factory=list)
+    moved: list[np.ndarray] = field(default_factory=list)
+    turned: list[np.ndarray] = field(default_factory=list)
+    fair: list[np.ndarray] = field(default_factory=list)
+    reasons: list[Reason | None] = field(default_factory=list)
+    fingers: dict[str, LimitExcess] = field(default_factory=dict)
+
+    def errors(self) -> PalmErrors:
+        moved, turned = np.reshape(self.moved, (-1, 2)), np.reshape(self.turned, (-1, 2))
+        still, fair = np.zeros_like(moved), np.reshape(self.fair, (-1, 2)).astype(bool)
+        return PalmErrors(
+            np.array(self.times), moved, turned, moved, turned, still, still, fair, self.reasons, self.fingers
+        )
+
+
+class PlanRun:
+    """Chunks planned one after the other, and what they come to."""
+
+    def __init__(self, judge: ChunkJudge, free: tuple[bool, bool], *, by_path: bool = False) -> None:
+        """Of palms whose orientation may be free, compared at the steps' own times, or else where the plan is then."""
+        self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
+        self._by_path = by_path
+        self.margins: dict[Limit, Margin] = {}
+        self.suspects: list[tuple[ActionChunk, Begin, float]] = []
+        self.followed: ChunkJudgement | None = None
+        self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
+
+    def follow(
+        self, chunk: ActionChunk, begin: Begin, now: float, until: float, found: ChunkJudgement | None = None
+    ) -> Begin:
+        """Plan a chunk from where the robot is then, now [s], and follow it until a time [s]; where that leads.
+
+        What was ``found`` of it is not planned again.
+        """
+        chunk.validate()
+        result, found = self.result, found or self.judge.judge(chunk, begin, now)
+        self._note(chunk, found, begin)
+        if found.plan.report.changes or not found.plan.report.safe or found.exceeded:
+            self.suspects.append((chunk, begin, now))
+        body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
+        if found.plan.report.safe and ends_at_rest(found.plan, body.footing.support, margin):
+            self.followed, self._since = found, now
+        else:
+            result.refusals.append(Refusal(now, Reason.NOT_JOINED, Reason.NOT_JOINED.sentence))
+        due = np.flatnonzero((chunk.times > now - 1e-9) & (chunk.times < until - 1e-9))
+        self._score(chunk, due, begin)
+        if self.followed is None or not np.isfinite(until):
+            return begin
+        return self.judge.later(self.followed.plan, until - self._since)
+
+    def _note(self, chunk: ActionChunk, found: ChunkJudgement, begin: Begin) -> None:
+        result, report = self.result, found.plan.report
+        result.notes += [Note(chunk.t_obs, text) for text in chunk.notes]
+        if not result.fps:
+            (p, R), (at, turned) = self.judge.asked(chunk), self.judge.at(begin)
+            first = min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
+            result.start, result.fps = chunk.t_obs, chunk.fps
+            jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
+            result.start_jump = float(jump[0]), float(jump[1])
+        self.previewed &= found.previewed
+        if report.slowdown > result.slowdown:
+            result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
+        for one in found.margins:
+            moved = replace(one, time=one.time + chunk.t_obs, step=one.step + round(chunk.t_obs * chunk.fps))
+            if one.code not in self.margins or one.share < self.margins[one.code].share:
+                self.margins[one.code] = moved
+
+    def _score(self, chunk: ActionChunk, due: np.ndarray, begin: Begin) -> None:
+        """Compare steps of a chunk with what is commanded then: by its plan, or by the one before."""
+        palms, n, times = self.palms, len(due), chunk.times[due]
+        asked = tuple(part[due] for part in self.judge.asked(chunk))
+        if self.followed is None:
+            commanded, reasons = self.judge.at(begin), [Reason.NOT_JOINED] * n
+            self._fair(np.zeros((n, 2), dtype=bool))
+        else:
+            plan = self.followed.plan
+            s = plan.start + (1.0 if self._by_path else plan.rate) * (times - self._since)
+            commanded = self.judge.commanded(plan, np.minimum(s, plan.end + 10.0))
+            reasons = [plan.report.moved_at(x) for x in s.tolist()]
+            self._fair(demandable(chunk, plan.report)[due])
+            self._spent += n / chunk.fps
+            self._travelled += n / chunk.fps * plan.rate
+        palms.times += times.tolist()
+        palms.moved += list(np.linalg.norm(commanded[0] - asked[0], axis=-1))
+        palms.turned += list(angle_between(commanded[1], asked[1]))
+        palms.reasons += reasons
+        self._look_at_fingers(chunk, due)
+
+    def _fair(self, fair: np.ndarray) -> None:
+        self.palms.fair += list(fair)
+
+    def _look_at_fingers(self, chunk: ActionChunk, due: np.ndarray) -> None:
+        spec, times = self.judge.spec, chunk.times[due]
+        for tool, q in zip(spec.tools, (chunk.q_lhand[due], chunk.q_rhand[due]), strict=True):
+            if not tool.finger_joints or not len(due):
+                continue
+            i = spec.indices(tool.finger_joints)
+            inside = np.clip(q, spec.position_min[i], spec.position_max[i])
+            excess = np.abs(q - inside)
+            for joint in np.flatnonzero(excess.max(axis=0, initial=0.0) > FINGER_TOLERANCE).tolist():
+                k, first = int(excess[:, joint].argmax()), int(np.argmax(excess[:, joint] > FINGER_TOLERANCE))
+                one = LimitExcess(float(times[first]), 0.0, float(q[k, joint]), float(inside[k, joint]))
+                self.palms.fingers.setdefault(tool.finger_joints[joint], one)
+
+    def verdict(self, name: str, settings: dict) -> Verdict:
+        """By the same rules as that of an episode."""
+        result = self.result
+        result.palms = self.palms.errors()
+        result.time_factor = self._spent / self._travelled if self._travelled else 1.0
+        verdict = judge(name, result, settings, bounds=self.judge.config.verdict)
+        if Limit.SCENE_DISTANCE in self.margins:
+            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
+        tightest = sorted(self.margins.values(), key=lambda one: one.share)
+        return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)
