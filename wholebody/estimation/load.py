@@ -56,15 +56,16 @@ class LoadObserver:
             arms.append([model.idx_vs[j] for j in arm])
         self._tick, self._memory = tick, memory(robot.nv, len(arms[0]))
         self._memory.body[:], self._memory.place[:], self._memory.arm[:] = bodies, places, arms
-        self.loads, self.known, self._before, self._count = np.zeros(2), np.zeros(2, dtype=bool), None, 0
+        self.loads, self.known = np.zeros(2), np.zeros(2, dtype=bool)
         self._found = self._memory.span("mass", "error").reshape(2, 2)
         vector = np.zeros(robot.nv)
         self._observe = _observe.native(tick, self._memory, vector, vector, vector, 0.0, 0.0, 0.0)
+        self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
         self._memory.span("residual", "error")[:] = 0.0
-        self.loads[:], self.known[:], self._before = 0.0, False, None
+        self.loads[:], self.known[:], self._before, self._count = 0.0, False, None, 0
 
     @property
     def errors(self) -> np.ndarray:

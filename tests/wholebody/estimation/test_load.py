@@ -47,6 +47,19 @@ def test_loads_are_known_within_20_g_after_a_quarter_of_a_second(supervisor, pla
     assert supervisor.robot.loads.present == carrying.loads.masses
 
 
+def test_what_is_known_does_not_depend_on_the_episode_before(supervisor, plant):
+    plant.hold((0.4, 1.1))
+    known = []
+    for ticks in (30, 33, 30):
+        state = plant.reset()
+        supervisor.reset(state)
+        known.append([])
+        for _ in range(ticks):
+            state = plant.step(supervisor.step(state))
+            known[-1].append(supervisor.carrying.loads)
+    assert known[0] == known[1][:30] == known[2]
+
+
 def test_a_load_that_is_dropped_and_handed_over_is_known_in_half_a_second(supervisor, plant):
     plant.hold((1.5, 0.2))
     state = stand(supervisor, plant, 0.5)
