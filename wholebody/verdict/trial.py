@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -38,7 +39,14 @@ class Outcome:
     turns: np.ndarray
 
 
-def run_chunk(checker: Checker, chunk: ActionChunk, begin: RobotState, hold: float = HOLD) -> Outcome:
+def run_chunk(
+    checker: Checker,
+    chunk: ActionChunk,
+    begin: RobotState,
+    hold: float = HOLD,
+    *,
+    settled: Callable[[RobotState], bool] | None = None,
+) -> Outcome:
     """Execute one chunk from a state on, its first step at once, in a checker's world by what follows chunks there.
 
     Args:
@@ -46,6 +54,7 @@ def run_chunk(checker: Checker, chunk: ActionChunk, begin: RobotState, hold: flo
         chunk: A valid chunk.
         begin: Where the robot is; its time does not matter.
         hold: How long it has to stand after the last step [s].
+        settled: Whether in a true state after the last step nothing can happen any more, so that the rest is left out.
     """
     follower, plant, sensors = checker.supervisor, checker.plant, checker.sensors
     state = plant.reset(begin)
@@ -55,14 +64,16 @@ def run_chunk(checker: Checker, chunk: ActionChunk, begin: RobotState, hold: flo
     follower.reset(told, state.time)
     shifted, errors, fall = replace(chunk, t_obs=state.time), TrackingError(follower), None
     follower.accept(shifted, state.time)
-    end = float(shifted.times[-1]) + hold
-    while fall is None and state.time < end - 1e-9:
+    last = float(shifted.times[-1])
+    while fall is None and state.time < last + hold - 1e-9:
         command = follower.step(told, state.time)
         errors.follow(follower.chunk, follower.plan_report)
         errors.measure(state, follower.palm_reference())
         state = plant.step(command)
         told = state if sensors is None else sensors.measure(state)
         fall = detect_fall(plant, state, follower.status.status)
+        if settled is not None and state.time > last and settled(state):
+            break
     palms = errors.result()
     told_fall = (None, "") if fall is None else (fall.time, fall.cause)
     return Outcome(

@@ -1,0 +1,148 @@
+"""Chunks of many kinds, each by its number: hostile, past the edge of reach, scripts, random places, noise, motions."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from policy.action_spec.builtin import builtin
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
+from policy.recorded.replay import open_recording
+from policy.scripted.library import scripted_policy
+from policy.scripted.policy import palm_offset, stance_pose, to_chunk
+from tests.support.hostile_chunks import EdgeEpisode, hostile_chunk
+from tests.support.lissajous_variants import variant
+from tests.support.verdict_agreement import HOSTILE, sent
+
+KINDS = ("hostile", "script", "noise", "recorded", "sent", "hostile", "script", "noise", "recorded", "edge")
+"""Of ten cases in a row."""
+SCRIPTS = ("lissajous", "reach", "two_hand_lift", "pick_low", "pick_high", "wave", "grasp")
+STEPS = (20, 75)
+FASTER = (0.6, 1.8)
+"""Steps of a chunk, and how much faster than as scripted or recorded it is."""
+NOISE, NOISE_TURN, NOISE_TIME = (1e-3, 0.1), (3e-3, 0.5), (0.03, 0.5)
+"""Standard deviations of what is added [m], [rad], and the time over which it stays alike [s]."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A chunk; the kind of it, what must not be split, where it begins: ``first`` or ``stance``, and in which world."""
+
+    number: int
+    family: str
+    group: str
+    start: str
+    world: str
+    chunk: ActionChunk
+
+
+def outcome_case(number, motions=""):
+    """The case of a number; where no folder of motions is named, another random place takes a motion's place."""
+    rng = np.random.default_rng((18, number))
+    kind = KINDS[number % len(KINDS)]
+    kind = "sent" if kind == "recorded" and not motions else kind
+    world = ("true", "realistic")[int(rng.integers(2))]
+    stands = rng.random() < {"hostile": 0.7, "sent": 1.0}.get(kind, 0.25)
+    family, group, chunk = MAKERS[kind](rng, number, motions)
+    chunk = replace(chunk, spec_id=builtin("wbc32").id, seq=0, t_obs=0.0, notes=())
+    return Case(number, family, group, "stance" if stands else "first", world, chunk)
+
+
+def _hostile(rng, number, motions):
+    """As they are, or a share of the way there from the stance."""
+    family = HOSTILE[int(rng.integers(len(HOSTILE)))]
+    chunk, share = hostile_chunk(family, rng, 0, 0.0), 1.0 if rng.random() < 0.4 else rng.uniform(0.05, 0.8)
+    stance, hands = stance_pose(), {}
+    for name, R, p, side in (
+        ("T_world_lhand", stance.R_world_lhand, stance.p_world_lpalm, "left"),
+        ("T_world_rhand", stance.R_world_rhand, stance.p_world_rpalm, "right"),
+    ):
+        T, home = getattr(chunk, name).copy(), p - R @ palm_offset(side)
+        T[:, :3, :3] = R @ rotvec_to_matrix(share * matrix_to_rotvec(R.T @ T[:, :3, :3]))
+        T[:, :3, 3] = home + share * (T[:, :3, 3] - home)
+        hands[name] = T
+    return family, f"hostile {number}", replace(chunk, **hands)
+
+    return np.array(g1().tools[i].palm_offset)
+
+
+def _script(rng, number, motions):
+    """A part of a script at a speed of its own."""
+    name, faster = SCRIPTS[int(rng.integers(len(SCRIPTS)))], rng.uniform(*FASTER)
+    if name == "lissajous":
+        seed = int(rng.integers(10_000))
+        policy, group = variant(seed), f"lissajous {seed}"
+    elif name == "reach":
+        x, z, y = rng.uniform(0.2, 0.55), rng.uniform(0.4, 1.5), rng.uniform(0.05, 0.35)
+        policy, group = scripted_policy(name, x=x, z=z, y=y), f"reach {number}"
+    elif name == "two_hand_lift":
+        x, z, lift = rng.uniform(0.25, 0.45), rng.uniform(0.55, 1.0), rng.uniform(0.1, 0.4)
+        policy, group = scripted_policy(name, x=x, z=z, lift=lift), f"lift {number}"
+    elif name == "grasp":
+        at = tuple(rng.uniform([0.3, 0.05, 0.65], [0.5, 0.3, 1.05]).tolist())
+        policy, group = scripted_policy(name, p_world_object=at), f"grasp {number}"
+    else:
+        side = ("left", "right")[int(rng.integers(2))]
+        policy, group = scripted_policy(name, side=side), f"{name} {number}"
+    t = rng.uniform(0.0, 0.9 * policy.duration) + faster * np.arange(int(rng.integers(*STEPS))) / 30.0
+    return name, group, to_chunk(policy.script(t), "wbc32", 0, 0.0, 30.0, len(t))
+
+
+def _edge(rng, number, motions):
+    """A part of a slow path past the limit of reach."""
+    path, draw = SimpleNamespace(seq=0), np.random.default_rng(10_000_000 + number)
+    path.swing = draw.uniform(0.1, 0.35, (2, 3)) * draw.choice([-1.0, 1.0], (2, 3))
+    path.turn = draw.uniform(-0.3, 0.3, (2, 3))
+    path.rates, path.phases = draw.uniform(0.4, 2.0, (2, 2, 3)), draw.uniform(0.0, 2.0 * np.pi, (2, 2, 3))
+    return "edge", f"edge {number}", EdgeEpisode.chunk(path, rng.uniform(0.0, 6.0))
+
+
+def _sent(rng, number, motions):
+    return "sent", f"sent {number}", sent(rng)
+
+
+def _noise(rng, number, motions):
+    """What a learned policy's samples scatter like: a feasible kind of chunk and errors that are alike for a while."""
+    family, group, chunk = (_script, _edge, _sent)[int(rng.integers(3))](rng, number, motions)
+    deviation, turn, time = (float(np.exp(rng.uniform(*np.log(two)))) for two in (NOISE, NOISE_TURN, NOISE_TIME))
+    hands = {}
+    for name in ("T_world_lhand", "T_world_rhand"):
+        T = getattr(chunk, name).copy()
+        T[:, :3, 3] += deviation * alike(rng, len(chunk), time * chunk.fps)
+        T[:, :3, :3] = T[:, :3, :3] @ rotvec_to_matrix(turn * alike(rng, len(chunk), time * chunk.fps))
+        hands[name] = T
+    return "noise", group, replace(chunk, **hands)
+
+
+def alike(rng, n, steps):
+    """Noise of variance 1 that is smooth over so many steps: white noise through a Gaussian window, (n, 3)."""
+    reach = int(np.ceil(3.0 * steps))
+    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / steps) ** 2)
+    window /= np.linalg.norm(window)
+    white = rng.normal(size=(n + 2 * reach, 3))
+    return np.stack([np.convolve(white[:, i], window, "valid") for i in range(3)], axis=1)
+
+
+def _recorded(rng, number, motions):
+    """A chunk from anywhere in a recorded motion, at its own speed or another one."""
+    files = recordings(motions)
+    name = sorted(files)[int(rng.integers(len(files)))]
+    episode, steps = files[name], int(rng.integers(*STEPS))
+    first = int(rng.integers(0, len(episode) - steps))
+    window = {key: value[first : first + steps] for key, value in episode.arrays().items()}
+    faster = 1.0 if rng.random() < 0.5 else rng.uniform(*FASTER)
+    return "recorded", name, replace(episode, fps=episode.fps * faster, **window)
+
+
+@lru_cache(maxsize=1)
+def recordings(motions):
+    """Recorded motions of a folder, by name."""
+    return {path.stem: open_recording(str(path)).episode for path in sorted(Path(motions).glob("*.csv"))}
+
+
+MAKERS = {
+    "hostile": _hostile, "script": _script, "edge": _edge, "sent": _sent, "noise": _noise, "recorded": _recorded,
+}  # fmt: skip

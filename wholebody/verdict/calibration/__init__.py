@@ -1,0 +1,1 @@
+"""How likely a chunk is to make the robot fall as given, or to be followed: from the fast check's numbers."""

@@ -1,0 +1,71 @@
+"""The numbers of a chunk and of its plan that a probability is made of."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between
+from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
+from wholebody.planning.judgement.limits import Limit
+
+SHOULDER = np.array([[0.0, 0.12, 1.1], [0.0, -0.12, 1.1]])
+"""About where the shoulders of the standing robot are, left first [m]; chosen: an origin of distances, no more."""
+
+
+def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: ChunkJudgement) -> dict[str, float]:
+    """By name, each a finite number: room to bounds, what the plan changes, and how the chunk moves the palms.
+
+    Args:
+        judge: What judged it.
+        chunk: As given, valid, with H steps.
+        begin: Where it is begun.
+        found: What the judge says.
+    """
+    room = {one.code: one.share for one in found.margins}
+    report, (p, R) = found.plan.report, judge.asked(chunk)
+    at, turned = judge.at(begin)
+    plan = {
+        "moved": float(found.moved.max()),
+        "turned": float(found.turned.max()),
+        "slowdown": report.slowdown,
+        "unsafe": float(not report.safe),
+        "searched": float(not found.previewed),
+        "violation": report.violation,
+        "start": float(np.linalg.norm(at - p[0], axis=1).max()),
+        "start_turn": float(angle_between(turned, R[0]).max()),
+    }
+    rooms = {f"room_{code}": float(room.get(code, 1.0)) for code in Limit if code is not Limit.SCENE_DISTANCE}
+    return rooms | plan | _motion(p, R, chunk.fps)
+
+
+def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:
+    """Of palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) at a rate [Hz]."""
+    speed, acceleration = np.diff(p, axis=0) * fps, np.diff(p, 2, axis=0) * fps**2
+    turn = angle_between(R[1:], R[:-1])
+    both, middle = acceleration.sum(axis=1), p.mean(axis=1)
+    return {
+        "seconds": len(p) / fps,
+        "path": float(np.linalg.norm(np.diff(p, axis=0), axis=2).sum(axis=0).max(initial=0.0)),
+        "path_turn": float(turn.sum(axis=0).max(initial=0.0)),
+        "speed": _largest(speed),
+        "first_speed": _largest(speed[:1]),
+        "last_speed": _largest(speed[-1:]),
+        "acceleration": _largest(acceleration),
+        "acceleration_rms": float(np.sqrt((acceleration**2).sum(axis=2).mean())) if len(acceleration) else 0.0,
+        "push_rms": float(np.sqrt((both[:, :2] ** 2).sum(axis=1).mean())) if len(both) else 0.0,
+        "turn_speed": float(turn.max(initial=0.0)) * fps,
+        "front": float(middle[:, 0].max()),
+        "back": float(middle[:, 0].min()),
+        "aside": float(np.abs(middle[:, 1]).max()),
+        "low": float(p[..., 2].min()),
+        "high": float(p[..., 2].max()),
+        "reach": float(np.linalg.norm(p - SHOULDER, axis=2).max()),
+        "apart": float(np.linalg.norm(p[:, 0] - p[:, 1], axis=1).min()),
+        "crossed": float((p[:, 1, 1] - p[:, 0, 1]).max()),
+    }
+
+
+def _largest(vectors: np.ndarray) -> float:
+    """The longest of vectors (n, 2, 3)."""
+    return float(np.linalg.norm(vectors, axis=2).max(initial=0.0))
