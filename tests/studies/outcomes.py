@@ -1,7 +1,7 @@
 """Chunks, what the fast check says of each, and what becomes of it in MuJoCo: what a probability can be fitted to.
 
-``python -m tests.studies.outcomes --cases 0 100 --out outcomes.jsonl`` adds a line a case to the file; lines that it has
-already are left out, so an interrupted run goes on where it was. Cases are those of `tests.support.outcome_cases`:
+``python -m tests.studies.outcomes --cases 0 100 --out outcomes.jsonl`` adds a line a case to the file; those that it
+has already are left out, so an interrupted run goes on where it was. Cases are those of `tests.support.outcome_cases`:
 hostile families, scripts, random places, noise and, where G1_MOTIONS names a folder, chunks of recorded motions, each
 begun with the hands at its first step or in the stance, in the true world or a realistic one with a seed of its own.
 ``--full`` simulates until 4 s after the last step also where the robot is at rest before that, and says in each line

@@ -66,8 +66,6 @@ def _hostile(rng, number, motions):
         hands[name] = T
     return family, f"hostile {number}", replace(chunk, **hands)
 
-    return np.array(g1().tools[i].palm_offset)
-
 
 def _script(rng, number, motions):
     """A part of a script at a speed of its own."""
@@ -106,7 +104,7 @@ def _sent(rng, number, motions):
 
 def _noise(rng, number, motions):
     """What a learned policy's samples scatter like: a feasible kind of chunk and errors that are alike for a while."""
-    family, group, chunk = (_script, _edge, _sent)[int(rng.integers(3))](rng, number, motions)
+    _, group, chunk = (_script, _edge, _sent)[int(rng.integers(3))](rng, number, motions)
     deviation, turn, time = (float(np.exp(rng.uniform(*np.log(two)))) for two in (NOISE, NOISE_TURN, NOISE_TIME))
     hands = {}
     for name in ("T_world_lhand", "T_world_rhand"):
