@@ -10,11 +10,11 @@ from __future__ import annotations
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from policy.dataset.checks import (
     check_videos,
     column_layout,
 )
+from policy.dataset.columns import numeric_columns, stored_columns
 from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode, vectors
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
 from policy.dataset.open import open_dataset
@@ -38,16 +39,12 @@ from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
 
-if TYPE_CHECKING:
-    import pyarrow
-
 PELVIS_STANDS = "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"
 PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 """Whether the joints of a feature were sent to the motors or read from them."""
 KEPT = "source."
 """In front of the names of kept joint columns: LeRobot takes what begins with ``action`` or ``observation`` as input or
 output of policies."""
-_NUMBERS = ("float16", "float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "bool")
 Progress = Callable[[float, float], None]
 
 
@@ -167,10 +164,7 @@ class _Work:
         self.trips: dict[str, RoundTrip] = {}
         self._done = 0
         self._columns: dict[str, list[np.ndarray]] = {}
-        self._kept = [key for key in dataset.features if key not in dataset.cameras or self._is_image(key)]
-
-    def _is_image(self, key: str) -> bool:
-        return self.dataset.features[key]["dtype"] == "image"
+        self._stored, self._described = stored_columns(dataset), self.info()["features"]
 
     def info(self) -> dict[str, Any]:
         """The source's description with the converted features in it."""
@@ -186,8 +180,8 @@ class _Work:
 
     def convert(self, episode: Episode, writer: DatasetWriter, progress: Progress | None) -> None:
         """Append an episode to the result."""
-        rows = self.dataset.table(episode, self._kept)
-        check_images(rows, [key for key in self.dataset.cameras if self._is_image(key)], episode)
+        rows = self.dataset.table(episode, self._stored)
+        check_images(rows, [key for key in self.dataset.cameras if key in self._stored], episode)
         columns: dict[str, np.ndarray] = {}
         for key, conversion in self.conversions.items():
             joints = vectors(rows.column(key), conversion.source.dim, key, episode)
@@ -199,7 +193,8 @@ class _Work:
                 rows = set_column(rows, KEPT + key, joints)
             rows = set_column(rows, key, columns[key])
         rows = writer.numbered(rows)
-        columns |= dict(self._numeric(rows, episode))
+        others = {key: x for key, x in self._described.items() if key not in self.conversions}
+        columns |= dict(numeric_columns(rows, others, episode))
         for key, values in columns.items():
             self._columns.setdefault(key, []).append(values)
         writer.add(episode, rows, {**{key: statistics(x) for key, x in columns.items()}, **episode.camera_stats})
@@ -224,18 +219,6 @@ class _Work:
         if self.settings.episodes is not None and any(key in carried for key in self.dataset.cameras):
             notes.append("statistics of the cameras are those of all episodes of the source")
         return {**found, **carried}, notes
-
-    def _numeric(self, rows: pyarrow.Table, episode: Episode) -> Iterator[tuple[str, np.ndarray]]:
-        """The other columns of numbers, whose statistics are computed anew too."""
-        for key in rows.column_names:
-            feature = self.dataset.features.get(key.removeprefix(KEPT))
-            if key in self.conversions or feature is None or feature["dtype"] not in _NUMBERS:
-                continue
-            column, shape = rows.column(key), tuple(feature["shape"])
-            if shape == (1,) and not hasattr(column.type, "value_type"):
-                yield key, np.asarray(column).astype(float)
-            elif len(shape) == 1:
-                yield key, vectors(column, shape[0], key, episode)
 
 
 def _selected(dataset: Dataset, numbers: tuple[int, ...] | None) -> Dataset:

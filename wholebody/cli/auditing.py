@@ -16,10 +16,8 @@ from wholebody.cli.options import AssumeSpec, CsvFps, Input, Judging, RobotModel
 from wholebody.cli.sources import length, opened
 
 if TYPE_CHECKING:
+    from policy.base import Policy
     from wholebody.verdict.audit.outcome import Outcome
-
-SLOWER = (1.25, 1.6, 2.0, 3.0, 4.0)
-"""Each a factor on the time of an input; of those that do the least is told; chosen: steps of a quarter."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +36,14 @@ class Audited:
     slower: Annotated[
         bool, Option(help="Look for how much slower an input that is not feasible would be: a few more looks at it.")
     ] = True
+    repair: Annotated[
+        bool,
+        Option("--repair", help="Write what is not feasible slower, or its path bent, and datasets with that in them."),
+    ] = False
 
 
-def make_judging(audited: Audited) -> Callable[[str], Outcome]:
-    """What judges an input by its name."""
+def make_judging(audited: Audited, folder: Path) -> Callable[[str], Outcome]:
+    """What judges an input by its name, and writes repaired ones into a folder."""
     given = Input(csv_fps=audited.csv_fps, assume_spec=audited.assume_spec)
     simulation = Simulation(config=audited.config, robot=audited.robot)
     judge = Judge(given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True)
@@ -57,27 +59,33 @@ def make_judging(audited: Audited) -> Callable[[str], Outcome]:
                 message = said.getvalue().strip().removeprefix("wholebody: ")
                 return Outcome(name=name, ending=ending, message=message)
             policy = opened(name, given)
-            seconds = length(policy, 0.0)
-            looked_at = audited.slower and answer.verdict.verdict != "feasible"
-            factor = slower(judge, name) if looked_at else None
-        verdict = replace(answer.verdict, config={}, versions={}).as_dict()
-        return Outcome(name=name, ending="judged", verdict=verdict, motion_s=seconds, slower=factor)
+            verdict = replace(answer.verdict, config={}, versions={}).as_dict()
+            outcome = Outcome(name=name, ending="judged", verdict=verdict, motion_s=length(policy, 0.0))
+            if (audited.slower or audited.repair) and answer.verdict.verdict != "feasible":
+                outcome = _changed(outcome, policy, judge, folder if audited.repair else None)
+        return outcome
 
     return judged
 
 
-def slower(judge: Judge, name: str) -> float | None:
-    """Least of `SLOWER` with which a recording is feasible by its plans; None without any."""
+def _changed(outcome: Outcome, policy: Policy, judge: Judge, folder: Path | None) -> Outcome:
+    """With how much slower a recording is feasible by its plans, and its repair where there is a folder for it."""
+    from policy.errors import SpecError
     from policy.recorded.replay import ReplayPolicy
-    from wholebody.verdict.repair import slowed
+    from wholebody.verdict.audit.episode_repair import EpisodeRepairer
+    from wholebody.verdict.audit.repairs import repair_of
 
-    policy = opened(name, judge.given)
-
-    def holds(factor: float) -> bool:
-        slow = ReplayPolicy(slowed(policy.episode, factor), name=name, spec=policy.spec, horizon=policy.horizon)
-        checker, start = judge.fast(judge.simulation.scene or "floor"), judge.judging.starts(name)
-        return checker.check(slow, name, slow.duration, start=start).verdict == "feasible"
-
-    if not isinstance(policy, ReplayPolicy) or not holds(SLOWER[-1]):
-        return None
-    return next((factor for factor in SLOWER[:-1] if holds(factor)), SLOWER[-1])
+    if not isinstance(policy, ReplayPolicy):
+        return outcome
+    checker = judge.fast(judge.simulation.scene or "floor")
+    repairer = EpisodeRepairer(checker, policy, judge.judging.starts(outcome.name))
+    outcome = replace(outcome, slower=repairer.slower())
+    if folder is None:
+        return outcome
+    try:
+        change = repair_of(repairer, policy, outcome.name, outcome.slower, folder)
+    except SpecError as error:
+        return replace(outcome, message=f"not repaired: {error}; `wholebody convert` makes wrists of joints")
+    if change is None:
+        return outcome
+    return replace(outcome, repair={"slower": change.slower, "moved_m": change.moved, "turned_rad": change.turned})

@@ -66,13 +66,15 @@ def audit(
     judge = partial(workers.outcomes, jobs=jobs or cores())
     if ray:
         judge = partial(on_ray.outcomes, jobs=jobs, address=ray)
-    judge = partial(judge, make=partial(make_judging, audited), limit=limit)
+    judge = partial(judge, make=partial(make_judging, audited, to.absolute()), limit=limit)
     try:
         found = audits.audit(names, to, judge, asked=asked, progress=_Progress())
     except KeyboardInterrupt:
         say(f"interrupted; the same command goes on where it was ({to})", to_errors=True)
         raise typer.Exit(130) from None
     say(*_summary(found, to))
+    if audited.repair:
+        say(*_repaired(found, to))
     raise typer.Exit(max((CODES.get(one.answer, FEASIBLE) for one in found), default=FEASIBLE))
 
 
@@ -93,6 +95,16 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
     slower = sum(one.slower is not None for one in found)
     delete = sum(map(len, to_delete(found).values()))
     yield f"{slower} would do slower, {delete} episodes of datasets to delete; {folder / PAGE} ranks them"
+
+
+def _repaired(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
+    from wholebody.verdict.audit.repairs import FOLDER, write_datasets
+
+    changed = [one for one in found if one.verdict and one.answer != "feasible"]
+    repaired = sum(one.repair is not None for one in changed)
+    yield f"{repaired} of {len(changed)} that are not feasible as given are repaired, in {folder / FOLDER}"
+    for dataset in write_datasets(folder, found):
+        yield f"{dataset}: feasible episodes as they are, repaired ones in their place, the others left out"
 
 
 class _Progress:

@@ -20,6 +20,7 @@ class Outcome:
         message: Why it was not judged.
         motion_s: Length of its motion [s].
         slower: Factor on its time that makes it feasible by its plans; None if none was found, or none is needed.
+        repair: What was changed to make it feasible: ``slower``, ``moved_m``, ``turned_rad``; None if nothing was.
         stamp: Size and time of the file that was read, so that a changed one is judged again.
     """
 
@@ -29,6 +30,7 @@ class Outcome:
     message: str = ""
     motion_s: float = 0.0
     slower: float | None = None
+    repair: dict[str, float] | None = None
     stamp: list[int] = field(default_factory=list)
 
     @property

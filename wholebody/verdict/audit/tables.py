@@ -17,6 +17,8 @@ NUMBERS = (
     *("demandable_share", "within_20mm"),
 )
 """Numbers of a verdict that are columns of `EPISODES`."""
+OF_REPAIR = ("slower", "moved_m", "turned_rad")
+"""Numbers of a repair that are columns of `EPISODES`."""
 OF_VIOLATION = (
     *(("code", "string"), ("severity", "string"), ("subject", "string"), ("time", "double"), ("step", "int64")),
     *(("value", "double"), ("bound", "double"), ("unit", "string"), ("margin", "double")),
@@ -53,6 +55,7 @@ def episode_row(outcome: Outcome) -> dict[str, Any]:
         **{name: verdict.get(name) for name in NUMBERS},
         "worst": worst.get("code"), "worst_time": worst.get("time"), "violations": len(verdict.get("violations", ())),
         "tightest": tightest.get("code"), "tightest_share": tightest.get("share"),
+        **{f"repair_{name}": (outcome.repair or {}).get(name) for name in OF_REPAIR},
     }  # fmt: skip
 
 
@@ -86,6 +89,7 @@ def _episodes_schema() -> list[tuple[str, str]]:
         *((name, "double") for name in NUMBERS),
         *(("worst", "string"), ("worst_time", "double"), ("violations", "int64")),
         *(("tightest", "string"), ("tightest_share", "double")),
+        *((f"repair_{name}", "double") for name in OF_REPAIR),
     ]
 
 
