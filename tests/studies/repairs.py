@@ -44,7 +44,8 @@ def case(kind, seed):
     repairer = checker.repairer(one.chunk, begin)
     change = repairer.repaired()
     spent = thread_time() - began
-    singles = repairer.singles()
+    start = begin or checker.judge.first_pose(one.chunk)
+    singles = [] if repairer.holds(one.chunk) else checker.explainer.single_changes(one.chunk, start).all()
     within = checker.config.verdict
     cured = [x.kind for x in singles if x.moved <= within.palm_repair and x.turned <= within.turn_repair]
     out = {"kind": kind, "seed": seed, "cured_by": cured, "seconds": spent, "change": None}

@@ -503,7 +503,7 @@ def told(one):
     """Causes of a case, the program that they are of, and the CPU time [s]."""
     judge, begin = holder(one.config, one.scene).judge, thread_time()
     program = ChunkProgram(judge, one.chunk, judge.stance() if one.from_stance else None)
-    return causes(program), program, thread_time() - begin
+    return causes(program)[0], program, thread_time() - begin
 
 
 def is_right(one, found):

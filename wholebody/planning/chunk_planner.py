@@ -5,6 +5,7 @@ Slow down along the chunk first, shift the body second (the trajectory), bend th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, cached_property
 from math import inf
 
@@ -110,7 +111,34 @@ class ChunkPlanner:
             quick: Take the first safe motion that is near the chunk at its own speed, however good a search would be.
         """
         budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
-        prepared = prepare(chunk, self.hand_limits, self.optimizer.body.footing.floor.rise)
+        prepared = self._prepared(chunk)
+        targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
+        chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
+        chosen = chosen or strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
+        return self._as_followed(chosen, prepared, now, commanded, budget)
+
+    def as_given(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion) -> ChunkPlan | None:
+        """What `plan` answers, where that is quick and an attempt at the chunk's own speed follows it; else None."""
+        prepared, budget = self._prepared(chunk), Budget(self._budget)
+        if prepared.implausible:
+            return None
+        targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
+        chosen = self._preview(targets(1.0), start) or strategies.as_given(self.config, attempt, budget)
+        return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
+
+    def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
+        return prepare(chunk, self.hand_limits, self.optimizer.body.footing.floor.rise)
+
+    def _attempts(
+        self,
+        prepared: PreparedChunk,
+        now: float,
+        start: BodyState,
+        commanded: HandMotion,
+        before: np.ndarray | None,
+        budget: Budget,
+    ) -> tuple[Callable[[float], Targets], strategies.Try]:
+        """What a prepared chunk asks for at a speed, and what plans it by a strategy; arguments as in `plan`."""
 
         @cache
         def targets(slowdown: float) -> Targets:
@@ -120,8 +148,12 @@ class ChunkPlanner:
             first = {Begin.PLAN_BEFORE: before, Begin.LAST_ATTEMPT: last, Begin.START: None}[strategy.begin]
             return self._attempt(targets(slowdown), start, strategy, first, budget)
 
-        chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
-        chosen = chosen or strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
+        return targets, attempt
+
+    def _as_followed(
+        self, chosen: Attempt, prepared: PreparedChunk, now: float, commanded: HandMotion, budget: Budget
+    ) -> ChunkPlan:
+        """An attempt as it is followed: hands led along it where it does not reach the targets."""
         paths, moved = clamped(chosen, self.config, self._palms, self.offsets)
         begins = {
             "elsewhere": prepared.begins_elsewhere(now, commanded),

@@ -97,6 +97,16 @@ ATTEMPT_MIN = 0.1
 record."""
 
 
+def as_given(config: PlannerConfig, attempt: Try, budget: Budget) -> Attempt | None:
+    """What `best` takes of a plausible chunk where an attempt at its own speed follows it, else None."""
+    budget.kept = RESERVE
+    now = attempt(AS_GIVEN, 1.0, None)
+    if now.start_violation > config.violation_max or _far(config, now):
+        return None
+    now = _improved(config, attempt, budget, now)
+    return now if now.follows(config) and now.targets.projected.max() <= JUMP else None
+
+
 def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bool) -> Attempt:
     """The first attempt that follows the chunk safely, else the safe one nearest to it, else the least unsafe one.
 
@@ -121,8 +131,7 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bo
             # No strategy mends that: it is in the state that the plan begins with.
             tried.append(now)
             break
-        # Nothing brings palms near that are so far away, or far away in spite of what they break.
-        far = jumps or now.tracking_error > config.unreachable * (2.0 if now.is_safe(config) else 1.0)
+        far = jumps or _far(config, now)
         if not far:
             now = _improved(config, attempt, budget, now)
         if now.follows(config) and not jumps:
@@ -140,6 +149,11 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, *, implausible: bo
     if safe:
         return min(safe, key=lambda one: one.mean_error)
     return _without_hands(config, attempt, budget, tried)
+
+
+def _far(config: PlannerConfig, now: Attempt) -> bool:
+    """Whether nothing brings the palms near: so far away, or far away in spite of what they break."""
+    return now.tracking_error > config.unreachable * (2.0 if now.is_safe(config) else 1.0)
 
 
 def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:

@@ -16,17 +16,14 @@ from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
-from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
-from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.repair import Repairer
-from wholebody.verdict.tick import TickProver
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.why import WouldDo, raised, why
+from wholebody.verdict.why.explainer import Explainer
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
@@ -54,9 +51,9 @@ class FastChecker:
         return SceneDistance(self.spec, scene)
 
     @cached_property
-    def prover(self) -> TickProver:
-        """What asks the tick's program."""
-        return TickProver(self.spec, self.config)
+    def explainer(self) -> Explainer:
+        """What looks for causes."""
+        return Explainer(self.judge)
 
     def check(
         self, policy: Policy, name: str, duration: float, *, start: Start = "first", ask_why: bool = False
@@ -137,15 +134,10 @@ class FastChecker:
         verdict = run.verdict(name, self._settings)
         if not ask_why or verdict.verdict == "feasible":
             return verdict
-        for chunk, begin, now in run.suspects[:SUSPECTS]:
-            program = ChunkProgram(self.judge, chunk, begin, run.result.orientation_free, now)
-            found = [why(one, chunk.t_obs - run.result.start, chunk.fps) for one in causes(program)]
-            if found:
-                changes = self.repairer(chunk, begin, run.result.orientation_free).singles()
-                would_do = [WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x in changes]
-                would_do += raised(program, found, chunk.t_obs - run.result.start)
-                tick = self.prover.of(program, chunk.t_obs - run.result.start)
-                return replace(verdict, causes=found, would_do=would_do, tick=tick)
+        for suspect in run.suspects[:SUSPECTS]:
+            told = self.explainer.explained(verdict, suspect, run.result.orientation_free, run.result.start)
+            if told.causes:
+                return told
         return verdict
 
     def _observation(self, begin: Begin, time: float) -> Observation:

@@ -13,6 +13,7 @@ from wholebody.episode.tracking_error import FINGER_TOLERANCE, PalmErrors, deman
 from wholebody.execution.handover import ends_at_rest
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.verdict import Verdict, blocked, judge
@@ -37,6 +38,22 @@ class _Palms:
         )
 
 
+@dataclass(frozen=True)
+class Suspect:
+    """A chunk that is not followed as given.
+
+    Attributes:
+        chunk: As given.
+        begin: Where it is begun, now [s].
+        plan: What was planned for it.
+    """
+
+    chunk: ActionChunk
+    begin: Begin
+    now: float
+    plan: ChunkPlan
+
+
 class PlanRun:
     """Chunks planned one after the other, and what they come to."""
 
@@ -45,7 +62,7 @@ class PlanRun:
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
         self._by_path = by_path
         self.margins: dict[Limit, Margin] = {}
-        self.suspects: list[tuple[ActionChunk, Begin, float]] = []
+        self.suspects: list[Suspect] = []
         self.followed: ChunkJudgement | None = None
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
@@ -60,7 +77,7 @@ class PlanRun:
         result, found = self.result, found or self.judge.judge(chunk, begin, now)
         self._note(chunk, found, begin)
         if found.plan.report.changes or not found.plan.report.safe or found.exceeded:
-            self.suspects.append((chunk, begin, now))
+            self.suspects.append(Suspect(chunk, begin, now, found.plan))
         body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
         if found.plan.report.safe and ends_at_rest(found.plan, body.footing.support, margin):
             self.followed, self._since = found, now

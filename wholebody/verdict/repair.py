@@ -1,4 +1,4 @@
-"""The smallest changes of a chunk that make it hold, each verified by planning it again, and a repair by them."""
+"""The repair of a chunk: slowed down, or its path bent, by no more than makes it hold when it is planned again."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between, matrix_to_rotvec, rotvec_to_matrix
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge
+from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.preparation import prepare
 from wholebody.reference import HandPath
 
@@ -72,18 +73,11 @@ class Repairer:
             self._last_first = (first, self._judge.loads), self._judge.first_pose(chunk)
         return self._last_first[1]
 
-    def singles(self) -> list[Change]:
-        """Of each kind of change the smallest that makes the chunk hold; none for what that kind does not cure."""
-        if self.holds(self.chunk):
-            return []
-        found = (self._slower(self.chunk), self._bent(1.0, "moved"), self._bent(1.0, "turned"), self._lighter())
-        return [one for one in found if one is not None]
-
     def repaired(self) -> Change | None:
         """Slowed down first, then its path bent as little as possible; None if that would be another motion."""
         bounds, one = self._judge.config.verdict, self._slower(self.inside)
         for factor in (1.0, *self._judge.config.planner.slowdowns):
-            one = one or self._bent(factor, "led")
+            one = one or self._bent(factor)
         if one is None or one.moved > bounds.palm_repair or one.turned > bounds.turn_repair:
             return None
         return one
@@ -98,44 +92,30 @@ class Repairer:
         factor = factor if self.holds(slowed(chunk, factor)) else least
         return self._change("slower", slowed(chunk, factor), factor)
 
-    def _bent(self, factor: float, kind: Kind) -> Change | None:
+    def _bent(self, factor: float) -> Change | None:
         """The path led towards what is planned for it at a speed."""
-        slow = slowed(self.inside if kind == "led" else self.chunk, factor)
+        slow = slowed(self.inside, factor)
         begin = self._begin or self._first_pose(slow)
         plan = self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands)
-        times = plan.start + plan.rate * np.arange(len(slow)) / slow.fps
-        goal = [path.sample(times).T_world_hand for path in plan.paths]
-        position, turn = kind != "turned", kind != "moved"
+        goal = hands_of(plan, slow)
 
         def bent(share: float) -> ActionChunk:
-            return _towards(slow, goal, share * position, share * turn, self._judge.planner.offsets)
+            return towards(slow, goal, share, share, self._judge.planner.offsets)
 
         if not self.holds(bent(1.0)):
             return None
         share = _least(lambda x: self.holds(bent(x)), 1.0)
         chunk = bent(min((1.0 + SPARE) * share, 1.0))
-        return self._change(kind, chunk if self.holds(chunk) else bent(share), factor)
-
-    def _lighter(self) -> Change | None:
-        """With less of the loads that are told."""
-        loads = self._judge.loads
-
-        def does(less: float) -> bool:
-            self._judge.carry(*((1.0 - less) * load for load in loads))
-            return self.holds(self.chunk)
-
-        if not sum(loads):
-            return None
-        try:
-            less = _least(does, 1.0) if does(1.0) else None
-        finally:
-            self._judge.carry(*loads)
-        return None if less is None else Change("lighter", 1.0, 0.0, 0.0, self.chunk, less * sum(loads))
+        return self._change("led", chunk if self.holds(chunk) else bent(share), factor)
 
     def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
-        (p, R), (q, S) = self._judge.asked(chunk), self._judge.asked(slowed(self.chunk, factor))
-        moved, turned = np.linalg.norm(p - q, axis=2).max(), angle_between(R, S).max()
-        return Change(kind, factor, float(moved), float(turned), chunk)
+        return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)
+
+
+def changed(judge: ChunkJudge, chunk: ActionChunk, other: ActionChunk) -> tuple[float, float]:
+    """How far palms are moved [m] and turned [rad] at most from a chunk to another one of as many steps."""
+    (p, R), (q, S) = judge.asked(other), judge.asked(chunk)
+    return float(np.linalg.norm(p - q, axis=2).max()), float(angle_between(R, S).max())
 
 
 def slowed(chunk: ActionChunk, factor: float) -> ActionChunk:
@@ -165,7 +145,13 @@ def slowed(chunk: ActionChunk, factor: float) -> ActionChunk:
     )
 
 
-def _towards(
+def hands_of(plan: ChunkPlan, chunk: ActionChunk) -> list[np.ndarray]:
+    """Wrist poses (H, 4, 4) of both hands at the steps of a chunk by its plan."""
+    times = plan.start + plan.rate * np.arange(len(chunk)) / chunk.fps
+    return [path.sample(times).T_world_hand for path in plan.paths]
+
+
+def towards(
     chunk: ActionChunk, goal: list[np.ndarray], position: float, turn: float, offsets: np.ndarray
 ) -> ActionChunk:
     """A chunk whose palms are led by a share of the way, and of the turn, to other wrist poses (H, 4, 4)."""

@@ -15,7 +15,7 @@ from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why import Tick, WouldDo
+from wholebody.verdict.why.sentence import Tick, WouldDo
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -80,6 +80,8 @@ def lines(verdict: Verdict) -> list[str]:
     text += [f"  because  {one.sentence}" for one in verdict.causes]
     if verdict.would_do:
         text.append(f"  it would do {', or '.join(map(change_said, verdict.would_do))}")
+    if not verdict.why_complete:
+        text.append("  the time for it ended: there may be more causes, and smaller changes that would do")
     if verdict.tick is not None:
         text.append(f"  {tick_line(verdict.tick)}")
     text += [f"  {violation_line(violation)}" for violation in verdict.violations]

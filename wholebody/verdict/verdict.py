@@ -19,7 +19,7 @@ from wholebody.types import Reason
 from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
-from wholebody.verdict.why import Tick, Why, WouldDo
+from wholebody.verdict.why.sentence import Tick, Why, WouldDo
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 Follow = Literal["planned", "gated", "as_given"]
@@ -72,6 +72,7 @@ class Verdict:
         margins: By the fast check, the least room to each kind of bound, the tightest first.
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
         would_do: Single changes of that chunk, each of which makes it feasible by its plan.
+        why_complete: Whether these two were looked for to the end, which the time for it did not cut short.
         tick: What the tick's program says of that chunk's hands as given; None where they lack nothing.
     """
 
@@ -112,6 +113,7 @@ class Verdict:
     margins: list[Margin] = field(default_factory=list)
     causes: list[Why] = field(default_factory=list)
     would_do: list[WouldDo] = field(default_factory=list)
+    why_complete: bool = True
     tick: Tick | None = None
 
     def as_dict(self) -> dict:

@@ -34,7 +34,7 @@ def test_what_is_too_fast_is_slowed_down_no_more_than_it_needs(checker):
 def test_of_a_load_that_is_too_heavy_less_would_do():
     checker = FastChecker(ControllerConfig(loads=LoadConfig(source="told", left=5.0)))
     repairer = checker.repairer(sent(to=(0.18, 0.15, 0.15), time=1.4))
-    (one,) = [change for change in repairer.singles() if change.kind == "lighter"]
+    one = checker.explainer.single_changes(repairer.chunk, checker.judge.first_pose(repairer.chunk)).lighter()
     assert 0.0 < one.lighter < 5.0
     assert checker.judge.loads == (5.0, 0.0)
     assert not repairer.holds(one.chunk)
@@ -45,7 +45,7 @@ def test_of_a_load_that_is_too_heavy_less_would_do():
 def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
     repairer = checker.repairer(sent(to=(2.0, 0.0, 0.0), time=1.5))
     assert repairer.repaired() is None
-    (single,) = repairer.singles()
+    (single,) = checker.explainer.single_changes(repairer.chunk, checker.judge.first_pose(repairer.chunk)).all()
     assert single.kind == "moved"
     assert single.moved > 1.0
     assert repairer.holds(single.chunk)

@@ -1,25 +1,22 @@
 """Why a chunk has no plan: smallest sets of kinds of bounds, each of which together forbids it.
 
-What the chunk's own numbers exceed forbids it by itself. Of the bounds of a plan, some are added while the plan found
-without them breaks them, worst first, until there is no plan: the last one is needed. That is repeated with what is
-needed given, until that is enough. So with the set alone no plan is found from `chunk_program.STARTS` starts, and
-without any one member of it one is found, which is kept. The searches are local: a set is irreducible as far as they
-tell, and no more.
+What the chunk's own numbers exceed forbids it by itself: without that bound, the hands' own path is the motion. Of the
+bounds of a plan, those are added that the plan found without them breaks, worst first, until there is no plan; then each
+is left out without which there is none either. So with the set alone no plan is found from `chunk_program.STARTS`
+starts, and without any one member of it one is found, which is kept. The searches are local: a set is irreducible as far
+as they tell, and no more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from wholebody.planning.judgement.chunk_margins import chunk_margins
 from wholebody.planning.judgement.chunk_program import EVERY, NAMES, ChunkProgram, Witness
 from wholebody.planning.judgement.limits import Limit, Margin
 
 SETS = 3
 """Most disjoint sets of bounds of a plan that are looked for."""
-SEARCHES = 30
-"""Searches for a motion after which no further set is begun; chosen: some two seconds."""
 RATES = (
     (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
     (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
@@ -46,27 +43,32 @@ class Cause:
     witnesses: Mapping[Limit, Witness] = field(default_factory=dict, compare=False)
 
 
-def causes(program: ChunkProgram) -> list[Cause]:
-    """All that are found of a chunk, what its own numbers exceed first; none if there is a plan as given."""
-    found = list(_of_numbers(program))
-    allowed = EVERY
+def causes(program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True) -> tuple[list[Cause], bool]:
+    """What is found of a chunk, what its own numbers exceed first; nothing if there is a plan as given.
+
+    Args:
+        program: Of the chunk.
+        goes_on: Whether there is time for one more set.
+
+    Returns:
+        The causes, and whether all were looked for, up to `SETS` sets.
+    """
+    found, sets = list(_of_numbers(program)), []
+    allowed, every = EVERY, True
     for number in range(SETS):
-        if (number and program.searches > SEARCHES) or program.find(allowed) is not None:
+        every = not number or goes_on()
+        if not every or (kinds := _irreducible(program, allowed)) is None:
             break
-        one = _of_plan(program, allowed)
-        found.append(one)
-        allowed = allowed - set(one.kinds)
-        if Limit.REACH in one.kinds:
+        sets.append(kinds)
+        allowed = allowed - kinds
+        if not kinds:
             break
-    return found
+    return found + [_of_plan(program, kinds) for kinds in sets], every
 
 
 def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     judge, chunk = program.judge, program.chunk
-    margins = {one.code: one for one in chunk_margins(chunk, judge.planner.hand_limits, judge.spec)}
-    margins[Limit.START] = judge.start_margin(chunk, program.begin, program.now)
-    if judge.scene is not None and (near := judge.scene.asked(chunk)) is not None:
-        margins[Limit.SCENE_DISTANCE] = near
+    margins = judge.numbers(chunk, program.begin, program.now)
     numbers = Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE
     exceeded = [code for code in numbers if code in margins]
     exceeded = [code for code in exceeded if margins[code].margin < 0.0]
@@ -77,16 +79,14 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
         one = margins[code]
         side = int(one.subject.startswith("right"))
         where = one.time, side, tuple(points[min(one.step, len(chunk) - 1), side].tolist())
-        witness = program.find(frozenset())
-        yield Cause((code,), (one,), where, witness is not None, {code: witness} if witness else {})
+        # Without it the hands' own path is the motion: no body is asked.
+        yield Cause((code,), (one,), where, irreducible=True)
 
 
-def _of_plan(program: ChunkProgram, allowed: frozenset[Limit]) -> Cause:
-    """A smallest set among the kinds allowed, which together leave no plan."""
-    kinds = _irreducible(program, allowed)
-    found = {name: program.find(frozenset(kinds) - {name}) for name in kinds}
+def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
+    """What is told of kinds that together leave no plan."""
+    found = {name: program.find(kinds - {name}) for name in kinds}
     witnesses = {name: witness for name, witness in found.items() if witness is not None}
-    alone = program.find(frozenset(kinds), thorough=True) is None
     nearest = program.nearest()
     _, knot, side = nearest.worst
     time = min(float(nearest.targets.steps[knot]), (len(program.chunk) - 1) / program.chunk.fps)
@@ -95,28 +95,30 @@ def _of_plan(program: ChunkProgram, allowed: frozenset[Limit]) -> Cause:
     for one in program.margins(nearest):
         if NAMES[one.code] in kinds:
             best.setdefault(NAMES[one.code], one)
-    members = tuple(best[name] for name in kinds) if kinds else (program.reach(nearest),)
-    irreducible = alone and len(witnesses) == len(kinds)
-    return Cause(tuple(kinds) or (Limit.REACH,), members, where, irreducible, witnesses)
+    ordered = tuple(name for name in best if name in kinds)
+    members = tuple(best[name] for name in ordered) if kinds else (program.reach(nearest),)
+    # What was found for another set since may be a plan of this one after all.
+    irreducible = len(witnesses) == len(kinds) and program.find(kinds, thorough=True) is None
+    return Cause(ordered or (Limit.REACH,), members, where, irreducible, witnesses)
 
 
-def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> list[Limit]:
-    """Kinds that together leave no plan.
+def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> frozenset[Limit] | None:
+    """Kinds among those allowed that together leave no plan, none of which can be left out; None if there is one.
 
-    Kinds are added while the plan found without them breaks them, worst first. The one that ends this is needed: there
-    was a plan without it. Then the same is done with that one given, among those added before, until what is needed is
-    enough.
+    The kind that a plan breaks worst is added until there is no plan, then each is left out without which there is none
+    either. So far one start has to do; where more of them find a plan after all, what that one breaks is added.
     """
-    needed: list[Limit] = []
+    if program.find(allowed) is not None:
+        return None
+    kinds: list[Limit] = []
     while True:
-        kinds = list(needed)
         while (found := program.find(frozenset(kinds))) is not None:
-            rest = [name for name in allowed if name not in kinds]
+            rest = [name for name in found.broken if name in allowed]
             if not rest:
-                return kinds
-            # Where a plan keeps the others by chance, all of them together are what forbids.
-            kinds += [name for name in program.broken(found) if name in rest][:1] or sorted(rest)
-        if len(kinds) == len(needed):
-            return needed
-        needed.append(kinds[-1])
-        allowed = frozenset(kinds)
+                return None
+            kinds.append(rest[0])
+        for name in list(kinds):
+            if program.find(frozenset(kinds) - {name}) is None:
+                kinds.remove(name)
+        if program.find(frozenset(kinds), thorough=True) is None:
+            return frozenset(kinds)

@@ -165,10 +165,21 @@ class ChunkJudge:
             *self.measured(self.planner.optimizer.measured(plan.knots), chunk.fps, plan.start),
             *self._palms(chunk, moved, turned),
         ]
-        if self.scene is not None:
-            near = self.scene.asked(chunk), self.scene.planned(plan, chunk.fps)
-            margins += sorted((one for one in near if one is not None), key=lambda one: one.margin)[:1]
+        margins += self.around(chunk, plan)
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
+
+    def around(self, chunk: ActionChunk, plan: ChunkPlan) -> tuple[Margin, ...]:
+        """The least room to what stands around the robot, if anything is near."""
+        if self.scene is None:
+            return ()
+        near = self.scene.asked(chunk), self.scene.planned(plan, chunk.fps)
+        return tuple(sorted((one for one in near if one is not None), key=lambda one: one.margin)[:1])
+
+    def numbers(self, chunk: ActionChunk, begin: Begin, now: float) -> dict[Limit, Margin]:
+        """Room that a chunk leaves to the bounds that need no plan: on its own numbers, and what it asks of a scene."""
+        found = [self.start_margin(chunk, begin, now), *chunk_margins(chunk, self.planner.hand_limits, self.spec)]
+        found += [] if self.scene is None or (near := self.scene.asked(chunk)) is None else [near]
+        return {one.code: one for one in found}
 
     def start_margin(self, chunk: ActionChunk, begin: Begin, now: float) -> Margin:
         """How far a chunk begins from where the hands are then, now [s], against what is no continuation any more."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +23,7 @@ from wholebody.reference import HandMotion
 
 STARTS = 5
 """Postures from which each search begins."""
-POSTURES = 12
+POSTURES = 6
 """Postures from which one at rest is searched."""
 SPREAD = 0.3
 """Deviation of those that are not the start, as a share of each joint's range; chosen, no trial is on record."""
@@ -54,7 +53,8 @@ KINDS: tuple[tuple[Limit, ...], ...] = (
 NAMES = {limit: kind[0] for kind in KINDS for limit in kind}
 """The name of the kind that a bound belongs to."""
 EVERY = frozenset(NAMES.values())
-_FLOOR_SHARES = {Limit.ZMP, Limit.CAPTURE_POINT}
+AT_REST = frozenset(name for name in EVERY if name.value in list(Limit)[: list(Limit).index(Limit.LOAD)])
+"""Those that a posture at rest has to keep."""
 
 
 @dataclass(frozen=True)
@@ -64,22 +64,23 @@ class Witness:
     Attributes:
         knots: The motion.
         targets: What it was to follow.
-        near: Whether the palms are where they are asked to be, once the hands have joined the chunk.
+        broken: Names of the kinds whose bounds it does not keep, worst first.
         worst: Largest distance of a palm, in terms of the bound of what is done as given, and where: knot and hand.
     """
 
     knots: KnotTrajectory
     targets: Targets
-    near: bool
+    broken: tuple[Limit, ...]
     worst: tuple[float, int, int]
 
+    @property
+    def near(self) -> bool:
+        """Whether the palms are where they are asked to be, once the hands have joined the chunk."""
+        return self.worst[0] <= 1.0
 
-@dataclass(frozen=True)
-class _Known:
-    """What was found for a set of kinds before, and whether from every start."""
-
-    witness: Witness | None
-    thorough: bool
+    def keeps(self, enforced: frozenset[Limit]) -> bool:
+        """Whether it is a plan within the bounds of these kinds."""
+        return self.near and not enforced & set(self.broken)
 
 
 class ChunkProgram:
@@ -116,51 +117,68 @@ class ChunkProgram:
         self.first = max(int(np.searchsorted(self.targets.steps, joined)), 1)
         posture = planner.config.posture
         eased = {name: EASE * getattr(posture, name) for name in EASED}
-        self._weights = (
-            posture,
-            replace(posture, orientation=planner.config.orientation_free),
-            replace(posture, **eased),
-            replace(posture, position=FIRM * posture.position, orientation=FIRM * posture.orientation),
-        )
+        self._weights = posture, replace(posture, **eased)
+        self._firm = [replace(w, position=FIRM * w.position, orientation=FIRM * w.orientation) for w in self._weights]
         exact, gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
         self.searches = 0
-        self._known: dict[frozenset[Limit], _Known] = {}
+        self._found: list[Witness] = []
+        self._tried: dict[frozenset[Limit], int] = {}
+        self._hard: list[tuple[int, np.ndarray]] = []
+        self._at_rest: dict[tuple[int, frozenset[Limit]], bool] = {}
+        self._nearest: Witness | None = None
 
     def find(self, enforced: frozenset[Limit], *, thorough: bool = False) -> Witness | None:
-        """A motion that does the chunk as given within the bounds of these kinds alone, from `STARTS` starts.
+        """A motion that does the chunk as given within the bounds of these kinds alone, if one is found.
 
-        Where the first search misses at a knot at which there is not even a posture at rest, from `POSTURES` starts,
-        the others are left out unless it is to be thorough: a posture of a plan keeps the same bounds.
+        Args:
+            enforced: Names of the kinds.
+            thorough: Search from `STARTS` starts. Else one has to do, and none is made where at a knot that was missed
+                before no posture at rest keeps them: a posture of a plan would.
         """
-        known = self._known.get(enforced)
-        if known is not None and (known.witness is not None or known.thorough or not thorough):
-            return known.witness
-        witness, thorough = self._found(enforced, thorough=thorough)
-        self._known[enforced] = _Known(witness, thorough)
-        return witness
+        starts = STARTS if thorough else 1
+        known = next((one for one in self._found if one.keeps(enforced)), None)
+        if known is not None or any(less <= enforced and n >= starts for less, n in self._tried.items()):
+            return known
+        if not thorough and not self._has_postures(enforced):
+            return None
+        for start in range(self._tried.get(enforced, 0), starts):
+            if (one := self._search(enforced, start)) is not None:
+                return one
+            self._tried[enforced] = start + 1
+        return None
 
-    def _found(self, enforced: frozenset[Limit], *, thorough: bool) -> tuple[Witness | None, bool]:
-        """What `find` finds, and whether it looked everywhere."""
-        rows, missed = self._rows(enforced), False
-        plain, free, eased, firm = self._weights
-        for seed, first in self._seeds(enforced):
-            last = first
-            for weights in (eased,) if missed else (plain, free, eased):
-                one = self._witness(self._plan(rows, weights, seed, last))
-                if one.near and not self._keeps(one.knots, enforced):
-                    # Palms that pull less leave more to the bounds.
-                    one = self._witness(self._plan(rows, firm, seed, one.knots.q[1:]))
-                if one.near and self._keeps(one.knots, enforced):
-                    return one, True
-                if not (missed or thorough or self._has_posture(one, rows)):
-                    return None, False
-                last, missed = one.knots.q[1:], True
-        return None, True
+    def _search(self, enforced: frozenset[Limit], start: int) -> Witness | None:
+        """From one start: the present posture, the motion that keeps most of the bounds, or a scattered posture."""
+        rows, last, seed = self._rows(enforced), None, None
+        if start == 1 and self._found:
+            last = min(self._found, key=lambda one: len(enforced & set(one.broken))).knots.q[1:]
+        elif start:
+            seed = self._scattered(start)
+        for weights, firm in list(zip(self._weights, self._firm, strict=True))[bool(start) :]:
+            one = self._plan(rows, weights, seed, last)
+            if enforced == EVERY and self._nearest is None:
+                self._nearest = one
+            if one.near and not one.keeps(enforced):
+                # Palms that pull less leave more to the bounds.
+                one = self._plan(rows, firm, seed, one.knots.q[1:])
+            if one.keeps(enforced):
+                return one
+            last = one.knots.q[1:]
+        self._hard += [(k, one.knots.q[k]) for k in {one.worst[1], max(int(one.knots.violation.argmax()), 1)}]
+        return None
+
+    def _scattered(self, start: int) -> np.ndarray:
+        body, generator = self._planner.optimizer.body, np.random.default_rng(start)
+        q = self.begin.body.q.copy()
+        q[body.body] = scattered(body, q[body.body], SPREAD, generator)
+        return q
 
     def nearest(self) -> Witness:
         """What the planner's own weights come to with every bound enforced."""
-        return self._witness(self._plan(self._rows(EVERY), self._weights[0], None, None))
+        if self._nearest is None:
+            self._nearest = self._plan(self._rows(EVERY), self._weights[0], None, None)
+        return self._nearest
 
     def nearest_track(self) -> tuple[SampledTrajectory, tuple[HandMotion, HandMotion]]:
         """The same as it would be followed, and the hands as given at its rows."""
@@ -175,7 +193,7 @@ class ChunkProgram:
     def raised(self, kind: Limit) -> Margin | None:
         """What the bounds of a kind would have to be for a plan that keeps all the others; None where none is found.
 
-        It is the value that such a plan has, which is not the least one.
+        It is the value that such a plan has, which is not the least one. One start has to do.
         """
         found = self.find(EVERY - {kind})
         if found is None:
@@ -205,37 +223,25 @@ class ChunkProgram:
             bound=bound, unit=code.unit, margin=bound - value, share=(bound - value) / bound,
         )  # fmt: skip
 
-    def broken(self, witness: Witness) -> list[Limit]:
-        """Names of the kinds whose bounds a motion does not keep, worst first."""
-        names = [NAMES[one.code] for one in self.margins(witness) if one.share < -1.0]
-        drift, deficit = self._floor(witness.knots)
-        if drift > 1.0:
-            names.append(Limit.ZMP)
-        if deficit > 1.0:
-            names.append(Limit.FRICTION)
-        return list(dict.fromkeys(names))
+    def rests(self) -> bool:
+        """Whether postures at rest keep all bounds where motions missed: else it is in vain to go slower."""
+        return self._has_postures(EVERY)
 
-    def _seeds(self, enforced: frozenset[Limit]) -> Iterator[tuple[np.ndarray | None, np.ndarray | None]]:
-        """What searches begin with: a posture for inverse kinematics from knot to knot, or the knots of a motion."""
-        yield None, None
-        # What keeps most of these bounds and breaks others may be near to what keeps all.
-        less = [kinds for kinds, one in self._known.items() if kinds < enforced and one.witness is not None]
-        for kinds in sorted(less, key=len)[-1:]:
-            yield None, self._known[kinds].witness.knots.q[1:]
-        body, generator = self._planner.optimizer.body, np.random.default_rng(0)
-        for _ in range(STARTS - 1):
-            q = self.begin.body.q.copy()
-            q[body.body] = scattered(body, q[body.body], SPREAD, generator)
-            yield q, None
+    def _has_postures(self, enforced: frozenset[Limit]) -> bool:
+        """Whether postures at rest are found at the knots that were missed before, from `POSTURES` starts each."""
+        return all(self._rests_at(k, near, enforced & AT_REST) for k, near in self._hard[-2:])
 
-    def _has_posture(self, missed: Witness, rows: np.ndarray) -> bool:
-        """Whether a posture at rest is found for the knots at which a motion is furthest from the palms or a bound."""
-        knots = {missed.worst[1], max(int(missed.knots.violation.argmax()), 1)}
-        return all(self._posture_at(k, missed.knots.q[k], rows) for k in knots)
+    def _rests_at(self, k: int, near: np.ndarray, enforced: frozenset[Limit]) -> bool:
+        """The same at one knot; what is known of more or of fewer kinds is not searched for again."""
+        for (knot, kinds), found in self._at_rest.items():
+            if knot == k and (kinds >= enforced if found else kinds <= enforced):
+                return found
+        self._at_rest[k, enforced] = found = self._posture_at(k, near, enforced)
+        return found
 
-    def _posture_at(self, k: int, near: np.ndarray, rows: np.ndarray) -> bool:
+    def _posture_at(self, k: int, near: np.ndarray, enforced: frozenset[Limit]) -> bool:
         stills, body, generator = self.judge.stills, self._planner.optimizer.body, np.random.default_rng(0)
-        stills.enforced[:] = rows
+        stills.enforced[:] = self._rows(enforced)
         stance, T, bounds = body.tables.q_stance, self.targets.T_palms[k], self.judge.config.verdict
         for start in range(POSTURES):
             q = (near[body.body], stance)[start] if start < 2 else scattered(body, stance, SPREAD, generator)
@@ -255,29 +261,35 @@ class ChunkProgram:
 
     def _plan(
         self, rows: np.ndarray, weights: TrajectoryConfig, seed: np.ndarray | None, last: np.ndarray | None
-    ) -> KnotTrajectory:
+    ) -> Witness:
         self.searches += 1
         body, targets = self.begin.body, self.targets
         motion = body.q, body.v, targets.T_palms, targets.q_fingers
-        return self._planner.optimizer.plan_with_less(rows, seed, *motion, last, weights, Budget(SEARCH_MAX))
+        knots = self._planner.optimizer.plan_with_less(rows, seed, *motion, last, weights, Budget(SEARCH_MAX))
+        one = Witness(knots, targets, self._broken(knots), self._worst(knots))
+        if one.near:
+            self._found.append(one)
+        return one
 
-    def _witness(self, knots: KnotTrajectory) -> Witness:
+    def _worst(self, knots: KnotTrajectory) -> tuple[float, int, int]:
         reached, wanted, bounds = knots.T_palms, self.targets.T_palms, self.judge.config.verdict
         off = np.linalg.norm(reached[:, :, :3, 3] - wanted[:, :, :3, 3], axis=2) / bounds.palm_feasible
         turn = angle_between(reached[:, :, :3, :3], wanted[:, :, :3, :3]) / bounds.turn_feasible
         off = np.maximum(off, np.where(self.free, 0.0, turn))[self.first :]
         k, side = np.unravel_index(off.argmax(), off.shape)
-        return Witness(knots, self.targets, bool(off.max() <= 1.0), (float(off.max()), self.first + int(k), int(side)))
+        return float(off.max()), self.first + int(k), int(side)
 
-    def _keeps(self, knots: KnotTrajectory, enforced: frozenset[Limit]) -> bool:
-        """Whether a motion keeps the bounds enforced, and what the floor can give between its knots, where that is."""
-        if knots.violation.max() > self._planner.config.violation_max:
-            return False
-        if not enforced & {Limit.ZMP, Limit.CAPTURE_POINT, Limit.FRICTION}:
-            return True
+    def _broken(self, knots: KnotTrajectory) -> tuple[Limit, ...]:
+        """Names of the kinds whose bounds a motion does not keep, worst first, what the floor can give last."""
+        excess, worst = self._planner.optimizer.measured(knots).excess().max(axis=0), {}
+        for limit, span in self.judge.spans.items():
+            worst[NAMES[limit]] = max(worst.get(NAMES[limit], 0.0), float(excess[span].max()))
+        bound = self._planner.config.violation_max
+        names = sorted((name for name, value in worst.items() if value > bound), key=lambda name: -worst[name])
         drift, deficit = self._floor(knots)
-        pressed = not enforced & _FLOOR_SHARES or drift <= 1.0
-        return pressed and (Limit.FRICTION not in enforced or deficit <= 1.0)
+        names += [Limit.ZMP, Limit.CAPTURE_POINT] if drift > 1.0 else []
+        names += [Limit.FRICTION] if deficit > 1.0 else []
+        return tuple(dict.fromkeys(names))
 
     def _floor(self, knots: KnotTrajectory) -> tuple[float, float]:
         """Drift of the capture point and lack of friction between knots, in terms of what a plan may have."""

@@ -65,6 +65,9 @@ class TrajectoryOptimizer:
         config: Weights, limits and margins.
         friction: Coefficient that the controller counts on.
         force_min: Least normal force that the controller keeps at each contact point [N].
+
+    Attributes:
+        work: Linearisations and steps that all plans took so far, as budgets count them.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class TrajectoryOptimizer:
         self.body = RobotTables.of(spec, self.config, friction, force_min)
         self.model = self.body.full
         self.q_stance = self.body.q_full.copy()
+        self.work = 0.0
         self._problems: dict[int, TrajectoryProblem] = {}
         self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))
 
@@ -122,7 +126,9 @@ class TrajectoryOptimizer:
         problem.set_weights(config, 1.0)
         problem.warm_start(known)
         start[0] = q[body.body]
+        before = problem.budget.spent
         cost = optimise(problem, config)
+        self.work += problem.budget.spent - before
         now = problem.now
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
         qs[:, body.body], qs[:, body.fingers] = now.q, q_fingers

@@ -198,8 +198,8 @@ class TrajectoryProblem:
         """The trial becomes the present motion."""
         self.now, self.trial = self.trial, self.now
 
-    def violation(self) -> np.ndarray:
-        """Largest excess over a bound at each knot, in terms of the bound's tolerance, (K,).
+    def excess(self) -> np.ndarray:
+        """Excess over each bound at each knot, in terms of its tolerance, (K, n_inequalities); -1 where none counts.
 
         A start past a tolerance is no fault of the motion if that leads back: so much of the excess over bounds on
         configurations is excused, less with time, and none from `RETURN_TIME` or the last knot on.
@@ -212,7 +212,11 @@ class TrajectoryProblem:
         share = np.maximum(1.0 - np.arange(self.K) / knots, 0.0)[:, None]
         found[:, : len(start)] -= share * np.maximum(start - 1.0, 0.0)
         found[0, : len(start)] = -1.0
-        return np.maximum(0.0, found.max(axis=1))
+        return found
+
+    def violation(self) -> np.ndarray:
+        """The largest excess at each knot, (K,)."""
+        return np.maximum(0.0, self.excess().max(axis=1))
 
 
 def _smooth(q: np.ndarray) -> None:

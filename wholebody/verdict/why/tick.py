@@ -25,7 +25,7 @@ from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve
 from wholebody.reference import HandMotion
 from wholebody.types import RobotState
-from wholebody.verdict.why import Tick
+from wholebody.verdict.why.sentence import Tick
 
 EVERY_TICKS = 5
 """Control periods from one look at the hands to the next; chosen: 10 ms."""

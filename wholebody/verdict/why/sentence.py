@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wholebody.planning.judgement.cause import Cause
-from wholebody.planning.judgement.chunk_program import EVERY, ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.verdict.quantity import quantity
 
@@ -108,16 +106,6 @@ def why(cause: Cause, since: float = 0.0, fps: float = 0.0) -> Why:
     """A cause for a verdict, its times moved on by ``since`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
     return Why(codes=cause.kinds, members=members, irreducible=cause.irreducible, sentence=sentence(cause, since))
-
-
-def raised(program: ChunkProgram, causes: Sequence[Why], since: float = 0.0) -> list[WouldDo]:
-    """For each bound of the only cause, the value with which a plan was found that keeps all other bounds."""
-    out = []
-    for kind in causes[0].codes if len(causes) == 1 else ():
-        if kind in EVERY and (one := program.raised(kind)) is not None:
-            moved = replace(one, time=one.time + since, step=one.step + round(since * program.chunk.fps))
-            out.append(WouldDo("bound", bound=moved))
-    return out
 
 
 def sentence(cause: Cause, since: float = 0.0) -> str:

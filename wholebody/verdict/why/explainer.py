@@ -1,0 +1,114 @@
+"""Why one chunk is not done as given, within a stated amount of work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from wholebody.episode.tracking_error import FINGER_TOLERANCE
+from wholebody.planning.judgement.cause import causes
+from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
+from wholebody.planning.judgement.chunk_program import AT_REST, EVERY, ChunkProgram
+from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
+from wholebody.planning.plan import ChunkPlan
+from wholebody.verdict.plan_run import PlanRun, Suspect
+from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.sentence import Why, WouldDo, why
+from wholebody.verdict.why.single_changes import SingleChanges
+from wholebody.verdict.why.tick import TickProver
+
+CAUSES_WORK, WHY_WORK = 500.0, 1100.0
+"""Linearisations and steps after which no further set of bounds is looked for, and no further change is tried
+[no unit]; chosen: about one second and two."""
+
+
+class Explainer:
+    """Looks for causes and for what would do.
+
+    Args:
+        judge: Holds the robot.
+    """
+
+    def __init__(self, judge: ChunkJudge) -> None:
+        self._judge = judge
+
+    @cached_property
+    def prover(self) -> TickProver:
+        """What asks the tick's program."""
+        return TickProver(self._judge.spec, self._judge.config)
+
+    def explained(self, verdict: Verdict, suspect: Suspect, free: tuple[bool, bool], start: float) -> Verdict:
+        """A verdict with what is found of a chunk that is not followed as given; without causes as it is.
+
+        Args:
+            verdict: On the input.
+            suspect: The chunk.
+            free: Whether nothing is asked of the left and the right palm's orientation.
+            start: Time of the first step of the input [s].
+        """
+        chunk, since, before = suspect.chunk, suspect.chunk.t_obs - start, self._work
+        program = ChunkProgram(self._judge, chunk, suspect.begin, free, suspect.now)
+        found, every = causes(program, lambda: self._work - before < CAUSES_WORK)
+        if not found:
+            return verdict
+        told = [why(one, since, chunk.fps) for one in found]
+        singles = self.single_changes(chunk, suspect.begin, free, suspect.plan, lambda: self._work - before < WHY_WORK)
+        would_do = _what_would_do(program, singles, told, since)
+        of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
+        tick = None if of_numbers else self.prover.of(program, since)
+        return replace(verdict, causes=told, would_do=would_do, tick=tick, why_complete=every and singles.complete)
+
+    def single_changes(
+        self,
+        chunk: ActionChunk,
+        begin: Begin,
+        free: tuple[bool, bool] = (False, False),
+        plan: ChunkPlan | None = None,
+        goes_on: Callable[[], bool] = lambda: True,
+    ) -> SingleChanges:
+        """What changes a chunk that is not feasible by one thing; it is planned where its plan is not given."""
+        plan = plan or self._judge.planner.plan(chunk, chunk.t_obs, begin.body, begin.hands, quick=True)
+
+        def holds(changed: ActionChunk) -> bool:
+            return self._holds_as_given(changed, begin, free)
+
+        return SingleChanges(self._judge, chunk, plan, holds, goes_on)
+
+    def _holds_as_given(self, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool]) -> bool:
+        """Whether a chunk is feasible by an attempt at its own speed; what needs no plan comes first."""
+        judge, now, far = self._judge, chunk.t_obs, self._judge.config.verdict.palm_feasible
+        forgiven = {Limit.START: 0.0, Limit.FINGER_RANGE: FINGER_TOLERANCE}
+        forgiven |= {Limit.INTO_FLOOR: far, Limit.SCENE_DISTANCE: far}
+        numbers = judge.numbers(chunk, begin, now)
+        if any(code in numbers and numbers[code].margin < -room for code, room in forgiven.items()):
+            return False
+        plan = judge.planner.as_given(chunk, now, begin.body, begin.hands)
+        if plan is None:
+            return False
+        run, none = PlanRun(judge, free), np.zeros((0, 2))
+        run.follow(chunk, begin, now, np.inf, ChunkJudgement(plan, chunk.times, none, none, judge.around(chunk, plan)))
+        return run.verdict("", {}).verdict == "feasible"
+
+    @property
+    def _work(self) -> float:
+        return self._judge.planner.optimizer.work
+
+
+def _what_would_do(program: ChunkProgram, singles: SingleChanges, causes: Sequence[Why], since: float) -> list[WouldDo]:
+    """Single changes that make a chunk hold; for each bound of an only cause, what a plan has that keeps all others.
+
+    A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
+    """
+    at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in causes)
+    slower = None if at_rest or not program.rests() else singles.slower()
+    changes = slower, singles.moved(), singles.turned(), singles.lighter()
+    out = [WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x in changes if x is not None]
+    for kind in causes[0].codes if len(causes) == 1 else ():
+        if kind in EVERY and (one := program.raised(kind)) is not None:
+            moved = replace(one, time=one.time + since, step=one.step + round(since * program.chunk.fps))
+            out.append(WouldDo("bound", bound=moved))
+    return out
