@@ -1,10 +1,10 @@
 """Why a chunk has no plan: smallest sets of kinds of bounds, each of which together forbids it.
 
-What the chunk's own numbers exceed forbids it by itself: without that bound, the hands' own path is the motion. Of the
-bounds of a plan, those are added that the plan found without them breaks, worst first, until there is no plan; then each
-is left out without which there is none either. So with the set alone no plan is found from `chunk_program.STARTS`
-starts, and without any one member of it one is found, which is kept. The searches are local: a set is irreducible as far
-as they tell, and no more.
+What the chunk's own numbers exceed forbids it by itself: without that bound, the hands' own path is the motion. Of
+the bounds of a plan, those are added that the plan found without them breaks, worst first, until there is no plan; then
+each is left out without which there is none either. So with the set alone no plan is found from
+`chunk_program.STARTS` starts, and without any one member of it one is found, which is kept. The searches are local: a
+set is irreducible as far as they tell, and no more.
 """
 
 from __future__ import annotations
