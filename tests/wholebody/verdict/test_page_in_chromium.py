@@ -60,6 +60,12 @@ def test_a_click_on_a_violation_moves_the_robot_there(folder, browser, theme):
     if SHOTS.name:
         time.sleep(1.0)
         browser.screenshot(SHOTS / f"report_{browser.size[0]}_{theme}.png")
+    assert browser.evaluate("report.seen('reach')") == [False, False]
+    browser.evaluate("document.querySelector('#legend button:last-child').click()")
+    assert browser.evaluate("report.seen('reach')") == [True, True]
+    if SHOTS.name:
+        time.sleep(1.0)
+        browser.screenshot(SHOTS / f"report_{browser.size[0]}_{theme}_reach.png")
     browser.evaluate("report.play()")
     browser.wait_for(f"report.now() > {about['violations'][0]['time']} + 0.1")
     assert browser.errors == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -12,6 +13,7 @@ from models.scenes import SceneFile
 from models.spec import RobotSpec
 from wholebody.sim.pictures.meshes import parts
 from wholebody.sim.pictures.scene import Colour, Show
+from wholebody.verdict.page.reach_layer import box
 
 CAMERA = (1.85, 1.2, 1.3, 0.08, 0.0, 0.7, 0.0, 0.0, 1.0)
 """Where the page looks from at first, at what, and what is up [m]; chosen: robot and both palms in the picture."""
@@ -19,6 +21,8 @@ FIELD_OF_VIEW = 40.0
 """Of the camera [deg]; chosen: little distortion."""
 GRID, GRID_CELL = 1.5, 0.25
 """Half the edge of the grid on the floor and its cell [m]; chosen."""
+REACH: Colour = (0.20, 0.60, 0.62, 0.18)
+"""Of the border of where palms can be held."""
 ROUND = 24
 """Corners of what is round."""
 
@@ -46,7 +50,11 @@ def tree(model: mujoco.MjModel) -> list[dict[str, Any]]:
 
 
 def snapshot(
-    spec: RobotSpec, scene: str | SceneFile, support: np.ndarray, palms: dict[str, np.ndarray]
+    spec: RobotSpec,
+    scene: str | SceneFile,
+    support: np.ndarray,
+    palms: dict[str, np.ndarray],
+    reach: Sequence[np.ndarray],
 ) -> tuple[bytes, dict]:
     """What K3D draws.
 
@@ -55,6 +63,7 @@ def snapshot(
         scene: Around it.
         support: Polygon of the soles, shape (c, 2), [m].
         palms: Ways of the palms, (n, 2, 3) each, [m], by the name of the mark.
+        reach: Where the left and the right palm can be held, as of `reach_fields`.
 
     Returns:
         K3D's snapshot, and for each name of a body or a mark the numbers of its objects.
@@ -86,6 +95,10 @@ def snapshot(
             if len(points) > 1:
                 colour = _number(Show[name.upper()].colour) if name.upper() in Show.__members__ else 0x808890
                 add(f"way:{name}", k3d.line(points, color=colour, shader="simple", opacity=0.8))
+    for side, field in enumerate(reach):
+        ends = dict(zip(("xmin", "xmax", "ymin", "ymax", "zmin", "zmax"), box(side), strict=True))
+        colour = {"color": _number(REACH), "opacity": REACH[3]}
+        add("reach", k3d.marching_cubes(field.astype(np.float32), level=0.0, flat_shading=False, **colour, **ends))
     add("grid", k3d.lines(*_grid(), indices_type="segment", shader="simple", color=0x8A93A0, opacity=0.35))
     return plot.get_binary_snapshot(), dict(names)
 

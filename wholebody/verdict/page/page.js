@@ -55,7 +55,7 @@ delete window.define;
 const plot = await new library.CreateK3DAndLoadBinarySnapshot(bytes("scene-data"), $("canvas"));
 const world = plot.getWorld();
 const find = (name) => (about.objects[name] || []).map((id) => plot.getObjectById(id)).filter(Boolean);
-const hidden = new Set();
+const hidden = new Set(about.legend.filter((one) => one.off).map((one) => one.name));
 
 const multiply = ([a, b, c, d], [e, f, g, h]) => [
   a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g,
@@ -169,6 +169,7 @@ function draw(t) {
   mark("capture", [...between(series.capture_point, 2, place), 0.005], [0.019, 0.019, 1]);
   show("support", true);
   for (const name of ["asked", "commanded", "measured"]) find("way:" + name).forEach((object) => { object.visible = !hidden.has(name); });
+  find("reach").forEach((object) => { object.visible = !hidden.has("reach"); });
   plot.render();
   const status = about.status[about.statuses[place[2] < 0.5 ? place[0] : place[1]]];
   $("now").replaceChildren(make("b", status.name, { style: "background:" + status.colour }));
@@ -293,7 +294,7 @@ for (const one of about.legend) {
     button.setAttribute("aria-pressed", !hidden.has(one.name));
     seek(now);
   } });
-  button.setAttribute("aria-pressed", "true");
+  button.setAttribute("aria-pressed", !hidden.has(one.name));
   button.append(make("i", "", { style: "background:" + one.colour }), one.words);
   $("legend").append(button);
 }

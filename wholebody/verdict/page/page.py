@@ -25,9 +25,10 @@ from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
-from wholebody.verdict.page.drawing import CAMERA, snapshot, tree
+from wholebody.verdict.page.drawing import CAMERA, REACH, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
+from wholebody.verdict.page.reach_layer import reach_fields
 from wholebody.verdict.page.timelines import Panel, panels
 from wholebody.verdict.report import change_said, gist, lines, violation_line
 from wholebody.verdict.verdict import Verdict
@@ -88,7 +89,7 @@ def page(shown: Shown) -> str:
     model = load_mujoco(shown.spec, scene=scene, visuals=True)
     conversion = Conversion(shown.spec, load_pinocchio(shown.spec), model)
     palms = {name: frames.of_column(f"T_world_palms_{name}")[..., :3, 3] for name in ("asked", "commanded", "measured")}
-    binary, objects = snapshot(shown.spec, scene, record["support"], palms)
+    binary, objects = snapshot(shown.spec, scene, record["support"], palms, reach_fields(shown.spec, shown.config))
     arrays = {
         "time": frames.times,
         "qpos": in_mujoco(conversion, model, frames.of_column("q"), frames.of_column("objects")),
@@ -110,7 +111,7 @@ def page(shown: Shown) -> str:
         "objects": objects,
         "panels": [_panel(panel) for panel in drawn],
         "camera": CAMERA,
-        "legend": _legend(shown.ghost is not None),
+        "legend": _legend(shown.ghost is not None, "reach" in objects),
     }
     data = {"code": _code(), "scene": binary, "arrays": zlib.compress(blob, 9)}
     return _filled("page.html", shown.verdict.name, about, {name: _text(part) for name, part in data.items()})
@@ -169,14 +170,17 @@ def _css(colour: tuple[float, ...]) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])
 
 
-def _legend(ghost: bool) -> list[dict[str, str]]:
-    """What can be hidden: name, words and colour."""
+def _legend(ghost: bool, reach: bool) -> list[dict[str, str]]:
+    """What can be hidden: name, words and colour; hidden at first is what is ``off``."""
     shows: list[tuple[str, str, Colour]] = [(show.name.lower(), show.legend, show.colour) for show in Show]
     shows = [(name, words, (0.90, 0.10, 0.45, 1.0) if name == "pressure" else colour) for name, words, colour in shows]
     shows.append(("measured", "reached", (0.50, 0.53, 0.56, 1.0)))
     if ghost:
         shows.append(("ghost", "repaired motion", (0.25, 0.45, 0.95, 1.0)))
-    return [{"name": name, "words": words, "colour": _css(colour)} for name, words, colour in shows]
+    told = [{"name": name, "words": words, "colour": _css(colour)} for name, words, colour in shows]
+    if reach:
+        told.append({"name": "reach", "words": "where palms can be held", "colour": _css(REACH), "off": "off"})
+    return told
 
 
 def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
