@@ -1,6 +1,6 @@
 """What bad readings, a realistic robot, delay, friction, other masses and uneven ground cost: studies, resumable.
 
-    python benchmarks/senses.py STUDY [--seeds FIRST END] [--out FILE]
+    python benchmarks/senses.py STUDY [--seeds FIRST END] [--only PART] [--out FILE]
 
 Studies: glitches, delay, realistic, hostile, friction, masses, ground (floors that slope, a foot that stands higher,
 feet that are turned, a wrong IMU). Each case is a line of JSON in the file, which is ``senses_STUDY.jsonl`` if not
@@ -296,6 +296,7 @@ def run_studies(studies: dict[str, Callable[[range], Iterator[Case]]], about: st
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("study", choices=tuple(studies))
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), help="first, and the one after the last")
+    parser.add_argument("--only", default="", help="a part of the names of the cases that are wanted")
     parser.add_argument("--out", type=Path, help="file with a line a case")
     arguments = parser.parse_args()
     out = arguments.out or Path(f"senses_{arguments.study}.jsonl")
@@ -304,6 +305,8 @@ def run_studies(studies: dict[str, Callable[[range], Iterator[Case]]], about: st
         done = {(line["group"], line["name"]): line for line in map(json.loads, out.read_text().splitlines())}
     found = defaultdict(list)
     for group, name, run in studies[arguments.study](range(*arguments.seeds)):
+        if arguments.only not in name:
+            continue
         if (group, name) not in done:
             done[group, name] = {"group": group, "name": name, "numbers": run()}
             with out.open("a") as file:
