@@ -3,14 +3,13 @@ without any one member the plan that was kept keeps all the others and has the p
 """
 
 import json
-import re
 from dataclasses import asdict
-from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
 
+from tests.support.proof import proves
 from tests.support.sent_chunks import sent
 from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_program import NAMES, STARTS, ChunkProgram
@@ -62,14 +61,6 @@ def test_a_finger_and_the_floor_are_causes_by_themselves(holder):
     chunk.q_rhand[:, 0] = 4.0
     kinds = [one.kinds for one in found(holder, chunk)[1]]
     assert kinds[:2] == [(Limit.FINGER_RANGE,), (Limit.INTO_FLOOR,)]
-
-
-def proves(tick):
-    """The checker of the document, as it stands there."""
-    text = (Path(__file__).parents[3] / "docs" / "verdict.md").read_text().partition("## What is proven")[2]
-    names = {}
-    exec(re.search(r"```python\n(.*?)```", text, re.DOTALL)[1], names)
-    return names["proves"](tick)
 
 
 def test_what_is_proven_of_a_tick_holds_for_the_checker_of_the_document(in_the_other):
