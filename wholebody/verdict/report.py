@@ -84,7 +84,7 @@ def lines(verdict: Verdict) -> list[str]:
         text.append("  the time for it ended: there may be more causes, and smaller changes that would do")
     if verdict.tick is not None:
         text.append(f"  {tick_line(verdict.tick)}")
-    text += [f"  {violation_line(violation)}" for violation in verdict.violations]
+    text += _violation_lines(verdict.violations)
     if verdict.method == "fast":
         return text + _fast_lines(verdict)
     text.append(
@@ -108,6 +108,18 @@ def lines(verdict: Verdict) -> list[str]:
     if verdict.fast is not None:
         by = "a preview" if verdict.decided_by == "preview" else "its plan"
         text.append(f"  fast     {verdict.fast.replace('_', ' ')} by {by}, before anything was simulated")
+    return text
+
+
+def _violation_lines(violations: Sequence[Violation]) -> list[str]:
+    """A line each, and for each cause one of what came of it, once a code."""
+    text = []
+    for cause in (one for one in violations if one.came_of is None):
+        text.append(f"  {violation_line(cause)}")
+        counts = Counter(one.code for one in violations if one.came_of is cause.code)
+        if counts and cause is next(one for one in violations if one.code is cause.code):
+            came = (f"{code} {n} times" if n > 1 else code for code, n in counts.items())
+            text.append(f"    of which came {', '.join(came)}")
     return text
 
 

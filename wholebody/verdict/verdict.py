@@ -17,6 +17,7 @@ from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.approach import approach_steps
+from wholebody.verdict.consequences import folded
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
 from wholebody.verdict.why.sentence import Tick, Why, WouldDo
@@ -44,7 +45,7 @@ class Verdict:
         verdict: What the worst violation makes of it: ``feasible`` as given, ``feasible_after_repair``: slowed, or
             with a hand moved by at most the bound of repair, ``infeasible``: not executed, another motion, or a fall.
         fell: Whether the robot fell in simulation.
-        violations: Worst first.
+        violations: Worst first, each followed by what came of it.
         rms_m, max_m, end_m: Palm errors over all steps, and at the last one [m].
         turn_rms_rad, turn_max_rad, turn_end_rad: Errors of the palms' orientations, likewise [rad].
         moved_max_m, moved_turn_max_rad: Largest distance and angle of a commanded palm from what was asked at the
@@ -133,7 +134,8 @@ def judge(
         bounds: How far palms may be from what was asked.
     """
     bounds = bounds or VerdictConfig()
-    found, palms, joined = violations(result, bounds), result.palms, approach_steps(result, bounds)
+    found = folded(violations(result, bounds))
+    palms, joined = result.palms, approach_steps(result, bounds)
     errors, turns, fair = palms.errors, palms.turns, palms.errors[palms.demandable]
     return Verdict(
         name=name,

@@ -64,6 +64,7 @@ class Violation:
         step: The same in steps of the input, from 0.
         value, bound: In SI units.
         unit: ``m``, ``rad``, ``N m``, ``s`` or empty.
+        came_of: Code of the violation that it is a consequence of; None where it is none.
     """
 
     code: Reason
@@ -74,6 +75,7 @@ class Violation:
     value: float = 0.0
     bound: float = 0.0
     unit: str = ""
+    came_of: Reason | None = None
 
     @property
     def margin(self) -> float:

@@ -17,7 +17,7 @@ from wholebody.resources import verdict_schema
 from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
-from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json
+from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json, violation_line
 from wholebody.verdict.verdict import judge
 
 
@@ -125,16 +125,20 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
         },
     }
     verdict = judge("motion", result(**everything))
-    assert codes(verdict) == ["fall", "out_of_reach", "tracking_error", "torque_limit", "torque_limit"]
-    assert verdict.violations[3].subject == "waist_pitch_joint"
-    assert verdict.violations[1].step == 6
+    assert codes(verdict) == ["fall", "tracking_error", "torque_limit", "torque_limit", "out_of_reach"]
+    assert [one.came_of for one in verdict.violations] == [None, "fall", "fall", "fall", None]
+    assert verdict.violations[2].subject == "waist_pitch_joint"
+    assert verdict.violations[4].step == 6
     text = lines(verdict)
-    assert text[:5] == [
+    assert text[:4] == [
         "INFEASIBLE  motion: the robot falls",
         "  fall: pelvis at 0.19 m at 1.30 s (step 9)",
+        "    of which came tracking_error, torque_limit 2 times",
         "  out_of_reach: right palm commanded 120 mm from where it was asked to be (bound 50 mm) at 1.20 s (step 6)",
-        "  tracking_error: left palm 200 mm from where it was asked to be (bound 20 mm) at 1.00 s (step 0)",
-        "  torque_limit: waist_pitch_joint asked for 48 N m (bound 35 N m) at 1.10 s (step 3)",
+    ]
+    assert [violation_line(one) for one in verdict.violations[1:3]] == [
+        "tracking_error: left palm 200 mm from where it was asked to be (bound 20 mm) at 1.00 s (step 0)",
+        "torque_limit: waist_pitch_joint asked for 48 N m (bound 35 N m) at 1.10 s (step 3)",
     ]
 
 

@@ -26,11 +26,14 @@ for (const cause of about.causes) {
 }
 if (about.would.length) $("would").append(make("b", "It would do "), about.would.join(", or ") + ".");
 if (about.repaired) $("would").append(" The ghost is repaired: " + about.repaired + ".");
+let under = null;
 for (const one of about.violations) {
   const button = make("button", "", { className: one.severity, onclick: () => one.time !== null && stand(one.time, button) });
   button.append(make("time", one.time === null ? "" : one.time.toFixed(2) + " s"), make("span", one.text));
   button.dataset.code = one.code;
-  $("violations").append(button);
+  if (one.came_of === null) { $("violations").append(button); under = null; continue; }
+  if (under === null) { under = make("details"); under.append(make("summary", "What came of it")); $("violations").append(under); }
+  under.append(button);
 }
 if (!about.violations.length) $("violations").append(make("p", "Nothing: it is done as given.", { className: "none" }));
 const fold = (title, text, open) => {

@@ -199,7 +199,13 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
         "would": [change_said(one) for one in verdict.would_do],
         "repaired": shown.ghost.words if shown.ghost else "",
         "violations": [
-            {"text": violation_line(one), "time": one.time, "severity": one.severity.value, "code": one.code.value}
+            {
+                "text": violation_line(one),
+                "time": one.time,
+                "severity": one.severity.value,
+                "code": one.code.value,
+                "came_of": one.came_of,
+            }
             for one in verdict.violations
         ],
         "summary": [

@@ -49,7 +49,8 @@ def report(
         fast = FastChecker(config, checker.scene)
         start = "stance" if checker.episode.begin is None else "first"
         asked = fast.check(policy, name, duration, start=start, ask_why=True)
-        verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do, tick=asked.tick)
+        names = "causes", "would_do", "why_complete", "tick"
+        verdict = replace(verdict, **{name: getattr(asked, name) for name in names})
         ghost = repaired(fast, watched.chunks, record, verdict, result.orientation_free)
     write_page(path, Shown(verdict, record, checker.supervisor.spec, config, command, ghost, result.start))
     return verdict
