@@ -507,6 +507,9 @@ def holder(config, scene="floor"):
 def told(one):
     """Causes of a case, and the program that they are of."""
     program = program_of(one)
+    plan = program.judge.judge(one.chunk, program.begin).plan
+    if plan.report.slowdown == 1.0:
+        program.know(plan.knots)
     return causes(program)[0], program
 
 
@@ -530,12 +533,11 @@ def passes_drop_one(one, cause, program):
     return True
 
 
-def is_right(one, found):
-    """Whether what was planted is in the first set; of a pair, whether each is in one."""
-    sets = [set(cause.kinds) for cause in found]
+def is_right(one, sets):
+    """Whether what was planted is in the first set of kinds; of a pair, whether each is in one."""
     if one.also:
-        return all(any(right & kinds for kinds in sets) for right in (one.right, one.also))
-    return bool(sets) and bool(one.right & sets[0])
+        return all(any(right & set(kinds) for kinds in sets) for right in (one.right, one.also))
+    return bool(sets) and bool(one.right & set(sets[0]))
 
 
 def answered(kind, seed):
@@ -551,12 +553,12 @@ def answered(kind, seed):
     return {
         "kind": kind,
         "seed": seed,
-        "right": is_right(one, found),
+        "right": is_right(one, [cause.codes for cause in verdict.causes]),
         "value": one.value,
         "bound": one.bound,
-        "sets": ["+".join(cause.kinds) for cause in found],
-        "irreducible": sum(cause.irreducible for cause in found),
-        "drop_one": sum(passes_drop_one(one, cause, program) for cause in found),
+        "sets": ["+".join(cause.codes) for cause in verdict.causes],
+        "irreducible": sum(cause.irreducible for cause in verdict.causes),
+        "drop_one": sum(passes_drop_one(one, cause, program) for cause in found[: len(verdict.causes)]),
         "complete": verdict.why_complete,
         "would_do": [change.kind for change in verdict.would_do],
         "proven": bool(tick and tick["proven"]),

@@ -76,7 +76,7 @@ class PlanRun:
         chunk.validate()
         result, found = self.result, found or self.judge.judge(chunk, begin, now)
         self._note(chunk, found, begin)
-        if found.plan.report.changes or not found.plan.report.safe or found.exceeded:
+        if found.plan.report.changes or not found.plan.report.safe or found.exceeded or self._off(found):
             self.suspects.append(Suspect(chunk, begin, now, found.plan))
         body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
         if found.plan.report.safe and ends_at_rest(found.plan, body.footing.support, margin):
@@ -88,6 +88,13 @@ class PlanRun:
         if self.followed is None or not np.isfinite(until):
             return begin
         return self.judge.later(self.followed.plan, until - self._since)
+
+    def _off(self, found: ChunkJudgement) -> bool:
+        """Whether palms are commanded elsewhere, or turned otherwise, than is as given."""
+        bounds = self.judge.config.verdict
+        turned = np.where(self.result.orientation_free, 0.0, found.turned)
+        far, awry = found.moved.max(initial=0.0), turned.max(initial=0.0)
+        return bool(far > bounds.palm_feasible or awry > bounds.turn_feasible)
 
     def _note(self, chunk: ActionChunk, found: ChunkJudgement, begin: Begin) -> None:
         result, report = self.result, found.plan.report

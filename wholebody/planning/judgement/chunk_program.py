@@ -143,19 +143,28 @@ class ChunkProgram:
         if not thorough and not self._has_postures(enforced):
             return None
         for start in range(self._tried.get(enforced, 0), starts):
-            if (one := self._search(enforced, start)) is not None:
+            if (one := self._search(enforced, self._scattered(start) if start else None)) is not None:
                 return one
             self._tried[enforced] = start + 1
-        return None
+        # What keeps most of these bounds may be near to what keeps all.
+        best = min(self._found, key=lambda one: len(enforced & set(one.broken)), default=None)
+        return self._search(enforced, None, best.knots.q[1:]) if thorough and best is not None else None
 
-    def _search(self, enforced: frozenset[Limit], start: int) -> Witness | None:
-        """From one start: the present posture, the motion that keeps most of the bounds, or a scattered posture."""
-        rows, last, seed = self._rows(enforced), None, None
-        if start == 1 and self._found:
-            last = min(self._found, key=lambda one: len(enforced & set(one.broken))).knots.q[1:]
-        elif start:
-            seed = self._scattered(start)
-        for weights, firm in list(zip(self._weights, self._firm, strict=True))[bool(start) :]:
+    def know(self, knots: KnotTrajectory) -> None:
+        """Count a motion that was found elsewhere, at the chunk's own speed, among those that were found."""
+        self._keep(Witness(knots, self.targets, self._broken(knots), self._worst(knots)))
+
+    def _keep(self, one: Witness) -> Witness:
+        if one.near:
+            self._found.append(one)
+        return one
+
+    def _search(
+        self, enforced: frozenset[Limit], seed: np.ndarray | None, last: np.ndarray | None = None
+    ) -> Witness | None:
+        """From the present posture, from another one (nq,), or from the knots (k, nq) of a motion."""
+        rows, anew = self._rows(enforced), seed is None and last is None
+        for weights, firm in list(zip(self._weights, self._firm, strict=True))[not anew :]:
             one = self._plan(rows, weights, seed, last)
             if enforced == EVERY and self._nearest is None:
                 self._nearest = one
@@ -266,10 +275,7 @@ class ChunkProgram:
         body, targets = self.begin.body, self.targets
         motion = body.q, body.v, targets.T_palms, targets.q_fingers
         knots = self._planner.optimizer.plan_with_less(rows, seed, *motion, last, weights, Budget(SEARCH_MAX))
-        one = Witness(knots, targets, self._broken(knots), self._worst(knots))
-        if one.near:
-            self._found.append(one)
-        return one
+        return self._keep(Witness(knots, targets, self._broken(knots), self._worst(knots)))
 
     def _worst(self, knots: KnotTrajectory) -> tuple[float, int, int]:
         reached, wanted, bounds = knots.T_palms, self.targets.T_palms, self.judge.config.verdict

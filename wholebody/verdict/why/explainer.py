@@ -52,6 +52,8 @@ class Explainer:
         """
         chunk, since, before = suspect.chunk, suspect.chunk.t_obs - start, self._work
         program = ChunkProgram(self._judge, chunk, suspect.begin, free, suspect.now)
+        if suspect.plan.report.slowdown == 1.0:
+            program.know(suspect.plan.knots)
         found, every = causes(program, lambda: self._work - before < CAUSES_WORK)
         if not found:
             return verdict
