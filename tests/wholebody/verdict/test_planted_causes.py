@@ -1,8 +1,22 @@
 """Strategy: a case of each kind of `tests/support/planted_causes.py` that is quick to tell; the whole is a study."""
 
+import numpy as np
 import pytest
 
-from tests.support.planted_causes import is_right, passes_drop_one, planted, told
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.scripted.policy import minimum_jerk, stance_pose
+from tests.support.planted_causes import (
+    NARROW,
+    TIME,
+    chunk_of,
+    holder,
+    is_right,
+    moved,
+    passes_drop_one,
+    planted,
+    told,
+)
+from wholebody.verdict.plan_run import PlanRun
 
 
 @pytest.mark.parametrize("kind", ["reach", "floor", "start", "jerk", "finger_range", "waist_torque", "scene"])
@@ -12,3 +26,15 @@ def test_what_was_planted_is_the_first_cause_and_nothing_of_it_can_be_left_out(k
     assert one.value > one.bound
     assert is_right(one, [cause.kinds for cause in found])
     assert all(cause.irreducible and passes_drop_one(one, cause, program) for cause in found)
+
+
+def test_a_hand_that_is_only_turned_away_from_what_was_asked_is_looked_at_too():
+    share, stance = minimum_jerk(TIME / 1.4)[:, None], stance_pose()
+    R = rotvec_to_matrix(share * np.array([0.0, 0.0, -2.5])) @ stance.R_world_lhand
+    judge, chunk = holder(NARROW).judge, chunk_of(moved([0.28, 0.25, 1.0], 1.4), None, R)
+    run = PlanRun(judge, (False, False))
+    run.follow(chunk, judge.first_pose(chunk), chunk.t_obs, np.inf)
+    verdict = run.verdict("", {})
+    assert verdict.verdict == "infeasible"
+    assert verdict.moved_max_m < judge.config.verdict.palm_feasible
+    assert [suspect.chunk for suspect in run.suspects] == [chunk]

@@ -9,7 +9,6 @@ import jsonschema
 import numpy as np
 import pytest
 
-from policy.geometry.rotations import rotvec_to_matrix
 from tests.support.proof import proves
 from tests.support.sent_chunks import sent
 from wholebody.planning.judgement.cause import causes
@@ -107,14 +106,3 @@ def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json(in_the_other)
 
 def test_without_being_asked_nobody_looks_for_causes():
     assert judge(sent(to=(2.0, 0.0, 0.0), time=1.5)).causes == []
-
-
-def test_a_hand_that_would_have_to_be_turned_is_told_a_cause_too():
-    chunk = sent(time=1.3)
-    turn = rotvec_to_matrix(np.linspace(0.0, 2.9, len(chunk))[:, None] * np.array([0.0, 0.0, 1.0]))
-    chunk.T_world_lhand[:, :3, :3] = turn @ chunk.T_world_lhand[:, :3, :3]
-    verdict = judge(chunk, ask_why=True)
-    assert verdict.verdict == "infeasible"
-    assert verdict.moved_max_m < 0.05
-    assert verdict.moved_turn_max_rad > 0.4
-    assert verdict.causes[0].irreducible
