@@ -78,8 +78,10 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {gist(verdict)}"]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
-    if verdict.would_do:
-        text.append(f"  it would do {', or '.join(map(change_said, verdict.would_do))}")
+    # An only cause says in its sentence which changes of the chunk would do.
+    apart = [one for one in verdict.would_do if one.bound is not None or len(verdict.causes) != 1]
+    if apart:
+        text.append(f"  it would do {', or '.join(map(change_said, apart))}")
     if not verdict.why_complete:
         text.append("  the time for it ended: there may be more causes, and smaller changes that would do")
     if verdict.tick is not None:

@@ -101,7 +101,7 @@ def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json(in_the_other)
     line = lines(verdict)[1]
     assert line.startswith("  because  left hand 0.2")
     assert "to the right" in line
-    assert "are as close as they may be, 14 mm" in line
+    assert "are as close as they may be (14 mm)" in line
 
 
 def test_without_being_asked_nobody_looks_for_causes():

@@ -33,11 +33,12 @@ def chunk_margins(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: Robo
     yield from _rates(chunk, limits, 1)
     yield from _fingers(chunk, limits, spec)
     lifted, _ = above_floor(chunk)
-    lift = np.maximum(*(now[:, 2, 3] - then[:, 2, 3] for now, then in zip(_hands(lifted), _hands(chunk), strict=True)))
-    k = int(lift.argmax())
+    lift = np.stack([now[:, 2, 3] - then[:, 2, 3] for now, then in zip(_hands(lifted), _hands(chunk), strict=True)])
+    side, k = np.unravel_index(lift.argmax(), lift.shape)
+    most = float(lift[side, k])
     # Where nothing was lifted there is room that nobody measures.
-    if lift[k] > 0.0:
-        yield _at(Limit.INTO_FLOOR, "hand", k, chunk.fps, float(lift[k]), 0.0, -float(lift[k]), FLOOR_SCALE)
+    if most > 0.0:
+        yield _at(Limit.INTO_FLOOR, HANDS[side], int(k), chunk.fps, most, 0.0, -most, FLOOR_SCALE)
 
 
 def _rates(chunk: ActionChunk, limits: tuple[HandLimits, ...], part: int) -> Iterator[Margin]:

@@ -17,11 +17,11 @@ from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
 from wholebody.planning.plan import ChunkPlan
 from wholebody.verdict.plan_run import PlanRun, Suspect
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.why.sentence import Why, WouldDo, why
+from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
-CAUSES_WORK, WHY_WORK = 500.0, 1100.0
+CAUSES_WORK, WHY_WORK = 700.0, 1300.0
 """Linearisations and steps after which no further set of bounds is looked for, and no further change is tried
 [no unit]; chosen: about one second and two."""
 
@@ -60,6 +60,7 @@ class Explainer:
         told = [why(one, since, chunk.fps) for one in found]
         singles = self.single_changes(chunk, suspect.begin, free, suspect.plan, lambda: self._work - before < WHY_WORK)
         would_do = _what_would_do(program, singles, told, since)
+        told = [with_changes(told[0], would_do)] if len(told) == 1 else told
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
         tick = None if of_numbers else self.prover.of(program, since)
         return replace(verdict, causes=told, would_do=would_do, tick=tick, why_complete=every and singles.complete)

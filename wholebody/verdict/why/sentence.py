@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wholebody.planning.judgement.cause import Cause
 from wholebody.planning.judgement.limits import Limit, Margin
-from wholebody.verdict.quantity import quantity
+from wholebody.verdict.quantity import quantity, said
 
 SAID = {
-    Limit.START: "it begins {value} from the hands",
+    Limit.START: "its first step is {value} away from it",
     Limit.FINGER_RANGE: "{subject} is asked to be at {value}, its range ends at {bound}",
-    Limit.HAND_SPEED: "the {subject} would have to move at {value}, it can {bound}",
-    Limit.HAND_ACCELERATION: "the {subject} would have to be sped up by {value}, it can {bound}",
-    Limit.HAND_JERK: "the {subject} would have to be jerked by {value}, it can {bound}",
-    Limit.TURN_SPEED: "the {subject} would have to turn at {value}, it can {bound}",
-    Limit.TURN_ACCELERATION: "the turn of the {subject} would have to be sped up by {value}, it can {bound}",
-    Limit.TURN_JERK: "the turn of the {subject} would have to be jerked by {value}, it can {bound}",
+    Limit.HAND_SPEED: "it would have to move at {value}, and can at {bound}",
+    Limit.HAND_ACCELERATION: "it would have to speed up by {value}, and can by {bound}",
+    Limit.HAND_JERK: "its acceleration would have to change by {value}, and can by {bound}",
+    Limit.TURN_SPEED: "it would have to turn at {value}, and can at {bound}",
+    Limit.TURN_ACCELERATION: "its turn would have to speed up by {value}, and can by {bound}",
+    Limit.TURN_JERK: "the acceleration of its turn would have to change by {value}, and can by {bound}",
     Limit.INTO_FLOOR: "it would be {value} too low for the floor",
-    Limit.SCENE_DISTANCE: "{subject} would be {value} deep in each other",
+    Limit.SCENE_DISTANCE: "{subject} would be {value} inside {other}",
     Limit.REACH: "it is {value} further than any posture reaches",
     Limit.ORIENTATION: "no posture turns it so, {value} are missing",
-    Limit.TILT: "the {subject} is tilted as far as it may be",
-    Limit.PELVIS_HEIGHT: "the pelvis is as low as it may be",
-    Limit.JOINT_POSITION: "{subject} is at the end of its range, {bound}",
-    Limit.WAIST_TORQUE: "{subject} holds as much as it may, {bound}",
-    Limit.SELF_DISTANCE: "{subject} are as close as they may be, {bound}",
-    Limit.FLOOR_DISTANCE: "{subject} is as near to the floor as it may be, {bound}",
-    Limit.BALANCE: "the centre of mass is as near to the {subject} as it may be, {bound}",
+    Limit.TILT: "the {subject} is tilted as far as it may be ({bound})",
+    Limit.PELVIS_HEIGHT: "the pelvis is as low as it may be ({bound})",
+    Limit.JOINT_POSITION: "{subject} is at the end of its range ({bound})",
+    Limit.WAIST_TORQUE: "{subject} holds as much as it may ({bound})",
+    Limit.SELF_DISTANCE: "{subject} and {other} are as close as they may be ({bound})",
+    Limit.FLOOR_DISTANCE: "{subject} is as near to the floor as it may be ({bound})",
+    Limit.BALANCE: "the centre of mass is at the {subject} ({bound} inside)",
     Limit.LOAD: "the soles press on the floor with no more than {bound}",
-    Limit.JOINT_TORQUE: "{subject} gives as much as it may, {bound}",
-    Limit.ZMP: "the pressure is as near to the {subject} as it may be, {bound}",
+    Limit.JOINT_TORQUE: "{subject} gives as much as it may ({bound})",
+    Limit.ZMP: "the pressure is at the {subject} ({bound} inside)",
     Limit.CAPTURE_POINT: "the robot would tip over the {subject}",
-    Limit.JOINT_ACCELERATION: "{subject} speeds up as fast as it may, {bound}",
-    Limit.JOINT_SPEED: "{subject} is as fast as it may be, {bound}",
+    Limit.JOINT_ACCELERATION: "{subject} speeds up as fast as it may ({bound})",
+    Limit.JOINT_SPEED: "{subject} is as fast as it may be ({bound})",
     Limit.FRICTION: "the soles would slide",
 }
 """What each bound says where it stands in the way."""
@@ -114,15 +115,21 @@ def sentence(cause: Cause, since: float = 0.0) -> str:
     ahead = f"{abs(x):.2f} m {'ahead' if x >= 0.0 else 'behind'}"
     aside = f"{abs(y):.2f} m to the {'left' if y >= 0.0 else 'right'}"
     hand = "right hand" if side else "left hand"
-    reasons = " and ".join(dict.fromkeys(map(_said, cause.members)))
-    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time + since:.2f} s: {reasons}"
+    *reasons, last = dict.fromkeys(map(_said, cause.members))
+    told = f"{', '.join(reasons)} and {last}" if reasons else last
+    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time + since:.2f} s: {told}"
+
+
+def with_changes(one: Why, changes: Sequence[WouldDo]) -> Why:
+    """The only cause of a chunk with the changes of the chunk that would do."""
+    told = [said(x.slower, x.moved, x.turned, x.lighter) for x in changes if x.bound is None]
+    return replace(one, sentence=f"{one.sentence}; it would do {', or '.join(told)}") if told else one
 
 
 def _said(one: Margin) -> str:
     if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
         return STRAIGHT.format(side=one.subject.partition("_")[0])
-    subject = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ")
-    if one.code in (Limit.SELF_DISTANCE, Limit.SCENE_DISTANCE):
-        subject = subject.replace(" - ", " and ")
+    subject, _, other = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ").partition(" - ")
     excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE) else one.value
-    return SAID[one.code].format(subject=subject, value=quantity(excess, one.unit), bound=quantity(one.bound, one.unit))
+    value, bound = quantity(excess, one.unit), quantity(one.bound, one.unit)
+    return SAID[one.code].format(subject=subject, other=other, value=value, bound=bound)
