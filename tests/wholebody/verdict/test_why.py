@@ -13,10 +13,13 @@ from tests.support.proof import proves
 from tests.support.sent_chunks import sent
 from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_program import NAMES, STARTS, ChunkProgram
-from wholebody.planning.judgement.limits import Limit
+from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.resources import verdict_schema
 from wholebody.verdict.fast import FastChecker, judge
 from wholebody.verdict.report import lines, to_json
+from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why import explainer
+from wholebody.verdict.why.sentence import Why, WouldDo, with_changes
 from wholebody.verdict.why.tick import TickProver
 
 
@@ -106,3 +109,27 @@ def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json(in_the_other)
 
 def test_without_being_asked_nobody_looks_for_causes():
     assert judge(sent(to=(2.0, 0.0, 0.0), time=1.5)).causes == []
+
+
+def test_where_the_time_ended_before_all_was_looked_for_that_is_said(monkeypatch):
+    monkeypatch.setattr(explainer, "CAUSES_WORK", 0.0)
+    monkeypatch.setattr(explainer, "WHY_WORK", 0.0)
+    verdict = judge(sent(to=(0.0, -0.45, 0.0), time=1.3), ask_why=True)
+    assert [one.codes for one in verdict.causes] == [(Limit.SELF_DISTANCE,)]
+    assert not verdict.why_complete
+    assert any("there may be more causes" in line for line in lines(verdict))
+
+
+def test_the_sentence_of_an_only_cause_ends_with_what_would_do():
+    one = Why(codes=(Limit.ZMP,), members=(), irreducible=True, sentence="left hand 0.72 m ahead at 1.43 s: so")
+    bound = Margin(
+        code=Limit.ZMP, subject="front edge of the soles", time=1.4, step=42, value=0.02, bound=0.028, unit="m",
+        margin=-0.008, share=-2.0,
+    )  # fmt: skip
+    changes = [WouldDo("slower", slower=1.3), WouldDo("moved", moved=0.06), WouldDo("bound", bound=bound)]
+    assert with_changes(one, changes).sentence == (
+        "left hand 0.72 m ahead at 1.43 s: so; it would do 1.30 times slower, or with a hand moved by 60 mm"
+    )
+    verdict = Verdict(name="x", verdict="infeasible", fell=False, causes=[one], would_do=changes)
+    told = [line for line in lines(verdict) if "it would do" in line]
+    assert told == ["  it would do with zmp of front edge of the soles at 20 mm where the bound is 28 mm"]
