@@ -5,7 +5,8 @@ has already are left out, so an interrupted run goes on where it was. Cases are 
 hostile families, scripts, random places, noise and, where G1_MOTIONS names a folder, chunks of recorded motions, each
 begun with the hands at its first step or in the stance, in the true world or a realistic one with a seed of its own.
 ``--full`` simulates until 4 s after the last step also where the robot is at rest before that, and says in each line
-since when it was, which shows whether anything happens afterwards. Nothing is fitted here.
+since when it was, which shows whether anything happens afterwards. ``--timestep 0.001`` does the same cases with a
+shorter physics step: where the answer differs, no prediction can be right. Nothing is fitted here.
 
 A line has the family, the group that must not be split (clip, script and seed, else the case), the quantities of
 `wholebody.verdict.calibration`, and of each way to follow the chunk whether the robot fell, until 4 s after the last
@@ -32,7 +33,7 @@ from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant
 from wholebody.sim.sensors import REALISTIC_READINGS, Sensors
 from wholebody.types import RobotState
 from wholebody.verdict.calibration.quantities import quantities
-from wholebody.verdict.check import Checker
+from wholebody.verdict.check import TIMESTEP, Checker
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.trial import Outcome, run_chunk
 
@@ -63,10 +64,13 @@ class AtRest:
 
 
 class Worlds:
-    """The true world and realistic ones, and what follows chunks there."""
+    """The true world and realistic ones, with a physics step [s], and what follows chunks there."""
 
-    def __init__(self) -> None:
-        self._checkers = {follow: Checker(follow=follow) for follow in FOLLOWS}
+    def __init__(self, timestep: float = TIMESTEP) -> None:
+        self._timestep, self._checkers = (
+            timestep,
+            {follow: Checker(follow=follow, timestep=timestep) for follow in FOLLOWS},
+        )
         self._spec, self._dt = self._checkers["planned"].supervisor.spec, self._checkers["planned"].supervisor.config.dt
         self._estimating = Checker(follow="as_given", errors=REALISTIC_ROBOT, sensors=REALISTIC_READINGS).sensors
         self._true: MujocoPlant = self._checkers["planned"].plant
@@ -77,7 +81,7 @@ class Worlds:
         if world == "realistic":
             readings, errors = replace(REALISTIC_READINGS, seed=seed), replace(REALISTIC_ROBOT, seed=seed)
             sensors = Sensors(self._spec, readings, self._dt, self._estimating.estimator)
-            plant = RealisticPlant(self._spec, errors, encoders=sensors, control_dt=self._dt)
+            plant = RealisticPlant(self._spec, errors, encoders=sensors, control_dt=self._dt, timestep=self._timestep)
         for checker in self._checkers.values():
             checker.plant, checker.sensors = plant, sensors
         return self._checkers
@@ -131,9 +135,10 @@ def main() -> None:
     parser.add_argument("--cases", type=int, nargs=2, default=(0, 100), metavar=("FIRST", "END"))
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each case")
     parser.add_argument("--full", action="store_true", help="until 4 s after the last step also where it is at rest")
+    parser.add_argument("--timestep", type=float, default=TIMESTEP, help="physics step [s]")
     chosen, motions = parser.parse_args(), os.environ.get("G1_MOTIONS", "")
     lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
-    done, fast, worlds, run = {line["case"] for line in lines}, FastChecker(), Worlds(), revision()
+    done, fast, worlds, run = {line["case"] for line in lines}, FastChecker(), Worlds(chosen.timestep), revision()
     for number in range(*chosen.cases):
         if number in done:
             continue

@@ -1,4 +1,4 @@
-"""Chunks of many kinds, each by its number: hostile, past the edge of reach, scripts, random places, noise, motions."""
+"""Chunks of many kinds, each by its number: hostile, past the edge of reach, scripts, noise, motions of joints."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -7,9 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from models import g1
+from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
+from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST
+from policy.kinematics.forward import kinematics
 from policy.recorded.replay import open_recording
 from policy.scripted.library import scripted_policy
 from policy.scripted.policy import palm_offset, stance_pose, to_chunk
@@ -19,12 +23,17 @@ from tests.support.verdict_agreement import HOSTILE, sent
 
 KINDS = ("hostile", "script", "noise", "recorded", "sent", "hostile", "script", "noise", "recorded", "edge")
 """Of ten cases in a row."""
+JOINTS = 100_000
+"""From this number on hands move as they do when the joints of arms and waist move at random."""
 SCRIPTS = ("lissajous", "reach", "two_hand_lift", "pick_low", "pick_high", "wave", "grasp")
 STEPS = (20, 75)
 FASTER = (0.6, 1.8)
 """Steps of a chunk, and how much faster than as scripted or recorded it is."""
 NOISE, NOISE_TURN, NOISE_TIME = (1e-3, 0.1), (3e-3, 0.5), (0.03, 0.5)
 """Standard deviations of what is added [m], [rad], and the time over which it stays alike [s]."""
+
+SWING, SWING_TIME = (0.2, 1.2), (0.1, 0.6)
+"""Of joints at random: how much of their range they use, and the time over which they go one way [s]."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +51,7 @@ class Case:
 def outcome_case(number, motions=""):
     """The case of a number; where no folder of motions is named, another random place takes a motion's place."""
     rng = np.random.default_rng((18, number))
-    kind = KINDS[number % len(KINDS)]
+    kind = "joints" if number >= JOINTS else KINDS[number % len(KINDS)]
     kind = "sent" if kind == "recorded" and not motions else kind
     world = ("true", "realistic")[int(rng.integers(2))]
     stands = rng.random() < {"hostile": 0.7, "sent": 1.0}.get(kind, 0.25)
@@ -115,6 +124,23 @@ def _noise(rng, number, motions):
     return "noise", group, replace(chunk, **hands)
 
 
+def _joints(rng, number, motions):
+    """Within reach as the motions of people are, and as fast: arms and waist swing at random, the pelvis stays."""
+    fps, steps = float(rng.choice([30.0, 60.0])), int(rng.integers(*STEPS))
+    time, share = float(np.exp(rng.uniform(*np.log(SWING_TIME)))), float(np.exp(rng.uniform(*np.log(SWING))))
+    anchor, low, high = Anchor.nominal(), g1().position_min[:29], g1().position_max[:29]
+    q = np.tile(anchor.observation().q_body, (steps, 1))
+    for joints, scale in ((LEFT_ARM, 1.0), (RIGHT_ARM, 1.0), (WAIST, 0.2)):
+        n, middle = joints.stop - joints.start, 0.5 * (low + high)[joints]
+        swing = np.concatenate([alike(rng, steps, time * fps) for _ in range(3)], axis=1)[:, :n]
+        centre = q[0, joints] + 0.5 * scale * rng.random() * share * (middle - q[0, joints])
+        q[:, joints] = centre + 0.25 * scale * share * (high - low)[joints] * swing
+    poses = kinematics().poses(np.clip(q, low, high))
+    hands = {name: anchor.T_world_base @ poses[name] for name in ("lhand", "rhand")}
+    fingers = [np.tile(value, (steps, 1)) for value in (anchor.q_lhand, anchor.q_rhand)]
+    return "joints", f"joints {number}", ActionChunk("wbc32", 0, 0.0, fps, hands["lhand"], hands["rhand"], *fingers)
+
+
 def alike(rng, n, steps):
     """Noise of variance 1 that is smooth over so many steps: white noise through a Gaussian window, (n, 3)."""
     reach = int(np.ceil(3.0 * steps))
@@ -143,4 +169,5 @@ def recordings(motions):
 
 MAKERS = {
     "hostile": _hostile, "script": _script, "edge": _edge, "sent": _sent, "noise": _noise, "recorded": _recorded,
+    "joints": _joints,
 }  # fmt: skip

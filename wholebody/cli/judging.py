@@ -150,7 +150,7 @@ class Judge:
                 verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
         if first is None:
             return verdict
-        return replace(verdict, fast=first.verdict, decided_by=first.decided_by, margins=first.margins)
+        return replace(verdict, fast=first.verdict, decided_by=first.decided_by, margins=first.margins, odds=first.odds)
 
     def in_world(self, name: str, seed: int) -> Answer:
         """Judge an input in the realistic world of a seed."""

@@ -20,6 +20,8 @@ from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJud
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
 from wholebody.types import RobotState, check_state
+from wholebody.verdict.calibration.model import shipped
+from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
@@ -43,7 +45,8 @@ class FastChecker:
         self.config = config or ControllerConfig()
         self.spec: RobotSpec = describe(self.config.robot)
         self.judge = ChunkJudge(self.spec, self.config, None if scene == "floor" else self._surroundings(scene))
-        self._settings = asdict(self.config)
+        self._settings, usual = asdict(self.config), ControllerConfig()
+        self._usual = replace(self.config, loads=usual.loads) == usual
 
     def _surroundings(self, scene: str) -> Surroundings:
         from wholebody.verdict.scene import SceneDistance  # MuJoCo, which nothing else here needs
@@ -131,7 +134,7 @@ class FastChecker:
         return Repairer(self.judge, chunk, begin, holds)
 
     def _told(self, run: PlanRun, name: str, *, ask_why: bool) -> Verdict:
-        verdict = run.verdict(name, self._settings)
+        verdict = replace(run.verdict(name, self._settings), odds=self._odds(run))
         if not ask_why or verdict.verdict == "feasible":
             return verdict
         for suspect in run.suspects[:SUSPECTS]:
@@ -139,6 +142,16 @@ class FastChecker:
             if told.causes:
                 return told
         return verdict
+
+    def _odds(self, run: PlanRun) -> Odds | None:
+        """What is likely to become of the chunks, each by itself."""
+        found = {
+            "settings": not self._usual,
+            "loads": max(self.judge.loads) > 0.0,
+            "a start in motion": run.moving,
+            "scene": self.judge.scene is not None,
+        }
+        return shipped().odds(run.quantities, [name for name, unlike in found.items() if unlike])
 
     def _observation(self, begin: Begin, time: float) -> Observation:
         return observation_of(self.spec, self.judge.robot, RobotState(time, begin.body.q, begin.body.v))

@@ -16,7 +16,11 @@ from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
+from wholebody.verdict.calibration.quantities import quantities
 from wholebody.verdict.verdict import Verdict, blocked, judge
+
+MOVING = 0.05
+"""Speed of a hand from which a chunk is begun in motion [m/s]; chosen: what stops within a few millimetres."""
 
 
 @dataclass
@@ -64,6 +68,8 @@ class PlanRun:
         self.margins: dict[Limit, Margin] = {}
         self.suspects: list[Suspect] = []
         self.followed: ChunkJudgement | None = None
+        self.quantities: list[tuple[float, dict[str, float]]] = []
+        self.moving, self._looked_at = False, -np.inf
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
     def follow(
@@ -74,8 +80,12 @@ class PlanRun:
         What was ``found`` of it is not planned again.
         """
         chunk.validate()
-        result, found = self.result, found or self.judge.judge(chunk, begin, now)
+        result, planned = self.result, found is None
+        found = found or self.judge.judge(chunk, begin, now)
         self._note(chunk, found, begin)
+        if planned and self._is_news(chunk):
+            self.quantities.append((chunk.t_obs - result.start, quantities(self.judge, chunk, begin, found)))
+            self.moving |= bool(np.linalg.norm(begin.hands.v, axis=1).max() > MOVING)
         if found.plan.report.changes or not found.plan.report.safe or found.exceeded or self._off(found):
             self.suspects.append(Suspect(chunk, begin, now, found.plan))
         body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
@@ -95,6 +105,14 @@ class PlanRun:
         turned = np.where(self.result.orientation_free, 0.0, found.turned)
         far, awry = found.moved.max(initial=0.0), turned.max(initial=0.0)
         return bool(far > bounds.palm_feasible or awry > bounds.turn_feasible)
+
+    def _is_news(self, chunk: ActionChunk) -> bool:
+        """Whether a chunk has steps that move, and that no chunk before it had."""
+        new = chunk.times > self._looked_at + 1e-9
+        self._looked_at = max(self._looked_at, float(chunk.times[-1]))
+        if not self.quantities or not new.any():
+            return not self.quantities
+        return any(np.ptp(T[new], axis=0).max() > 0.0 for T in (chunk.T_world_lhand, chunk.T_world_rhand))
 
     def _note(self, chunk: ActionChunk, found: ChunkJudgement, begin: Begin) -> None:
         result, report = self.result, found.plan.report

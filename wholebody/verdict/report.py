@@ -11,6 +11,7 @@ import numpy as np
 
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
+from wholebody.verdict.calibration.odds import Chance, Odds
 from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
@@ -134,7 +135,26 @@ def _fast_lines(verdict: Verdict) -> list[str]:
     ]
     if verdict.approach_s or verdict.start_m > 1e-3:
         text.append(f"  approach from {1e3 * verdict.start_m:.0f} mm away, {verdict.approach_s:.2f} s")
+    if verdict.odds is not None:
+        text += odds_lines(verdict.odds)
     return text + [f"  {'room' if i == 0 else '':8s} {margin_line(one)}" for i, one in enumerate(verdict.margins[:5])]
+
+
+def odds_lines(odds: Odds) -> list[str]:
+    """Probabilities for people, and in what the input is unlike those that they come from."""
+    fall, followed = odds.fall_as_given, odds.followed
+    when = [f" (chunk at {time:.1f} s)" if odds.chunks > 1 else "" for time in (odds.fall_s, odds.followed_s)]
+    text = [
+        f"  odds     falls as given {_chance(fall)}{when[0]}; followed within 20 mm {_chance(followed)}{when[1]}; "
+        f"{odds.world} robot"
+    ]
+    if odds.unlike:
+        text.append(f"  odds     a guess: unlike what they were fitted to in {', '.join(odds.unlike)}")
+    return text
+
+
+def _chance(chance: Chance) -> str:
+    return f"{100 * chance.p:.0f} % ({100 * chance.low:.0f} to {100 * chance.high:.0f})"
 
 
 def margin_line(margin: Margin) -> str:

@@ -17,6 +17,7 @@ from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.approach import approach_steps
+from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.consequences import folded
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
@@ -71,6 +72,7 @@ class Verdict:
         worlds: What became of it in realistic worlds, where it was asked for; else None.
         decided_by: By the fast check, whether previews told, or plans had to be searched for; else empty.
         margins: By the fast check, the least room to each kind of bound, the tightest first.
+        odds: By the fast check, how likely a fall as given is, and that the supervisor follows; else None.
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
         would_do: Single changes of that chunk, each of which makes it feasible by its plan.
         why_complete: Whether these two were looked for to the end, which the time for it did not cut short.
@@ -112,6 +114,7 @@ class Verdict:
     worlds: Worlds | None = None
     decided_by: Literal["", "preview", "plan"] = ""
     margins: list[Margin] = field(default_factory=list)
+    odds: Odds | None = None
     causes: list[Why] = field(default_factory=list)
     would_do: list[WouldDo] = field(default_factory=list)
     why_complete: bool = True

@@ -19,6 +19,8 @@ NUMBERS = (
 """Numbers of a verdict that are columns of `EPISODES`."""
 OF_REPAIR = ("slower", "moved_m", "turned_rad")
 """Numbers of a repair that are columns of `EPISODES`."""
+CHANCES = ("fall_as_given", "followed")
+"""Probabilities that are columns of `EPISODES`, each with the ends of its interval."""
 OF_VIOLATION = (
     *(("code", "string"), ("severity", "string"), ("subject", "string"), ("time", "double"), ("step", "int64")),
     *(("value", "double"), ("bound", "double"), ("unit", "string"), ("margin", "double")),
@@ -47,6 +49,7 @@ def episode_row(outcome: Outcome) -> dict[str, Any]:
     source, episode = whence(outcome.name)
     verdict = outcome.verdict or {}
     worst = next(iter(verdict.get("violations", ())), {})
+    odds = verdict.get("odds") or {}
     tightest = next(iter(verdict.get("margins", ())), {})
     return {
         "name": outcome.name, "source": source, "episode": episode, "answer": outcome.answer,
@@ -56,6 +59,8 @@ def episode_row(outcome: Outcome) -> dict[str, Any]:
         "worst": worst.get("code"), "worst_time": worst.get("time"), "violations": len(verdict.get("violations", ())),
         "tightest": tightest.get("code"), "tightest_share": tightest.get("share"),
         **{f"repair_{name}": (outcome.repair or {}).get(name) for name in OF_REPAIR},
+        **{f"{name}_{end}": odds.get(name, {}).get(end) for name in CHANCES for end in ("p", "low", "high")},
+        "alarm": odds.get("alarm"), "unlike": ", ".join(odds["unlike"]) if odds else None,
     }  # fmt: skip
 
 
@@ -90,6 +95,8 @@ def _episodes_schema() -> list[tuple[str, str]]:
         *(("worst", "string"), ("worst_time", "double"), ("violations", "int64")),
         *(("tightest", "string"), ("tightest_share", "double")),
         *((f"repair_{name}", "double") for name in OF_REPAIR),
+        *((f"{name}_{end}", "double") for name in CHANCES for end in ("p", "low", "high")),
+        *(("alarm", "bool"), ("unlike", "string")),
     ]
 
 

@@ -11,6 +11,8 @@ from wholebody.planning.judgement.limits import Limit
 
 SHOULDER = np.array([[0.0, 0.12, 1.1], [0.0, -0.12, 1.1]])
 """About where the shoulders of the standing robot are, left first [m]; chosen: an origin of distances, no more."""
+WINDOW = 0.05
+"""Standard deviation of the Gaussian through which paths are looked at [s]; chosen: what is faster moves no trunk."""
 
 
 def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: ChunkJudgement) -> dict[str, float]:
@@ -36,7 +38,7 @@ def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: Chunk
         "start_turn": float(angle_between(turned, R[0]).max()),
     }
     rooms = {f"room_{code}": float(room.get(code, 1.0)) for code in Limit if code is not Limit.SCENE_DISTANCE}
-    return rooms | plan | _motion(p, R, chunk.fps)
+    return rooms | plan | _motion(p, R, chunk.fps) | _smooth(at, p, chunk.fps)
 
 
 def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:
@@ -63,6 +65,29 @@ def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:
         "reach": float(np.linalg.norm(p - SHOULDER, axis=2).max()),
         "apart": float(np.linalg.norm(p[:, 0] - p[:, 1], axis=1).min()),
         "crossed": float((p[:, 1, 1] - p[:, 0, 1]).max()),
+    }
+
+
+def _smooth(at: np.ndarray, p: np.ndarray, fps: float) -> dict[str, float]:
+    """Of palm points (H, 2, 3) that begin at (2, 3) and end at rest [m], through a window, at a rate [Hz]."""
+    reach = int(np.ceil(3.0 * WINDOW * fps))
+    window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (WINDOW * fps)) ** 2)
+    held = np.concatenate([np.repeat(at[None], 2 * reach, 0), p, np.repeat(p[-1:], 2 * reach, 0)])
+    flat = held.reshape(len(held), -1)
+    columns = [np.convolve(column, window / window.sum(), "valid") for column in flat.T]
+    path = np.stack(columns, axis=1).reshape(-1, 2, 3)
+    speed, acceleration = np.diff(path, axis=0) * fps, np.diff(path, 2, axis=0) * fps**2
+    both, shift = acceleration.sum(axis=1), (path - path[0]).mean(axis=1)
+    return {
+        "smooth_speed": _largest(speed),
+        "smooth_acceleration": _largest(acceleration),
+        "smooth_push": float(np.linalg.norm(both[:, :2], axis=1).max()),
+        "smooth_push_rms": float(np.sqrt((both[:, :2] ** 2).sum(axis=1).mean())),
+        "smooth_lift": float(np.abs(both[:, 2]).max()),
+        "away": _largest(path - path[0]),
+        "shift_front": float(shift[:, 0].max()),
+        "shift_back": float(-shift[:, 0].min()),
+        "shift_aside": float(np.abs(shift[:, 1]).max()),
     }
 
 

@@ -1,0 +1,144 @@
+"""From quantities of a chunk to probabilities: a fitted model in a file, read with checks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from wholebody.errors import InputError
+from wholebody.verdict.calibration.additive import KINKS, Scale, logistic
+from wholebody.verdict.calibration.odds import Chance, Odds
+
+VERSION = 1
+"""Of the file's layout."""
+SHIPPED = Path(__file__).with_name("g1_dex3.npz")
+"""Fitted to the default settings."""
+ANSWERS = ("fall_as_given", "followed")
+WORLD = "realistic"
+"""In which the probabilities are; chosen: what a robot with errors as assumed would do."""
+LEVEL = 0.9
+"""Of the intervals [no unit]; chosen."""
+NAMED = 3
+"""Quantities at most by which an unlike chunk is described."""
+_SCALE = ("unit", "mean", "spread", "kinks", "low", "high")
+
+
+class Calibration:
+    """Probabilities of what becomes of a chunk.
+
+    Args:
+        names: Of the quantities, in their order; the world, 1 if realistic, is the last one.
+        scale: Of the quantities.
+        weights: Of the basis, a row a draw of the data, shape (2, draws, k), by the order of `ANSWERS`.
+        shape: Inverse covariance of the standard quantities fitted to, shape (n, n).
+        card: What it was fitted to: ``alarm``, the probability of a fall from which an alarm is due or 0, ``near``, the
+            distance up to which a chunk is like those, and whatever else is to be known of it.
+    """
+
+    def __init__(
+        self, names: Sequence[str], scale: Scale, weights: np.ndarray, shape: np.ndarray, card: Mapping
+    ) -> None:
+        self.names, self.scale, self.weights, self.shape, self.card = tuple(names), scale, weights, shape, dict(card)
+
+    @staticmethod
+    def read(path: Path) -> Calibration:
+        """A model from a file.
+
+        Raises:
+            InputError: If it is none, or one of another version.
+        """
+        wrong = f"{path} is no calibration; `python -m tests.studies.calibrate` writes one"
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                card = json.loads(str(file["card"]))
+                scale = Scale(*(np.asarray(file[name], float) for name in _SCALE))
+                weights, shape = (np.asarray(file[name], float) for name in ("weights", "shape"))
+        except (KeyError, ValueError, EOFError) as error:
+            raise InputError(wrong) from error
+        if not isinstance(card, dict) or card.get("version") != VERSION:
+            raise InputError(f"{path} is a calibration of another version than {VERSION}; fit it anew")
+        names = card.get("names", ())
+        n = len(names)
+        parts = dict.fromkeys(_SCALE, (n,)) | {"kinks": (len(KINKS), n)}
+        sound = all(getattr(scale, name).shape == size for name, size in parts.items()) and shape.shape == (n, n)
+        sound = sound and weights.ndim == 3 and weights.shape[::2] == (len(ANSWERS), 1 + n * (1 + len(KINKS)))
+        arrays = (weights, shape, *(getattr(scale, name) for name in _SCALE))
+        if not sound or not all(np.isfinite(part).all() for part in arrays) or not {"alarm", "near"} <= card.keys():
+            raise InputError(wrong)
+        return Calibration(names, scale, weights, shape, card)
+
+    def write(self, path: Path) -> None:
+        """Write it to a file, in single precision."""
+        card = json.dumps({**self.card, "version": VERSION, "names": self.names})
+        arrays = {name: getattr(self.scale, name) for name in _SCALE} | {"weights": self.weights, "shape": self.shape}
+        single = {name: value.astype(np.float32) for name, value in arrays.items()}
+        np.savez_compressed(path, card=card, **single)
+
+    def rows(self, found: Sequence[Mapping[str, float]], world: str | Sequence[str] = WORLD) -> np.ndarray:
+        """Quantities as numbers, shape (m, n)."""
+        worlds = [world] * len(found) if isinstance(world, str) else world
+        real = [{"realistic": float(one == "realistic")} for one in worlds]
+        both = [{**one, **other} for one, other in zip(found, real, strict=True)]
+        return np.array([[one[name] for name in self.names] for one in both]).reshape(-1, len(self.names))
+
+    def draws(self, x: np.ndarray) -> np.ndarray:
+        """Probabilities by every draw of the data, of quantities (m, n), shape (2, draws, m)."""
+        return logistic(self.weights @ self.scale.basis(x).T)
+
+    def probabilities(self, x: np.ndarray) -> np.ndarray:
+        """Means of the draws, shape (2, m)."""
+        return self.draws(x).mean(axis=1)
+
+    def distance(self, x: np.ndarray) -> np.ndarray:
+        """How far quantities (m, n) are from the middle of those fitted to, the fitted ones' mean square being 1."""
+        z = self.scale.standard(x)
+        return np.sqrt(np.einsum("mi,ij,mj->m", z, self.shape, z) / len(self.names))
+
+    def unlike(self, x: np.ndarray) -> tuple[str, ...]:
+        """In which quantities the chunk farthest out of (m, n) is unlike those fitted to; none if it is like them."""
+        distance = self.distance(x)
+        worst = int(distance.argmax())
+        if distance[worst] <= self.card["near"]:
+            return ()
+        z = self.scale.standard(x[worst])
+        away = np.maximum(z - self.scale.high, self.scale.low - z)
+        order = np.argsort(-away if (away > 0.0).any() else -np.abs(z))[:NAMED]
+        return tuple(self.names[i] for i in order if away[i] > 0.0 or not (away > 0.0).any())
+
+    def odds(
+        self, found: Sequence[tuple[float, Mapping[str, float]]], other: Sequence[str] = (), world: str = WORLD
+    ) -> Odds | None:
+        """What is likely of an input; None where no chunk was judged.
+
+        Args:
+            found: When each chunk begins [s], and its quantities.
+            other: In what else the input is unlike those fitted to.
+            world: ``true`` or ``realistic``.
+        """
+        if not found:
+            return None
+        x = self.rows([quantities for _, quantities in found], world)
+        draws = self.draws(x)
+        falls, follows = draws.mean(axis=1)
+        fall, followed, bound = int(falls.argmax()), int(follows.argmin()), self.card["alarm"]
+        return Odds(
+            fall_as_given=_chance(draws[0, :, fall]), fall_s=found[fall][0],
+            followed=_chance(draws[1, :, followed]), followed_s=found[followed][0],
+            alarm=bool(falls[fall] >= bound) if bound > 0.0 else None, unlike=(*other, *self.unlike(x)),
+            chunks=len(found), world=world,
+        )  # fmt: skip
+
+
+def _chance(draws: np.ndarray) -> Chance:
+    low, high = np.quantile(draws, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL))
+    return Chance(p=float(draws.mean()), low=float(low), high=float(high))
+
+
+@lru_cache(maxsize=1)
+def shipped() -> Calibration:
+    """The model that comes with the package."""
+    return Calibration.read(SHIPPED)
