@@ -70,6 +70,7 @@ class PlanRun:
         self.followed: ChunkJudgement | None = None
         self.quantities: list[tuple[float, dict[str, float]]] = []
         self.moving, self._looked_at = False, -np.inf
+        self._planned: ActionChunk | None = None
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
     def follow(
@@ -80,26 +81,17 @@ class PlanRun:
         What was ``found`` of it is not planned again.
         """
         chunk.validate()
-        result, planned = self.result, found is None
-        found = found or self.judge.judge(chunk, begin, now)
-        self._note(chunk, found, begin)
-        if planned and self._is_news(chunk):
-            self.quantities.append((chunk.t_obs - result.start, quantities(self.judge, chunk, begin, found)))
-            self.moving |= bool(np.linalg.norm(begin.hands.v, axis=1).max() > MOVING)
-        if found.plan.report.changes or not found.plan.report.safe or found.exceeded or self._off(found):
-            self.suspects.append(Suspect(chunk, begin, now, found.plan))
-        body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
-        if found.plan.report.safe and ends_at_rest(found.plan, body.footing.support, margin):
-            self.followed, self._since = found, now
+        if found is None and self._goes_on(chunk):
+            chunk = self._planned
         else:
-            result.refusals.append(Refusal(now, Reason.NOT_JOINED, Reason.NOT_JOINED.sentence))
+            self._plan(chunk, begin, now, found)
         due = np.flatnonzero((chunk.times > now - 1e-9) & (chunk.times < until - 1e-9))
         self._score(chunk, due, begin)
         if self.followed is None or not np.isfinite(until):
             return begin
         return self.judge.later(self.followed.plan, until - self._since)
 
-    def _off(self, found: ChunkJudgement) -> bool:
+    def _is_off(self, found: ChunkJudgement) -> bool:
         """Whether palms are commanded elsewhere, or turned otherwise, than is as given."""
         bounds = self.judge.config.verdict
         turned = np.where(self.result.orientation_free, 0.0, found.turned)
@@ -113,6 +105,35 @@ class PlanRun:
         if not self.quantities or not new.any():
             return not self.quantities
         return any(np.ptp(T[new], axis=0).max() > 0.0 for T in (chunk.T_world_lhand, chunk.T_world_rhand))
+
+    def _goes_on(self, chunk: ActionChunk) -> bool:
+        """Whether a chunk is the rest of the one before, whose plan does it as given: another one says nothing new."""
+        last, found = self._planned, self.followed
+        if last is None or found is None or found.exceeded or found.plan.report.changes or self._is_off(found):
+            return False
+        first = (chunk.t_obs - last.t_obs) * last.fps
+        if chunk.fps != last.fps or abs(first - round(first)) > 1e-6:
+            return False
+        # What is asked for past the end of a recording is its last step.
+        steps, before = np.minimum(round(first) + np.arange(len(chunk)), len(last) - 1), last.arrays()
+        same = (np.array_equal(values, before[name][steps]) for name, values in chunk.arrays().items())
+        return chunk.arrays().keys() == before.keys() and all(same)
+
+    def _plan(self, chunk: ActionChunk, begin: Begin, now: float, found: ChunkJudgement | None) -> None:
+        planned, found = found is None, found or self.judge.judge(chunk, begin, now)
+        self._note(chunk, found, begin)
+        if planned and self._is_news(chunk):
+            self.quantities.append((chunk.t_obs - self.result.start, quantities(self.judge, chunk, begin, found)))
+            self.moving |= bool(np.linalg.norm(begin.hands.v, axis=1).max() > MOVING)
+        report = found.plan.report
+        if report.changes or not report.safe or found.exceeded or self._is_off(found):
+            self.suspects.append(Suspect(chunk, begin, now, found.plan))
+        body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
+        if report.safe and ends_at_rest(found.plan, body.footing.support, margin):
+            self.followed, self._since, self._planned = found, now, chunk
+        else:
+            self._planned = None
+            self.result.refusals.append(Refusal(now, Reason.NOT_JOINED, Reason.NOT_JOINED.sentence))
 
     def _note(self, chunk: ActionChunk, found: ChunkJudgement, begin: Begin) -> None:
         result, report = self.result, found.plan.report
@@ -133,27 +154,33 @@ class PlanRun:
 
     def _score(self, chunk: ActionChunk, due: np.ndarray, begin: Begin) -> None:
         """Compare steps of a chunk with what is commanded then: by its plan, or by the one before."""
-        palms, n, times = self.palms, len(due), chunk.times[due]
-        asked = tuple(part[due] for part in self.judge.asked(chunk))
-        if self.followed is None:
-            commanded, reasons = self.judge.at(begin), [Reason.NOT_JOINED] * n
-            self._fair(np.zeros((n, 2), dtype=bool))
+        palms, n, times, followed = self.palms, len(due), chunk.times[due], self.followed
+        if followed is None:
+            off, reasons = self._off(chunk, due, self.judge.at(begin)), [Reason.NOT_JOINED] * n
+            palms.fair += list(np.zeros((n, 2), dtype=bool))
         else:
-            plan = self.followed.plan
+            plan = followed.plan
             s = plan.start + (1.0 if self._by_path else plan.rate) * (times - self._since)
-            commanded = self.judge.commanded(plan, np.minimum(s, plan.end + 10.0))
+            if chunk is self._planned and not self._by_path:
+                off = followed.moved[due], followed.turned[due]
+            else:
+                off = self._off(chunk, due, self.judge.commanded(plan, np.minimum(s, plan.end + 10.0)))
             reasons = [plan.report.moved_at(x) for x in s.tolist()]
-            self._fair(demandable(chunk, plan.report)[due])
+            palms.fair += list(demandable(chunk, plan.report)[due])
             self._spent += n / chunk.fps
             self._travelled += n / chunk.fps * plan.rate
         palms.times += times.tolist()
-        palms.moved += list(np.linalg.norm(commanded[0] - asked[0], axis=-1))
-        palms.turned += list(angle_between(commanded[1], asked[1]))
+        palms.moved += list(off[0])
+        palms.turned += list(off[1])
         palms.reasons += reasons
         self._look_at_fingers(chunk, due)
 
-    def _fair(self, fair: np.ndarray) -> None:
-        self.palms.fair += list(fair)
+    def _off(
+        self, chunk: ActionChunk, due: np.ndarray, commanded: tuple[np.ndarray, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """How far palms are commanded from steps of a chunk [m], and how far turned [rad]."""
+        p, R = self.judge.asked(chunk)
+        return np.linalg.norm(commanded[0] - p[due], axis=-1), angle_between(commanded[1], R[due])
 
     def _look_at_fingers(self, chunk: ActionChunk, due: np.ndarray) -> None:
         spec, times = self.judge.spec, chunk.times[due]

@@ -47,13 +47,13 @@ def _rates(chunk: ActionChunk, limits: tuple[HandLimits, ...], part: int) -> Ite
         (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
         (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
     )[part]
+    # A quaternion changes half as fast as the hand turns.
+    hands = [2.0 * continuous_quaternions(T[:, :3, :3]) if part else T[:, :3, 3] for T in _hands(chunk)]
     for order, code in enumerate(codes, 1):
         if len(chunk) <= order:
             return
         worst: Margin | None = None
-        for name, T, limit in zip(HANDS, _hands(chunk), limits, strict=True):
-            # A quaternion changes half as fast as the hand turns.
-            values = 2.0 * continuous_quaternions(T[:, :3, :3]) if part else T[:, :3, 3]
+        for name, values, limit in zip(HANDS, hands, limits, strict=True):
             rates = np.abs(np.diff(values, order, axis=0)) * chunk.fps**order
             bound = DEMAND[order - 1] * astuple((limit.position, limit.orientation)[part])[order - 1]
             k, _ = np.unravel_index(rates.argmax(), rates.shape)
