@@ -22,8 +22,11 @@ class HeldError(PlanningError):
     """A gate holds a chunk; ``report`` is what is said of it."""
 
     def __init__(self, report: StatusReport) -> None:
-        super().__init__(report.detail)
+        super().__init__(report)
         self.report = report
+
+    def __str__(self) -> str:
+        return self.report.detail
 
 
 def gated(compute: Compute, gate: Gate | None) -> Compute:
@@ -42,6 +45,10 @@ def gated(compute: Compute, gate: Gate | None) -> Compute:
         return plan
 
     return cleared
+
+
+def judged_elsewhere(request: PlanRequest, plan: ChunkPlan) -> None:
+    """For a supervisor whose plans are judged in the process that computes them: all that come are cleared."""
 
 
 def why_not(answer: PlanAnswer) -> StatusReport:

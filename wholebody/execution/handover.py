@@ -10,7 +10,6 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.config import PlanningConfig
 from wholebody.execution.background_planner import BackgroundPlanner, PlanAnswer, PlanRequest
-from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.support_polygon import SupportPolygon
 
@@ -151,13 +150,6 @@ class Handover:
         """The chunk whose plan was dropped, once: it is to be planned anew."""
         chunk, self._dropped = self._dropped, None
         return chunk
-
-
-def rest_of_plan(plan: ChunkPlan, start: Foreseen, knot: float) -> np.ndarray:
-    """What a plan would do from a point of it on: configurations (k, nq), the time ``knot`` [s] apart."""
-    step = start.rate * knot
-    s = start.s + step * np.arange(1.0, 1.0 + (plan.end - start.s) / max(step, 1e-3))
-    return plan.trajectory.q[[plan.trajectory.row(x) for x in s]]
 
 
 def ends_at_rest(plan: ChunkPlan, support: SupportPolygon, margin: float) -> bool:

@@ -11,6 +11,7 @@ from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError, PlanningError
 from wholebody.execution.background_planner import PlanRequest
+from wholebody.execution.gate import Gate, gated
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.state import Robot
@@ -26,13 +27,21 @@ class PlannerProcess:
         spec: The robot.
         config: Settings of the controller.
         begin: Called first in the process, with its own imports: such as what makes it give way to the control loop.
+        gate: Makes what judges plans there; all are handed out if not given.
 
     Attributes:
         seconds: CPU time of each plan so far [s].
     """
 
-    def __init__(self, spec: RobotSpec, config: ControllerConfig, *, begin: Callable[[], None] | None = None) -> None:
-        self._arguments = (spec, config, begin)
+    def __init__(
+        self,
+        spec: RobotSpec,
+        config: ControllerConfig,
+        *,
+        begin: Callable[[], None] | None = None,
+        gate: Callable[[], Gate] | None = None,
+    ) -> None:
+        self._arguments = (spec, config, begin, gate)
         self.seconds: list[float] = []
         self._closed = False
         self._start()
@@ -90,13 +99,20 @@ class PlannerProcess:
         self._connection.close()
 
 
-def _main(connection: Connection, spec: RobotSpec, config: ControllerConfig, begin: Callable[[], None] | None) -> None:
+def _main(
+    connection: Connection,
+    spec: RobotSpec,
+    config: ControllerConfig,
+    begin: Callable[[], None] | None,
+    gate: Callable[[], Gate] | None,
+) -> None:
     from time import thread_time
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if begin is not None:
         begin()
     planner = ChunkPlanner(spec, Robot(spec), config)
+    compute = gated(lambda request: request.plan_with(planner), gate and gate())
     connection.send(True)
     while True:
         try:
@@ -105,7 +121,7 @@ def _main(connection: Connection, spec: RobotSpec, config: ControllerConfig, beg
             return
         started = thread_time()
         try:
-            answer = request.plan_with(planner)
+            answer = compute(request)
         except (InputError, PlanningError) as error:
             answer = error
         except Exception as error:  # noqa: BLE001 - a mistake of ours must not end the planner: the robot goes on without

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.pinocchio_model import stance_q
+from models.spec import RobotSpec
 from wholebody.control.base import Controller
 from wholebody.robot.feet import Feet
 from wholebody.types import RobotState
@@ -17,6 +18,15 @@ SETTLED = 1.0
 that tips stands on an edge of its soles."""
 SLOPE_MAX = 0.2
 """Steepest floor that a robot is taken to stand on [rad]; chosen: half of the slope of the friction pyramid."""
+
+
+def taken_to_stand(spec: RobotSpec, nominal: Feet, measured: Feet) -> Feet:
+    """Where plans take feet to be that are measured somewhere: where the stance has them, within `PLACE` and `ANGLE`.
+
+    So it is too on a floor that is steeper than `SLOPE_MAX`.
+    """
+    there = measured.differ(nominal, PLACE, ANGLE) and measured.floor(spec).slope <= SLOPE_MAX
+    return measured if there else nominal
 
 
 class PlantedFeet:

@@ -16,7 +16,7 @@ from wholebody.execution import standing, statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
 from wholebody.execution.gate import Gate, gated, why_not
-from wholebody.execution.handover import Handover, Takeover, ends_at_rest, rest_of_plan
+from wholebody.execution.handover import Handover, Takeover, ends_at_rest
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
@@ -192,7 +192,7 @@ class Supervisor:
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not self.carrying.changed
-        before = self.plan and rest_of_plan(self.plan, start, self.config.planner.posture.dt)
+        before = self.plan and self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
         counted = {"loads": self.carrying.planned(), "feet": self._planted.planned(state)}
         self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, **counted))
         self._exchange(self._now)

@@ -19,6 +19,7 @@ from wholebody.config.description import describe
 from wholebody.config.robot import RobotConfig
 from wholebody.episode.warm_up import compile_plan
 from wholebody.execution.background_planner import ThreadPlanner
+from wholebody.execution.gate import Gate, judged_elsewhere
 from wholebody.execution.planner_process import PlannerProcess
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live import pacing
@@ -59,23 +60,31 @@ class Session:
         world: Where the robot stands.
         session: How long.
         page: Where everything is shown, and can be disturbed; nowhere if not given.
+        gate: Makes what judges each chunk by its plan, in the planner's process; nothing does if not given.
 
     Attributes:
         missed: What the system did not grant, in sentences.
     """
 
     def __init__(
-        self, config: ControllerConfig, world: World, session: SessionConfig, page: PageProcess | None = None
+        self,
+        config: ControllerConfig,
+        world: World,
+        session: SessionConfig,
+        page: PageProcess | None = None,
+        gate: Callable[[], Gate] | None = None,
     ) -> None:
         # Before the processes start: they inherit it.
         os.environ.update(pacing.BLAS_THREADS)
         self._session, self._page, spec = session, page, describe(config.robot)
-        self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, config.robot))
+        self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, config.robot), gate=gate)
         self._robot = RobotProcess(world, config.dt)
         try:
             state = self._robot.start(page and page.robot_end)
             self._planner.wait()
-            self.supervisor = Supervisor(spec, config, planner=lambda _: ThreadPlanner(self._planner))
+            # Plans are judged where they are computed: a thread of this process would take its lock from the loop.
+            judged = judged_elsewhere if gate else None
+            self.supervisor = Supervisor(spec, config, planner=lambda _: ThreadPlanner(self._planner), gate=judged)
             self._warm_up(state)
             self._planner.seconds.clear()
             self.supervisor.reset(state)

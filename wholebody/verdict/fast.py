@@ -16,9 +16,11 @@ from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
+from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
+from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
@@ -94,6 +96,11 @@ class FastChecker:
         policy.reset()
         body = self.judge.first_pose(policy.infer(self._observation(self.judge.stance(), 0.0))).body
         return RobotState(0.0, body.q, body.v)
+
+    def stand(self, state: RobotState | None = None) -> None:
+        """Judge with the feet where a state has them from now on; where the stance has them if it is not given."""
+        feet = state and Feet.at(self.spec, self.judge.robot.model, state.q)
+        self.judge.stand_on(feet and taken_to_stand(self.spec, self.judge.feet, feet))
 
     def of_chunk(
         self, chunk: ActionChunk, begin: Begin, name: str, free: tuple[bool, bool], *, ask_why: bool = False
@@ -176,7 +183,7 @@ def judge(
 
     Args:
         chunk: What the hands are to do.
-        state: Where the robot is; at rest with its hands at the chunk's first step if not given.
+        state: Where the robot is and its feet stand; at rest with its hands at the chunk's first step if not given.
         config: Of the robot and its controller.
         scene: What stands around it: a name of `models.scenes`, or a MuJoCo file (.xml).
         orientation_free: Whether nothing is asked of the left and the right palm's orientation.
@@ -188,10 +195,8 @@ def judge(
     """
     checker = shared_checker(config or ControllerConfig(), scene)
     chunk.validate()
-    if state is None:
-        begin = checker.judge.first_pose(chunk)
-    else:
-        begin = checker.judge.present(check_state(state, checker.spec.n_joints))
+    checker.stand(None if state is None else check_state(state, checker.spec.n_joints))
+    begin = checker.judge.first_pose(chunk) if state is None else checker.judge.present(state)
     return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, ask_why=ask_why)
 
 

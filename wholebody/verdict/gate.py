@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from time import thread_time
 from typing import Literal
 
+from wholebody.config import ControllerConfig
 from wholebody.execution.background_planner import PlanRequest
 from wholebody.execution.statuses import refused
 from wholebody.planning.judgement.chunk_judge import Begin
@@ -58,13 +60,19 @@ class ChunkGate:
     Args:
         checker: Judges by plans.
         orientation_free: Whether nothing is asked of the left and the right palm's orientation.
+        by_layout: The same by the id of a layout, where chunks of several come.
 
     Attributes:
         decisions: All since the last `begin`.
     """
 
-    def __init__(self, checker: FastChecker, orientation_free: tuple[bool, bool] = (False, False)) -> None:
-        self._checker = checker
+    def __init__(
+        self,
+        checker: FastChecker,
+        orientation_free: tuple[bool, bool] = (False, False),
+        by_layout: Mapping[str, tuple[bool, bool]] | None = None,
+    ) -> None:
+        self._checker, self._by_layout = checker, dict(by_layout or {})
         self.begin(orientation_free)
 
     def begin(self, orientation_free: tuple[bool, bool]) -> None:
@@ -74,9 +82,10 @@ class ChunkGate:
     def __call__(self, request: PlanRequest, plan: ChunkPlan) -> StatusReport | None:
         """Why a chunk is held, or None; also where no plan is balanced: that is not followed, and asked for again."""
         if request.feet is not None:
-            self._checker.judge.planner.stand_on(request.feet)
+            self._checker.judge.stand_on(request.feet)
         begin, since = Begin(request.start.body, request.start.hands), thread_time()
-        verdict = self._checker.of_plan(request.chunk, plan, begin, request.due, self.orientation_free)
+        free = self._by_layout.get(request.chunk.spec_id, self.orientation_free)
+        verdict = self._checker.of_plan(request.chunk, plan, begin, request.due, free)
         decision = _decision(request, verdict, plan.report.slowdown, thread_time() - since)
         self.decisions.append(decision)
         held = decision.answer == "held" and decision.reason is not Reason.NOT_JOINED
@@ -98,6 +107,11 @@ class ChunkGate:
             turned_max_rad=max((one.turned for one in repaired), default=0.0),
             seconds_max=max((one.seconds for one in self.decisions), default=0.0),
         )
+
+
+def gate_of(config: ControllerConfig, by_layout: Mapping[str, tuple[bool, bool]]) -> ChunkGate:
+    """For another process to make: of settings, and of which palms' orientation each layout leaves free."""
+    return ChunkGate(FastChecker(config), by_layout=by_layout)
 
 
 def _decision(request: PlanRequest, verdict: Verdict, slower: float, seconds: float) -> Decision:

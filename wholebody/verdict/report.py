@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +96,7 @@ def lines(verdict: Verdict) -> list[str]:
         f"{np.rad2deg(verdict.turn_max_rad):.2f} deg at most"
     )
     text.append(f"  time     factor {verdict.time_factor:.3f}; {_durations(verdict)}")
+    text += _approach(verdict)
     if verdict.follow == "as_given":
         text.append("  as given without plans, filters or gate: the whole-body program alone")
     if verdict.gate is not None:
@@ -133,8 +134,7 @@ def _fast_lines(verdict: Verdict) -> list[str]:
         f"at most; time factor {verdict.time_factor:.3f}",
         f"  judged   by {'a preview' if verdict.decided_by == 'preview' else 'a search for a plan'}, nothing simulated",
     ]
-    if verdict.approach_s or verdict.start_m > 1e-3:
-        text.append(f"  approach from {1e3 * verdict.start_m:.0f} mm away, {verdict.approach_s:.2f} s")
+    text += _approach(verdict)
     if verdict.odds is not None:
         text += odds_lines(verdict.odds)
     return text + [f"  {'room' if i == 0 else '':8s} {margin_line(one)}" for i, one in enumerate(verdict.margins[:5])]
@@ -155,6 +155,12 @@ def odds_lines(odds: Odds) -> list[str]:
 
 def _chance(chance: Chance) -> str:
     return f"{100 * chance.p:.0f} % ({100 * chance.low:.0f} to {100 * chance.high:.0f})"
+
+
+def _approach(verdict: Verdict) -> Iterator[str]:
+    """Where hands began that were not at the first step, and for how long they were on their way."""
+    if verdict.approach_s or verdict.start_m > 1e-3:
+        yield f"  approach from {1e3 * verdict.start_m:.0f} mm away, {verdict.approach_s:.2f} s"
 
 
 def margin_line(margin: Margin) -> str:

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,12 @@ from wholebody.config import ControllerConfig
 from wholebody.episode.run import observe
 from wholebody.errors import PlanningError
 from wholebody.execution.background_planner import PlanRequest, ThreadPlanner
+from wholebody.execution.gate import HeldError
 from wholebody.execution.planner_process import PlannerProcess
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
+from wholebody.types import Reason
+from wholebody.verdict.gate import gate_of
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +52,7 @@ def request_and_plan():
 
 @pytest.fixture(scope="module")
 def process():
-    process = PlannerProcess(g1(), ControllerConfig())
+    process = PlannerProcess(g1(), ControllerConfig(), gate=partial(gate_of, ControllerConfig(), {}))
     yield process
     process.close()
 
@@ -59,6 +63,16 @@ def test_the_plan_is_the_one_that_is_made_here(process, request_and_plan):
     np.testing.assert_array_equal(there.trajectory.q, here.trajectory.q)
     assert there.report.reasons == here.report.reasons
     assert len(process.seconds) == 1
+
+
+def test_what_a_gate_there_holds_comes_with_what_it_says(process, request_and_plan):
+    request, _ = request_and_plan
+    away = request.chunk.T_world_lhand.copy()
+    away[5:, 0, 3] += 1.0
+    with pytest.raises(HeldError) as held:
+        process(replace(request, chunk=replace(request.chunk, T_world_lhand=away)))
+    assert held.value.report.reason is Reason.NOT_CLEARED
+    assert "another motion" in str(held.value)
 
 
 def test_a_chunk_without_a_plan_is_an_answer(process, request_and_plan):

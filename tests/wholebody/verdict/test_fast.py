@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -14,6 +15,7 @@ import pinocchio as pin
 import pytest
 
 from policy.errors import ChunkError
+from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import wave
 from tests.support.sent_chunks import STANCE, STEPS, sent
 from wholebody.config import ControllerConfig, LoadConfig
@@ -92,6 +94,41 @@ def test_a_hand_that_is_too_fast_is_told_with_its_speed():
     found = margin(judge(chunk), Limit.HAND_SPEED)
     assert (found.subject, found.value) == ("left hand", pytest.approx(3.0, abs=1e-6))
     assert found.margin == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_the_rest_of_a_chunk_that_is_done_as_given_is_not_planned_again(checker, monkeypatch):
+    planned, judged = [], checker.judge.judge
+    monkeypatch.setattr(checker.judge, "judge", lambda chunk, *rest: planned.append(chunk.seq) or judged(chunk, *rest))
+    plain, slow = (ReplayPolicy(sent(to=to)) for to in ((0.1, 0.0, 0.1), (0.7, 0.0, 0.0)))
+    whole = checker.check(plain, "plain", plain.duration)
+    assert planned == [0]
+    assert whole.verdict == "feasible"
+    planned.clear()
+    checker.check(slow, "out of reach", slow.duration)
+    assert planned == [0, 1]
+
+
+def test_a_chunk_is_planned_from_what_the_plan_before_would_do_then(checker):
+    found = checker.judge.judge(sent(), checker.judge.stance())
+    plan, knot = found.plan, checker.config.planner.posture.dt
+    later = checker.judge.later(plan, 0.5)
+    rows = [plan.trajectory.row(plan.start + 0.5 + k * knot) for k in (1, 2, 3)]
+    assert np.array_equal(later.before[:3], plan.trajectory.q[rows])
+
+
+def test_a_state_is_judged_where_its_feet_stand_and_the_next_one_where_its_own_do():
+    chunk, (x, y, turn) = sent(to=(0.1, 0.05, 0.1)), (1.5, -0.7, 0.6)
+    T = np.eye(4)
+    T[:2, :2], T[:2, 3] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]], (x, y)
+    checker = FastChecker()
+    stance = checker.judge.stance().body
+    there = pin.SE3(T) * pin.XYZQUATToSE3(stance.q[:7])
+    states = [RobotState(0.0, q, stance.v) for q in (stance.q, np.r_[pin.SE3ToXYZQUAT(there), stance.q[7:]])]
+    moved = replace(chunk, T_world_lhand=T @ chunk.T_world_lhand, T_world_rhand=T @ chunk.T_world_rhand)
+    here, away, again = judge(chunk, states[0]), judge(moved, states[1]), judge(chunk, states[0])
+    assert here.verdict == away.verdict == "feasible"
+    assert margin(away, Limit.BALANCE).value == pytest.approx(margin(here, Limit.BALANCE).value, abs=0.01)
+    assert [one.value for one in again.margins] == pytest.approx([one.value for one in here.margins], abs=1e-9)
 
 
 def test_an_isolated_chunk_begins_at_its_own_first_step_and_from_a_state_it_does_not():

@@ -146,6 +146,7 @@ def test_a_first_step_far_from_the_hands_is_marked_in_metres_and_in_degrees():
     assert "  far_start: first step 1.50 m from where" in "\n".join(lines(judge("far", result(start_jump=(1.5, 0.0)))))
     verdict = judge("motion", result(start_jump=(0.4, 2.0)))
     assert codes(verdict) == ["far_start", "far_start"]
+    assert "  approach from 1500 mm away, 0.00 s" in lines(judge("far", result(start_jump=(1.5, 0.0))))
     assert "  far_start: first step 400 mm from where the hands were (bound 300 mm) at 1.00 s (step 0)" in lines(
         verdict
     )

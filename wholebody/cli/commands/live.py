@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +37,9 @@ class Around:
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
     hold: Annotated[float, Option(help="Seconds of standing after the last step.")] = 4.0
     replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
+    gate: Annotated[
+        bool, Option("--gate", help="Hold chunks that cannot be done, nearly as given: judged by their plans.")
+    ] = False
 
 
 def live(
@@ -69,6 +73,7 @@ def live(
     from wholebody.live.page_process import PageProcess
     from wholebody.live.robot_process import World
     from wholebody.live.session import Session, SessionConfig
+    from wholebody.verdict.gate import gate_of
 
     check_times(given.duration, around.hold)
     check_places(json_to)
@@ -86,7 +91,8 @@ def live(
             }
             page = PageProcess(world, list(policies), shown.host, shown.port)
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
-        session = Session(settings, world, about, page)
+        free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}
+        session = Session(settings, world, about, page, partial(gate_of, settings, free) if around.gate else None)
     if page is not None:
         say(f"http://{shown.host}:{page.port} shows the robot; Ctrl-C ends it", to_errors=True)
     try:

@@ -22,6 +22,7 @@ def repair(
     source: Annotated[Path, typer.Argument(help="Chunk .npz.")],
     target: Annotated[Path, typer.Argument(help="Chunk .npz to write, in the same layout.")],
     assume_spec: AssumeSpec = "",
+    scene: Annotated[str, typer.Option(help="Around the robot: floor, table, ... or a MuJoCo file.")] = "floor",
     config: Annotated[Path | None, typer.Option("--config", help="YAML file with changed settings.")] = None,
 ) -> None:
     """Write the nearest chunk that can be done.
@@ -39,7 +40,7 @@ def repair(
     file = read_chunk_file(source, assume=layout_named(assume_spec))
     chunk, free = file.chunk(), file.spec.orientation_free
     with waiting("loading the robot, compiling if it is the first time: a minute or two"):
-        checker = FastChecker(load_config(config) if config else None)
+        checker = FastChecker(load_config(config) if config else None, scene)
     repairer = checker.repairer(chunk, free=free)
     if repairer.holds(chunk):
         write_chunk_file(target, file)

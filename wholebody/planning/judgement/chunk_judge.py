@@ -24,6 +24,7 @@ from wholebody.planning.strategies import PREVIEW
 from wholebody.planning.trajectory import BodyState
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.reference import HandMotion, rest_row, time_scaled
+from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
 from wholebody.types import RobotState
@@ -41,10 +42,12 @@ class Begin:
     Attributes:
         body: Configuration and velocity.
         hands: What the two hands are commanded to do, rows (2, 40).
+        before: Where it is on a plan: what that would do from then on, configurations (k, nq) one knot apart.
     """
 
     body: BodyState
     hands: HandMotion
+    before: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,9 @@ class ChunkJudge:
     Args:
         spec: The robot. config: Of its controller: bounds, margins and the budget of a plan are the planner's.
         scene: What stands around it; nothing if not given.
+
+    Attributes:
+        feet: Where the stance has them.
     """
 
     def __init__(
@@ -94,6 +100,7 @@ class ChunkJudge:
         self._loads = Loads((self.config.loads.left, self.config.loads.right))
         self.planner.carry(self._loads)
         self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
+        self.feet = self.planner.optimizer.body.footing.feet
 
     @property
     def loads(self) -> tuple[float, float]:
@@ -106,6 +113,14 @@ class ChunkJudge:
         self._loads = Loads((left, right))
         self.planner.carry(self._loads)
         self.postures.body.carry(self._loads.most)
+
+    def stand_on(self, feet: Feet | None = None) -> None:
+        """Judge with the feet there from now on; where the stance has them if not given."""
+        feet = feet or self.feet
+        if not feet.same(self.planner.optimizer.body.footing.feet):
+            self.planner.stand_on(feet)
+            self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
+            self.__dict__.pop("stills", None)  # the support may have another number of edges
 
     @cached_property
     def postures(self) -> PostureSolver:
@@ -144,19 +159,16 @@ class ChunkJudge:
             begin.hands.v[i], begin.hands.w[i] = twist[:3], twist[3:]
         return begin
 
-    def judge(
-        self, chunk: ActionChunk, begin: Begin, now: float | None = None, before: np.ndarray | None = None
-    ) -> ChunkJudgement:
+    def judge(self, chunk: ActionChunk, begin: Begin, now: float | None = None) -> ChunkJudgement:
         """Plan a valid chunk from where it is begun, with no more effort than it takes to tell.
 
         Args:
             chunk: A valid chunk.
             begin: Where it is begun.
             now: When, on the clock of its observation [s]; with its first step if not given.
-            before: As in `ChunkPlanner.plan`.
         """
         now = chunk.t_obs if now is None else now
-        plan = self.planner.plan(chunk, now, begin.body, begin.hands, before, quick=True)
+        plan = self.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True)
         times = np.arange(len(chunk)) / chunk.fps
         moved, turned = self._off(chunk, plan, times)
         margins = [
@@ -214,7 +226,8 @@ class ChunkJudge:
         rate = plan.rate if s < plan.end else 0.0
         hands = HandMotion(np.stack([path.sample(np.array([s])).rows[0] for path in plan.paths]))
         body = BodyState(plan.trajectory.q[row].copy(), rate * plan.trajectory.v[row])
-        return Begin(body, time_scaled(hands, rate, 0.0))
+        before = plan.rest(s, rate, self.config.planner.posture.dt)
+        return Begin(body, time_scaled(hands, rate, 0.0), before)
 
     def asked(self, chunk: ActionChunk) -> tuple[np.ndarray, np.ndarray]:
         """Palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) that a chunk asks for."""
