@@ -161,7 +161,7 @@ class PlanRun:
         else:
             plan = followed.plan
             s = plan.start + (1.0 if self._by_path else plan.rate) * (times - self._since)
-            if chunk is self._planned and not self._by_path:
+            if chunk is self._planned and len(followed.moved) and not self._by_path:
                 off = followed.moved[due], followed.turned[due]
             else:
                 off = self._off(chunk, due, self.judge.commanded(plan, np.minimum(s, plan.end + 10.0)))
