@@ -71,16 +71,18 @@ def unchanged(seed):
 
 
 def told(rows):
-    cured = [row for row in rows if row["cured_by"]]
+    # What the hands carry is none of the chunk's numbers.
+    cured = [row for row in rows if set(row["cured_by"]) - {"lighter"}]
     done = [row for row in rows if row["change"]]
     slow = [row for row in done if row["slower"] > 1.0]
-    bent = [row for row in done if row["change"] == "led"]
+    bent = [row for row in done if row["change"] != "slower"]
     close = [row for row in done if row.get("least")]
     again = sum(bool(row["change"]) for row in cured)
     print(f"some single change cures {len(cured)} of {len(rows)}; of those repaired {again}")
     print(f"repaired in all {len(done)}; hold when judged again {sum(row['holds'] for row in done)}")
     if bent:
-        print(f"bent {len(bent)}: median {1e3 * np.median([row['moved'] for row in bent]):.1f} mm")
+        most = [1e3 * np.median([row["moved"] for row in bent]), np.rad2deg(np.median([row["turned"] for row in bent]))]
+        print(f"bent {len(bent)}: median {most[0]:.1f} mm and {most[1]:.1f} deg")
     if slow:
         print(f"slowed {len(slow)}: median {np.median([row['slower'] for row in slow]):.2f}")
     if close:

@@ -75,12 +75,17 @@ class Repairer:
 
     def repaired(self) -> Change | None:
         """Slowed down first, then its path bent as little as possible; None if that would be another motion."""
-        bounds, one = self._judge.config.verdict, self._slower(self.inside)
+        if (one := self._slower(self.inside)) is not None and self._is_small(one):
+            return one
         for factor in (1.0, *self._judge.config.planner.slowdowns):
-            one = one or self._bent(factor)
-        if one is None or one.moved > bounds.palm_repair or one.turned > bounds.turn_repair:
-            return None
-        return one
+            for kind in ("led", "turned", "moved"):
+                if (one := self._bent(factor, kind)) is not None and self._is_small(one):
+                    return one
+        return None
+
+    def _is_small(self, change: Change) -> bool:
+        bounds = self._judge.config.verdict
+        return change.moved <= bounds.palm_repair and change.turned <= bounds.turn_repair
 
     def _slower(self, chunk: ActionChunk) -> Change | None:
         if self.holds(chunk):
@@ -92,21 +97,22 @@ class Repairer:
         factor = factor if self.holds(slowed(chunk, factor)) else least
         return self._change("slower", slowed(chunk, factor), factor)
 
-    def _bent(self, factor: float) -> Change | None:
-        """The path led towards what is planned for it at a speed."""
+    def _bent(self, factor: float, kind: Kind) -> Change | None:
+        """The path led towards what is planned for it at a speed: palms moved, turned, or both."""
         slow = slowed(self.inside, factor)
         begin = self._begin or self._first_pose(slow)
-        plan = self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands)
-        goal = hands_of(plan, slow)
+        goal = hands_of(self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands), slow)
 
         def bent(share: float) -> ActionChunk:
-            return towards(slow, goal, share, share, self._judge.planner.offsets)
+            return towards(
+                slow, goal, share * (kind != "turned"), share * (kind != "moved"), self._judge.planner.offsets
+            )
 
         if not self.holds(bent(1.0)):
             return None
         share = _least(lambda x: self.holds(bent(x)), 1.0)
         chunk = bent(min((1.0 + SPARE) * share, 1.0))
-        return self._change("led", chunk if self.holds(chunk) else bent(share), factor)
+        return self._change(kind, chunk if self.holds(chunk) else bent(share), factor)
 
     def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)
