@@ -6,7 +6,7 @@ import logging
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stderr
 from dataclasses import dataclass, replace
@@ -127,17 +127,15 @@ class Judge:
         """The simulated check, after the fast one where asking twice is free: of sources that do not see the robot."""
         scene, seconds, begin, first = self._scene(name), length(policy, self.given.duration), None, None
         planned, placed = self._first and not policy.sees_robot, self.judging.starts(name) == "first"
-        # What simulates is loaded while plans are made.
-        with ThreadPoolExecutor(1) as beside, waiting(f"planning {title}", self.quiet):
-            fast = self.fast(scene) if planned or placed else None
-            loaded = beside.submit(self._checker, scene)
+        fast = self.fast(scene) if planned or placed else None
+        with waiting(f"planning {title}", self.quiet):
             if planned:
                 first = self._foretold(policy, name)
                 title += f", {first.verdict.replace('_', ' ')} by its plans" if first else ""
             if placed:
                 with ours():
                     begin = fast.first_state(policy)
-            checker = loaded.result()
+        checker = self._checker(scene)
         checker.episode = replace(checker.episode, begin=begin)
         with (
             cameras_of(policy, checker, self.given.images) as cameras,

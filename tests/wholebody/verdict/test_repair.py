@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.support.planted_causes import holder, planted
 from tests.support.sent_chunks import sent
 from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.verdict.fast import FastChecker
@@ -40,6 +41,17 @@ def test_of_a_load_that_is_too_heavy_less_would_do():
     assert not repairer.holds(one.chunk)
     checker.judge.carry(5.0 - one.lighter, 0.0)
     assert repairer.holds(one.chunk)
+
+
+def test_palms_are_turned_alone_where_moving_them_too_would_be_another_motion():
+    one = planted("arm_torque", 1)
+    checker = holder(one.config, one.scene)
+    repairer = checker.repairer(one.chunk)
+    change = repairer.repaired()
+    assert change.kind == "turned"
+    assert change.moved == pytest.approx(0.0, abs=1e-9)
+    assert 0.0 < change.turned <= checker.config.verdict.turn_repair
+    assert repairer.holds(change.chunk)
 
 
 def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
