@@ -109,7 +109,9 @@ class PlanRun:
     def _goes_on(self, chunk: ActionChunk) -> bool:
         """Whether a chunk is the rest of the one before, whose plan does it as given: another one says nothing new."""
         last, found = self._planned, self.followed
-        if last is None or found is None or found.exceeded or found.plan.report.changes or self._is_off(found):
+        if last is None or found is None or found.exceeded or self._is_off(found):
+            return False
+        if found.plan.report.changes or found.plan.rate != 1.0:
             return False
         first = (chunk.t_obs - last.t_obs) * last.fps
         if chunk.fps != last.fps or abs(first - round(first)) > 1e-6:
