@@ -44,7 +44,7 @@ class Cause:
 
 
 def causes(program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True) -> tuple[list[Cause], bool]:
-    """What is found of a chunk, what its own numbers exceed first; nothing if there is a plan as given.
+    """What is found of a chunk, its own numbers first, then the smallest sets; nothing if there is a plan as given.
 
     Args:
         program: Of the chunk.
@@ -63,7 +63,8 @@ def causes(program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True) ->
         allowed = allowed - kinds
         if not kinds:
             break
-    return found + [_of_plan(program, kinds) for kinds in sets], every
+    # A bound that forbids by itself says more than two that do so together.
+    return found + [_of_plan(program, kinds) for kinds in sorted(sets, key=len)], every
 
 
 def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
