@@ -157,8 +157,11 @@ def pendulum_bound(way: np.ndarray) -> float:
 
 
 def loaded(place: tuple[float, float], load: float, name: str, seed: int) -> Numbers:
-    """A reach with a load in both hands, and how far off a still robot has to be that holds it."""
-    off = 1e3 * still_robot().best(np.array([place[0], SIDE, place[1]]), load)
+    """A reach with a load in both hands, and how far off a still robot has to be that holds the heavier one in both."""
+    carried = (load, load)
+    if name == "realistic":  # has something in its hands already
+        carried = robot(name, seed, payload_kg=carried)[0].payload_kg
+    off = 1e3 * float(still_robot().best(np.array([place[0], SIDE, place[1]]), max(carried)))
     return reached(place, name, seed, payload_kg=(load, load)) | {"bound_mm": off}
 
 
