@@ -146,7 +146,7 @@ def odds_lines(odds: Odds) -> list[str]:
     when = [f" (chunk at {time:.1f} s)" if odds.chunks > 1 else "" for time in (odds.fall_s, odds.followed_s)]
     text = [
         f"  odds     falls as given {_chance(fall)}{when[0]}; followed within 20 mm {_chance(followed)}{when[1]}; "
-        f"{odds.world} robot"
+        f"{odds.world} robot; fitted to {odds.fitted_to} chunks"
     ]
     if odds.unlike:
         text.append(f"  odds     a guess: unlike what they were fitted to in {', '.join(odds.unlike)}")

@@ -67,7 +67,8 @@ class Calibration:
         sound = all(getattr(scale, name).shape == size for name, size in parts.items()) and shape.shape == (n, n)
         sound = sound and weights.ndim == 3 and weights.shape[::2] == (len(ANSWERS), 1 + n * (1 + len(KINKS)))
         arrays = (weights, shape, *(getattr(scale, name) for name in _SCALE))
-        if not sound or not all(np.isfinite(part).all() for part in arrays) or not {"alarm", "near"} <= card.keys():
+        sound = sound and all(np.isfinite(part).all() for part in arrays)
+        if not sound or not {"alarm", "near", "chunks"} <= card.keys():
             raise InputError(wrong)
         return Calibration(names, scale, weights, shape, card)
 
@@ -129,7 +130,7 @@ class Calibration:
             fall_as_given=_chance(draws[0, :, fall]), fall_s=found[fall][0],
             followed=_chance(draws[1, :, followed]), followed_s=found[followed][0],
             alarm=bool(falls[fall] >= bound) if bound > 0.0 else None, unlike=(*other, *self.unlike(x)),
-            chunks=len(found), world=world,
+            chunks=len(found), fitted_to=int(self.card["chunks"]), world=world,
         )  # fmt: skip
 
 

@@ -31,7 +31,7 @@ class Odds:
         alarm: Whether the first is so large that an alarm is due, at a bound that misses few falls; None where the
             model was fitted to too few falls for such a bound.
         unlike: Quantities in which a chunk is unlike those that the model was fitted to; then the numbers are a guess.
-        chunks: How many chunks were looked at.
+        chunks: How many chunks were looked at. fitted_to: How many the model was fitted to: few are a beginning.
         world: In which robot: ``true``, as modelled, or ``realistic``.
     """
 
@@ -42,4 +42,5 @@ class Odds:
     alarm: bool | None
     unlike: tuple[str, ...]
     chunks: int
+    fitted_to: int
     world: str
