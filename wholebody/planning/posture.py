@@ -1,8 +1,8 @@
 """Still, balanced postures of the whole body for two wrist poses, and ways to them, inside all bounds of a plan.
 
 The search for a posture is local: Gauss-Newton steps on the active bounds, begun from the stance and, where that gets
-stuck, from random postures whose seed is fixed. The way there is a curve in the space of postures, not a straight line
-of the hands, which often leads where no posture is balanced.
+stuck, from those of many random postures (their seed is fixed) whose palms are nearest to the targets. The way there is
+a curve in the space of postures, not a straight line of the hands, which often leads where no posture is balanced.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from wholebody.planning.still_postures import (  # fmt: skip
     POSITION_REACHED,
     WITHIN,
     Constraint,
+    RandomPostures,
     Round,
     StillPostures,
-    scattered,
 )
 from wholebody.planning.trajopt.layout import LOWER
 from wholebody.planning.trajopt.robot_tables import RobotTables
@@ -54,9 +54,6 @@ LEVER = 0.25
 """Length at which an error of orientation counts as much as one of position [m]; chosen: a forearm."""
 STARTS = 12
 """Most postures that the search begins at, the stance included."""
-SPREAD = 0.5
-"""Deviation of the random ones from the stance, as a share of each joint's range, for waist and arms; chosen, no trial
-is on record."""
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
 """Shortest and longest way [s]; chosen, no trial is on record."""
 ROTATION_RESIDUAL_MAX = 1e-3
@@ -125,6 +122,10 @@ class PostureSolver:
         self._stage = (Round(gentle, FIRM, STAGE_STEPS),)
         self._one = StillPostures(body, self._weights, 2)
         self._palm_offsets = np.array([tool.palm_offset for tool in spec.tools])
+
+    @cached_property
+    def _random(self) -> RandomPostures:
+        return RandomPostures(self.body)
 
     @cached_property
     def _ways(self) -> PosturePaths:
@@ -216,7 +217,7 @@ class PostureSolver:
         stance, inside = self.body.tables.q_stance, []
 
         def search(goal: np.ndarray, begin: np.ndarray, rounds: tuple[Round, ...]) -> None:
-            self._search(goal, begin, rounds)
+            self._one.search(goal, begin, self.body.q_full[self.body.fingers], rounds)
             if self._one.excess()[1] <= WITHIN:
                 found = self._solution(targets)
                 inside.append((self._score(found), found))
@@ -234,14 +235,13 @@ class PostureSolver:
         return min(inside, key=lambda scored: scored[0])[1] if inside else self._solution(targets)
 
     def _attempts(self, T_palms: np.ndarray, rounds: tuple[Round, ...], starts: int) -> Iterator[int]:
-        """Search from the stance, then from postures about it whose seed is fixed; the number of each, once done."""
-        generator, stance = np.random.default_rng(0), self.body.tables.q_stance
+        """Search from the stance, then from the nearest random postures; the number of each, once done."""
         for start in range(starts):
-            self._search(T_palms, scattered(self.body, stance, SPREAD, generator) if start else stance, rounds)
+            if start == 1:
+                near = self._random.nearest(T_palms, starts - 1, LEVER if rounds[0].oriented else 0.0)
+            begin = near[start - 1] if start else self.body.tables.q_stance
+            self._one.search(T_palms, begin, self.body.q_full[self.body.fingers], rounds)
             yield start
-
-    def _search(self, T_palms: np.ndarray, start: np.ndarray, rounds: tuple[Round, ...]) -> None:
-        self._one.search(T_palms, start, self.body.q_full[self.body.fingers], rounds)
 
     def _score(self, found: Solution) -> float:
         """How far a posture is from the targets [m], and much more for what exceeds the bounds."""

@@ -144,12 +144,15 @@ def wrists_of(chunk, k):
 
 
 def test_where_the_straight_way_meets_a_bound_the_robot_goes_around(cases, solver):
-    generator = np.random.default_rng(5)
-    targets = [cases.wrist_poses(cases.draw(generator)) for _ in range(5)][-1]
-    found = solver.solve(*targets)
-    straight = [pin.interpolate(cases.model, cases.body.q_full, found.q, x) for x in np.linspace(0.0, 1.0, 20)]
-    assert not all(cases.keeps_bounds(q) for q in straight)
-    assert solver.path_to(found).clear
+    generator, around = np.random.default_rng(5), 0
+    for _ in range(20):
+        found = solver.solve(*cases.wrist_poses(cases.draw(generator)))
+        straight = [pin.interpolate(cases.model, cases.body.q_full, found.q, x) for x in np.linspace(0.0, 1.0, 20)]
+        if all(cases.keeps_bounds(q) for q in straight):
+            continue
+        around += 1
+        assert solver.path_to(found).clear
+    assert around >= 2
 
 
 def test_a_way_begins_where_the_robot_is_and_at_its_time(cases, solver):
