@@ -43,7 +43,7 @@ class Motion(NamedTuple):
     J_static: np.ndarray  # (K, WAIST, N_FREE) of the waist's torques at rest
     J_distance: np.ndarray  # (K, N_DISTANCES, N_FREE)
     n_near: np.ndarray  # (K,) how many distances count
-    approach: np.ndarray  # (K, N_DISTANCES, N_BODY) of the approach margin, by velocities
+    approach: np.ndarray  # (K, N_DISTANCES, N_BODY) of the bounds on distances, by velocities
     v_mid: np.ndarray  # (K + 1, N_BODY) velocities between the knots; entry k is before knot k
     dv_dprev: np.ndarray  # (K + 1, FREE_LOWER, LOWER) minus its derivative by the knot before
     dv_dnext: np.ndarray  # (K + 1, FREE_LOWER, LOWER) its derivative by the knot itself

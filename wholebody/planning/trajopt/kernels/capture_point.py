@@ -1,8 +1,11 @@
 """Bounds on where a motion leads: distances until the next knot, and the capture point.
 
-Bodies that approach each other or the floor keep, besides their margin, what they approach in ``approach_time``: the
-bound holds between knots too. The capture point ``com + v / omega`` may move towards an edge of the support no faster
-than would take it there in ``capture_time``, which is the controller's own bound on it (`wholebody.limits.balance`).
+Distances are measured at the knots, which are control points; where the motion bends, its curve passes beside them, by
+a sixth of the second difference. Bounds on distances are those of the curve where bodies are nearest to each other, or
+to the floor, within ``approach_time`` of the knot, to second order: they hold between knots too. Otherwise arms that
+swing past each other go through each other by 30 mm between knots that are far enough apart. The capture point
+``com + v / omega`` may move towards an edge of the support no faster than would take it there in ``capture_time``,
+which is the controller's own bound on it (`wholebody.limits.balance`).
 """
 
 from __future__ import annotations
@@ -11,17 +14,32 @@ from wholebody.planning.trajopt.kernels.spline import knot_rate
 from wholebody.planning.trajopt.layout import COM, DISTANCE, FREE_LOWER, LOWER, N_BODY, N_FREE, VERTICAL, ZMP
 from wholebody.robot.kernels.pendulum import natural_frequency
 
+CURVE_OFFSET = 1.0 / 6.0
+"""Of the cubic B-spline from its control point at a knot, in terms of their second difference [no unit]; derived."""
 
-def approach_margin(k, robot, m) -> None:
-    """Add the approach margin to the bounds DISTANCE of a knot, and its factor to ``m.approach``."""
+
+def approach_margin(k, robot, m, dt) -> None:
+    """Bring the bounds DISTANCE of a knot to the curve, where that is nearest within the approach time of the knot.
+
+    The time from the knot to there, to second order, goes into ``m.sign`` [s].
+    """
     for c in range(m.n_near[k]):
-        row, rate = m.approach[k, c], 0.0
+        row, rate, bend = m.approach[k, c], 0.0, 0.0
         for j in range(N_BODY):
             rate += row[j] * m.v[k, j]
-        m.violation[k, DISTANCE + c] += robot.approach_time * abs(rate)
-        scale = robot.approach_time if rate > 0.0 else -robot.approach_time
-        for j in range(N_BODY):
-            row[j] *= scale
+            bend += row[j] * m.a[k, j]
+        time = robot.approach_time
+        if abs(rate) < -bend * time:
+            time = abs(rate) / -bend
+        m.violation[k, DISTANCE + c] += abs(rate) * time + (0.5 * time * time + CURVE_OFFSET * dt * dt) * bend
+        m.sign[k, DISTANCE + c] = time if rate > 0.0 else -time
+
+
+def approach_weights(c, k, m, dt) -> tuple[float, float]:
+    """Of the velocities before and after a knot in what `approach_margin` adds to a bound DISTANCE."""
+    time = m.sign[k, DISTANCE + c]
+    bend = 0.5 * time * time / dt + CURVE_OFFSET * dt
+    return 0.5 * time - bend, 0.5 * time + bend
 
 
 def pendulum(k, robot, m) -> float:
@@ -47,13 +65,12 @@ def capture_point(k, robot, m) -> None:
         m.violation[k, ZMP + 2 * E + e] = violation if k > 0 else -1.0
 
 
-def approach_and_capture_changes(k, robot, m, dv_mid, x, dynamics, out) -> None:
+def approach_and_capture_changes(k, robot, m, dt, dv_mid, x, dynamics, out) -> None:
     """How a step changes both: ``x`` (N_FREE,) of this knot, ``dynamics`` (N_DYNAMICS,) of its rows of the dynamics."""
     for c in range(m.n_near[k]):
-        d = 0.0
+        before, after = approach_weights(c, k, m, dt)
         for j in range(N_BODY):
-            d += m.approach[k, c, j] * (dv_mid[k, j] + dv_mid[k + 1, j])
-        out[DISTANCE + c] += 0.5 * d
+            out[DISTANCE + c] += m.approach[k, c, j] * (before * dv_mid[k, j] + after * dv_mid[k + 1, j])
     E, omega, tau = robot.normals.shape[0], pendulum(k, robot, m), robot.capture_time
     for e in range(E):
         out[ZMP + 2 * E + e] = 0.0
@@ -71,9 +88,10 @@ def approach_and_capture_changes(k, robot, m, dv_mid, x, dynamics, out) -> None:
 
 
 def approach_derivative(c, k, m, dt, out) -> None:
-    """Add the derivative of the approach margin of a bound DISTANCE, (3 N_FREE,)."""
+    """Add the derivative of what `approach_margin` adds to a bound DISTANCE, (3 N_FREE,)."""
+    before, after = approach_weights(c, k, m, dt)
     for j in range(N_BODY):
-        add_speed(j, m.approach[k, c, j], k, m, dt, out)
+        add_speeds(j, m.approach[k, c, j] * before, m.approach[k, c, j] * after, k, m, dt, out)
 
 
 def capture_derivative(e, k, robot, m, dt, out) -> None:
@@ -87,19 +105,20 @@ def capture_derivative(e, k, robot, m, dt, out) -> None:
         for j in range(3 * n):
             out[j] += normal * tau * omega * (com * J[VERTICAL, j] - J[a, j])
         for j in range(N_BODY):
-            add_speed(j, normal * (1.0 / omega + tau) * m.F[k, j, a] / robot.mass, k, m, dt, out)
+            half = 0.5 * normal * (1.0 / omega + tau) * m.F[k, j, a] / robot.mass
+            add_speeds(j, half, half, k, m, dt, out)
 
 
-def add_speed(j, weight, k, m, dt, out) -> None:
-    """Add the derivative of the velocity j of a knot, in the free directions of three."""
-    f, n, half, K = FREE_LOWER, N_FREE, 0.5 * weight, m.q.shape[0]
+def add_speeds(j, before, after, k, m, dt, out) -> None:
+    """Add the derivative of the velocities j before and after a knot, by their weights, in the directions of three."""
+    f, n, K = FREE_LOWER, N_FREE, m.q.shape[0]
     if j >= LOWER:
-        u, here, there = f + j - LOWER, half * knot_rate(k, K, dt), half * knot_rate(k + 1, K, dt)
+        u, here, there = f + j - LOWER, before * knot_rate(k, K, dt), after * knot_rate(k + 1, K, dt)
         out[u] -= here
         out[n + u] += here - there
         out[2 * n + u] += there
         return
     for r in range(f):
-        out[r] -= half * m.dv_dprev[k, r, j]
-        out[n + r] += half * (m.dv_dnext[k, r, j] - m.dv_dprev[k + 1, r, j])
-        out[2 * n + r] += half * m.dv_dnext[k + 1, r, j]
+        out[r] -= before * m.dv_dprev[k, r, j]
+        out[n + r] += before * m.dv_dnext[k, r, j] - after * m.dv_dprev[k + 1, r, j]
+        out[2 * n + r] += after * m.dv_dnext[k + 1, r, j]

@@ -54,7 +54,7 @@ def changes(robot, m, dt, z, out, work) -> None:
             normal = robot.normals[e]
             row[zmp + e] = normal[0] * dynamics[0] + normal[1] * dynamics[1] - robot.zmp_offsets[e] * dynamics[VERTICAL]
         if k > 0:
-            approach_and_capture_changes(k, robot, m, dv_mid, x, dynamics, row)
+            approach_and_capture_changes(k, robot, m, dt, dv_mid, x, dynamics, row)
         rate, scale = zmp + 2 * E, 2.0 / dt if k == 0 else 1.0 / dt
         for j in range(n):
             row[rate + j] = sign[rate + j] * scale * (dv_mid[k + 1, 6 + j] - dv_mid[k, 6 + j])

@@ -34,5 +34,5 @@ def rates(robot, task, m, work) -> None:
         sole_accelerations(k, robot, m, work)
         project_dynamics(k, task, m, work)
         dynamics_violations(k, robot, m, LOAD + robot.normals.shape[0])
-        approach_margin(k, robot, m)
+        approach_margin(k, robot, m, task.dt)
         capture_point(k, robot, m)
