@@ -208,7 +208,7 @@ class ChunkPlanner:
 
     def targets(self, prepared: PreparedChunk, now: float, commanded: HandMotion, slowdown: float) -> Targets:
         """Of a prepared chunk at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
-        paths, projected = prepared.paths(now, commanded, slowdown, self.offsets)
+        paths, projected = prepared.paths(now, commanded, slowdown)
         steps = self._steps(now - prepared.chunk.t_obs, max(path.span[1] for path in paths), slowdown)
         motions = [path.sample(steps) for path in paths]
         T_palms = np.stack([motion.T_world_hand for motion in motions], axis=1)

@@ -13,15 +13,10 @@ from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.limit_projection import JUMP, continued
 from wholebody.planning.smoothing import smoothed_chunk
 from wholebody.reference import HandLimits, HandMotion, HandPath, time_scaled
-from wholebody.reference.spline import PiecewiseQuintic, quintic
 
 JOIN_SHARE = 0.6
 """Share of the usual speed, acceleration and jerk with which a chunk is joined that begins elsewhere; chosen: it does
 not say how to get there."""
-TURNED, NEAR, PALM_STEP = 0.1, 0.012, 1.0 / 60.0
-"""Turn towards the chunk's orientation from which a palm up to that near leads its hand there [rad, m], and times
-between which it does [s]; chosen: a smaller turn moves it by 0.2 mm; half of a step. Where the palm is further away,
-the hand has another way to go, and the wrist's is the shorter one."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +65,7 @@ class PreparedChunk:
         turn = matrix_to_rotvec(np.swapaxes(quaternion_to_matrix(commanded.quat, "xyzw"), 1, 2) @ T[:, :3, :3])
         return bool(distance.max() > START_MAX[0] or np.linalg.norm(turn, axis=1).max() > START_MAX[1])
 
-    def paths(
-        self, now: float, commanded: HandMotion, slowdown: float, offsets: np.ndarray
-    ) -> tuple[tuple[HandPath, ...], np.ndarray]:
+    def paths(self, now: float, commanded: HandMotion, slowdown: float) -> tuple[tuple[HandPath, ...], np.ndarray]:
         """Paths of both hands that go on from their present motion, and how far steps were moved to keep the limits.
 
         The limit projection depends on the speed: a chunk followed slower begins with more motion per path parameter.
@@ -81,7 +74,6 @@ class PreparedChunk:
             now: Time [s].
             commanded: What the two hands are commanded to do now, rows (2, 40).
             slowdown: Factor by which the chunk is followed slower.
-            offsets: Palm points in the axes of the wrists, shape (2, 3), [m].
 
         Returns:
             The paths, and how far the steps that they go through are from the chunk's, shape (H,), [m].
@@ -90,9 +82,9 @@ class PreparedChunk:
         share = JOIN_SHARE if self.begins_elsewhere(now, commanded) else 1.0
         sources = ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
         paths, projected = [], np.zeros(len(chunk))
-        for (T, q), limits, row, offset in zip(sources, self.limits, commanded.rows, offsets, strict=True):
+        for (T, q), limits, row in zip(sources, self.limits, commanded.rows, strict=True):
             motion = time_scaled(HandMotion(row.copy()), slowdown, 0.0)
-            path, moved = _joined(self.times, T, q, limits, share, motion, now - chunk.t_obs, offset)
+            path, moved = _joined(self.times, T, q, limits, share, motion, now - chunk.t_obs)
             paths.append(path)
             projected = np.maximum(projected, moved)
         return tuple(paths), projected
@@ -143,14 +135,7 @@ def _off(these: ActionChunk, those: ActionChunk) -> tuple[np.ndarray, np.ndarray
 
 
 def _joined(
-    times: np.ndarray,
-    T: np.ndarray,
-    q: np.ndarray,
-    limits: HandLimits,
-    share: float,
-    motion: HandMotion,
-    s: float,
-    offset: np.ndarray,
+    times: np.ndarray, T: np.ndarray, q: np.ndarray, limits: HandLimits, share: float, motion: HandMotion, s: float
 ) -> tuple[HandPath, np.ndarray]:
     """The path through a chunk's steps that goes on from a motion at ``s``, and how far each step was moved (H,) [m].
 
@@ -159,42 +144,9 @@ def _joined(
     slow, moved = limits.scaled(share), np.zeros(len(times))
     projected = continued(times, T, q, slow, motion, s) if len(times) > 1 else None
     if projected is None or not projected.changed:
-        own = HandPath.from_knots(times, T, q, limits=limits)
-        path = own.joined(motion, s, limits=slow)
+        path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)
         if projected is None or not path.join.rough:
-            return _led_by_palm(path, own, offset), moved
-    own = HandPath.from_knots(projected.times, projected.T, projected.q, limits=limits)
+            return path, moved
+    path = HandPath.from_knots(projected.times, projected.T, projected.q, limits=limits).joined(motion, s, limits=slow)
     moved[len(times) - len(projected.moved) :] = projected.moved
-    return _led_by_palm(own.joined(motion, s, limits=slow), own, offset), moved
-
-
-def _led_by_palm(path: HandPath, own: HandPath, offset: np.ndarray) -> HandPath:
-    """A joined path whose palm point, if it is near its own path, stays there however the hand turns on the way.
-
-    Wrist and orientation each go their way there, and a palm that is where it should be would swing off and back. The
-    difference between the palms of both paths becomes the quintic to zero that it begins with.
-
-    Args:
-        path: Joined to a motion.
-        own: The same path before that.
-        offset: Of the palm point in the axes of the wrist, shape (3,), [m].
-    """
-    join = path.join
-    begin = np.array([join.s])
-    first = _palm_jets(path.sample(begin), offset) - _palm_jets(own.sample(begin), offset)
-    if join.angle < TURNED or np.linalg.norm(first[0]) > NEAR:
-        return path
-    s = np.linspace(0.0, join.duration, int(np.ceil(join.duration / PALM_STEP)) + 1)
-    straight = PiecewiseQuintic(s[[0, -1]], quintic(s[-1:], first, np.zeros((3, 1, 3))))
-    led, chunk = path.sample(join.s + s), own.sample(join.s + s)
-    T = led.T_world_hand
-    T[:, :3, 3] += straight(s, 0)[0] - _palm_jets(led, offset)[0] + _palm_jets(chunk, offset)[0]
-    return path.moved(join.s + s, T)
-
-
-def _palm_jets(motion: HandMotion, offset: np.ndarray) -> np.ndarray:
-    """Position, velocity and acceleration of the palm point in world, shape (3, n, 3)."""
-    arm = quaternion_to_matrix(motion.quat, "xyzw") @ offset
-    speed = np.cross(motion.w, arm)
-    bend = np.cross(motion.alpha, arm) + np.cross(motion.w, speed)
-    return np.stack([motion.p + arm, motion.v + speed, motion.a + bend])
+    return path, moved
