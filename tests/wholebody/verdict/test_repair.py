@@ -44,7 +44,7 @@ def test_of_a_load_that_is_too_heavy_less_would_do():
 
 
 def test_palms_are_turned_alone_where_moving_them_too_would_be_another_motion():
-    one = planted("arm_torque", 1)
+    one = planted("arm_torque", 0)
     checker = holder(one.config, one.scene)
     repairer = checker.repairer(one.chunk)
     change = repairer.repaired()
