@@ -96,8 +96,9 @@ class Judge:
                 return _answer(self._planned(policy, name, why=self.judging.why))
             verdict = self._simulated(policy, name, title or name)
             if self.judging.why and self.pages is None and verdict.verdict != "feasible":
-                asked = self._planned(policy, name, why=True)
-                verdict = replace(verdict, causes=asked.causes, would_do=asked.would_do, tick=asked.tick)
+                from wholebody.verdict.verdict import with_why
+
+                verdict = with_why(verdict, self._planned(policy, name, why=True))
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
         return _answer(verdict)

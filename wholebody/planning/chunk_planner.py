@@ -117,9 +117,14 @@ class ChunkPlanner:
         chosen = chosen or strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
         return self._as_followed(chosen, prepared, now, commanded, budget)
 
-    def as_given(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion) -> ChunkPlan | None:
-        """What `plan` answers, where that is quick and an attempt at the chunk's own speed follows it; else None."""
-        prepared, budget = self._prepared(chunk), Budget(self._budget)
+    def as_given(
+        self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, work: float = inf
+    ) -> ChunkPlan | None:
+        """What `plan` answers, where that is quick and an attempt at the chunk's own speed follows it; else None.
+
+        It is None, too, where that takes more ``work``, in linearisations and steps, than is given.
+        """
+        prepared, budget = self._prepared(chunk), Budget(min(self._budget, work))
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)

@@ -12,6 +12,7 @@ from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.observation import Observation
+from policy.recorded.replay import ReplayPolicy
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
@@ -76,20 +77,23 @@ class FastChecker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        policy.reset()
-        run = PlanRun(self.judge, policy.spec.orientation_free)
         # A robot that stands elsewhere has its first plan when that is computed, and later ones as late.
         lead = self.config.planning.lead if start == "stance" else 0.0
-        begin, time = self.judge.stance(), 0.0
+        run = PlanRun(self.judge, policy.spec.orientation_free)
+        self._play(run, policy, duration, None if start == "first" else self.judge.stance(), lead)
+        return self._told(run, name, ask_why=ask_why)
+
+    def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> None:
+        """Chunk after chunk for a time [s], begun somewhere or else with the hands at the first step."""
+        policy.reset()
+        time = 0.0
         while time < max(duration, 1e-9) - 1e-9:
-            chunk = policy.infer(self._observation(begin, time))
-            if start == "first" and time == 0.0:
-                begin = self.judge.first_pose(chunk)
+            chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
+            begin = begin or self.judge.first_pose(chunk)
             following = REPLACE_EVERY / chunk.fps
             last = time + following >= duration - 1e-9
             begin = run.follow(chunk, begin, time + lead, np.inf if last else time + following + lead)
             time += following
-        return self._told(run, name, ask_why=ask_why)
 
     def first_state(self, policy: Policy) -> RobotState:
         """At rest, with the hands at the first step of what a policy answers to a robot in its stance."""
@@ -133,12 +137,17 @@ class FastChecker:
     def repairer(
         self, chunk: ActionChunk, begin: Begin | None = None, free: tuple[bool, bool] = (False, False)
     ) -> Repairer:
-        """What changes a chunk until it is feasible by its plan; begun as in `Repairer`."""
+        """What changes a chunk until it is feasible as `check` plays it; begun as in `Repairer`."""
 
         def holds(changed: ActionChunk, start: Begin) -> bool:
             return self.of_chunk(changed, start, "", free).verdict == "feasible"
 
-        return Repairer(self.judge, chunk, begin, holds)
+        def lasts(changed: ActionChunk, start: Begin) -> bool:
+            run, policy = PlanRun(self.judge, free), ReplayPolicy(changed)
+            self._play(run, policy, policy.duration, start)
+            return run.verdict("", {}).verdict == "feasible"
+
+        return Repairer(self.judge, chunk, begin, holds, lasts)
 
     def _told(self, run: PlanRun, name: str, *, ask_why: bool) -> Verdict:
         verdict = replace(run.verdict(name, self._settings), odds=self._odds(run))
@@ -148,7 +157,7 @@ class FastChecker:
             told = self.explainer.explained(verdict, suspect, run.result.orientation_free, run.result.start)
             if told.causes:
                 return told
-        return verdict
+        return replace(verdict, search_finds=self.judge.scene is None and 0 < len(run.suspects) <= SUSPECTS)
 
     def _odds(self, run: PlanRun) -> Odds | None:
         """What is likely to become of the chunks, each by itself."""

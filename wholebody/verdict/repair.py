@@ -10,9 +10,10 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between, matrix_to_rotvec, rotvec_to_matrix
+from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge
 from wholebody.planning.plan import ChunkPlan
-from wholebody.planning.preparation import prepare
+from wholebody.planning.preparation import prepare, within_range
 from wholebody.reference import HandPath
 
 SLOWER_MAX = 4.0
@@ -21,7 +22,14 @@ BISECTIONS = 6
 """Halvings of the range of a change; derived: 4 to the power of 1 / 64 is 2 % of the slow-down."""
 SPARE = 0.02
 """Share by which a change is more than the least one that was found to hold; chosen: rounding in a file."""
+MORE, MORE_TRIES = 1.05, 4
+"""Factor on a change that holds by one plan and not as it is played back, and how often it is tried; chosen."""
 Kind = Literal["slower", "moved", "turned", "led", "lighter"]
+BENT: tuple[Kind, ...] = ("led", "turned", "moved")
+"""Ways to bend a path, of which the smallest that does is taken."""
+
+Ask = Callable[[ActionChunk, Begin], bool]
+"""Whether something is so of a chunk that is begun somewhere."""
 
 
 @dataclass(frozen=True)
@@ -52,19 +60,25 @@ class Repairer:
         judge: Holds the robot.
         chunk: A valid chunk.
         begin: Where it is begun; at rest with the hands at its first step if not given.
-        holds: Whether a chunk that is begun somewhere is feasible as it is.
+        holds: Whether a chunk that is begun somewhere is feasible as it is, by one plan for all of it.
+        lasts: The same as it is played back, each window planned when it comes.
     """
 
-    def __init__(
-        self, judge: ChunkJudge, chunk: ActionChunk, begin: Begin | None, holds: Callable[[ActionChunk, Begin], bool]
-    ) -> None:
-        self._judge, self._begin, self._holds = judge, begin, holds
+    def __init__(self, judge: ChunkJudge, chunk: ActionChunk, begin: Begin | None, holds: Ask, lasts: Ask) -> None:
+        self._judge, self._begin, self._holds, self._lasts = judge, begin, holds, lasts
         self._last_first: tuple[tuple, Begin] | None = None
-        self.chunk, self.inside = chunk, prepare(chunk, judge.planner.hand_limits).chunk
+        prepared = prepare(chunk, judge.planner.hand_limits)
+        self.chunk, self.inside = chunk, prepared.chunk
+        # Noise that is moved too far when it is taken out may be slow enough to be followed.
+        self._scattered = above_floor(within_range(chunk, judge.planner.hand_limits))[0] if prepared.smoothed else None
 
     def holds(self, chunk: ActionChunk) -> bool:
-        """Whether a chunk is feasible as it is."""
+        """Whether a chunk is feasible as it is, by one plan for all of it."""
         return self._holds(chunk, self._begin or self._first_pose(chunk))
+
+    def lasts(self, chunk: ActionChunk) -> bool:
+        """Whether a chunk is feasible as it is played back."""
+        return self._lasts(chunk, self._begin or self._first_pose(chunk))
 
     def _first_pose(self, chunk: ActionChunk) -> Begin:
         """That of the last chunk, where both begin alike."""
@@ -75,29 +89,33 @@ class Repairer:
 
     def repaired(self) -> Change | None:
         """Slowed down first, then its path bent as little as possible; None if that would be another motion."""
-        if (one := self._slower(self.inside)) is not None and self._is_small(one):
-            return one
+        for chunk in (self.inside, self._scattered):
+            if chunk is not None and (one := self._slower(chunk)) is not None and self._is_small(one):
+                return one
         for factor in (1.0, *self._judge.config.planner.slowdowns):
-            for kind in ("led", "turned", "moved"):
-                if (one := self._bent(factor, kind)) is not None and self._is_small(one):
-                    return one
+            bent = [one for kind in BENT if (one := self.bent(factor, kind)) is not None and self._is_small(one)]
+            if bent:
+                return min(bent, key=self._size)
         return None
 
-    def _is_small(self, change: Change) -> bool:
+    def _size(self, change: Change) -> float:
+        """In terms of what a repair may move and turn a palm, the larger of both."""
         bounds = self._judge.config.verdict
-        return change.moved <= bounds.palm_repair and change.turned <= bounds.turn_repair
+        return max(change.moved / bounds.palm_repair, change.turned / bounds.turn_repair)
+
+    def _is_small(self, change: Change) -> bool:
+        return self._size(change) <= 1.0
 
     def _slower(self, chunk: ActionChunk) -> Change | None:
-        if self.holds(chunk):
+        if self.lasts(chunk):
             return self._change("slower", chunk, 1.0)
         if not self.holds(slowed(chunk, SLOWER_MAX)):
             return None
         least = float(np.exp(_least(lambda x: self.holds(slowed(chunk, float(np.exp(x)))), float(np.log(SLOWER_MAX)))))
-        factor = min((1.0 + SPARE) * least, SLOWER_MAX)
-        factor = factor if self.holds(slowed(chunk, factor)) else least
-        return self._change("slower", slowed(chunk, factor), factor)
+        factor = self._lasting(lambda x: slowed(chunk, x), least, SLOWER_MAX)
+        return None if factor is None else self._change("slower", slowed(chunk, factor), factor)
 
-    def _bent(self, factor: float, kind: Kind) -> Change | None:
+    def bent(self, factor: float, kind: Kind) -> Change | None:
         """The path led towards what is planned for it at a speed: palms moved, turned, or both."""
         slow = slowed(self.inside, factor)
         begin = self._begin or self._first_pose(slow)
@@ -110,9 +128,14 @@ class Repairer:
 
         if not self.holds(bent(1.0)):
             return None
-        share = _least(lambda x: self.holds(bent(x)), 1.0)
-        chunk = bent(min((1.0 + SPARE) * share, 1.0))
-        return self._change(kind, chunk if self.holds(chunk) else bent(share), factor)
+        share = self._lasting(bent, _least(lambda x: self.holds(bent(x)), 1.0), 1.0)
+        return None if share is None else self._change(kind, bent(share), factor)
+
+    def _lasting(self, chunk_at: Callable[[float], ActionChunk], least: float, most: float) -> float | None:
+        """The first value from the least that holds on, a little more each time, that lasts too; None if none does."""
+        values = [least * (1.0 + SPARE) * MORE**k for k in range(MORE_TRIES)]
+        values = [values[0], least, *values[1:]]
+        return next((x for x in (min(value, most) for value in values) if self.lasts(chunk_at(x))), None)
 
     def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)

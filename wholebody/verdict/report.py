@@ -40,9 +40,9 @@ WHY_NOT = {
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
     Reason.NO_CHUNK: "nothing of it was executed",
-    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand would have to be moved by {value}, which is another motion"),
-    Reason.INTO_FLOOR: "a hand would go into the floor, and was kept out of it by {value}",
-    Reason.TURNED: "a hand would have to be turned by {value}, which is another motion",
+    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand is moved by {value}, which is another motion"),
+    Reason.INTO_FLOOR: "a hand would go into the floor, and is moved by {value}",
+    Reason.TURNED: "a hand is turned by {value}, which is another motion",
     Reason.NOT_FOLLOWED: "the hands lose the motion",
 }
 CHANGES = {
@@ -61,13 +61,14 @@ CHANGES = {
     Reason.QP_FAILED: "the torques were held for a while",
 }
 """In words, what a violation did to the input."""
+SEARCH_FINDS = "no bound: a search with more effort than a plan has finds a motion, once the hands are on the chunk"
 ROWS = {
     "torque": "torque of {}",
     "friction": "friction",
     "balance": "balance",
     "distance": "distance of {}",
     "floor": "height of {}",
-    "acceleration": "end of what joints can",
+    "acceleration": "acceleration of a joint",
     "force": "load of the soles",
     "pelvis": "turn of the pelvis",
     "torso_link": "turn of the torso",
@@ -79,6 +80,8 @@ def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
     text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {gist(verdict)}"]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
+    if verdict.search_finds:
+        text.append(f"  because  {SEARCH_FINDS}")
     # An only cause says in its sentence which changes of the chunk would do.
     apart = [one for one in verdict.would_do if one.bound is not None or len(verdict.causes) != 1]
     if apart:
@@ -181,10 +184,10 @@ def tick_line(tick: Tick) -> str:
     """What the tick's program says, the bounds alone: what moves and what is asked for takes part in every proof."""
     bounds = [name for name in tick.rows if name.partition(".")[0] in ROWS]
     kinds = [ROWS[name.partition(".")[0]].format(name.partition(".")[2].replace(".", " and ")) for name in bounds]
-    told = ", ".join(f"{n} x {kind}" if n > 1 else kind for kind, n in Counter(kinds).most_common(5))
+    told = ", ".join(f"{kind} ({n} rows)" if n > 1 else kind for kind, n in Counter(kinds).most_common(5))
     if tick.proven:
         return f"proven   at {tick.time:.2f} s no acceleration takes the hands along: {told or 'whatever the bounds'}"
-    return f"limits   at {tick.time:.2f} s the hands lack most, held back by {told or 'other tasks'}"
+    return f"limits   at {tick.time:.2f} s hands fall short most, held back by {told or 'other tasks'}"
 
 
 def to_json(verdicts: Sequence[Verdict]) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from policy.action_spec.codec import encode
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
 from tests.support.commands import wholebody
+from tests.support.planted_causes import planted
 from tests.support.sent_chunks import FPS, SPEC, STANCE, sent
 from wholebody.cli import console
 from wholebody.resources import verdict_schema
@@ -55,6 +56,15 @@ def test_the_command_writes_a_feasible_chunk_unchanged_and_repairs_another(insid
     assert (done.returncode, "checked again" in done.stdout) == (0, True)
     assert inside("check", "--fast", out).stdout.startswith("FEASIBLE  ")
     assert inside("repair", file_of(sent(to=(2.0, 0.0, 0.0)), tmp_path / "far.npz"), out).returncode == 1
+
+
+def test_beside_furniture_a_chunk_is_no_longer_feasible_as_it_is(inside, tmp_path):
+    given, out = file_of(planted("scene", 0).chunk, tmp_path / "into.npz"), tmp_path / "out.npz"
+    done = inside("repair", given, out)
+    assert (done.returncode, "unchanged" in done.stdout, out.exists()) == (0, True, True)
+    out.unlink()
+    done = inside("repair", given, out, "--scene", "table")
+    assert (done.returncode, "nothing written" in done.stdout, out.exists()) == (1, True, False)
 
 
 def test_a_simulated_check_begins_at_the_first_step_too_and_tells_what_its_plans_had_said(inside, tmp_path):

@@ -1,13 +1,19 @@
 """Strategy: chunks that one change cures, and one that nothing cures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.support.planted_causes import holder, planted
+from policy.recorded.replay import ReplayPolicy
+from tests.support.planted_causes import STIFF, chunk_of, moved
 from tests.support.sent_chunks import sent
 from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.repair import slowed
+
+LOAD, GOAL = 4.6408270315346964, [0.4180342144849951, 0.29897256987673104, 1.076316886503104]
+"""Mass in the left hand [kg], and where that is to hold it [m]: its wrist has to turn."""
 
 
 @pytest.fixture(scope="module")
@@ -43,15 +49,15 @@ def test_of_a_load_that_is_too_heavy_less_would_do():
     assert repairer.holds(one.chunk)
 
 
-def test_palms_are_turned_alone_where_moving_them_too_would_be_another_motion():
-    one = planted("arm_torque", 0)
-    checker = holder(one.config, one.scene)
-    repairer = checker.repairer(one.chunk)
+def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them_too():
+    checker = FastChecker(replace(STIFF, loads=LoadConfig(source="told", left=LOAD)))
+    repairer = checker.repairer(chunk_of(moved(GOAL, 1.4)))
     change = repairer.repaired()
     assert change.kind == "turned"
     assert change.moved == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < change.turned <= checker.config.verdict.turn_repair
-    assert repairer.holds(change.chunk)
+    assert change.turned < repairer.bent(1.0, "led").turned
+    assert repairer.lasts(change.chunk)
 
 
 def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
@@ -61,3 +67,19 @@ def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
     assert single.kind == "moved"
     assert single.moved > 1.0
     assert repairer.holds(single.chunk)
+
+
+def test_what_was_repaired_is_feasible_as_it_is_played_back_in_windows(checker):
+    chunk = sent(to=(0.0, 0.0, 0.0))
+    chunk.T_world_lhand[25:, 1, 3] += 0.25
+    change = checker.repairer(chunk).repaired()
+    policy = ReplayPolicy(change.chunk)
+    assert len(change.chunk) > policy.horizon
+    assert checker.check(policy, "repaired", policy.duration).verdict == "feasible"
+
+
+def test_noise_that_is_too_much_to_be_taken_out_is_slowed_down(checker):
+    chunk = sent(to=(0.2, 0.05, 0.1), time=1.6)
+    chunk.T_world_lhand[:, :3, 3] += np.random.default_rng(3).normal(size=(len(chunk), 3)) * 0.02
+    change = checker.repairer(chunk).repaired()
+    assert (change.kind, change.moved) == ("slower", pytest.approx(0.0, abs=1e-9))

@@ -3,7 +3,7 @@ without any one member the plan that was kept keeps all the others and has the p
 """
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import jsonschema
 import numpy as np
@@ -11,6 +11,7 @@ import pytest
 
 from tests.support.proof import proves
 from tests.support.sent_chunks import sent
+from tests.support.verdict_agreement import case
 from wholebody.planning.judgement.cause import causes
 from wholebody.planning.judgement.chunk_program import NAMES, STARTS, ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
@@ -64,6 +65,26 @@ def test_a_finger_and_the_floor_are_causes_by_themselves(holder):
     chunk.q_rhand[:, 0] = 4.0
     kinds = [one.kinds for one in found(holder, chunk)[1]]
     assert kinds[:2] == [(Limit.FINGER_RANGE,), (Limit.INTO_FLOOR,)]
+
+
+def test_a_chunk_that_moves_at_once_is_too_sudden_for_hands_at_rest():
+    """Its own steps keep every bound: what it takes to come along from the first one on is the cause."""
+    chunk = sent(to=(0.0, 0.0, 0.0))
+    chunk.T_world_lhand[:, 0, 3] += 0.1 * np.sin(4.0 * np.pi * chunk.times)
+    verdict = judge(chunk, ask_why=True)
+    (one,) = verdict.causes
+    assert verdict.verdict == "feasible_after_repair"
+    assert (one.codes, one.members[0].step) == ((Limit.HAND_ACCELERATION,), 0)
+    assert one.members[0].value == pytest.approx(0.1 * np.sin(4.0 * np.pi / chunk.fps) * chunk.fps**2)
+    assert "since its first steps move already" in one.sentence
+
+
+def test_where_no_bound_forbids_what_the_plan_does_not_do_that_is_said(holder):
+    _, chunk = case(29, "")
+    verdict = judge(chunk, ask_why=True)
+    assert verdict.verdict == "feasible" or verdict.search_finds == (not verdict.causes)
+    said = lines(replace(verdict, causes=[], search_finds=True))
+    assert any("finds a motion" in line for line in said)
 
 
 def test_what_is_proven_of_a_tick_holds_for_the_checker_of_the_document(in_the_other):

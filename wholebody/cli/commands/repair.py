@@ -14,7 +14,10 @@ from wholebody.cli.options import AssumeSpec
 from wholebody.cli.sources import layout_named
 
 LEFT_AS_IT_IS = "feasible as given: written unchanged"
-REFUSED = "neither slower nor with its path bent as far as a repair may can it be done: nothing written"
+REFUSED = (
+    "it cannot be done slower, nor with its path bent by as much as a repair may ({}, {}): nothing written; "
+    "`wholebody check --fast --why` says why"
+)
 
 
 def repair(
@@ -33,7 +36,7 @@ def repair(
     from policy.recorded.chunk_file import read_chunk_file, write_chunk_file
     from wholebody.config.file import load_config
     from wholebody.verdict.fast import FastChecker
-    from wholebody.verdict.quantity import said
+    from wholebody.verdict.quantity import quantity, said
 
     if target.suffix.lower() != ".npz":
         raise ValueError(f"cannot write '{target}': its name must end in .npz")
@@ -42,19 +45,21 @@ def repair(
     with waiting("loading the robot, compiling if it is the first time: a minute or two"):
         checker = FastChecker(load_config(config) if config else None, scene)
     repairer = checker.repairer(chunk, free=free)
-    if repairer.holds(chunk):
+    if repairer.lasts(chunk):
         write_chunk_file(target, file)
         say(f"{source}: {LEFT_AS_IT_IS}")
         raise typer.Exit(FEASIBLE)
     with waiting(f"repairing {source}"):
         change = repairer.repaired()
     if change is None:
-        say(f"{source}: {REFUSED}")
+        bounds = checker.config.verdict
+        most = quantity(bounds.palm_repair, "m"), quantity(bounds.turn_repair, "rad")
+        say(f"{source}: {REFUSED.format(*most)}")
         raise typer.Exit(INFEASIBLE)
     written = replace(file, actions=encode(file.spec, change.chunk, file.anchor()))
     write_chunk_file(target, written)
     again = checker.repairer(written.chunk(), free=free)
-    if not again.holds(again.chunk):
+    if not again.lasts(again.chunk):
         target.unlink()
         say(f"{source}: what was found is not feasible in the layout of the file: nothing written")
         raise typer.Exit(INFEASIBLE)

@@ -12,6 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from policy.geometry.rotations import angle_between
+from wholebody.planning.judgement.chunk_margins import rates_from
 from wholebody.planning.judgement.chunk_program import EVERY, NAMES, ChunkProgram, Witness
 from wholebody.planning.judgement.limits import Limit, Margin
 
@@ -73,7 +77,9 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     numbers = Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE
     exceeded = [code for code in numbers if code in margins]
     exceeded = [code for code in exceeded if margins[code].margin < 0.0]
-    for row in RATES:
+    if _begins_there(program):
+        margins |= {one.code: one for one in rates_from(chunk, program.begin.hands, judge.planner.hand_limits)}
+    for row in RATES[: 1 if program.free.all() else 2]:
         exceeded += [code for code in row if code in margins and margins[code].margin < 0.0][:1]
     points = judge.asked(chunk)[0]
     for code in exceeded:
@@ -82,6 +88,14 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
         where = one.time, side, tuple(points[min(one.step, len(chunk) - 1), side].tolist())
         # Without it the hands' own path is the motion: no body is asked.
         yield Cause((code,), (one,), where, irreducible=True)
+
+
+def _begins_there(program: ChunkProgram) -> bool:
+    """Whether the chunk is begun with its first step, and that with the hands: they have no time to join it."""
+    judge, chunk, bounds = program.judge, program.chunk, program.judge.config.verdict
+    (p, R), (at, turned) = judge.asked(chunk), judge.at(program.begin)
+    far, awry = np.linalg.norm(at - p[0], axis=1).max(), angle_between(turned, R[0]).max()
+    return bool(program.now <= chunk.t_obs and far <= bounds.palm_feasible and awry <= bounds.turn_feasible)
 
 
 def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:

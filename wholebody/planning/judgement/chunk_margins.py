@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import astuple
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, replace
 
 import numpy as np
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
+from policy.geometry.rotations import rotvec_to_matrix
+from policy.geometry.se3 import make_transform
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.limit_projection import DEMAND
-from wholebody.reference import HandLimits
+from wholebody.reference import HandLimits, HandMotion
 from wholebody.reference.rotation import continuous_quaternions
 
 HANDS = ("left hand", "right hand")
+AT_START = " at its start"
+"""Added to a hand whose motion before the chunk is what its first steps do not go on from."""
 FINGER_SCALE, FLOOR_SCALE = 1e-3, 1e-3
 """Excess over the range of a finger [rad] and lift out of the floor [m] that counts as one; chosen: the rounding of
 files."""
+
+BEFORE = 2
+"""Steps before the first one that hands are thought to have come along; derived: a jerk there takes two."""
 
 
 def chunk_margins(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: RobotSpec) -> Iterator[Margin]:
@@ -29,8 +36,8 @@ def chunk_margins(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: Robo
         limits: Of the left and the right hand.
         spec: The robot.
     """
-    yield from _rates(chunk, limits, 0)
-    yield from _rates(chunk, limits, 1)
+    yield from _rates(_hands(chunk), chunk.fps, limits, 0)
+    yield from _rates(_hands(chunk), chunk.fps, limits, 1)
     yield from _fingers(chunk, limits, spec)
     lifted, _ = above_floor(chunk)
     lift = np.stack([now[:, 2, 3] - then[:, 2, 3] for now, then in zip(_hands(lifted), _hands(chunk), strict=True)])
@@ -41,24 +48,42 @@ def chunk_margins(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: Robo
         yield _at(Limit.INTO_FLOOR, HANDS[side], int(k), chunk.fps, most, 0.0, -most, FLOOR_SCALE)
 
 
-def _rates(chunk: ActionChunk, limits: tuple[HandLimits, ...], part: int) -> Iterator[Margin]:
-    """Speed, acceleration and jerk of the hands' positions (part 0) or orientations (1), per axis."""
+def rates_from(chunk: ActionChunk, motion: HandMotion, limits: tuple[HandLimits, ...]) -> Iterator[Margin]:
+    """Least room to the bounds on accelerations and jerks, those included that take hands to the chunk's first steps.
+
+    Args:
+        chunk: As given, valid.
+        motion: Of the hands before, which are at its first step, rows (2, 40).
+        limits: Of the left and the right hand.
+    """
+    back, hands = -np.arange(BEFORE, 0, -1)[:, None] / chunk.fps, []
+    for T, v, w in zip(_hands(chunk), motion.v, motion.w, strict=True):
+        before = make_transform(rotvec_to_matrix(back * w) @ T[0, :3, :3], T[0, :3, 3] + back * v)
+        hands.append(np.concatenate([before, T]))
+    for one in (*_rates(hands, chunk.fps, limits, 0), *_rates(hands, chunk.fps, limits, 1)):
+        step = max(one.step - BEFORE, 0)
+        subject = one.subject + (AT_START if one.step < BEFORE else "")
+        yield replace(one, step=step, time=step / chunk.fps, subject=subject)
+
+
+def _rates(hands: Sequence[np.ndarray], fps: float, limits: tuple[HandLimits, ...], part: int) -> Iterator[Margin]:
+    """Speed, acceleration and jerk of hands (H, 4, 4), of their positions (part 0) or orientations (1), per axis."""
     codes = (
         (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
         (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
     )[part]
     # A quaternion changes half as fast as the hand turns.
-    hands = [2.0 * continuous_quaternions(T[:, :3, :3]) if part else T[:, :3, 3] for T in _hands(chunk)]
+    paths = [2.0 * continuous_quaternions(T[:, :3, :3]) if part else T[:, :3, 3] for T in hands]
     for order, code in enumerate(codes, 1):
-        if len(chunk) <= order:
+        if len(paths[0]) <= order:
             return
         worst: Margin | None = None
-        for name, values, limit in zip(HANDS, hands, limits, strict=True):
-            rates = np.abs(np.diff(values, order, axis=0)) * chunk.fps**order
+        for name, values, limit in zip(HANDS, paths, limits, strict=True):
+            rates = np.abs(np.diff(values, order, axis=0)) * fps**order
             bound = DEMAND[order - 1] * astuple((limit.position, limit.orientation)[part])[order - 1]
             k, _ = np.unravel_index(rates.argmax(), rates.shape)
             value = float(rates.max())
-            one = _at(code, name, int(k), chunk.fps, value, bound, bound - value, bound)
+            one = _at(code, name, int(k), fps, value, bound, bound - value, bound)
             worst = one if worst is None or one.margin < worst.margin else worst
         yield worst
 

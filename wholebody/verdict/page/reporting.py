@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from policy.base import Policy
@@ -12,7 +11,7 @@ from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.page.ghost import Watched, repaired
 from wholebody.verdict.page.page import Shown, require_packages, write_page
-from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.verdict import Verdict, with_why
 
 
 def report(
@@ -49,8 +48,7 @@ def report(
         fast = FastChecker(config, checker.scene)
         start = "stance" if checker.episode.begin is None else "first"
         asked = fast.check(policy, name, duration, start=start, ask_why=True)
-        names = "causes", "would_do", "why_complete", "tick"
-        verdict = replace(verdict, **{name: getattr(asked, name) for name in names})
+        verdict = with_why(verdict, asked)
         ghost = repaired(fast, watched.chunks, record, verdict, result.orientation_free)
     write_page(path, Shown(verdict, record, checker.supervisor.spec, config, command, ghost, result.start))
     return verdict

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
 from policy.chunk import ActionChunk
 from wholebody.episode.tracking_error import FINGER_TOLERANCE
-from wholebody.planning.judgement.cause import causes
+from wholebody.planning.judgement.cause import Cause, causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.chunk_program import AT_REST, EVERY, ChunkProgram
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
@@ -21,9 +22,12 @@ from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
-CAUSES_WORK, WHY_WORK = 700.0, 1300.0
+CAUSES_WORK, WHY_WORK = 700.0, 1000.0
 """Linearisations and steps after which no further set of bounds is looked for, and no further change is tried
-[no unit]; chosen: about one second and two."""
+[no unit]; chosen: about one second and one and a half."""
+TRY_WORK, STEPS = 60.0, 50
+"""The same of one try, for a chunk of so many steps, and in proportion for longer ones; chosen: most that hold take a
+third of it."""
 
 
 class Explainer:
@@ -31,10 +35,14 @@ class Explainer:
 
     Args:
         judge: Holds the robot.
+
+    Attributes:
+        asked: Program and causes of the chunk that was asked of last, with the motions that were found.
     """
 
     def __init__(self, judge: ChunkJudge) -> None:
         self._judge = judge
+        self.asked: tuple[ChunkProgram, list[Cause]] | None = None
 
     @cached_property
     def prover(self) -> TickProver:
@@ -55,6 +63,7 @@ class Explainer:
         if suspect.plan.report.slowdown == 1.0:
             program.know(suspect.plan.knots)
         found, every = causes(program, lambda: self._work - before < CAUSES_WORK)
+        self.asked = program, found
         if not found:
             return verdict
         told = [why(one, since, chunk.fps) for one in found]
@@ -76,12 +85,15 @@ class Explainer:
         """What changes a chunk that is not feasible by one thing; it is planned where its plan is not given."""
         plan = plan or self._judge.planner.plan(chunk, chunk.t_obs, begin.body, begin.hands, quick=True)
 
-        def holds(changed: ActionChunk) -> bool:
-            return self._holds_as_given(changed, begin, free)
+        def holds(changed: ActionChunk, work: float = inf) -> bool:
+            return self._holds_as_given(changed, begin, free, work)
 
-        return SingleChanges(self._judge, chunk, plan, holds, goes_on)
+        def at_first(changed: ActionChunk) -> bool:
+            return holds(changed, TRY_WORK * max(len(changed) / STEPS, 1.0))
 
-    def _holds_as_given(self, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool]) -> bool:
+        return SingleChanges(self._judge, chunk, plan, at_first, holds, goes_on)
+
+    def _holds_as_given(self, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:
         """Whether a chunk is feasible by an attempt at its own speed; what needs no plan comes first."""
         judge, now, far = self._judge, chunk.t_obs, self._judge.config.verdict.palm_feasible
         forgiven = {Limit.START: 0.0, Limit.FINGER_RANGE: FINGER_TOLERANCE}
@@ -89,7 +101,7 @@ class Explainer:
         numbers = judge.numbers(chunk, begin, now)
         if any(code in numbers and numbers[code].margin < -room for code, room in forgiven.items()):
             return False
-        plan = judge.planner.as_given(chunk, now, begin.body, begin.hands)
+        plan = judge.planner.as_given(chunk, now, begin.body, begin.hands, work)
         if plan is None:
             return False
         run, none = PlanRun(judge, free), np.zeros((0, 2))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wholebody.planning.judgement.cause import Cause
+from wholebody.planning.judgement.chunk_margins import AT_START
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.verdict.quantity import quantity, said
 
@@ -20,8 +21,8 @@ SAID = {
     Limit.TURN_JERK: "the acceleration of its turn would have to change by {value}, and can by {bound}",
     Limit.INTO_FLOOR: "it would be {value} too low for the floor",
     Limit.SCENE_DISTANCE: "{subject} would be {value} inside {other}",
-    Limit.REACH: "it is {value} further than any posture reaches",
-    Limit.ORIENTATION: "no posture turns it so, {value} are missing",
+    Limit.REACH: "no posture is found that gets it there, the nearest motion is {value} away",
+    Limit.ORIENTATION: "no posture is found that turns it so, the nearest motion is {value} away",
     Limit.TILT: "the {subject} is tilted as far as it may be ({bound})",
     Limit.PELVIS_HEIGHT: "the pelvis is as low as it may be ({bound})",
     Limit.JOINT_POSITION: "{subject} is at the end of its range ({bound})",
@@ -132,4 +133,5 @@ def _said(one: Margin) -> str:
     subject, _, other = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ").partition(" - ")
     excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE) else one.value
     value, bound = quantity(excess, one.unit), quantity(one.bound, one.unit)
-    return SAID[one.code].format(subject=subject, other=other, value=value, bound=bound)
+    told = SAID[one.code].format(subject=subject, other=other, value=value, bound=bound)
+    return f"{told}, since its first steps move already" if subject.endswith(AT_START) else told

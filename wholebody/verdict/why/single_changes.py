@@ -28,7 +28,8 @@ class SingleChanges:
         judge: Holds the robot.
         chunk: A valid chunk.
         plan: What was planned for it.
-        holds: Whether a chunk is feasible as it is, by its plan at its own speed.
+        at_first: Whether a chunk is feasible as it is, by its plan at its own speed, as far as little work tells.
+        holds: The same with all the work that a plan may take: what is told has to hold by both.
         goes_on: Whether there is time for one more try.
 
     Attributes:
@@ -40,10 +41,12 @@ class SingleChanges:
         judge: ChunkJudge,
         chunk: ActionChunk,
         plan: ChunkPlan,
+        at_first: Callable[[ActionChunk], bool],
         holds: Callable[[ActionChunk], bool],
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._judge, self._plan, self._holds, self._goes_on = judge, plan, holds, goes_on
+        self._judge, self._plan, self._goes_on = judge, plan, goes_on
+        self._at_first, self._holds = at_first, holds
         self.chunk, self.complete = chunk, True
 
     def all(self) -> list[Change]:
@@ -99,14 +102,14 @@ class SingleChanges:
             if not self._goes_on():
                 self.complete = False
                 break
-            if self._holds(chunk_at(middle)):
+            if self._at_first(chunk_at(middle)):
                 least = high = middle
             elif least is None:
                 return None
             else:
                 low = middle
             middle = 0.5 * (low + high)
-        return least
+        return least if least is not None and self._holds(chunk_at(least)) else None
 
     def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)
