@@ -9,13 +9,13 @@ set is irreducible as far as they tell, and no more.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from policy.geometry.rotations import angle_between
-from wholebody.planning.judgement.chunk_margins import rates_from
+from wholebody.planning.judgement.chunk_margins import AT_START, rates_from
 from wholebody.planning.judgement.chunk_program import EVERY, NAMES, ChunkProgram, Witness
 from wholebody.planning.judgement.limits import Limit, Margin
 
@@ -73,21 +73,24 @@ def causes(program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True) ->
 
 def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     judge, chunk = program.judge, program.chunk
-    margins = judge.numbers(chunk, program.begin, program.now)
-    numbers = Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE
-    exceeded = [code for code in numbers if code in margins]
-    exceeded = [code for code in exceeded if margins[code].margin < 0.0]
+    margins, first = judge.numbers(chunk, program.begin, program.now), {}
     if _begins_there(program):
-        margins |= {one.code: one for one in rates_from(chunk, program.begin.hands, judge.planner.hand_limits)}
+        every = rates_from(chunk, program.begin.hands, judge.planner.hand_limits)
+        first = {one.code: one for one in every if one.subject.endswith(AT_START)}
+    numbers = Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE
+    exceeded = _exceeded(margins, numbers)
     for row in RATES[: 1 if program.free.all() else 2]:
-        exceeded += [code for code in row if code in margins and margins[code].margin < 0.0][:1]
+        exceeded += _exceeded(margins, row)[:1] + _exceeded(first, row)[:1]
     points = judge.asked(chunk)[0]
-    for code in exceeded:
-        one = margins[code]
+    for one in exceeded:
         side = int(one.subject.startswith("right"))
         where = one.time, side, tuple(points[min(one.step, len(chunk) - 1), side].tolist())
         # Without it the hands' own path is the motion: no body is asked.
-        yield Cause((code,), (one,), where, irreducible=True)
+        yield Cause((one.code,), (one,), where, irreducible=True)
+
+
+def _exceeded(margins: Mapping[Limit, Margin], codes: Iterable[Limit]) -> list[Margin]:
+    return [margins[code] for code in codes if code in margins and margins[code].margin < 0.0]
 
 
 def _begins_there(program: ChunkProgram) -> bool:

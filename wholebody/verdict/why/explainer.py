@@ -26,8 +26,8 @@ CAUSES_WORK, WHY_WORK = 700.0, 1000.0
 """Linearisations and steps after which no further set of bounds is looked for, and no further change is tried
 [no unit]; chosen: about one second and one and a half."""
 TRY_WORK, STEPS = 60.0, 50
-"""The same of one try, for a chunk of so many steps, and in proportion for longer ones; chosen: most that hold take a
-third of it."""
+"""The same of one try, for a chunk of so many steps, and in proportion for longer ones [no unit]; measured: in nine
+planted cases as much as is needed to find the changes that are found with all the work of a plan."""
 
 
 class Explainer:
