@@ -38,3 +38,11 @@ def test_a_hand_that_is_only_turned_away_from_what_was_asked_is_looked_at_too():
     assert verdict.verdict == "infeasible"
     assert verdict.moved_max_m < judge.config.verdict.palm_feasible
     assert [suspect.chunk for suspect in run.suspects] == [chunk]
+
+
+def test_what_was_missed_with_fewer_bounds_is_searched_for_anew_where_a_plan_with_these_is_found_after_all():
+    """A set with a member too many was told: with fewer a plan had been missed, which another search then found."""
+    one = planted("arm_thigh", 5)
+    found, program = told(one)
+    assert found
+    assert all(passes_drop_one(one, cause, program) for cause in found if cause.irreducible)

@@ -141,7 +141,7 @@ class ChunkProgram:
         """
         starts = STARTS if thorough else 1
         known = next((one for one in self._found if one.keeps(enforced)), None)
-        if known is not None or any(less <= enforced and n >= starts for less, n in self._tried.items()):
+        if known is not None or any(self._missed(less, starts) for less in self._tried if less <= enforced):
             return known
         if not thorough and not self._has_postures(enforced):
             return None
@@ -152,6 +152,10 @@ class ChunkProgram:
         # What keeps most of these bounds may be near to what keeps all.
         best = sorted(self._found, key=lambda one: len(enforced & set(one.broken)))[: NEAREST if thorough else 0]
         return next((one for near in best if (one := self._search(enforced, None, near.knots.q[1:]))), None)
+
+    def _missed(self, enforced: frozenset[Limit], starts: int) -> bool:
+        """Whether so many starts found no plan within the bounds of these kinds, and none has been found since."""
+        return self._tried[enforced] >= starts and not any(one.keeps(enforced) for one in self._found)
 
     def know(self, knots: KnotTrajectory) -> None:
         """Count a motion that was found elsewhere, at the chunk's own speed, among those that were found."""
