@@ -2,6 +2,8 @@
 
     python benchmarks/live.py [--minutes 3] [--turn 20] [--source lissajous] [--page]
 
+With `--page` a bare websocket client receives the pictures meanwhile.
+
 Gaps are times of more than 4 ms between two ticks; of each is printed when it was, how long it was, the CPU time of the
 loop in it [ms], and how often the loop was preempted and gave its core up.
 """
@@ -10,15 +12,23 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
+
+from websockets.exceptions import ConnectionClosed
 
 from wholebody.live import pacing
 from wholebody.live.lateness import Lateness
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.support.page_watcher import connected
 
 PERIOD = 2e-3
 """Between two ticks [s]: the control period of the default settings."""
@@ -51,15 +61,33 @@ def main() -> None:
             for gap in run["gap_list"]:
                 print(f"{name}: gap at {gap[0]} s: {gap[1]} ms, CPU {gap[2]} ms, preempted {gap[3]}, gave up {gap[4]}")
     for run in live:
-        print(f"palms {run['palm_error_mm']}, plans {run['planning']}, robot {run['robot']}")
+        print(f"palms {run['palm_error_mm']}, plans {run['planning']}, robot {run['robot']}, frames {run['pictures']}")
 
 
 def _live(source: str, seconds: float, *, page: bool) -> dict:
     code = "from wholebody.cli.main import main; main()"
     arguments = [sys.executable, "-c", code, "live", source, "--duration", f"{seconds:g}", "--hold", "0"]
-    arguments += [] if page else ["--headless"]
-    answer = subprocess.run([*arguments, "--json", "-"], capture_output=True, text=True, check=True)
-    return json.loads(answer.stdout)
+    with TemporaryDirectory() as folder:
+        told = Path(folder) / "told.json"
+        arguments += ["--json", str(told)] if page else ["--json", str(told), "--headless"]
+        process = subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
+        pictures = _watch(process) if page else 0
+        _, errors = process.communicate()
+        if process.returncode:
+            raise RuntimeError(errors)
+        return json.loads(told.read_text()) | {"pictures": pictures}
+
+
+def _watch(process: subprocess.Popen) -> int:
+    """Receive pictures until the page closes; how many frames came."""
+    address, frames = next(found[0] for line in process.stderr if (found := re.search(r"//[\d.]+:\d+", line))), 0
+    try:
+        with connected(address) as page:
+            for _ in page:
+                frames += 1
+    except ConnectionClosed:
+        pass
+    return frames
 
 
 def _empty(seconds: float) -> dict:
