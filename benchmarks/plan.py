@@ -1,10 +1,11 @@
 """How long the plan of a chunk takes, over scripts and hostile chunks, in the closed loop with MuJoCo.
 
-    python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6] [--motions FOLDER]
+    python benchmarks/plan.py [--seeds 0 1 7] [--seconds 6] [--motions FOLDER] [--measured]
 
-Thread CPU time; work is what `planning.budget` counts.
+Thread CPU time; work is what `planning.budget` counts. With `--measured` a plan is cut by its own CPU time too, as
+beside a loop on the wall clock, and the last line says how much of what it was given the slowest one took.
 A chunk takes one trajectory, or several where it is too fast or out of reach. The second table has
-the parts of a linearisation, and the step [us a knot]. The last line is the time of one
+the parts of a linearisation, and the step [us a knot]. After it is the time of one
 `pinocchio.computeRNEADerivatives` of the same robot [us], to compare machines by.
 """
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from time import thread_time
 
@@ -25,6 +27,7 @@ from models import g1
 from policy.recorded.replay import open_recording
 from policy.scripted.library import lissajous, reach, wave
 from tests.support.hostile_chunks import FAMILIES, Episode
+from wholebody.config import ControllerConfig
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
@@ -39,6 +42,8 @@ HEADINGS = (
     "Motion", "chunks", "ms a chunk: median", "max", "plans a chunk", "knots", "ms a plan: median", "max",
     "linearisations a plan", "ms each", "ms a step", "work a chunk: median", "max",
 )  # fmt: skip
+CPU_LIMIT = 5
+"""Which argument of `ChunkPlanner.plan` says how much time it has."""
 PARTS = ("place", "measure", "describe", "rates", "assemble", "step")
 
 
@@ -75,6 +80,7 @@ class Times:
         self.of: dict[str, list[float]] = {}
         self.knots: list[int] = []
         self.work: list[float] = []
+        self.share: list[float] = []
         for owner, name in methods:
             setattr(owner, name, self._timed(f"{owner.__name__}.{name}", getattr(owner, name)))
 
@@ -87,6 +93,7 @@ class Times:
                 self.knots.append(len(arguments[2]))
             if label == "ChunkPlanner.plan":
                 self.work.append(answer.report.work)
+                self.share.append(self.of[label][-1] / (1e3 * arguments[CPU_LIMIT]))
             return answer
 
         return timed
@@ -114,9 +121,9 @@ class Times:
         return cells
 
 
-def motions(folder: Path, times: Times, model: pin.Model) -> None:
+def motions(folder: Path, times: Times, model: pin.Model, config: ControllerConfig) -> None:
     """Print how long plans of recorded motions take, also in units timed beside each, and as a share of their check."""
-    checker, rows, every, work = Checker(), [], [], []
+    checker, rows, every, work = Checker(config=config), [], [], []
     planning = checker.supervisor.config.planning
     print("\n| Recorded motion | chunks | ms a chunk: median | max | units: median | work: max | share of the check |")
     print(f"|{'---|' * 7}")
@@ -149,10 +156,13 @@ def main() -> None:
         "--seeds", type=int, nargs="*", default=[0, 1, 5, 6, 7], help="cases of tests/support/hostile_chunks.py"
     )
     parser.add_argument("--seconds", type=float, default=6.0, help="of each script")
+    parser.add_argument("--measured", action="store_true", help="cut plans by their CPU time")
     parser.add_argument("--motions", type=Path, help="folder of recorded motions, which are checked one by one")
-    options = parser.parse_args()
-    spec = g1()
-    supervisor, plant = Supervisor(spec), MujocoPlant(spec)
+    options, spec = parser.parse_args(), g1()
+    config = ControllerConfig()
+    if options.measured:
+        config = replace(config, planning=replace(config.planning, latency="measured"))
+    supervisor, plant = Supervisor(spec, config), MujocoPlant(spec)
     Episode(supervisor, plant, 10).feasible()  # compiles
     times = Times(
         (ChunkPlanner, "plan"), (TrajectoryOptimizer, "plan"),
@@ -180,7 +190,10 @@ def main() -> None:
     model = supervisor.planner.optimizer.body.model
     print(f"\ncomputeRNEADerivatives: {yardstick(model):.1f} us")
     if options.motions:
-        motions(options.motions, times, model)
+        motions(options.motions, times, model, config)
+    if options.measured:
+        plans, most = len(times.share), 100.0 * max(times.share)
+        print(f"\nof the CPU time that it was given, the slowest of {plans} plans took {most:.0f} %")
 
 
 def yardstick(model: pin.Model) -> float:
