@@ -39,12 +39,14 @@ def main() -> None:
         arguments = [sys.executable, "-c", "from wholebody.cli.main import main; main()", "live", "--json", str(told)]
         process = subprocess.Popen(arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         address = next(found[0] for line in process.stderr if (found := re.search(r"//[\d.]+:\d+", line)))
+        asked = monotonic()
         with connected(address) as page:
             updates, latencies = _watch(page, drags)
         process.send_signal(signal.SIGINT)
         process.communicate()
         loop = json.loads(told.read_text())["loop"]
     seconds = updates[-1] - updates[0]
+    print(f"first picture, with all that is drawn before it: {updates[0] - asked:.2f} s after the page was asked for")
     print(f"pictures: {len(updates) / seconds:.1f} a second over {seconds:.0f} s")
     ms = 1e3 * np.array(latencies)
     print(f"drag to {1e3 * MOVED:g} mm of palm: median {np.median(ms):.0f} ms, longest {ms.max():.0f}, {len(ms)} drags")

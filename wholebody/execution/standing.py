@@ -82,21 +82,32 @@ class Reflex:
         self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
         self._planted = planted
         self._patience, self._back = Patience(), None
+        robot, share = controller.robot, config.planner.posture.torque_share
+        self._waist = [i for i, name in enumerate(robot.joint_names) if name.startswith("waist_")]
+        self._waist_torque = share * controller.spec.effort_max[robot.motor_to_pin][self._waist]
         self.active, self.status = False, statuses.OFF_PLAN
 
     def stand(self, state: RobotState, now: float) -> float:
-        """Come to rest where the robot is, hands let go of; the time to stand before a chunk is joined [s]."""
-        self._hold_still(state)
+        """Come to rest where the robot is, hands let go of; the time to stand before a chunk is joined [s].
+
+        Where the waist cannot hold what is above it, the robot goes towards its stance at once.
+        """
+        here = self._hold_still(state)
+        if self._sinks(state):
+            self._back = WayBack(self._controller.robot, here, self._planted.stance, straight=False)
         self.active, self.status = True, statuses.OFF_PLAN
         return self._patience.wait(now)
 
     def foreseen(self, state: RobotState, ticks: int) -> Foreseen:
-        """What a plan is to begin with so many control periods from now: the robot stands still until then."""
-        if self._back is not None:
+        """What a plan is to begin with so many control periods from now: the robot stands still until then.
+
+        One whose waist could not hold it still goes on towards its stance.
+        """
+        if self._back is not None and not self._sinks(state):
             self._hold_still(state)
         self._smoother.reset(hands_as_measured(self._controller.robot, self._smoother.motion.rows))
-        resting = BodyState.still(self._resting(state), len(state.v))
-        return replace(self._follower.foreseen(ticks), body=resting)
+        resting = self._resting(state) if self._back is None else self._back.posture(ticks * self._config.dt)
+        return replace(self._follower.foreseen(ticks), body=BodyState.still(resting, len(state.v)))
 
     def is_away(self, state: RobotState) -> bool:
         """Whether the robot is off any plan, or without one and not in its stance."""
@@ -131,6 +142,12 @@ class Reflex:
         trajectory = standing_trajectory(robot, self._resting(state), support, margin)
         self._follow(trajectory)
         return trajectory
+
+    def _sinks(self, state: RobotState) -> bool:
+        """Whether what is above the waist, at rest, asks for more torque of it than plans may."""
+        robot = self._controller.robot
+        gravity = pin.computeGeneralizedGravity(robot.model, robot.scratch, state.q)[6:][self._waist]
+        return bool((np.abs(gravity) > self._waist_torque).any())
 
     def _follow(self, trajectory: SampledTrajectory) -> None:
         """Be led to one row, the hands to where it has them: a plan begins with both."""

@@ -13,7 +13,7 @@ SPEED = 0.5
 
 
 class WayBack:
-    """Straight from one target of a robot that stands to the stance, in joints, trunk and centre of mass.
+    """From one target of a robot that stands to the stance, in joints, trunk and centre of mass.
 
     Legs cannot do all of it with both feet where they are: the whole-body program weighs what it asks for. The centre
     of mass counts most, and moves inside the soles from one end to the other.
@@ -22,21 +22,35 @@ class WayBack:
         robot: Its model.
         begin: Where it stands, one row.
         stance: Configuration, shape (nq,).
+        straight: Whether all that moves arrives at once. Otherwise each joint and the trunk are as fast as they may be.
     """
 
-    def __init__(self, robot: Robot, begin: SampledTrajectory, stance: np.ndarray) -> None:
-        self._robot, self._begin = robot, begin
+    def __init__(self, robot: Robot, begin: SampledTrajectory, stance: np.ndarray, *, straight: bool = True) -> None:
+        self._robot, self._begin, self.straight = robot, begin, straight
         self._trunk = [robot.frame_id(name) for name in (robot.spec.base_body, robot.spec.torso_body)]
         self._end = pin.centerOfMass(robot.model, robot.scratch, stance).copy()
         self._way = pin.difference(robot.model, begin.q[0], stance)
         self.seconds = float(np.abs(self._way[3:]).max()) / SPEED
         self._share = 0.0
 
+    def posture(self, later: float) -> np.ndarray:
+        """Configuration that much later [s], shape (nq,)."""
+        share = self._later(later)
+        way = share * self._way
+        if not self.straight:
+            done = share * self.seconds * SPEED
+            way[:6] = self._way[:6] * min(done / max(np.linalg.norm(self._way[3:6]), 1e-9), 1.0)
+            way[6:] = np.clip(self._way[6:], -done, done)
+        return pin.integrate(self._robot.model, self._begin.q[0], way)
+
+    def _later(self, elapsed: float) -> float:
+        return min(self._share + elapsed / max(self.seconds, 1e-9), 1.0)
+
     def advance(self, elapsed: float) -> SampledTrajectory:
         """Where to stand that much later [s], one row at rest; the stance at last."""
-        self._share = min(self._share + elapsed / max(self.seconds, 1e-9), 1.0)
+        self._share = self._later(elapsed)
         robot, data, begin, share = self._robot, self._robot.scratch, self._begin, self._share
-        q = pin.integrate(robot.model, begin.q[0], share * self._way)
+        q = self.posture(0.0)
         pin.framesForwardKinematics(robot.model, data, q)
         com, height, zero = begin.com.copy(), begin.height.copy(), np.zeros((1, 3))
         com[0, 0], height[0, 0] = begin.com[0, 0] + share * (self._end - begin.com[0, 0]), q[2]

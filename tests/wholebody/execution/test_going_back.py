@@ -10,10 +10,12 @@ from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach
 from policy.scripted.policy import to_chunk
+from tests.studies import spent_waist
 from tests.support.body_cases import leaning
 from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.robot.state import Robot
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status
@@ -74,6 +76,13 @@ def test_without_a_chunk_that_can_be_joined_it_goes_back_to_its_stance(loop):
     state, statuses, _ = run(loop, state, 4.0, chunks=0)
     assert "slowly to its stance" in statuses[-1].detail
     assert np.abs(state.q[7:] - stance[7:]).max() < 0.05
+
+
+@pytest.mark.parametrize("case", [14, 34])
+def test_where_the_waist_cannot_hold_the_arms_the_robot_does_not_stay(loop, case):
+    """It stood there, the torso sank, the arms whirled to hold it up, and the robot fell."""
+    q = spent_waist.postures(Robot(loop[0].spec), case + 1)[case]
+    assert spent_waist.fall(*loop, q) is None
 
 
 def test_a_plan_for_a_robot_off_its_plan_begins_with_the_hands_where_the_arms_come_to_rest(loop):
