@@ -1,17 +1,19 @@
-"""Chunks, what the fast check says of each, and what becomes of it in MuJoCo: what a probability can be fitted to.
+"""Chunks of many kinds, what the fast check says of each, and what becomes of it in MuJoCo: what odds are fitted to.
 
 ``python -m tests.studies.outcomes --cases 0 100 --out outcomes.jsonl`` adds a line a case to the file; those that it
-has already are left out, so an interrupted run goes on where it was. Cases are those of `tests.support.outcome_cases`:
-hostile families, scripts, random places, noise and, where G1_MOTIONS names a folder, chunks of recorded motions, each
-begun with the hands at its first step or in the stance, in the true world or a realistic one with a seed of its own.
-``--full`` simulates until 4 s after the last step also where the robot is at rest before that, and says in each line
-since when it was, which shows whether anything happens afterwards. ``--timestep 0.001`` does the same cases with a
-shorter physics step: where the answer differs, no prediction can be right. Nothing is fitted here.
+has already are left out, so an interrupted run goes on where it was. Several ``--cases`` are done side by side, so that
+the file has a share of each at any time. Cases are those of `tests.support.outcome_cases`: hostile families, scripts,
+random places, noise, chunks that come in the midst of another one and, where G1_MOTIONS names a folder, chunks of
+recorded motions, each begun with the hands at its first step or in the stance, in the true world or a realistic one
+with a seed of its own. Nothing is fitted here.
+
+A case is followed no longer than until its outcome is decided (`tests.support.outcome_runs`). ``--full`` simulates
+until 4 s after the last step, or the fall. ``--timestep 0.001`` does the same cases with a shorter physics step,
+``--draw 1`` the realistic ones in another realistic world: where the answer differs, no prediction can be right.
 
 A line has the family, the group that must not be split (clip, script and seed, else the case), the quantities of
 `wholebody.verdict.calibration`, and of each way to follow the chunk whether the robot fell, until 4 s after the last
-step or at rest for `STILL`, and whether both palms were within 20 mm of every step that
-is due once a plan may be there.
+step or at rest, and whether both palms were within 20 mm of every step that is due once a plan may be there.
 """
 
 from __future__ import annotations
@@ -21,13 +23,12 @@ import json
 import os
 import subprocess
 from collections import Counter
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from time import process_time
 
-import numpy as np
-
 from tests.support.outcome_cases import Case, outcome_case
+from tests.support.outcome_runs import run_case
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant
 from wholebody.sim.sensors import REALISTIC_READINGS, Sensors
@@ -35,32 +36,10 @@ from wholebody.types import RobotState
 from wholebody.verdict.calibration.quantities import quantities
 from wholebody.verdict.check import TIMESTEP, Checker
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.trial import Outcome, run_chunk
 
 FOLLOWS = ("as_given", "planned")
-FOLLOWED = 0.02
-"""Distance of a palm from a step up to which it is followed [m]; definition."""
-STILL, SLOW, LOOK = 0.5, (0.02, 0.05, 0.15), 0.02
-"""How long [s] pelvis [m/s], [rad/s] and joints [rad/s] are slow until a robot is at rest, looked at so often [s]."""
-
-
-class AtRest:
-    """Whether a robot has been slow for `STILL`; `since` when [s]."""
-
-    def __init__(self, until: float = STILL) -> None:
-        self.since, self._until, self._slow, self._next = None, until, None, 0.0
-
-    def __call__(self, state: RobotState) -> bool:
-        if state.time < self._next:
-            return False
-        self._next = state.time + LOOK - 1e-9
-        parts = state.v[:3], state.v[3:6], state.v[6:]
-        slow = all(np.abs(part).max() < bound for part, bound in zip(parts, SLOW, strict=True))
-        self._slow = (self._slow or state.time) if slow else None
-        at_rest = slow and state.time > self._slow + STILL
-        if at_rest and self.since is None:
-            self.since = state.time
-        return at_rest and state.time > self._slow + self._until
+DRAWS = 1_000_000
+"""What lies between the seeds of two realistic worlds for the same case."""
 
 
 class Worlds:
@@ -87,39 +66,20 @@ class Worlds:
         return self._checkers
 
 
-def outcome(found: Outcome, rest: AtRest, due: int) -> dict:
-    """What a line says of one way to follow a chunk of which so many steps are due once it may be planned."""
-    errors = found.errors
-    worst = float(errors.max()) if len(errors) else None
-    kept = not found.fell and len(errors) >= due and worst <= FOLLOWED
-    return {
-        "fell": found.fell,
-        "time": found.time,
-        "cause": found.cause,
-        "worst_m": worst,
-        "rms_m": float(np.sqrt((errors**2).mean())) if len(errors) else None,
-        "turn_rad": float(found.turns.max()) if len(errors) else None,
-        "steps": len(errors),
-        "followed": bool(kept),
-        "rest_s": rest.since,
-    }
-
-
-def line_of(case: Case, fast: FastChecker, worlds: Worlds, *, full: bool = False) -> dict:
+def line_of(case: Case, fast: FastChecker, worlds: Worlds, *, draw: int = 0, whole: bool = False) -> dict:
     """What the fast check says of a chunk, and what becomes of it."""
     judge, began = fast.judge, process_time()
-    begin = judge.stance() if case.start == "stance" else judge.first_pose(case.chunk)
-    found = judge.judge(case.chunk, begin)
-    line = {name: getattr(case, name) for name in ("family", "group", "start", "world")}
+    begin = at = judge.stance() if case.start == "stance" else judge.first_pose(case.before or case.chunk)
+    if case.before is not None:
+        at = judge.later(judge.judge(case.before, begin).plan, case.begins)
+    found = judge.judge(case.chunk, at)
+    line = {name: getattr(case, name) for name in ("family", "group", "start", "world", "begins")}
     line |= {"steps": len(case.chunk), "fps": case.chunk.fps, "strategy": found.plan.report.strategy}
-    numbers = quantities(judge, case.chunk, begin, found)
+    numbers = quantities(judge, case.chunk, at, found)
     line["quantities"] = {name: float(f"{value:.5g}") for name, value in numbers.items()}
     line["fast_s"] = round(process_time() - began, 3)
-    for follow, checker in worlds.checkers(case.world, case.number).items():
-        rest = AtRest(np.inf if full else STILL)
-        one = run_chunk(checker, case.chunk, RobotState(0.0, begin.body.q, begin.body.v), settled=rest)
-        lead = checker.supervisor.config.planning.lead
-        line[follow] = outcome(one, rest, len(case.chunk) - int(lead * case.chunk.fps) - 2)
+    for follow, checker in worlds.checkers(case.world, case.number + DRAWS * draw).items():
+        line[follow] = asdict(run_case(checker, case, RobotState(0.0, begin.body.q, begin.body.v), whole=whole))
     return line | {"cpu_s": round(process_time() - began, 2)}
 
 
@@ -132,19 +92,21 @@ def revision() -> str:
 def main() -> None:
     """Run what is not in the file yet, and count."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, nargs=2, default=(0, 100), metavar=("FIRST", "END"))
+    parser.add_argument("--cases", type=int, nargs=2, action="append", required=True, metavar=("FIRST", "END"))
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each case")
-    parser.add_argument("--full", action="store_true", help="until 4 s after the last step also where it is at rest")
+    parser.add_argument("--full", action="store_true", help="until 4 s after the last step, or the fall")
+    parser.add_argument("--draw", type=int, default=0, help="another realistic world for each case")
     parser.add_argument("--timestep", type=float, default=TIMESTEP, help="physics step [s]")
     chosen, motions = parser.parse_args(), os.environ.get("G1_MOTIONS", "")
     lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
     done, fast, worlds, run = {line["case"] for line in lines}, FastChecker(), Worlds(chosen.timestep), revision()
-    for number in range(*chosen.cases):
-        if number in done:
+    share = {n: (n - first) / (end - first) for first, end in chosen.cases for n in range(first, end)}
+    for number in sorted(share.keys() - done, key=share.get):
+        case = outcome_case(number, motions)
+        if chosen.draw and case.world == "true":
             continue
-        line = {"case": number, "revision": run} | line_of(
-            outcome_case(number, motions), fast, worlds, full=chosen.full
-        )
+        line = line_of(case, fast, worlds, draw=chosen.draw, whole=chosen.full)
+        line = {"case": number, "draw": chosen.draw, "revision": run} | line
         lines.append(line)
         with chosen.out.open("a") as file:
             file.write(json.dumps(line) + "\n")

@@ -23,8 +23,9 @@ from tests.support.verdict_agreement import HOSTILE, sent
 
 KINDS = ("hostile", "script", "noise", "recorded", "sent", "hostile", "script", "noise", "recorded", "edge")
 """Of ten cases in a row."""
-JOINTS = 100_000
-"""From this number on hands move as they do when the joints of arms and waist move at random."""
+JOINTS, MOVING = 100_000, 200_000
+"""From these numbers on hands move as they do when the joints of arms and waist move at random, and chunks come while
+the one before is being followed."""
 SCRIPTS = ("lissajous", "reach", "two_hand_lift", "pick_low", "pick_high", "wave", "grasp")
 STEPS = (20, 75)
 FASTER = (0.6, 1.8)
@@ -32,13 +33,18 @@ FASTER = (0.6, 1.8)
 NOISE, NOISE_TURN, NOISE_TIME = (1e-3, 0.1), (3e-3, 0.5), (0.03, 0.5)
 """Standard deviations of what is added [m], [rad], and the time over which it stays alike [s]."""
 
+ANEW = (1e-3, 0.05)
+"""Standard deviation of what a chunk that is sampled anew differs by from the one before it [m]."""
 SWING, SWING_TIME = (0.2, 1.2), (0.1, 0.6)
 """Of joints at random: how much of their range they use, and the time over which they go one way [s]."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A chunk; the kind of it, what must not be split, where it begins: ``first`` or ``stance``, and in which world."""
+    """A chunk; the kind of it, what must not be split, where it begins: ``first`` or ``stance``, and in which world.
+
+    It comes ``begins`` [s] after the first step of the one ``before``, if there is one.
+    """
 
     number: int
     family: str
@@ -46,18 +52,24 @@ class Case:
     start: str
     world: str
     chunk: ActionChunk
+    before: ActionChunk | None = None
+    begins: float = 0.0
 
 
 def outcome_case(number, motions=""):
     """The case of a number; where no folder of motions is named, another random place takes a motion's place."""
     rng = np.random.default_rng((18, number))
-    kind = "joints" if number >= JOINTS else KINDS[number % len(KINDS)]
+    kind = "moving" if number >= MOVING else "joints" if number >= JOINTS else KINDS[number % len(KINDS)]
     kind = "sent" if kind == "recorded" and not motions else kind
     world = ("true", "realistic")[int(rng.integers(2))]
     stands = rng.random() < {"hostile": 0.7, "sent": 1.0}.get(kind, 0.25)
-    family, group, chunk = MAKERS[kind](rng, number, motions)
-    chunk = replace(chunk, spec_id=builtin("wbc32").id, seq=0, t_obs=0.0, notes=())
-    return Case(number, family, group, "stance" if stands else "first", world, chunk)
+    family, group, *chunks = MAKERS[kind](rng, number, motions)
+    chunks = [replace(one, spec_id=builtin("wbc32").id, seq=k, t_obs=0.0, notes=()) for k, one in enumerate(chunks)]
+    case = Case(number, family, group, "stance" if stands else "first", world, chunks[-1])
+    if len(chunks) == 1:
+        return case
+    begins = (len(chunks[0]) - len(chunks[1])) / chunks[0].fps
+    return replace(case, before=chunks[0], chunk=replace(chunks[1], t_obs=begins), begins=begins)
 
 
 def _hostile(rng, number, motions):
@@ -141,6 +153,19 @@ def _joints(rng, number, motions):
     return "joints", f"joints {number}", ActionChunk("wbc32", 0, 0.0, fps, hands["lhand"], hands["rhand"], *fingers)
 
 
+def _moving(rng, number, motions):
+    """A chunk, and another one that comes in the midst of it: the rest of it, or what a policy sampled anew of that."""
+    kind = (_script, _noise, _joints, _sent)[int(rng.choice(4, p=(0.4, 0.2, 0.3, 0.1)))]
+    _, group, chunk = kind(rng, number, motions)
+    first = int(rng.integers(len(chunk) // 5, len(chunk) // 2 + 1))
+    rest = replace(chunk, **{name: value[first:] for name, value in chunk.arrays().items()})
+    if rng.random() < 0.5:
+        deviation, time = np.exp(rng.uniform(*np.log(ANEW))), np.exp(rng.uniform(*np.log(NOISE_TIME)))
+        for name in ("T_world_lhand", "T_world_rhand"):
+            getattr(rest, name)[:, :3, 3] += deviation * alike(rng, len(rest), time * rest.fps)
+    return "moving", group, chunk, rest
+
+
 def alike(rng, n, steps):
     """Noise of variance 1 that is smooth over so many steps: white noise through a Gaussian window, (n, 3)."""
     reach = int(np.ceil(3.0 * steps))
@@ -169,5 +194,5 @@ def recordings(motions):
 
 MAKERS = {
     "hostile": _hostile, "script": _script, "edge": _edge, "sent": _sent, "noise": _noise, "recorded": _recorded,
-    "joints": _joints,
+    "joints": _joints, "moving": _moving,
 }  # fmt: skip

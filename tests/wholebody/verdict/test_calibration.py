@@ -8,9 +8,9 @@ import pytest
 
 from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import scripted_policy
-from tests.studies.outcomes import AtRest
 from tests.support.hostile_chunks import hostile_chunk
-from tests.support.outcome_cases import KINDS, outcome_case
+from tests.support.outcome_cases import JOINTS, KINDS, MOVING, Case, outcome_case
+from tests.support.outcome_runs import run_case
 from tests.support.sent_chunks import sent
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
@@ -18,10 +18,10 @@ from wholebody.types import RobotState
 from wholebody.verdict.calibration.fitting import alarm_bound, calibration_error, fit_calibration
 from wholebody.verdict.calibration.model import SHIPPED, Calibration, shipped
 from wholebody.verdict.calibration.quantities import quantities
+from wholebody.verdict.calibration.rollout import STANDS, Rollout
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker, shared_checker
 from wholebody.verdict.report import lines
-from wholebody.verdict.trial import run_chunk
 
 HANDFUL = Path(__file__).parents[2] / "studies" / "stored" / "calibration.json"
 
@@ -173,19 +173,45 @@ def test_a_chunk_of_one_step_has_all_its_quantities():
     assert found["speed"] == found["acceleration_rms"] == 0.0
 
 
-def test_a_robot_at_rest_ends_a_run_with_the_same_answer():
-    chunk, begin = sent(to=(0.1, 0.0, 0.1)), shared_checker(ControllerConfig()).judge.stance().body
+def test_a_case_that_is_decided_early_has_the_answer_of_one_that_is_not():
+    begin = shared_checker(ControllerConfig()).judge.stance().body
     checker, state = Checker(follow="as_given"), RobotState(0.0, begin.q, begin.v)
-    rest, watched = AtRest(), AtRest(np.inf)
-    short, whole = (run_chunk(checker, chunk, state, settled=one) for one in (rest, watched))
-    assert not short.fell
-    assert not whole.fell
-    assert rest.since == watched.since < chunk.times[-1] + 2.0
-    assert np.array_equal(short.errors, whole.errors)
+    hostile = hostile_chunk("box", np.random.default_rng(6), 0, 0.0)
+    for chunk, falls in ((sent(to=(0.1, 0.0, 0.1)), False), (hostile, True)):
+        case = Case(0, "", "", "stance", "true", chunk)
+        short, whole = (run_case(checker, case, state, whole=one) for one in (False, True))
+        assert short.fell == whole.fell == falls
+        assert falls or short.rest_s == whole.rest_s < chunk.times[-1] + 2.0
+        assert not falls or whole.time - 1.5 < short.time < whole.time
+
+
+def test_a_chunk_that_comes_in_the_midst_of_another_is_judged_by_what_happens_after_it_came():
+    case = outcome_case(MOVING)
+    assert case.before is not None
+    assert case.chunk.t_obs == case.begins > 0.0
+    begin = shared_checker(ControllerConfig()).judge.stance().body
+    far = Case(0, "", "", "stance", "true", sent(to=(0.05, 0.0, 0.05)), case.before, 0.5)
+    found = run_case(Checker(), far, RobotState(0.0, begin.q, begin.v))
+    assert not found.fell
+    assert found.worst_m is not None
+
+
+def test_a_rollout_tells_what_falls_from_what_stands_before_anything_is_simulated():
+    judge, rollout = shared_checker(ControllerConfig()).judge, Rollout(ControllerConfig())
+    begin, hostile = judge.stance(), hostile_chunk("box", np.random.default_rng(6), 0, 0.0)
+    calm, wild = (rollout.quantities(one, begin, (0.0, 0.0)) for one in (sent(to=(0.05, 0.0, 0.05)), hostile))
+    assert calm.keys() == wild.keys() == STANDS.keys()
+    assert calm["roll_left"] == calm["roll_no_hands"] == 0.0
+    assert calm["roll_capture"] > 0.02
+    assert wild["roll_left"] > 0.0
+    assert wild["roll_capture"] < -0.05
+    assert np.isfinite(list(wild.values())).all()
+    # Nothing is kept from one chunk to the next.
+    assert rollout.quantities(sent(to=(0.05, 0.0, 0.05)), begin, (0.0, 0.0)) == calm
 
 
 def test_every_kind_of_case_is_a_valid_chunk_and_the_same_again():
-    for number in range(2 * len(KINDS)):
+    for number in (*range(2 * len(KINDS)), JOINTS, *range(MOVING, MOVING + 4)):
         case, again = outcome_case(number), outcome_case(number)
         case.chunk.validate()
         assert np.array_equal(case.chunk.T_world_lhand, again.chunk.T_world_lhand)

@@ -8,6 +8,7 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Limit
+from wholebody.verdict.calibration.rollout import STANDS, shared_rollout
 
 SHOULDER = np.array([[0.0, 0.12, 1.1], [0.0, -0.12, 1.1]])
 """About where the shoulders of the standing robot are, left first [m]; chosen: an origin of distances, no more."""
@@ -36,9 +37,12 @@ def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: Chunk
         "violation": report.violation,
         "start": float(np.linalg.norm(at - p[0], axis=1).max()),
         "start_turn": float(angle_between(turned, R[0]).max()),
+        "start_speed": float(np.linalg.norm(begin.hands.v, axis=1).max()),
     }
     rooms = {f"room_{code}": float(room.get(code, 1.0)) for code in Limit if code is not Limit.SCENE_DISTANCE}
-    return rooms | plan | _motion(p, R, chunk.fps) | _smooth(at, p, chunk.fps)
+    # What a preview clears leaves room to every bound: following it once more would tell little.
+    followed = STANDS if found.previewed else shared_rollout(judge.config).quantities(chunk, begin, judge.loads)
+    return rooms | plan | followed | _motion(p, R, chunk.fps) | _smooth(at, p, chunk.fps)
 
 
 def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:

@@ -1,0 +1,123 @@
+"""A chunk followed by the program of the tick alone, its answers integrated as if the robot were exactly its model.
+
+What makes a chunk fall as given is that this program cannot keep the robot up any more. Integrated in long steps, it
+says so much sooner than a simulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from policy.chunk import ActionChunk
+from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
+from wholebody.control.tick_report import TickLevel, TickReport
+from wholebody.execution import statuses
+from wholebody.execution.as_given import AsGiven
+from wholebody.planning.judgement.chunk_judge import Begin
+from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.types import RobotState
+
+STEP = 0.02
+"""Time over which an answer is integrated [s]; chosen: the longest that the program allows."""
+AFTER = 0.6
+"""How long after the last step is looked at [s]; chosen: what topples has left the soles by then."""
+AT_BOUND, PAST_BOUND = 0.001, 0.005
+"""How near its bound, and how far past it, time of the capture point counts [m]; chosen."""
+STANDS = {
+    "roll_failed": 0.0, "roll_left": 0.0, "roll_no_hands": 0.0, "roll_zmp": 0.05, "roll_capture": 0.06,
+    "roll_capture_end": 0.06, "roll_at_bound": 0.0, "roll_past_bound": 0.0, "roll_com": 0.06, "roll_com_end": 0.06,
+    "roll_slack": 0.0, "roll_load": 340.0, "roll_off": 0.0, "roll_off_end": 0.0, "roll_push": 1.0,
+    "roll_friction": 0.02,
+}  # fmt: skip
+"""What a robot that stands well comes to, in the units of `Rollout.quantities`; chosen: about the stance."""
+
+
+class Rollout:
+    """What the program of the tick makes of chunks in a world that is as it believes."""
+
+    def __init__(self, config: ControllerConfig) -> None:
+        # A second solver seldom finds what the first does not.
+        config = replace(config, backend=ControllerConfig().backend, fallback="none")
+        self._follower, self._margin = AsGiven(describe(config.robot), config), config.safety.balance_margin
+
+    def quantities(self, chunk: ActionChunk, begin: Begin, loads: tuple[float, float]) -> dict[str, float]:
+        """By name, each a finite number: how far the program gets, and with how much room.
+
+        Times for which it has no answer any more, drops the hands, or has the capture point at or past its bound [s],
+        room of centre of pressure, capture point and centre of mass to the edge of the soles, least and last [m], slack
+        of the bounds [m/s], least force on the floor [N], distance of the palms, largest and last [m], acceleration of
+        the base [m/s^2, rad/s^2], and force along the floor by force on it.
+
+        Args:
+            chunk: A valid chunk; followed from its first step on.
+            begin: Where it is begun.
+            loads: Masses in the left and right hand that are counted on [kg].
+        """
+        self._follower.controller.carry(loads)
+        rows, left = self._follow(replace(chunk, t_obs=0.0), begin)
+        zmp, capture, com, slack, normal, off, push, sideways, no_hands = np.array(rows or [[0.0] * 9]).T
+        return {
+            "roll_failed": float(left > 0.0),
+            "roll_left": left,
+            "roll_no_hands": float(no_hands.sum()) * STEP,
+            "roll_zmp": float(zmp.min()),
+            "roll_capture": float(capture.min()),
+            "roll_capture_end": float(capture[-1]),
+            "roll_at_bound": float((capture < self._margin + AT_BOUND).sum()) * STEP,
+            "roll_past_bound": float((capture < self._margin - PAST_BOUND).sum()) * STEP,
+            "roll_com": float(com.min()),
+            "roll_com_end": float(com[-1]),
+            "roll_slack": float(slack.sum()) * STEP,
+            "roll_load": float(normal.min()),
+            "roll_off": float(off.max()),
+            "roll_off_end": float(off[-1]),
+            "roll_push": float(push.max()),
+            "roll_friction": float(sideways.max()),
+        }
+
+    def _follow(self, chunk: ActionChunk, begin: Begin) -> tuple[list[list[float]], float]:
+        """What each tick comes to, and the time that is left when there is no answer any more [s]."""
+        follower, q, v, rows = self._follower, begin.body.q.copy(), begin.body.v.copy(), []
+        follower.reset(RobotState(0.0, q, v))
+        follower.accept(chunk, -1e-6)
+        steps = int(np.ceil(((len(chunk) - 1) / chunk.fps + AFTER) / STEP))
+        for k in range(steps):
+            follower.step(RobotState(k * STEP, q, v), k * STEP)
+            tick = follower.last_tick
+            if follower.status is statuses.STANDING_LOST or tick.level is TickLevel.FAILED:
+                return rows, (steps - k) * STEP
+            rows.append(self._room(tick))
+            dv = tick.solution.dv
+            q, v = pin.integrate(follower.robot.model, q, STEP * (v + 0.5 * STEP * dv)), v + STEP * dv
+        return rows, 0.0
+
+    def _room(self, tick: TickReport) -> list[float]:
+        """What `quantities` takes the least, the largest, the last or the sum of."""
+        follower, controller, answer = self._follower, self._follower.controller, tick.solution
+        support, com, speed = controller.balance.support, follower.robot.com, follower.robot.com_velocity
+        points = [foot.T_world_ref.translation + foot.points @ foot.T_world_ref.rotation.T for foot in controller.feet]
+        forces, normal = answer.forces, max(float(answer.forces[:, 2].sum()), 1.0)
+        pressed = forces[:, 2] @ np.vstack(points)[:, :2] / normal
+        palms = np.array([pose[:3, 3] for pose in follower.palm_reference().values()])
+        return [
+            support.margin(pressed),
+            support.margin(com[:2] + speed[:2] / natural_frequency(float(com[2]))),
+            support.margin(com[:2]),
+            float(answer.slack[0]),
+            normal,
+            float(np.linalg.norm(controller.palm_positions() - palms, axis=1).max()),
+            float(np.abs(answer.dv[:6]).max()),
+            float(np.linalg.norm(forces[:, :2].sum(axis=0))) / normal,
+            float(tick.level is TickLevel.NO_HANDS),
+        ]
+
+
+@lru_cache(maxsize=1)
+def shared_rollout(config: ControllerConfig) -> Rollout:
+    """The same one for the same settings, as long as no others are asked for."""
+    return Rollout(config)
