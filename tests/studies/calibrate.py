@@ -13,6 +13,7 @@ import argparse
 import json
 import sys
 from collections import Counter
+from math import lgamma
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,8 @@ HELD_OUT = "recorded"
 """Family that the shipped model is never fitted to."""
 FALSE_ALARMS = 0.05
 """Share of the others at which the recall is told [no unit]; definition."""
+COVERED = 30
+"""Chunks begun in motion from which on those are told as any others [no unit]; chosen."""
 BIN_MIN = 10
 """Chunks that a point of a diagram stands for at least [no unit]; chosen."""
 TITLES = ("falls as given", "followed within 20 mm")
@@ -50,18 +53,21 @@ class Lines:
 
 
 def read(paths: list[Path]) -> Lines:
-    """Of files, each case once."""
+    """Of files, each case once in a world; robots that fell before the chunk came are left out."""
     found = {}
     for path in paths:
         for text in path.read_text().splitlines():
             line = json.loads(text)
-            found.setdefault(line["case"], line)
-    return Lines([found[case] for case in sorted(found)])
+            if not line["as_given"]["early"]:
+                found.setdefault((line["case"], line["draw"]), line)
+    return Lines([found[key] for key in sorted(found)])
 
 
 def fitted(lines: Lines) -> tuple[Calibration, np.ndarray]:
     """A model of all lines, and what models fitted to the other groups say of each."""
+    covers = ["a start in motion"] * (np.sum(lines.families == "moving") >= COVERED)
     card = {
+        "covers": covers,
         "families": dict(Counter(lines.families.tolist())),
         "falls": int(lines.answers[0].sum()),
         "followed": int(lines.answers[1].sum()),
@@ -164,6 +170,37 @@ def disagreement(lines: Lines, repeats: Path) -> None:
     print(f"another physics step: of {len(both)} another answer on falls in {fell}, on what is followed in {kept}")
 
 
+def ceiling(lines: Lines) -> None:
+    """The most that can be known: by the probability of each chunk over all realistic worlds, of those drawn again."""
+    again: dict[int, list[np.ndarray]] = {}
+    for line, answer in zip(lines.lines, lines.answers.T, strict=True):
+        if line["world"] == "realistic":
+            again.setdefault(line["case"], []).append(answer)
+    several = [np.array(found) for found in again.values() if len(found) > 1]
+    for k, title in enumerate(TITLES):
+        n, yes = np.array([len(one) for one in several]), np.array([one[:, k].sum() for one in several])
+        if not len(n):
+            continue
+        a, b = beta_binomial(yes, n)
+        p = (np.arange(4000) + 0.5) / 4000
+        weight = p ** (a - 1.0) * (1.0 - p) ** (b - 1.0)
+        above = np.cumsum((weight * (1.0 - p))[::-1])[::-1] / (weight * (1.0 - p)).sum()
+        best = (weight * p)[above <= FALSE_ALARMS].sum() / (weight * p).sum()
+        split = ((yes > 0) & (yes < n)).mean()
+        print(f"{title}: {len(n)} chunks in {n.mean():.1f} worlds each, {100 * split:.0f} % with both answers; "
+              f"at best {100 * best:.0f} % are found at 5 % false alarms")  # fmt: skip
+
+
+def beta_binomial(yes: np.ndarray, n: np.ndarray) -> tuple[float, float]:
+    """Exponents of the beta distribution of which counts out of n are likeliest, on a grid."""
+    grid, best = np.exp(np.linspace(np.log(0.01), np.log(10.0), 61)), (-np.inf, 1.0, 1.0)
+    for a in grid:
+        for b in grid:
+            said = sum(lgamma(k + a) + lgamma(m - k + b) - lgamma(m + a + b) for k, m in zip(yes, n, strict=True))
+            best = max(best, (said + len(n) * (lgamma(a + b) - lgamma(a) - lgamma(b)), float(a), float(b)))
+    return best[1], best[2]
+
+
 def handful(model: Calibration, lines: Lines, n: int = 8) -> list[dict]:
     """Every so many of the cases, with what is told of them."""
     told, some = asked(model, lines).T, range(0, len(lines), max(len(lines) // n, 1))
@@ -211,6 +248,7 @@ def main() -> None:
     if len(lines) < 2 * BINS:
         sys.exit(f"{len(lines)} outcomes; at least {2 * BINS} are needed")
     model, curves = report(lines)
+    ceiling(lines)
     if chosen.repeats is not None:
         disagreement(lines, chosen.repeats)
     if chosen.model is not None:

@@ -149,10 +149,17 @@ def test_the_fast_check_tells_the_odds_of_what_stands_and_of_what_falls():
     assert (told.chunks, told.unlike) == (1, calm.odds.unlike)
 
 
-def test_chunks_that_are_begun_in_motion_are_told():
+def test_chunks_that_are_begun_in_motion_are_told_where_none_of_those_fitted_to_was(small):
+    model, _ = small
+    found = [(0.0, {"a": 0.1, "b": -0.2, "c": 0.3})]
+    assert "a start in motion" in model.odds(found, ["a start in motion"], "true").unlike
+    model = Calibration(
+        model.names, model.scale, model.weights, model.shape, model.card | {"covers": ["a start in motion"]}
+    )
+    assert model.odds(found, ["a start in motion"], "true").unlike == ()
     told = shared_checker(ControllerConfig()).check(scripted_policy("wave"), "wave", 4.0).odds
     assert told.chunks > 1
-    assert "a start in motion" in told.unlike
+    assert ("a start in motion" in told.unlike) == ("a start in motion" not in shipped().card["covers"])
 
 
 def test_loads_that_nobody_fitted_are_told():

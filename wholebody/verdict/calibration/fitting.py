@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wholebody.verdict.calibration.additive import Scale, fit, logistic
-from wholebody.verdict.calibration.model import ANSWERS, Calibration
+from wholebody.verdict.calibration.model import ANSWERS, Calibration, with_world
 
 DRAWS, FOLDS = 24, 5
 """Draws of the data, and parts of which one is left out at a time [no unit]; chosen: each draw costs a fit."""
@@ -42,7 +42,7 @@ def fit_calibration(
         seed: Of folds and draws.
         card: Whatever is to be known of the data.
     """
-    names, rng = (*quantities[0], "realistic"), np.random.default_rng(seed)
+    names, rng = tuple(with_world(quantities[0], worlds[0])), np.random.default_rng(seed)
     x = Calibration(names, None, None, None, {}).rows(quantities, worlds)
     scale, group = Scale.of(x), np.unique(groups, return_inverse=True)[1]
     n = int(group.max()) + 1

@@ -20,6 +20,8 @@ SHIPPED = Path(__file__).with_name("g1_dex3.npz")
 ANSWERS = ("fall_as_given", "followed")
 WORLD = "realistic"
 """In which the probabilities are; chosen: what a robot with errors as assumed would do."""
+SPLIT = ("roll_capture", "roll_at_bound", "roll_com", "roll_com_end", "roll_zmp", "roll_off")
+"""Quantities that tell otherwise of a realistic robot: those of how near to falling its model comes."""
 LEVEL = 0.9
 """Of the intervals [no unit]; chosen."""
 NAMED = 3
@@ -31,12 +33,13 @@ class Calibration:
     """Probabilities of what becomes of a chunk.
 
     Args:
-        names: Of the quantities, in their order; the world, 1 if realistic, is the last one.
+        names: Of the quantities, in their order; those of `with_world` are the last ones.
         scale: Of the quantities.
         weights: Of the basis, a row a draw of the data, shape (2, draws, k), by the order of `ANSWERS`.
         shape: Inverse covariance of the standard quantities fitted to, shape (n, n).
         card: What it was fitted to: ``alarm``, the probability of a fall from which an alarm is due or 0, ``near``, the
-            distance up to which a chunk is like those, and whatever else is to be known of it.
+            distance up to which a chunk is like those, ``covers``, what else some of those were (begun in motion),
+            and whatever else is to be known of it.
     """
 
     def __init__(
@@ -82,8 +85,7 @@ class Calibration:
     def rows(self, found: Sequence[Mapping[str, float]], world: str | Sequence[str] = WORLD) -> np.ndarray:
         """Quantities as numbers, shape (m, n)."""
         worlds = [world] * len(found) if isinstance(world, str) else world
-        real = [{"realistic": float(one == "realistic")} for one in worlds]
-        both = [{**one, **other} for one, other in zip(found, real, strict=True)]
+        both = [with_world(one, world) for one, world in zip(found, worlds, strict=True)]
         return np.array([[one[name] for name in self.names] for one in both]).reshape(-1, len(self.names))
 
     def draws(self, x: np.ndarray) -> np.ndarray:
@@ -117,12 +119,15 @@ class Calibration:
 
         Args:
             found: When each chunk begins [s], and its quantities.
-            other: In what else the input is unlike those fitted to.
+            other: In what else the input may be unlike those fitted to; what those cover is not told.
             world: ``true`` or ``realistic``.
         """
         if not found:
             return None
-        x = self.rows([quantities for _, quantities in found], world)
+        x, other = (
+            self.rows([one for _, one in found], world),
+            [one for one in other if one not in self.card.get("covers", ())],
+        )
         draws = self.draws(x)
         falls, follows = draws.mean(axis=1)
         fall, followed, bound = int(falls.argmax()), int(follows.argmin()), self.card["alarm"]
@@ -132,6 +137,12 @@ class Calibration:
             alarm=bool(falls[fall] >= bound) if bound > 0.0 else None, unlike=(*other, *self.unlike(x)),
             chunks=len(found), fitted_to=int(self.card["chunks"]), world=world,
         )  # fmt: skip
+
+
+def with_world(found: Mapping[str, float], world: str) -> dict[str, float]:
+    """Quantities, whether the world is realistic, and those of `SPLIT` once more, 0 where it is not."""
+    real = float(world == "realistic")
+    return {**found, "realistic": real} | {f"{name}_realistic": real * found[name] for name in SPLIT if name in found}
 
 
 def _chance(draws: np.ndarray) -> Chance:
