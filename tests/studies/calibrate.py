@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from wholebody.verdict.calibration.fitting import BINS, alarm_bound, calibration_error, fit_calibration
-from wholebody.verdict.calibration.model import Calibration
+from wholebody.verdict.calibration.fitting import BINS, DRAWS, alarm_bound, calibration_error, fit_calibration
+from wholebody.verdict.calibration.model import Calibration, with_world
 from wholebody.verdict.worlds import binomial_interval
 
 HELD_OUT = "recorded"
@@ -28,6 +28,13 @@ FALSE_ALARMS = 0.05
 """Share of the others at which the recall is told [no unit]; definition."""
 COVERED = 30
 """Chunks begun in motion from which on those are told as any others [no unit]; chosen."""
+FALL_BY = (
+    "room_zmp", "room_balance", "searched", "moved", "start", "start_speed", "seconds", "path", "acceleration_rms",
+    "front", "reach", "away", "smooth_speed", "smooth_push", "smooth_push_rms",
+)  # fmt: skip
+"""Quantities that tell of falls, beside those of a rollout; chosen: by the probabilities of groups left out."""
+FEW = 4
+"""Draws of the data where no interval is asked for [no unit]; chosen."""
 BIN_MIN = 10
 """Chunks that a point of a diagram stands for at least [no unit]; chosen."""
 TITLES = ("falls as given", "followed within 20 mm")
@@ -63,9 +70,13 @@ def read(paths: list[Path]) -> Lines:
     return Lines([found[key] for key in sorted(found)])
 
 
-def fitted(lines: Lines) -> tuple[Calibration, np.ndarray]:
+def fitted(lines: Lines, repeats: int = DRAWS) -> tuple[Calibration, np.ndarray]:
     """A model of all lines, and what models fitted to the other groups say of each."""
-    covers = ["a start in motion"] * (np.sum(lines.families == "moving") >= COVERED)
+    covers = ["a start in motion"] if (lines.families == "moving").sum() >= COVERED else []
+    names = with_world(lines.quantities[0], "true")
+    rolled = [name for name in names if name.startswith("roll_")]
+    falls = {"realistic", *rolled, *FALL_BY}
+    uses = {"fall_as_given": falls, "followed": set(names) - set(rolled)}
     card = {
         "covers": covers,
         "families": dict(Counter(lines.families.tolist())),
@@ -73,7 +84,15 @@ def fitted(lines: Lines) -> tuple[Calibration, np.ndarray]:
         "followed": int(lines.answers[1].sum()),
         "revisions": sorted({line["revision"] for line in lines.lines}),
     }
-    return fit_calibration(lines.quantities, lines.worlds.tolist(), lines.answers, lines.groups.tolist(), card=card)
+    return fit_calibration(
+        lines.quantities,
+        lines.worlds.tolist(),
+        lines.answers,
+        lines.groups.tolist(),
+        uses=uses,
+        repeats=repeats,
+        card=card,
+    )
 
 
 def asked(model: Calibration, lines: Lines) -> np.ndarray:
@@ -145,7 +164,7 @@ def report(lines: Lines) -> tuple[Calibration, list[tuple[str, np.ndarray, np.nd
     for family in sorted(set(seen.families)):
         other = seen.part(seen.families != family)
         if len(set(other.groups)) > 20 and (seen.families == family).sum() > 4:
-            without, _ = fitted(other)
+            without, _ = fitted(other, FEW)
             mine = seen.part(seen.families == family)
             print(row(f"{family}, never fitted", asked(without, mine), mine, without.card["alarm"]))
     falls = int(seen.answers[0].sum())

@@ -53,6 +53,16 @@ def test_probabilities_that_are_known_are_found_again_and_the_interval_has_them(
     assert ((p > low - 0.03) & (p < high + 0.03)).mean() > 0.8
 
 
+def test_an_answer_is_told_of_the_quantities_that_it_may_use_and_of_no_others():
+    found, answers, groups, _ = made_up(300, 4)
+    uses = {"fall_as_given": {"a"}, "followed": {"b", "c"}}
+    model, _ = fit_calibration(found, ["true"] * len(found), answers, groups, uses=uses, repeats=2)
+    x = model.rows([found[0], found[0] | {"a": 2.0}, found[0] | {"b": 2.0}], "true")
+    falls, follows = model.probabilities(x)
+    assert falls[0] == falls[2] != falls[1]
+    assert follows[0] == follows[1] != follows[2]
+
+
 def test_what_groups_left_out_are_told_is_calibrated_too(small):
     _, held = small
     _, answers, _, p = made_up(900, 1)
@@ -159,7 +169,7 @@ def test_chunks_that_are_begun_in_motion_are_told_where_none_of_those_fitted_to_
     assert model.odds(found, ["a start in motion"], "true").unlike == ()
     told = shared_checker(ControllerConfig()).check(scripted_policy("wave"), "wave", 4.0).odds
     assert told.chunks > 1
-    assert ("a start in motion" in told.unlike) == ("a start in motion" not in shipped().card["covers"])
+    assert ("a start in motion" in told.unlike) == ("a start in motion" not in shipped().card.get("covers", ()))
 
 
 def test_loads_that_nobody_fitted_are_told():

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from wholebody.verdict.calibration.additive import Scale, fit, logistic
+from wholebody.verdict.calibration.additive import KINKS, Scale, fit, logistic
 from wholebody.verdict.calibration.model import ANSWERS, Calibration, with_world
 
 DRAWS, FOLDS = 24, 5
@@ -29,6 +29,8 @@ def fit_calibration(
     answers: np.ndarray,
     groups: Sequence[str],
     *,
+    uses: Mapping[str, Collection[str]] | None = None,
+    repeats: int = DRAWS,
     seed: int = 0,
     card: Mapping | None = None,
 ) -> tuple[Calibration, np.ndarray]:
@@ -39,6 +41,8 @@ def fit_calibration(
         worlds: In which each was.
         answers: What became of it, in the order of `ANSWERS`, 0 or 1, shape (2, m).
         groups: What is not to be split.
+        uses: Of which quantities each answer is told; of all if not given.
+        repeats: Draws of the data.
         seed: Of folds and draws.
         card: Whatever is to be known of the data.
     """
@@ -49,11 +53,15 @@ def fit_calibration(
     a, fold = scale.basis(x), (rng.permutation(n) % FOLDS)[group]
     held, weights, chosen = np.empty_like(answers, dtype=float), [], {}
     for k, (name, y) in enumerate(zip(ANSWERS, answers, strict=True)):
-        tried = {penalty: left_out(a, y, fold, penalty) for penalty in PENALTIES}
+        used = [uses is None or one in uses[name] for one in names]
+        columns = np.flatnonzero([True, *used * (1 + len(KINKS))])
+        mine, all_weights = a[:, columns], np.zeros((repeats, a.shape[1]))
+        tried = {penalty: left_out(mine, y, fold, penalty) for penalty in PENALTIES}
         penalty = min(tried, key=lambda one: log_loss(tried[one], y))
         held[k], chosen[name] = tried[penalty], penalty
-        counts = rng.multinomial(n, np.full(n, 1.0 / n), size=DRAWS)
-        weights.append([fit(a, y, count[group].astype(float), penalty) for count in counts])
+        counts = rng.multinomial(n, np.full(n, 1.0 / n), size=repeats)
+        all_weights[:, columns] = [fit(mine, y, count[group].astype(float), penalty) for count in counts]
+        weights.append(all_weights)
     z = scale.standard(x)
     shape = np.linalg.inv(np.cov(z.T, bias=True) + RIDGE * np.eye(len(names)))
     alarm = alarm_bound(held[0][answers[0] > 0.5])
