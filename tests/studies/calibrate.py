@@ -156,6 +156,9 @@ def report(lines: Lines) -> tuple[Calibration, list[tuple[str, np.ndarray, np.nd
     alarm = model.card["alarm"]
     print(f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}")
     print(row("groups left out", held, seen, alarm))
+    for world in np.unique(seen.worlds):
+        mine = seen.worlds == world
+        print(row(f"of them in {world} worlds", held[:, mine], seen.part(mine), alarm))
     curves = [("groups left out", held, seen.answers)]
     if len(motions):
         p = asked(model, motions)
