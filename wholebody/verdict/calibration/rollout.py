@@ -34,7 +34,7 @@ STANDS = {
     "roll_slack": 0.0, "roll_load": 340.0, "roll_off": 0.0, "roll_off_end": 0.0, "roll_push": 1.0,
     "roll_friction": 0.02,
 }  # fmt: skip
-"""What a robot that stands well comes to, in the units of `Rollout.quantities`; chosen: about the stance."""
+"""What a robot that stands well comes to [m, s, N, m/s^2]; chosen: about the stance."""
 
 
 class Rollout:
