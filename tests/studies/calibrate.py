@@ -153,7 +153,7 @@ def report(lines: Lines) -> tuple[Calibration, list[tuple[str, np.ndarray, np.nd
     """Fit, and print the tables; the model, and what it said of groups left out and of motions."""
     seen, motions = lines.part(lines.families != HELD_OUT), lines.part(lines.families == HELD_OUT)
     model, held = fitted(seen)
-    alarm = model.card["alarm"]
+    alarm = model.card["alarm_bound"]
     print(f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}")
     print(row("groups left out", held, seen, alarm))
     for world in np.unique(seen.worlds):
@@ -169,7 +169,7 @@ def report(lines: Lines) -> tuple[Calibration, list[tuple[str, np.ndarray, np.nd
         if len(set(other.groups)) > 20 and (seen.families == family).sum() > 4:
             without, _ = fitted(other, FEW)
             mine = seen.part(seen.families == family)
-            print(row(f"{family}, never fitted", asked(without, mine), mine, without.card["alarm"]))
+            print(row(f"{family}, never fitted", asked(without, mine), mine, without.card["alarm_bound"]))
     falls = int(seen.answers[0].sum())
     print(f"\nalarm from {alarm:.4f}: {falls} falls, of which a promise of 1 % needs 99 and one by family 300 each")
     for name in sorted(set(seen.families)):

@@ -78,6 +78,19 @@ def test_an_alarm_misses_no_more_falls_than_it_promises_and_too_few_falls_promis
     assert alarm_bound(rng.random(99)) > 0.0
 
 
+def test_an_alarm_that_would_go_off_for_most_chunks_is_none(small):
+    model, held = small
+    _, answers, groups, _ = made_up(900, 1)
+    bound, stood = model.card["alarm_bound"], answers[0] < 0.5
+    assert bound == alarm_bound(held[0][~stood]) > 0.0
+    assert model.card["alarm"] == (bound if (held[0][stood] >= bound).mean() <= 0.5 else 0.0)
+    found, n = [{"a": x} for x in np.random.default_rng(0).normal(size=900)], len(groups)
+    answers = (np.random.default_rng(1).random((2, n)) < 0.4).astype(float)
+    blind, _ = fit_calibration(found, ["true"] * n, answers, groups, repeats=2)
+    assert blind.card["alarm"] == 0.0
+    assert blind.odds([(0.0, {"a": 0.0})], world="true").alarm is None
+
+
 def test_an_error_of_calibration_is_the_distance_of_bins_from_their_shares():
     p = np.repeat([0.1, 0.9], 50)
     right = np.r_[np.arange(50) < 5, np.arange(50) < 45].astype(float)

@@ -15,6 +15,8 @@ PENALTIES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """On the weights [chunks]; chosen: those of which the one is taken that predicts groups best that were left out."""
 MISSED = 0.01
 """Share of falls that an alarm may miss [no unit]; definition."""
+WRONG = 0.5
+"""Share of the chunks that do not fall for which an alarm may go off [no unit]; chosen: one that does more is none."""
 LIKE = 0.99
 """Share of the fitted chunks that count as like them [no unit]; chosen: one in a hundred is told in vain."""
 BINS = 15
@@ -64,8 +66,10 @@ def fit_calibration(
         weights.append(all_weights)
     z = scale.standard(x)
     shape = np.linalg.inv(np.cov(z.T, bias=True) + RIDGE * np.eye(len(names)))
-    alarm = alarm_bound(held[0][answers[0] > 0.5])
-    facts = {"alarm": alarm, "near": 0.0, "penalties": chosen, "chunks": len(x), **(card or {})}
+    bound = alarm_bound(held[0][answers[0] > 0.5])
+    wrong = float((held[0][answers[0] < 0.5] >= bound).mean()) if (answers[0] < 0.5).any() else 0.0
+    alarm = bound if wrong <= WRONG else 0.0
+    facts = {"alarm": alarm, "alarm_bound": bound, "near": 0.0, "penalties": chosen, "chunks": len(x), **(card or {})}
     model = Calibration(names, scale, np.array(weights), shape, facts)
     model.card["near"] = float(np.quantile(model.distance(x), LIKE))
     return model, held

@@ -29,7 +29,7 @@ class Odds:
         followed: That it stands, with both palms within 20 mm of every step at its own time, by the supervisor.
         followed_s: When that chunk begins [s].
         alarm: Whether the first is so large that an alarm is due, at a bound that misses few falls; None where the
-            model was fitted to too few falls for such a bound.
+            model was fitted to too few falls for such a bound, or it would go off for most chunks that do not fall.
         unlike: Quantities in which a chunk is unlike those that the model was fitted to; then the numbers are a guess.
         chunks: How many chunks were looked at. fitted_to: How many the model was fitted to: few are a beginning.
         world: In which robot: ``true``, as modelled, or ``realistic``.
