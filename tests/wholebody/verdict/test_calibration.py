@@ -78,6 +78,21 @@ def test_an_alarm_misses_no_more_falls_than_it_promises_and_too_few_falls_promis
     assert alarm_bound(rng.random(99)) > 0.0
 
 
+def test_no_probability_is_surer_than_so_many_chunks_can_make_it_and_none_is_past_its_interval(small):
+    model, _ = small
+    told = model.odds([(0.0, {"a": 1e6, "b": -1e6, "c": 0.0})], world="true")
+    for chance in (told.fall_as_given, told.followed):
+        assert 1.0 / 902.0 <= chance.low <= chance.p <= chance.high <= 1.0 - 1.0 / 902.0
+    few = np.array(model.weights)
+    few[:, 1:] = 0.0
+    few[:, :, 0] = -9.0
+    few[:, 0, 0] = 9.0
+    told = Calibration(model.names, model.scale, few, model.shape, model.card).odds(
+        [(0.0, {"a": 0.0, "b": 0.0, "c": 0.0})], world="true"
+    )
+    assert told.fall_as_given.low <= told.fall_as_given.p <= told.fall_as_given.high
+
+
 def test_an_alarm_that_would_go_off_for_most_chunks_is_none(small):
     model, held = small
     _, answers, groups, _ = made_up(900, 1)

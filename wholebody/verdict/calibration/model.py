@@ -89,8 +89,12 @@ class Calibration:
         return np.array([[one[name] for name in self.names] for one in both]).reshape(-1, len(self.names))
 
     def draws(self, x: np.ndarray) -> np.ndarray:
-        """Probabilities by every draw of the data, of quantities (m, n), shape (2, draws, m)."""
-        return logistic(self.weights @ self.scale.basis(x).T)
+        """Probabilities by every draw of the data, of quantities (m, n), shape (2, draws, m).
+
+        None is nearer to 0 or 1 than a share can be that so many chunks never showed (the rule of succession).
+        """
+        least = 1.0 / (self.card["chunks"] + 2.0)
+        return np.clip(logistic(self.weights @ self.scale.basis(x).T), least, 1.0 - least)
 
     def probabilities(self, x: np.ndarray) -> np.ndarray:
         """Means of the draws, shape (2, m)."""
@@ -147,7 +151,8 @@ def with_world(found: Mapping[str, float], world: str) -> dict[str, float]:
 
 def _chance(draws: np.ndarray) -> Chance:
     low, high = np.quantile(draws, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL))
-    return Chance(p=float(draws.mean()), low=float(low), high=float(high))
+    p = float(draws.mean())  # past the interval where a few draws are far from all others
+    return Chance(p=p, low=min(float(low), p), high=max(float(high), p))
 
 
 @lru_cache(maxsize=1)
