@@ -6,6 +6,8 @@ one line each and appends it; ``--cases 0 5`` runs a part of them. The families:
 reach    0.5, 1 and 2 kg in both hands at the five reaches; beside them, how far off a still robot has to be by
          ``benchmarks/statics.py --loads 0.5 1 2``
 ready    1.5 and 2 kg in both hands, 3 and 5 kg in the left, in the stance
+instants 2 kg in both hands at the reach (0.40, 1.40), in 27 runs: nine masses of 1.9 to 2.1 kg, and the first chunk at
+         three ticks, so that other states meet the load
 change   2 kg put into the left hand (20 cases) and dropped from it (20) at phases of the lissajous, 0.157 s apart
 grasp    a cylinder of 0.3, 0.6 and 1 kg on a table
 hostile  the chunks of `tests.support.hostile_chunks` with 1 kg in the left hand
@@ -38,8 +40,10 @@ BOUNDS = {0.5: (0, 0, 0, 0, 0), 1.0: (34, 13, 20, 12, 0), 2.0: (94, 101, 102, 47
 """How far off a still robot has to hold these masses in both hands, at the plan's margins [mm]; both hands alike."""
 READY = ((1.5, 1.5), (2.0, 2.0), (3.0, 0.0), (5.0, 0.0))
 PHASES = 20
+MASSES, FIRST_CHUNKS = np.linspace(1.9, 2.1, 9), (1.0, 1.004, 1.008)
+"""Of `instants`, in each hand [kg], and when its first chunk is asked for [s]."""
 OBJECTS = (0.3, 0.6, 1.0)
-CASES = {"reach": 15, "ready": len(READY), "change": 2 * PHASES, "grasp": len(OBJECTS), "hostile": 330}
+CASES = {"reach": 15, "ready": len(READY), "instants": 27, "change": 2 * PHASES, "grasp": len(OBJECTS), "hostile": 330}
 """How many there are of each family."""
 
 
@@ -67,6 +71,11 @@ def run(family: str, case: int, supervisor: Supervisor) -> dict:
     if family == "ready":
         policy, plant = still(4.0), MujocoPlant(SPEC, payload_kg=READY[case])
         return {"name": f"{READY[case]} kg in the stance"} | told(run_episode(policy, supervisor, plant, duration=4.0))
+    if family == "instants":
+        (begin, mass), policy = list(product(FIRST_CHUNKS, MASSES))[case], reach(*REACHES[3])
+        plant, config = MujocoPlant(SPEC, payload_kg=(mass, mass)), EpisodeConfig(settle=begin)
+        result = run_episode(policy, supervisor, plant, duration=policy.duration, config=config)
+        return {"name": f"{mass:.3f} kg each at {REACHES[3]}, from {begin:g} s on"} | told(result, BOUNDS[2.0][3])
     if family == "change":
         plant, load = Changed(SPEC, payload_kg=(NOTHING, NOTHING)), (2.0, NOTHING)
         drops, phase = divmod(case, PHASES)

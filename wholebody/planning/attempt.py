@@ -49,6 +49,7 @@ class Attempt:
         drift: `ContactFeasibility.capture_point_drift` of it [m].
         deficit: `ContactFeasibility.friction_impulse_deficit` of it [m/s].
         warm_started: Whether the search began with a part of the plan before.
+        arms_spent: Largest torque of the arms where it comes to rest, as a share of its bound; 0 if nothing is carried.
     """
 
     strategy: str
@@ -60,6 +61,7 @@ class Attempt:
     drift: float
     deficit: float
     warm_started: bool
+    arms_spent: float = 0.0
 
     @cached_property
     def trajectory(self) -> SampledTrajectory:

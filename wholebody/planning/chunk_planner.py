@@ -23,9 +23,10 @@ from wholebody.planning.hand_clamp import clamped
 from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
+from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
-from wholebody.planning.strategies import PREVIEW, Begin, Strategy
+from wholebody.planning.strategies import HELD, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
@@ -39,6 +40,10 @@ from wholebody.types import Reason
 SEARCH_SHARE = 0.7
 """Share of a limit on CPU time in which attempts are made; chosen: the rest is for judging the last one, and for the
 hands."""
+POSTURE_TIME = 1.0
+"""Time in which the search goes over from the start to postures that hold a load [s]; chosen: a squat takes as long."""
+AT_REST = 7
+"""Knots at the end of a plan at which the arms are to hold what they carry; derived: `planner.settle` and rounding."""
 PREVIEW_WORK = 4.0
 """Most linearisations and steps of a preview [no unit]; chosen: the first motion and one step from it."""
 
@@ -58,11 +63,13 @@ class ChunkPlanner:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
-        self._settings, self._loads = config, (0.0, 0.0)
+        self._settings, self._loads, self._loaded = config, (0.0, 0.0), False
         self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
         self.model = robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self._friction = config.friction
+        self._holdable: HoldablePlaces | None = None
+        self._last_held: tuple[Targets, Held] | None = None
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
@@ -77,7 +84,7 @@ class ChunkPlanner:
 
     def carry(self, loads: Loads) -> None:
         """Plan with these masses in the hands from now on: bounds hold with the reserve, centres are without it."""
-        self._loads = loads.most
+        self._loads, self._loaded = loads.most, max(loads.masses) > 0.0
         self.optimizer.body.carry(loads.most)
         self.centroidal.carry(loads.masses)
 
@@ -85,6 +92,7 @@ class ChunkPlanner:
         """Plan with the feet there from now on."""
         if not feet.same(self.optimizer.body.footing.feet):
             self.optimizer.stand_on(feet)
+            self._holdable = None  # the support may have another number of edges
             self.contacts = ContactFeasibility(self.optimizer.body, self._friction)
 
     def plan(
@@ -114,7 +122,10 @@ class ChunkPlanner:
         prepared = self._prepared(chunk)
         targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
         chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
-        chosen = chosen or strategies.best(self.config, attempt, budget, implausible=prepared.implausible)
+        lacking = self._lacking(targets, start.q, budget)
+        chosen = chosen or strategies.best(
+            self.config, attempt, budget, implausible=prepared.implausible, lacking=lacking
+        )
         return self._as_followed(chosen, prepared, now, commanded, budget)
 
     def as_given(
@@ -128,7 +139,9 @@ class ChunkPlanner:
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
-        chosen = self._preview(targets(1.0), start) or strategies.as_given(self.config, attempt, budget)
+        chosen = self._preview(targets(1.0), start) or strategies.as_given(
+            self.config, attempt, budget, self._lacking(targets, start.q, budget)
+        )
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
@@ -230,10 +243,13 @@ class ChunkPlanner:
 
         ``first`` are configurations (k, nq) from the second knot on that its search begins with.
         """
-        slowdown, steps, T_palms = targets.slowdown, targets.steps, targets.T_palms
-        warm_start = None if first is None else self._continued(first, T_palms)
+        slowdown, steps, T_palms, body = targets.slowdown, targets.steps, targets.T_palms, self.optimizer.body
+        warm_start, wanted = None if first is None else self._continued(first, T_palms), T_palms
+        if strategy is HELD:
+            held = self._held(targets, start.q, budget)
+            wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
         weights = strategy.weights(self.config)
-        knots = self.optimizer.plan(start.q, start.v, T_palms, targets.q_fingers, warm_start, weights, budget)
+        knots = self.optimizer.plan(start.q, start.v, wanted, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
         centroidal = centroidal_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self.centroidal)
         return Attempt(
@@ -246,7 +262,28 @@ class ChunkPlanner:
             drift=self.contacts.capture_point_drift(centroidal, slowdown),
             deficit=self.contacts.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
+            arms_spent=arms_spent(body, knots.q[-AT_REST:, body.body]) if self._loaded else 0.0,
         )
+
+    def _lacking(self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget) -> strategies.Lacking:
+        return lambda slowdown: self._held(targets(slowdown), q, budget).off if self._loaded else 0.0
+
+    def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
+        """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""
+        if self._last_held is None or self._last_held[0] is not targets:
+            body = self.optimizer.body
+            self._holdable = self._holdable or HoldablePlaces(body, self.config.posture)
+            held = self._holdable.near(targets.T_palms, targets.q_fingers, q[body.body], budget)
+            self._last_held = targets, held
+        return self._last_held[1]
+
+    def _begun_held(self, held: Held, q: np.ndarray) -> np.ndarray:
+        """From a configuration (nq,) over to postures that hold the load, for the second to the last knot."""
+        body, time = self.optimizer.body, self.config.posture.dt * np.arange(1, len(held.q))
+        rows = np.tile(q, (len(time), 1))
+        for row, still, share in zip(rows, held.q[1:], np.minimum(time / POSTURE_TIME, 1.0), strict=True):
+            row[body.body] = pin.interpolate(body.model, q[body.body], still, share)
+        return rows
 
     def _steps(self, s0: float, end: float, slowdown: float) -> np.ndarray:
         """Path parameters of the knots from ``s0`` on, until the body is at rest after the hands' ``end``."""
