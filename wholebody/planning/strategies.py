@@ -190,7 +190,8 @@ def _heavy(config: PlannerConfig, now: Attempt, lacking: Lacking) -> bool:
     """Whether what hands carry is too heavy for an attempt: its arms do not hold it in the end, or no robot does."""
     if now.arms_spent > ARMS_SPENT_MAX:
         return True
-    return not now.follows(config) and lacking(now.targets.slowdown) > config.tracking_error_max
+    far = not now.follows(config) and now.tracking_error > config.tracking_error_max
+    return far and lacking(now.targets.slowdown) > config.tracking_error_max
 
 
 def _held(config: PlannerConfig, attempt: Try, budget: Budget, slowdown: float, lacking: Lacking) -> Attempt | None:
