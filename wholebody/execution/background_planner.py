@@ -55,7 +55,7 @@ class PlanRequest:
         if self.feet is not None:
             planner.stand_on(self.feet)
         planner.carry(self.loads)
-        return planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit)
+        return planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ class ChunkPlanner:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
-        self._settings, self._loads, self._loaded = config, (0.0, 0.0), False
+        self._settings, self._loads, self._loaded, self._holding = config, (0.0, 0.0), False, False
         self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
         self.model = robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
@@ -105,6 +105,7 @@ class ChunkPlanner:
         cpu_limit: float = inf,
         *,
         quick: bool = False,
+        hold: bool = False,
     ) -> ChunkPlan:
         """Plan the rest of a chunk, within the budget of linearisations and steps of the settings.
 
@@ -117,7 +118,9 @@ class ChunkPlanner:
                 first one a knot from now; the search begins with it where both plans agree.
             cpu_limit: CPU time of this thread in which the plan is wanted [s]; with it, plans depend on the machine.
             quick: Take the first safe motion that is near the chunk at its own speed, however good a search would be.
+            hold: Lead hands to where a still robot holds what they carry, if they cannot be where the chunk has them.
         """
+        self._holding = hold and self._loaded
         budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
         prepared = self._prepared(chunk)
         targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
@@ -135,13 +138,11 @@ class ChunkPlanner:
 
         It is None, too, where that takes more ``work``, in linearisations and steps, than is given.
         """
-        prepared, budget = self._prepared(chunk), Budget(min(self._budget, work))
+        prepared, budget, self._holding = self._prepared(chunk), Budget(min(self._budget, work)), False
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
-        chosen = self._preview(targets(1.0), start) or strategies.as_given(
-            self.config, attempt, budget, self._lacking(targets, start.q, budget)
-        )
+        chosen = self._preview(targets(1.0), start) or strategies.as_given(self.config, attempt, budget)
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
@@ -262,11 +263,11 @@ class ChunkPlanner:
             drift=self.contacts.capture_point_drift(centroidal, slowdown),
             deficit=self.contacts.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
-            arms_spent=arms_spent(body, knots.q[-AT_REST:, body.body]) if self._loaded else 0.0,
+            arms_spent=arms_spent(body, knots.q[-AT_REST:, body.body]) if self._holding else 0.0,
         )
 
     def _lacking(self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget) -> strategies.Lacking:
-        return lambda slowdown: self._held(targets(slowdown), q, budget).off if self._loaded else 0.0
+        return lambda slowdown: self._held(targets(slowdown), q, budget).off if self._holding else 0.0
 
     def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
         """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""

@@ -115,13 +115,11 @@ ATTEMPT_MIN = 0.1
 record."""
 
 
-def as_given(config: PlannerConfig, attempt: Try, budget: Budget, lacking: Lacking = lambda _: 0.0) -> Attempt | None:
+def as_given(config: PlannerConfig, attempt: Try, budget: Budget) -> Attempt | None:
     """What `best` takes of a plausible chunk where an attempt at its own speed follows it, else None."""
     budget.kept = RESERVE
     now = attempt(AS_GIVEN, 1.0, None)
     if now.start_violation > config.violation_max or _far(config, now):
-        return None
-    if _heavy(config, now, lacking):
         return None
     now = _improved(config, attempt, budget, now)
     return now if now.follows(config) and now.targets.projected.max() <= JUMP else None

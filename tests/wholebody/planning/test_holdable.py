@@ -41,7 +41,7 @@ def plan(planner, loads, palms=None):
     rows = np.array([rest_row(poses[0], q[0]) for poses, q in zip(T, fingers, strict=True)])
     planner.carry(loads)
     start = BodyState.still(planner.optimizer.q_stance, planner.model.nv)
-    return planner.plan(ActionChunk("wbc32", 0, 0.0, fps, *T, *fingers), 0.0, start, HandMotion(rows))
+    return planner.plan(ActionChunk("wbc32", 0, 0.0, fps, *T, *fingers), 0.0, start, HandMotion(rows), hold=True)
 
 
 @pytest.mark.parametrize("place", STATICS)
