@@ -36,6 +36,9 @@ GO_BACK = 0.4
 it gets within 0.2 s, and a plan is asked for twice a second."""
 HELD, HELD_STEPS = "held", 31
 """What says that a chunk is none of the policy's, and its steps within a second; chosen: as usual chunks have them."""
+FAST = 3.0
+"""Speed of the fastest joint up to which a robot that leaves its plan goes back at once if its waist is spent [rad/s];
+chosen: above it, it comes to rest more than 0.2 rad further on."""
 HAND_LOST = 0.04
 """Distance of a wrist from where it was to stand off the plan up to which a plan from there is taken [m]; chosen: a
 hand that sinks under its load is further off, and to jerk it back takes the body along."""
@@ -90,10 +93,11 @@ class Reflex:
     def stand(self, state: RobotState, now: float) -> float:
         """Come to rest where the robot is, hands let go of; the time to stand before a chunk is joined [s].
 
-        Where the waist cannot hold what is above it, the robot goes towards its stance at once.
+        Where the waist cannot hold what is above it, the robot goes towards its stance at once. One that still moves
+        fast comes to rest first, which may lead elsewhere.
         """
         here = self._hold_still(state)
-        if self._sinks(state):
+        if np.abs(state.v[6:]).max() <= FAST and self._sinks(state):
             self._back = WayBack(self._controller.robot, here, self._planted.stance, straight=False)
         self.active, self.status = True, statuses.OFF_PLAN
         return self._patience.wait(now)

@@ -200,11 +200,11 @@ def test_a_robot_a_little_off_its_plan_goes_on_until_a_plan_from_where_it_is_tak
     supervisor = Supervisor(SPEC, ControllerConfig(safety=SafetyConfig(posture_slow=0.03)))
     planned, asked = supervisor.planner.plan, []
 
-    def plan(chunk, now, start, *rest):
+    def plan(chunk, now, start, *rest, **options):
         follower = supervisor._follower
         moved = follower.distance(start.q, follower.foreseen(supervisor.handover.ticks).body.q)
         asked.append((chunk.seq, follower.trust, moved))
-        return planned(chunk, now, start, *rest)
+        return planned(chunk, now, start, *rest, **options)
 
     monkeypatch.setattr(supervisor.planner, "plan", plan)
     assert "off_plan" not in pushed(supervisor, plant)
