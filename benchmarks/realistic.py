@@ -25,7 +25,8 @@ from wholebody.verdict.check import Checker
 
 SECONDS, EVERY = 61.0, 50
 """Length of standing [s], and number of errors that are kept a second; a minute counts, after the first second."""
-MOTIONS = ("B_Fence1", "B_WiggleDance", "B_HandsChop", "J_ShortDance13_SingleLadies")
+BARRED = ("B_Fence1", "B_WiggleDance", "B_HandsChop", "J_ShortDance13_SingleLadies")
+"""Recorded motions that are to be followed, by name; of the others it is asked that the robot stands."""
 
 
 def standing(seed: int) -> dict[str, float]:
@@ -65,10 +66,13 @@ def drift(seeds: range) -> Iterator[Case]:
 
 
 def motions(seeds: range) -> Iterator[Case]:
-    """The four that are to be followed."""
-    for seed in seeds:
-        for name in MOTIONS:
-            yield name, f"{name}, {seed}", partial(motion, name, seed)
+    """Those that are to be followed, then the others of the folder."""
+    files = sorted(file.stem for file in Path(os.environ["G1_MOTIONS"]).glob("*.csv"))
+    others = [name for name in files if name not in BARRED]
+    for group, names in (("to be followed", BARRED), ("others", others)):
+        for seed in seeds:
+            for name in names:
+                yield f"{group}: {name}", f"{name}, {seed}", partial(motion, name, seed)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 
 from wholebody.config import PlannerConfig
 from wholebody.planning.trajectory import CentroidalTrack, SampledTrajectory, track_along
+from wholebody.planning.trajopt.layout import LOWER, WAIST
 from wholebody.planning.trajopt.optimizer import KnotTrajectory
 from wholebody.reference import HandPath
 from wholebody.reference.cubic import CubicBSpline
@@ -96,6 +97,11 @@ class Attempt:
     def start_violation(self) -> float:
         """The same at the first knot, whose accelerations take the start to the second one."""
         return float(self.knots.violation[0])
+
+    @property
+    def waist_rate(self) -> float:
+        """Fastest joint of the waist [rad/s]."""
+        return float(np.abs(self.knots.v[:, LOWER : LOWER + WAIST]).max())
 
     def imbalance(self, config: PlannerConfig) -> float:
         """What the plan wants of the floor beyond what that gives; 1 is all that the controller makes up for."""

@@ -101,6 +101,10 @@ FALLBACK = Strategy("fallback", lambda c: c.weights_fallback, Begin.PLAN_BEFORE)
 FALLBACK_ANEW = Strategy("fallback", lambda c: c.weights_fallback, Begin.START)
 STOP = Strategy("stop", lambda c: c.weights_stop, Begin.START)
 
+HELD_RATE_MAX = 2.0
+"""Fastest turn of the waist on the way to what is held [rad/s]; chosen: postures that hold a load lie apart, and a
+trunk that is thrown from one to the next takes a leaning robot down."""
+
 Try = Callable[[Strategy, float, np.ndarray | None], Attempt]
 """Plans by a strategy with a slowdown; what its search begins with, if that is an attempt: configurations (k, nq)."""
 
@@ -198,7 +202,7 @@ def _held(config: PlannerConfig, attempt: Try, budget: Budget, slowdown: float, 
         return None
     held = attempt(HELD, slowdown, None)
     too_heavy = held.is_safe(config) and lacking(slowdown) > config.clamp_tolerance
-    holds = held.arms_spent <= ARMS_SPENT_MAX
+    holds = held.arms_spent <= ARMS_SPENT_MAX and held.waist_rate <= HELD_RATE_MAX
     return held if holds and (too_heavy or held.follows(config)) else None
 
 

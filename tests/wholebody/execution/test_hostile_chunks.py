@@ -32,6 +32,13 @@ def test_hostile_chunks_do_not_make_it_fall(robot, seed):
     survives(robot, seed)
 
 
+@pytest.mark.parametrize("seed", [223, 276])
+def test_a_kilogram_that_nobody_told_does_not_make_it_fall(robot, seed):
+    """In these two the way to where the load is held went through with the trunk at 4.6 rad/s."""
+    result = Episode(robot[0], MujocoPlant(g1(), payload_kg=(1.0, 0.0)), seed).run()
+    assert result.fall is None, str(result)
+
+
 @pytest.mark.regression
 @pytest.mark.timeout(0)
 @pytest.mark.parametrize("seed", range(40, CASES))
