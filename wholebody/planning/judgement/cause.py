@@ -103,7 +103,7 @@ def _begins_there(program: ChunkProgram) -> bool:
 
 def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
     """What is told of kinds that together leave no plan."""
-    found = {name: program.find(kinds - {name}) for name in kinds}
+    found = {name: program.find(kinds - {name}) for name in sorted(kinds)}
     witnesses = {name: witness for name, witness in found.items() if witness is not None}
     nearest = program.nearest()
     _, knot, side = nearest.worst

@@ -145,13 +145,16 @@ class ChunkProgram:
             return known
         if not thorough and not self._has_postures(enforced):
             return None
+        # What keeps most of these bounds may be near to what keeps all.
+        best = sorted(self._found, key=lambda one: len(enforced & set(one.broken)))[: NEAREST if thorough else 0]
+        for near in best:
+            if (one := self._search(enforced, None, near.knots.q[1:])) is not None:
+                return one
         for start in range(self._tried.get(enforced, 0), starts):
             if (one := self._search(enforced, self._scattered(start) if start else None)) is not None:
                 return one
             self._tried[enforced] = start + 1
-        # What keeps most of these bounds may be near to what keeps all.
-        best = sorted(self._found, key=lambda one: len(enforced & set(one.broken)))[: NEAREST if thorough else 0]
-        return next((one for near in best if (one := self._search(enforced, None, near.knots.q[1:]))), None)
+        return None
 
     def _missed(self, enforced: frozenset[Limit], starts: int) -> bool:
         """Whether so many starts found no plan within the bounds of these kinds, and none has been found since."""
