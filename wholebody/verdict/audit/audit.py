@@ -45,6 +45,8 @@ def audit(
     journal, stamps = Journal(folder, asked), {name: stamp(name) for name in names}
     try:
         left = [name for name in names if name not in journal.done or journal.done[name].stamp != stamps[name]]
+        # A long one that comes last leaves all cores but one idle.
+        left.sort(key=lambda name: -sum(stamps[name][:1]))
         for done, outcome in _counted(judge(left), len(names) - len(left)):
             journal.add(replace(outcome, stamp=stamps[outcome.name]))
             if progress is not None:
