@@ -149,6 +149,8 @@ class WholeBodyController(Controller):
         """Start from a measured state: the feet stay where they are."""
         self.q_des[:], self.dq_des[:] = state.q[7:], state.v[6:]
         self.set_down(state.q, state.v)
+        if self.compiled is not None:
+            self.compiled.forget()
 
     def _tick(self, state: RobotState) -> tuple[JointCommand, TickReport]:
         robot, compiled = self.robot, self.compiled

@@ -34,6 +34,12 @@ ENTRIES = tuple(
 """What a tick calls one after the other. One function around them would be optimised once more as a whole: seconds of
 compiling for a few microseconds of calling."""
 
+MEASURED = (
+    "q_before", "room", "distance", "distance_bound", "measured", "simplex", "gjk_state", "known", "nearest", "n_pairs",
+    "n_unsure", "pair_now", "pair_before", "floor_vertex",
+)  # fmt: skip
+"""Fields in which searches for distances begin where the last ones ended."""
+
 _NONE = np.zeros(0)
 
 
@@ -138,9 +144,18 @@ class CompiledProgram(CompiledBody):
         self.v, self.dv, self.forces, self.desired = tick.v, tick.dv, tick.f.reshape(-1, 3), tick.desired
         self._answer = tick.span("dv", "dual")
         self._sizes = len(self.dv), self.forces.size, len(self.tau)
+        self._first = {name: np.copy(getattr(tick, name)) for name in MEASURED}
         self._move, self._near_pairs, self._assemble, self._search, self._conclude, self._command = (
             entry.native(tick) for entry in ENTRIES
         )
+
+    def forget(self) -> None:
+        """Measure distances as at first: what is found does not depend on what was before, to the last bit."""
+        for name, first in self._first.items():
+            if first.ndim:
+                getattr(self.tick, name)[:] = first
+            else:
+                setattr(self.tick, name, first.item())
 
     @property
     def iterations(self) -> int:

@@ -309,3 +309,18 @@ def test_a_state_that_is_not_finite_has_no_answer(default):
     q, v, reference = draw(controller, q_stance, np.random.default_rng(15), 0.5)
     v[8] = np.nan
     assert not solved(controller, q, v, reference).ok
+
+
+def test_an_answer_does_not_depend_on_episodes_before_it():
+    """Distances were searched for from where the last episode had left off: answers differed in their last digits."""
+    controller, q_stance = make(ControllerConfig())
+    rng = np.random.default_rng(3)
+    cases = [draw(controller, q_stance, rng, 1.0) for _ in range(20)]
+
+    def answer(q, v, reference):
+        controller.reset(RobotState(0.0, q_stance, np.zeros(controller.robot.nv)))
+        return solved(controller, q, v, reference)
+
+    first = [answer(*case).x for case in cases]
+    for case, before in zip(reversed(cases), reversed(first), strict=True):
+        np.testing.assert_array_equal(answer(*case).x, before)
