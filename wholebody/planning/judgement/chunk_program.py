@@ -119,8 +119,7 @@ class ChunkProgram:
         joined = min(max(joins, default=0.0), self.targets.steps[0] + APPROACH_MAX)
         self.first = max(int(np.searchsorted(self.targets.steps, joined)), 1)
         posture = planner.config.posture
-        eased = {name: EASE * getattr(posture, name) for name in EASED}
-        self._weights = posture, replace(posture, **eased)
+        self._weights = posture, replace(posture, **{name: EASE * getattr(posture, name) for name in EASED})
         self._firm = [replace(w, position=FIRM * w.position, orientation=FIRM * w.orientation) for w in self._weights]
         exact, gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
@@ -141,10 +140,9 @@ class ChunkProgram:
         """
         starts = STARTS if thorough else 1
         known = next((one for one in self._found if one.keeps(enforced)), None)
-        if known is not None or any(self._missed(less, starts) for less in self._tried if less <= enforced):
+        missed = known is None and any(self._missed(less, starts) for less in self._tried if less <= enforced)
+        if known is not None or missed or not (thorough or self._has_postures(enforced)):
             return known
-        if not thorough and not self._has_postures(enforced):
-            return None
         # What keeps most of these bounds may be near to what keeps all.
         best = sorted(self._found, key=lambda one: len(enforced & set(one.broken)))[: NEAREST if thorough else 0]
         for near in best:
@@ -206,8 +204,7 @@ class ChunkProgram:
         end = steps[-1] + steps[1] - steps[0]
         track = track_along(curve, centroidal_along(curve, steps[0], end, self._planner.centroidal))
         times = np.minimum(track.start + GRID * np.arange(len(track.q)), steps[-1])
-        left, right = (path.sample(times) for path in self.targets.paths)
-        return track, (left, right)
+        return track, tuple(path.sample(times) for path in self.targets.paths)
 
     def raised(self, kind: Limit) -> Margin | None:
         """What the bounds of a kind would have to be for a plan that keeps all the others; None where none is found.
