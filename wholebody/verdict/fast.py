@@ -153,11 +153,14 @@ class FastChecker:
         verdict = replace(run.verdict(name, self._settings), odds=self._odds(run))
         if not ask_why or verdict.verdict == "feasible":
             return verdict
+        every = len(run.suspects) <= SUSPECTS
         for suspect in run.suspects[:SUSPECTS]:
             told = self.explainer.explained(verdict, suspect, run.result.orientation_free, run.result.start)
             if told.causes:
                 return told
-        return replace(verdict, search_finds=self.judge.scene is None and 0 < len(run.suspects) <= SUSPECTS)
+            every = every and told.why_complete
+        finds = every and len(run.suspects) > 0 and self.judge.scene is None
+        return replace(verdict, search_finds=finds, why_complete=every)
 
     def _odds(self, run: PlanRun) -> Odds | None:
         """What is likely to become of the chunks, each by itself."""

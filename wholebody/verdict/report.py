@@ -62,6 +62,7 @@ CHANGES = {
 }
 """In words, what a violation did to the input."""
 SEARCH_FINDS = "no bound: a search with more effort than a plan has finds a motion, once the hands are on the chunk"
+MORE_CAUSES, NO_CAUSE_YET = "there may be more causes, and smaller changes that would do", "no cause was found yet"
 ROWS = {
     "torque": "torque of {}",
     "friction": "friction",
@@ -87,7 +88,7 @@ def lines(verdict: Verdict) -> list[str]:
     if apart:
         text.append(f"  it would do {', or '.join(map(change_said, apart))}")
     if not verdict.why_complete:
-        text.append("  the time for it ended: there may be more causes, and smaller changes that would do")
+        text.append(f"  the time for it ended: {MORE_CAUSES if verdict.causes else NO_CAUSE_YET}")
     if verdict.tick is not None:
         text.append(f"  {tick_line(verdict.tick)}")
     text += _violation_lines(verdict.violations)

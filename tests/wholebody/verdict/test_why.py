@@ -141,6 +141,14 @@ def test_where_the_time_ended_before_all_was_looked_for_that_is_said(monkeypatch
     assert any("there may be more causes" in line for line in lines(verdict))
 
 
+def test_a_search_that_is_given_up_has_no_cause_and_says_so(monkeypatch):
+    monkeypatch.setattr(explainer, "SET_WORK", 0.0)
+    verdict = judge(sent(to=(0.0, -0.45, 0.0), time=1.3), ask_why=True)
+    assert verdict.verdict == "infeasible"
+    assert (verdict.causes, verdict.why_complete, verdict.search_finds) == ([], False, False)
+    assert any("no cause was found yet" in line for line in lines(verdict))
+
+
 def test_the_sentence_of_an_only_cause_ends_with_what_would_do():
     one = Why(codes=(Limit.ZMP,), members=(), irreducible=True, sentence="left hand 0.72 m ahead at 1.43 s: so")
     bound = Margin(

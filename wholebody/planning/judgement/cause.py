@@ -47,12 +47,15 @@ class Cause:
     witnesses: Mapping[Limit, Witness] = field(default_factory=dict, compare=False)
 
 
-def causes(program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True) -> tuple[list[Cause], bool]:
+def causes(
+    program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True, lasts: Callable[[], bool] = lambda: True
+) -> tuple[list[Cause], bool]:
     """What is found of a chunk, its own numbers first, then the smallest sets; nothing if there is a plan as given.
 
     Args:
         program: Of the chunk.
         goes_on: Whether there is time for one more set.
+        lasts: Whether there is time to go on with a set that was begun; else it is given up.
 
     Returns:
         The causes, and whether all were looked for, up to `SETS` sets.
@@ -61,7 +64,9 @@ def causes(program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True) ->
     allowed, every = EVERY, True
     for number in range(SETS):
         every = not number or goes_on()
-        if not every or (kinds := _irreducible(program, allowed)) is None:
+        kinds = _irreducible(program, allowed, lasts) if every else None
+        if kinds is None:
+            every = every and lasts()
             break
         sets.append(kinds)
         allowed = allowed - kinds
@@ -120,8 +125,12 @@ def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
     return Cause(ordered or (Limit.REACH,), members, where, irreducible, witnesses)
 
 
-def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> frozenset[Limit] | None:
+def _irreducible(
+    program: ChunkProgram, allowed: frozenset[Limit], lasts: Callable[[], bool]
+) -> frozenset[Limit] | None:
     """Kinds among those allowed that together leave no plan, none of which can be left out; None if there is one.
+
+    None, too, where the time for it ends before.
 
     The kind that a plan breaks worst is added until there is no plan, then each is left out without which there is none
     either. So far one start has to do; where more of them find a plan after all, what that one breaks is added.
@@ -129,14 +138,15 @@ def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> frozenset[
     if program.find(allowed) is not None:
         return None
     kinds: list[Limit] = []
-    while True:
-        while (found := program.find(frozenset(kinds))) is not None:
+    while lasts():
+        while lasts() and (found := program.find(frozenset(kinds))) is not None:
             rest = [name for name in found.broken if name in allowed]
             if not rest:
                 return None
             kinds.append(rest[0])
         for name in list(kinds):
-            if program.find(frozenset(kinds) - {name}) is None:
+            if lasts() and program.find(frozenset(kinds) - {name}) is None:
                 kinds.remove(name)
-        if program.find(frozenset(kinds), thorough=True) is None:
+        if lasts() and program.find(frozenset(kinds), thorough=True) is None:
             return frozenset(kinds)
+    return None

@@ -22,9 +22,9 @@ from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
-CAUSES_WORK, WHY_WORK = 700.0, 1000.0
-"""Linearisations and steps after which no further set of bounds is looked for, and no further change is tried
-[no unit]; chosen: about one second and one and a half."""
+CAUSES_WORK, WHY_WORK, SET_WORK = 700.0, 1000.0, 1600.0
+"""Linearisations and steps after which no further set of bounds is looked for, no further change is tried, and a set
+that was begun is given up [no unit]; chosen: about one second, one and a half, and two and a half."""
 TRY_WORK, STEPS = 60.0, 50
 """The same of one try, for a chunk of so many steps, and in proportion for longer ones [no unit]; measured: in nine
 planted cases as much as is needed to find the changes that are found with all the work of a plan."""
@@ -50,7 +50,7 @@ class Explainer:
         return TickProver(self._judge.spec, self._judge.config)
 
     def explained(self, verdict: Verdict, suspect: Suspect, free: tuple[bool, bool], start: float) -> Verdict:
-        """A verdict with what is found of a chunk that is not followed as given; without causes as it is.
+        """A verdict with what is found of a chunk that is not followed as given.
 
         Args:
             verdict: On the input.
@@ -62,12 +62,16 @@ class Explainer:
         program = ChunkProgram(self._judge, chunk, suspect.begin, free, suspect.now)
         if suspect.plan.report.slowdown == 1.0:
             program.know(suspect.plan.knots)
-        found, every = causes(program, lambda: self._work - before < CAUSES_WORK)
+
+        def under(most: float) -> Callable[[], bool]:
+            return lambda: self._work - before < most
+
+        found, every = causes(program, under(CAUSES_WORK), under(SET_WORK))
         self.asked = program, found
         if not found:
-            return verdict
+            return replace(verdict, why_complete=every)
         told = [why(one, since, chunk.fps) for one in found]
-        singles = self.single_changes(chunk, suspect.begin, free, suspect.plan, lambda: self._work - before < WHY_WORK)
+        singles = self.single_changes(chunk, suspect.begin, free, suspect.plan, under(WHY_WORK))
         would_do = _what_would_do(program, singles, told, since)
         told = [with_changes(told[0], would_do)] if len(told) == 1 else told
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
