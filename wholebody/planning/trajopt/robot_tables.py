@@ -112,9 +112,17 @@ class RobotTables:
         self.shapes = self.shapes._replace(floor=floor)
         self.tables = self.tables._replace(
             q_stance=q,
-            com_stance=_com_stance(self.model, self.data, q),
+            com_stance=self._com_stance_bare(q),
             **self.footing.tables(c, self._friction, self.foot_load_min),
         )
+
+    def _com_stance_bare(self, q: np.ndarray) -> np.ndarray:
+        """As `_com_stance` with empty hands, whatever they carry now."""
+        carried = self._loads.present
+        self._loads.carry((0.0, 0.0))
+        com = _com_stance(self.model, self.data, q)
+        self._loads.carry(carried)
+        return com
 
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
         """Put the fingers behind the bodies of the plan; the plan's number of each body of the full model."""

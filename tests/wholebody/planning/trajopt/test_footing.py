@@ -28,6 +28,16 @@ def test_standing_on_the_stances_own_feet_changes_no_bit(body):
     assert np.array_equal(shapes.floor, body.shapes.floor)
 
 
+def test_what_was_carried_before_does_not_tell_where_feet_stand(body):
+    feet, other = feet_on(SPEC, body.full, pin.exp3(np.array([0.05, 0.0, 0.0]))), RobotTables(SPEC, FULL, FRICTION)
+    body.carry((1.5, 0.0))
+    for one in (body, other):
+        one.stand_on(feet)
+        one.carry((0.0, 0.0))
+    for name in other.tables._fields:
+        assert np.array_equal(getattr(other.tables, name), getattr(body.tables, name)), name
+
+
 @pytest.mark.parametrize("direction", [0.0, 2.0])
 def test_the_cone_of_friction_on_a_slope_is_within_what_the_soles_give_there(body, direction):
     uphill = pin.exp3(SLOPE * np.array([np.sin(direction), -np.cos(direction), 0.0]))
