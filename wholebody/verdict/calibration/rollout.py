@@ -32,7 +32,8 @@ STANDS = {
     "roll_failed": 0.0, "roll_left": 0.0, "roll_no_hands": 0.0, "roll_zmp": 0.05, "roll_capture": 0.06,
     "roll_capture_end": 0.06, "roll_at_bound": 0.0, "roll_past_bound": 0.0, "roll_com": 0.06, "roll_com_end": 0.06,
     "roll_slack": 0.0, "roll_load": 340.0, "roll_off": 0.0, "roll_off_end": 0.0, "roll_push": 1.0,
-    "roll_friction": 0.02,
+    "roll_friction": 0.02, "roll_corner": 0.12, "roll_corner_end": 0.12, "roll_foot": 0.45, "roll_foot_end": 0.45,
+    "roll_speed": 0.02, "roll_speed_end": 0.0, "roll_torque": 0.5, "roll_torque_end": 0.4,
 }  # fmt: skip
 """What a robot that stands well comes to [m, s, N, m/s^2]; chosen: about the stance."""
 
@@ -44,6 +45,10 @@ class Rollout:
         # A second solver seldom finds what the first does not.
         config = replace(config, backend=ControllerConfig().backend, fallback="none")
         self._follower, self._margin = AsGiven(describe(config.robot), config), config.safety.balance_margin
+        spec, robot = self._follower.spec, self._follower.robot
+        fingers = {name for tool in spec.tools for name in tool.finger_joints}
+        effort = {name: e for name, e in zip(spec.joint_names, spec.effort_max, strict=True) if name not in fingers}
+        self._body, self._effort = robot.joint_indices(list(effort)), np.array(list(effort.values()))
 
     def quantities(self, chunk: ActionChunk, begin: Begin, loads: tuple[float, float]) -> dict[str, float]:
         """By name, each a finite number: how far the program gets, and with how much room.
@@ -51,7 +56,9 @@ class Rollout:
         Times for which it has no answer any more, drops the hands, or has the capture point at or past its bound [s],
         room of centre of pressure, capture point and centre of mass to the edge of the soles, least and last [m], slack
         of the bounds [m/s], least force on the floor [N], distance of the palms, largest and last [m], acceleration of
-        the base [m/s^2, rad/s^2], and force along the floor by force on it.
+        the base [m/s^2, rad/s^2], force along the floor by force on it, how far the capture point is from a corner of
+        the soles [m], share of the weight on the foot that carries less, both least and last, speed of the centre of
+        mass [m/s] and torque of a joint as a share of its limit, largest and last.
 
         Args:
             chunk: A valid chunk; followed from its first step on.
@@ -60,7 +67,8 @@ class Rollout:
         """
         self._follower.controller.carry(loads)
         rows, left = self._follow(replace(chunk, t_obs=0.0), begin)
-        zmp, capture, com, slack, normal, off, push, sideways, no_hands = np.array(rows or [[0.0] * 9]).T
+        columns = np.array(rows or [[0.0] * 13]).T
+        zmp, capture, com, slack, normal, off, push, sideways, no_hands, corner, foot, speed, torque = columns
         return {
             "roll_failed": float(left > 0.0),
             "roll_left": left,
@@ -78,6 +86,14 @@ class Rollout:
             "roll_off_end": float(off[-1]),
             "roll_push": float(push.max()),
             "roll_friction": float(sideways.max()),
+            "roll_corner": float(corner.min()),
+            "roll_corner_end": float(corner[-1]),
+            "roll_foot": float(foot.min()),
+            "roll_foot_end": float(foot[-1]),
+            "roll_speed": float(speed.max()),
+            "roll_speed_end": float(speed[-1]),
+            "roll_torque": float(torque.max()),
+            "roll_torque_end": float(torque[-1]),
         }
 
     def _follow(self, chunk: ActionChunk, begin: Begin) -> tuple[list[list[float]], float]:
@@ -104,9 +120,12 @@ class Rollout:
         forces, normal = answer.forces, max(float(answer.forces[:, 2].sum()), 1.0)
         pressed = forces[:, 2] @ np.vstack(points)[:, :2] / normal
         palms = np.array([pose[:3, 3] for pose in follower.palm_reference().values()])
+        capture = com[:2] + speed[:2] / natural_frequency(float(com[2]))
+        edges = np.sort(support.offsets - support.normals @ capture)
+        feet = [forces[part, 2].sum() for part in np.split(np.arange(len(forces)), len(controller.feet))]
         return [
             support.margin(pressed),
-            support.margin(com[:2] + speed[:2] / natural_frequency(float(com[2]))),
+            support.margin(capture),
             support.margin(com[:2]),
             float(answer.slack[0]),
             normal,
@@ -114,6 +133,10 @@ class Rollout:
             float(np.abs(answer.dv[:6]).max()),
             float(np.linalg.norm(forces[:, :2].sum(axis=0))) / normal,
             float(tick.level is TickLevel.NO_HANDS),
+            float(np.hypot(*np.maximum(edges[:2], 0.0))),
+            float(min(feet)) / normal,
+            float(np.hypot(*speed[:2])),
+            float((np.abs(answer.tau[self._body]) / self._effort).max()),
         ]
 
 
