@@ -13,13 +13,14 @@ import argparse
 import json
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from math import lgamma
 from pathlib import Path
 
 import numpy as np
 
-from wholebody.verdict.calibration.fitting import BINS, DRAWS, alarm_bound, calibration_error, fit_calibration
-from wholebody.verdict.calibration.model import Calibration, with_world
+from tests.support.calibration_fit import BINS, DRAWS, NUMBERS, alarm_bound, calibration_error, fit_calibration
+from wholebody.verdict.calibration.model import Calibration
 from wholebody.verdict.worlds import binomial_interval
 
 HELD_OUT = "recorded"
@@ -28,11 +29,6 @@ FALSE_ALARMS = 0.05
 """Share of the others at which the recall is told [no unit]; definition."""
 COVERED = 30
 """Chunks begun in motion from which on those are told as any others [no unit]; chosen."""
-FALL_BY = (
-    "room_zmp", "room_balance", "searched", "moved", "start", "start_speed", "seconds", "path", "acceleration_rms",
-    "front", "reach", "away", "smooth_speed", "smooth_push", "smooth_push_rms",
-)  # fmt: skip
-"""Quantities that tell of falls, beside those of a rollout; chosen: by the probabilities of groups left out."""
 FEW = 4
 """Draws of the data where no interval is asked for [no unit]; chosen."""
 BIN_MIN = 10
@@ -70,13 +66,9 @@ def read(paths: list[Path]) -> Lines:
     return Lines([found[key] for key in sorted(found)])
 
 
-def fitted(lines: Lines, repeats: int = DRAWS) -> tuple[Calibration, np.ndarray]:
+def fitted(lines: Lines, repeats: int = DRAWS, numbers: Sequence[int] = NUMBERS) -> tuple[Calibration, np.ndarray]:
     """A model of all lines, and what models fitted to the other groups say of each."""
     covers = ["a start in motion"] if (lines.families == "moving").sum() >= COVERED else []
-    names = with_world(lines.quantities[0], "true")
-    rolled = [name for name in names if name.startswith("roll_")]
-    falls = {"realistic", *rolled, *FALL_BY}
-    uses = {"fall_as_given": falls, "followed": set(names) - set(rolled)}
     card = {
         "covers": covers,
         "families": dict(Counter(lines.families.tolist())),
@@ -89,7 +81,7 @@ def fitted(lines: Lines, repeats: int = DRAWS) -> tuple[Calibration, np.ndarray]
         lines.worlds.tolist(),
         lines.answers,
         lines.groups.tolist(),
-        uses=uses,
+        numbers=numbers,
         repeats=repeats,
         card=card,
     )
@@ -167,7 +159,7 @@ def report(lines: Lines) -> tuple[Calibration, list[tuple[str, np.ndarray, np.nd
     for family in sorted(set(seen.families)):
         other = seen.part(seen.families != family)
         if len(set(other.groups)) > 20 and (seen.families == family).sum() > 4:
-            without, _ = fitted(other, FEW)
+            without, _ = fitted(other, FEW, [max(model.card["trees"].values())])
             mine = seen.part(seen.families == family)
             print(row(f"{family}, never fitted", asked(without, mine), mine, without.card["alarm_bound"]))
     falls = int(seen.answers[0].sum())

@@ -8,6 +8,7 @@ import pytest
 
 from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import scripted_policy
+from tests.support.calibration_fit import alarm_bound, as_arrays, calibration_error, fit_calibration, grow
 from tests.support.hostile_chunks import hostile_chunk
 from tests.support.outcome_cases import JOINTS, KINDS, MOVING, Case, outcome_case
 from tests.support.outcome_runs import run_case
@@ -15,14 +16,15 @@ from tests.support.sent_chunks import sent
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
 from wholebody.types import RobotState
-from wholebody.verdict.calibration.fitting import alarm_bound, calibration_error, fit_calibration
 from wholebody.verdict.calibration.model import SHIPPED, Calibration, shipped
 from wholebody.verdict.calibration.quantities import quantities
 from wholebody.verdict.calibration.rollout import STANDS, Rollout
+from wholebody.verdict.calibration.trees import Trees
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker, shared_checker
 from wholebody.verdict.report import lines
 
+CHUNKS = 2400
 HANDFUL = Path(__file__).parents[2] / "studies" / "stored" / "calibration.json"
 
 
@@ -37,8 +39,8 @@ def made_up(n, seed):
 
 @pytest.fixture(scope="module")
 def small():
-    found, answers, groups, _ = made_up(900, 1)
-    return fit_calibration(found, ["true"] * len(found), answers, groups)
+    found, answers, groups, _ = made_up(CHUNKS, 1)
+    return fit_calibration(found, ["true"] * len(found), answers, groups, repeats=12)
 
 
 def test_probabilities_that_are_known_are_found_again_and_the_interval_has_them(small):
@@ -53,19 +55,19 @@ def test_probabilities_that_are_known_are_found_again_and_the_interval_has_them(
     assert ((p > low - 0.03) & (p < high + 0.03)).mean() > 0.8
 
 
-def test_an_answer_is_told_of_the_quantities_that_it_may_use_and_of_no_others():
-    found, answers, groups, _ = made_up(300, 4)
-    uses = {"fall_as_given": {"a"}, "followed": {"b", "c"}}
-    model, _ = fit_calibration(found, ["true"] * len(found), answers, groups, uses=uses, repeats=2)
-    x = model.rows([found[0], found[0] | {"a": 2.0}, found[0] | {"b": 2.0}], "true")
-    falls, follows = model.probabilities(x)
-    assert falls[0] == falls[2] != falls[1]
-    assert follows[0] == follows[1] != follows[2]
+def test_trees_say_what_the_library_that_grew_them_says():
+    found, answers, _, _ = made_up(300, 4)
+    x, y = np.array([list(one.values()) for one in found]), answers[0]
+    models = [grow(x, one, np.ones(len(y)), 30) for one in answers]
+    parts = [np.array([[arrays[k]] for arrays in map(as_arrays, models)]) for k in range(3)]
+    told = Trees(*parts).probabilities(x.astype(np.float32))
+    for k, model in enumerate(models):
+        assert np.abs(told[k, 0] - model.predict_proba(x)[:, 1]).max() < 1e-9
 
 
 def test_what_groups_left_out_are_told_is_calibrated_too(small):
     _, held = small
-    _, answers, _, p = made_up(900, 1)
+    _, answers, _, p = made_up(CHUNKS, 1)
     assert np.abs(held - p).mean() < 0.08
     assert calibration_error(held[0], answers[0]) < 0.08
 
@@ -82,12 +84,13 @@ def test_no_probability_is_surer_than_so_many_chunks_can_make_it_and_none_is_pas
     model, _ = small
     told = model.odds([(0.0, {"a": 1e6, "b": -1e6, "c": 0.0})], world="true")
     for chance in (told.fall_as_given, told.followed):
-        assert 1.0 / 902.0 <= chance.low <= chance.p <= chance.high <= 1.0 - 1.0 / 902.0
-    few = np.array(model.weights)
-    few[:, 1:] = 0.0
-    few[:, :, 0] = -9.0
-    few[:, 0, 0] = 9.0
-    told = Calibration(model.names, model.scale, few, model.shape, model.card).odds(
+        least = 1.0 / (CHUNKS + 2.0)
+        assert least <= chance.low <= chance.p <= chance.high <= 1.0 - least
+    leaf = np.zeros_like(model.trees.leaf)
+    leaf[:, :, 0] = -9.0
+    leaf[:, 0, 0] = 9.0
+    one_apart = Trees(model.trees.quantity, model.trees.bound, leaf)
+    told = Calibration(model.names, model.scale, one_apart, model.shape, model.card).odds(
         [(0.0, {"a": 0.0, "b": 0.0, "c": 0.0})], world="true"
     )
     assert told.fall_as_given.low <= told.fall_as_given.p <= told.fall_as_given.high
@@ -95,11 +98,11 @@ def test_no_probability_is_surer_than_so_many_chunks_can_make_it_and_none_is_pas
 
 def test_an_alarm_that_would_go_off_for_most_chunks_is_none(small):
     model, held = small
-    _, answers, groups, _ = made_up(900, 1)
+    _, answers, groups, _ = made_up(CHUNKS, 1)
     bound, stood = model.card["alarm_bound"], answers[0] < 0.5
     assert bound == alarm_bound(held[0][~stood]) > 0.0
     assert model.card["alarm"] == (bound if (held[0][stood] >= bound).mean() <= 0.5 else 0.0)
-    found, n = [{"a": x} for x in np.random.default_rng(0).normal(size=900)], len(groups)
+    found, n = [{"a": x} for x in np.random.default_rng(0).normal(size=CHUNKS)], len(groups)
     answers = (np.random.default_rng(1).random((2, n)) < 0.4).astype(float)
     blind, _ = fit_calibration(found, ["true"] * n, answers, groups, repeats=2)
     assert blind.card["alarm"] == 0.0
@@ -130,15 +133,16 @@ def test_a_file_keeps_the_model_and_what_is_none_is_refused(small, tmp_path):
     model.write(path)
     again, x = Calibration.read(path), model.rows(made_up(50, 3)[0], "true")
     assert np.abs(again.probabilities(x) - model.probabilities(x)).max() < 1e-4
-    assert again.card["penalties"] == model.card["penalties"]
+    assert again.card["trees"] == model.card["trees"]
     with np.load(path) as file:
         parts = dict(file)
     card = json.loads(str(parts["card"]))
     wrong = {
         "version": {"card": json.dumps(card | {"version": 99})},
         "alarm": {"card": json.dumps({k: v for k, v in card.items() if k != "alarm"})},
-        "no number": {"weights": np.full_like(parts["weights"], np.nan)},
-        "shape": {"weights": parts["weights"][:, :, :-1]},
+        "no number": {"leaf": np.full_like(parts["leaf"], np.nan)},
+        "shape": {"leaf": parts["leaf"][..., :-1]},
+        "no quantity": {"quantity": np.full_like(parts["quantity"], 99)},
         "pickled": {"mean": np.array([{}], dtype=object)},
     }
     for name, change in wrong.items():
@@ -192,7 +196,7 @@ def test_chunks_that_are_begun_in_motion_are_told_where_none_of_those_fitted_to_
     found = [(0.0, {"a": 0.1, "b": -0.2, "c": 0.3})]
     assert "a start in motion" in model.odds(found, ["a start in motion"], "true").unlike
     model = Calibration(
-        model.names, model.scale, model.weights, model.shape, model.card | {"covers": ["a start in motion"]}
+        model.names, model.scale, model.trees, model.shape, model.card | {"covers": ["a start in motion"]}
     )
     assert model.odds(found, ["a start in motion"], "true").unlike == ()
     told = shared_checker(ControllerConfig()).check(scripted_policy("wave"), "wave", 4.0).odds

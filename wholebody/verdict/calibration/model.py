@@ -10,42 +10,39 @@ from pathlib import Path
 import numpy as np
 
 from wholebody.errors import InputError
-from wholebody.verdict.calibration.additive import KINKS, Scale, logistic
 from wholebody.verdict.calibration.odds import Chance, Odds
+from wholebody.verdict.calibration.scale import Scale
+from wholebody.verdict.calibration.trees import Trees
 
-VERSION = 1
+VERSION = 2
 """Of the file's layout."""
 SHIPPED = Path(__file__).with_name("g1_dex3.npz")
 """Fitted to the default settings."""
 ANSWERS = ("fall_as_given", "followed")
 WORLD = "realistic"
 """In which the probabilities are; chosen: what a robot with errors as assumed would do."""
-SPLIT = ("roll_capture", "roll_at_bound", "roll_com", "roll_com_end", "roll_zmp", "roll_off")
-"""Quantities that tell otherwise of a realistic robot: those of how near to falling its model comes."""
 LEVEL = 0.9
 """Of the intervals [no unit]; chosen."""
 NAMED = 3
 """Quantities at most by which an unlike chunk is described."""
-_SCALE = ("unit", "mean", "spread", "kinks", "low", "high")
+_SCALE = ("unit", "mean", "spread", "low", "high")
 
 
 class Calibration:
     """Probabilities of what becomes of a chunk.
 
     Args:
-        names: Of the quantities, in their order; those of `with_world` are the last ones.
+        names: Of the quantities, in their order; that of `with_world` is the last one.
         scale: Of the quantities.
-        weights: Of the basis, a row a draw of the data, shape (2, draws, k), by the order of `ANSWERS`.
+        trees: By the order of `ANSWERS`.
         shape: Inverse covariance of the standard quantities fitted to, shape (n, n).
         card: What it was fitted to: ``alarm``, the probability of a fall from which an alarm is due or 0, ``near``, the
             distance up to which a chunk is like those, ``covers``, what else some of those were (begun in motion),
             and whatever else is to be known of it.
     """
 
-    def __init__(
-        self, names: Sequence[str], scale: Scale, weights: np.ndarray, shape: np.ndarray, card: Mapping
-    ) -> None:
-        self.names, self.scale, self.weights, self.shape, self.card = tuple(names), scale, weights, shape, dict(card)
+    def __init__(self, names: Sequence[str], scale: Scale, trees: Trees, shape: np.ndarray, card: Mapping) -> None:
+        self.names, self.scale, self.trees, self.shape, self.card = tuple(names), scale, trees, shape, dict(card)
 
     @staticmethod
     def read(path: Path) -> Calibration:
@@ -59,28 +56,28 @@ class Calibration:
             with np.load(path, allow_pickle=False) as file:
                 card = json.loads(str(file["card"]))
                 scale = Scale(*(np.asarray(file[name], float) for name in _SCALE))
-                weights, shape = (np.asarray(file[name], float) for name in ("weights", "shape"))
+                bound, leaf, shape = (np.asarray(file[name], float) for name in ("bound", "leaf", "shape"))
+                trees = Trees(np.asarray(file["quantity"], int), bound, leaf)
         except (KeyError, ValueError, EOFError) as error:
             raise InputError(wrong) from error
         if not isinstance(card, dict) or card.get("version") != VERSION:
             raise InputError(f"{path} is a calibration of another version than {VERSION}; fit it anew")
         names = card.get("names", ())
         n = len(names)
-        parts = dict.fromkeys(_SCALE, (n,)) | {"kinks": (len(KINKS), n)}
-        sound = all(getattr(scale, name).shape == size for name, size in parts.items()) and shape.shape == (n, n)
-        sound = sound and weights.ndim == 3 and weights.shape[::2] == (len(ANSWERS), 1 + n * (1 + len(KINKS)))
-        arrays = (weights, shape, *(getattr(scale, name) for name in _SCALE))
-        sound = sound and all(np.isfinite(part).all() for part in arrays)
+        sound = all(getattr(scale, name).shape == (n,) for name in _SCALE) and shape.shape == (n, n)
+        sound = sound and trees.sound(n) and len(trees.leaf) == len(ANSWERS)
+        sound = sound and all(np.isfinite(part).all() for part in (shape, *(getattr(scale, name) for name in _SCALE)))
         if not sound or not {"alarm", "near", "chunks"} <= card.keys():
             raise InputError(wrong)
-        return Calibration(names, scale, weights, shape, card)
+        return Calibration(names, scale, trees, shape, card)
 
     def write(self, path: Path) -> None:
         """Write it to a file, in single precision."""
         card = json.dumps({**self.card, "version": VERSION, "names": self.names})
-        arrays = {name: getattr(self.scale, name) for name in _SCALE} | {"weights": self.weights, "shape": self.shape}
+        arrays = {name: getattr(self.scale, name) for name in _SCALE} | {"shape": self.shape}
+        arrays |= {"bound": self.trees.bound, "leaf": self.trees.leaf}
         single = {name: value.astype(np.float32) for name, value in arrays.items()}
-        np.savez_compressed(path, card=card, **single)
+        np.savez_compressed(path, card=card, quantity=self.trees.quantity.astype(np.int16), **single)
 
     def rows(self, found: Sequence[Mapping[str, float]], world: str | Sequence[str] = WORLD) -> np.ndarray:
         """Quantities as numbers, shape (m, n)."""
@@ -94,7 +91,7 @@ class Calibration:
         None is nearer to 0 or 1 than a share can be that so many chunks never showed (the rule of succession).
         """
         least = 1.0 / (self.card["chunks"] + 2.0)
-        return np.clip(logistic(self.weights @ self.scale.basis(x).T), least, 1.0 - least)
+        return np.clip(self.trees.probabilities(x), least, 1.0 - least)
 
     def probabilities(self, x: np.ndarray) -> np.ndarray:
         """Means of the draws, shape (2, m)."""
@@ -144,9 +141,8 @@ class Calibration:
 
 
 def with_world(found: Mapping[str, float], world: str) -> dict[str, float]:
-    """Quantities, whether the world is realistic, and those of `SPLIT` once more, 0 where it is not."""
-    real = float(world == "realistic")
-    return {**found, "realistic": real} | {f"{name}_realistic": real * found[name] for name in SPLIT if name in found}
+    """Quantities, and whether the world is realistic."""
+    return {**found, "realistic": float(world == "realistic")}
 
 
 def _chance(draws: np.ndarray) -> Chance:
