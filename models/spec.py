@@ -84,8 +84,6 @@ class FootSpec:
     """Body the foot is part of; its axes are parallel to the sole."""
     contact_points: tuple[Vector3, ...]
     """Points on the sole in `frame` [m], in order around the sole."""
-    contact_radius: float
-    """Radius of the spheres that touch the floor at the contact points [m]."""
 
     @cached_property
     def points(self) -> np.ndarray:

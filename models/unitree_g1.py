@@ -101,7 +101,6 @@ LINKAGE_JOINTS = r".*_ankle_(pitch|roll)_joint|waist_(roll|pitch)_joint"
 
 # Spheres of the URDF: centres 30 mm below the ankle roll axis, radius 5 mm, so the sole is 35 mm below it.
 _SOLE = ((0.12, 0.03, -0.035), (0.12, -0.03, -0.035), (-0.05, -0.025, -0.035), (-0.05, 0.025, -0.035))
-_SOLE_RADIUS = 0.005
 
 # Joint origin of *_hand_palm_joint (left; the right one is mirrored in y), and the palm point 80 mm ahead of it.
 _PALM_BODY = (0.0415, 0.003, 0.0)
@@ -214,7 +213,6 @@ def _foot(side: str) -> FootSpec:
         side=side,
         frame=f"{side}_ankle_roll_link",
         contact_points=_SOLE,
-        contact_radius=_SOLE_RADIUS,
     )
 
 

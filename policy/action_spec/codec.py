@@ -42,6 +42,10 @@ HINT_TOLERANCE = 1e-4
 FINGER_TOLERANCE = 1e-3
 """How far a finger may be asked past its range without a word: the rounding of files and networks [rad, 1]."""
 
+WALK, RISE = 0.05, 0.05
+"""Speed of the base [m/s, rad/s] and difference of its height from the pelvis's [m] from which a chunk has a note that
+nobody walks or rises for it; chosen: above what networks scatter by."""
+
 _SIDES = (("left", "lhand"), ("right", "rhand"))
 _ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
 
@@ -75,7 +79,9 @@ def decode(
             wrists[hand] = anchor.T_world_base @ _reached(anchor, side, hand, arms[side], waist)
         fingers[hand], said = _decode_fingers(spec, side, actions, anchor)
         notes += said
-    height, velocity = (spec.slot(name) for name in ("base_height", "base_velocity"))
+    slots = [spec.slot(name) for name in ("base_height", "base_velocity")]
+    height, velocity = (_resolved(slot, actions, anchor) if slot else None for slot in slots)
+    notes += _not_followed(height, velocity, anchor)
     chunk = ActionChunk(
         spec_id=spec.id,
         seq=seq,
@@ -88,13 +94,25 @@ def decode(
         q_larm=arms["left"],
         q_rarm=arms["right"],
         q_waist=waist,
-        base_height=_resolved(height, actions, anchor)[:, 0] if height else None,
-        base_velocity=_resolved(velocity, actions, anchor).reshape(steps, 3) if velocity else None,
+        base_height=None if height is None else height[:, 0],
+        base_velocity=None if velocity is None else velocity.reshape(steps, 3),
         notes=notes,
     )
     # Every pose above is a product of rotations that were made orthonormal.
     chunk.validate(rotations=False)
     return chunk
+
+
+def _not_followed(height: np.ndarray | None, velocity: np.ndarray | None, anchor: Anchor) -> tuple[str, ...]:
+    """Notes on a base that is to move: the feet stay, and pelvis and waist go where hands and balance need them."""
+    away = 0.0 if height is None else float(np.abs(height - anchor.T_world_base[2, 3]).max())
+    speed = 0.0 if velocity is None else float(np.abs(velocity).max())
+    notes = ()
+    if speed > WALK:
+        notes += (f"base_velocity asks for up to {speed:.2g} m/s or rad/s and is not followed: the feet stay",)
+    if away > RISE:
+        notes += (f"base_height asks for up to {away:.2g} m more or less and is not followed: hands move the pelvis",)
+    return notes
 
 
 def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:

@@ -15,7 +15,7 @@ Without ``q0_base`` the actions are anchored at the nominal stance; joints that 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,9 @@ from policy.joints import BODY_JOINTS
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
 
 KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints")
+UPRIGHT_MIN, BASE_FAR = 0.5, 0.5
+"""Least cosine of a standing pelvis's tilt [no unit], and its distance from the midpoint of the soles along an axis
+from which a chunk has a note [m]; chosen: past what balance allows."""
 TIME_MAX = 1e9
 """Largest time of a step 0 [s]: thirty years."""
 
@@ -88,7 +91,12 @@ class ChunkFile:
             SpecError: If a joint does not exist.
             RotationError: If ``q0_base`` has no unit quaternion.
         """
-        return decode(self.spec, self.actions, self.anchor(), t_obs=self.t_obs, fps=self.fps)
+        chunk = decode(self.spec, self.actions, self.anchor(), t_obs=self.t_obs, fps=self.fps)
+        if self.q0_base is None or np.abs(self.q0_base[:2]).max() <= BASE_FAR:
+            return chunk
+        x, y = self.q0_base[:2]
+        far = f"q0_base has the pelvis at x {x:.3g}, y {y:.3g} m: its place over the midpoint of the soles is expected"
+        return replace(chunk, notes=(*chunk.notes, f"{far}, not that in a room"))
 
 
 def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None) -> ChunkFile:
@@ -128,7 +136,8 @@ def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None) 
     require_rate("fps", fps)
     t_obs = _single(arrays, "t_obs", path) if "t_obs" in arrays else 0.0
     if abs(t_obs) > TIME_MAX:
-        raise FileFormatError(f"t_obs is {t_obs:g} s; at most {TIME_MAX:g} s are read", path=str(path))
+        text = f"t_obs is {t_obs:g} s; at most {TIME_MAX:g} s are read: count it from a start of your own"
+        raise FileFormatError(text, path=str(path))
     file = ChunkFile(
         spec=spec,
         actions=actions,
@@ -204,7 +213,20 @@ def _base(arrays: dict[str, np.ndarray], path: Path) -> np.ndarray | None:
         raise FileFormatError(
             f"q0_base has shape {value.shape}; seven numbers x y z qx qy qz qw are expected", path=str(path)
         )
+    up = _upright(value[3:])
+    if up < UPRIGHT_MIN:
+        other = _upright(np.roll(value[3:], -1)) >= UPRIGHT_MIN
+        hint = "; w first? the quaternion is x y z w" if other else ""
+        tilt = np.rad2deg(np.arccos(np.clip(up, -1.0, 1.0)))
+        raise FileFormatError(f"q0_base tilts the pelvis by {tilt:.0f} deg: no robot stands so{hint}", path=str(path))
     return value
+
+
+def _upright(quaternion: np.ndarray) -> float:
+    """Cosine of the tilt of a pelvis, 1 where it is no quaternion, which is told elsewhere."""
+    x, y, z, w = quaternion
+    size = x * x + y * y + z * z + w * w
+    return 1.0 - 2.0 * (x * x + y * y) / size if size > 0.0 else 1.0
 
 
 def _joints(arrays: dict[str, np.ndarray], path: Path) -> dict[str, float]:

@@ -42,6 +42,14 @@ class ReplayPolicy:
         self.duration = (len(episode) - 1) / episode.fps
         self._clock = EpisodeClock()
 
+    def held(self, seconds: float) -> ReplayPolicy:
+        """The same recording after its first step was held, for the fewest steps that last so long [s]."""
+        more = int(np.ceil(seconds * self.episode.fps - 1e-6))
+        steps = np.maximum(np.arange(-more, len(self.episode)), 0)
+        longer = {name: value[steps] for name, value in self.episode.arrays().items()}
+        episode = dataclasses.replace(self.episode, **longer)
+        return ReplayPolicy(episode, name=self.name, spec=self.spec, horizon=self.horizon)
+
     @classmethod
     def from_npz(cls, path: str | Path, *, assume: ActionSpec | None = None, horizon: int = 50) -> ReplayPolicy:
         """Play a chunk file, anchored once where the file says, or at the nominal stance.

@@ -149,6 +149,11 @@ def _require_no_path(name: str) -> None:
             f"folder '{name}' is neither a checkpoint (it has no config.json, and no {BELOW[-1]}, where LeRobot's "
             "training writes it) nor a dataset (no meta/info.json)"
         )
+    if Path(name).is_file():
+        raise PolicyError(
+            f"'{name}' is no input: chunk files are .npz with actions, fps and spec (`wholebody layouts NAME --write "
+            "FILE.npz` makes one), motions .csv"
+        )
     if "/" in name or "\\" in name:
         raise PolicyError(f"there is no folder '{name}', and no script of that name; {whereabouts(name)}")
 

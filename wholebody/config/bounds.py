@@ -62,6 +62,7 @@ OF_SCALE: Bounds = (1e-6, 1e6)
 OF_RUN: dict[str, tuple[float, float, str]] = {
     "duration": (0.0, 21_600.0, "s"),
     "settle": (0.0, 60.0, "s"),
+    "lead_in": (0.0, 10.0, "s"),
     "hold": (0.0, 3600.0, "s"),
     "payload_kg": (0.0, 50.0, "kg"),
     "payload_known": (0.0, 5.0, "kg"),

@@ -72,8 +72,3 @@ class FootContact:
         offsets = self.points @ robot.pose(self.frame).rotation.T
         rows = [J[:3] - pin.skew(offset) @ J[3:] for offset in offsets]
         return np.vstack(rows)
-
-    def points_world(self, robot: Robot) -> np.ndarray:
-        """Contact points in world, shape (k, 3), [m]."""
-        T = robot.pose(self.frame)
-        return self.points @ T.rotation.T + T.translation

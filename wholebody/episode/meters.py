@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from models.spec import RobotSpec
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
@@ -56,6 +58,7 @@ class Meters:
         if self._tracking_error.empty:
             due = chunk.t_obs + float(report.steps[0])
             result.start_jump = start_jump(chunk, due, self._palms, supervisor.spec)
+            result.start_palms = np.array([self._palms[side][:3, 3] for side in ("left", "right")])
         result.executed += chunk is not self._chunk
         self._chunk = chunk
         self._seams.mark(now)

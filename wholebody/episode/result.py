@@ -56,6 +56,7 @@ class EpisodeResult:
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
         start: When the first chunk was asked for [s].
         start_jump: How far the first chunk began from where the hands were: distance [m] and angle [rad].
+        start_palms: Where the palm points were then, shape (2, 3), world [m].
         fps: Steps per second of the chunks [Hz]; 0 before the first.
         seams: Jump of the commanded palms at every chunk.
         execution: What the executor saw.
@@ -83,6 +84,7 @@ class EpisodeResult:
     slowed_time: float = 0.0
     start: float = 0.0
     start_jump: tuple[float, float] = (0.0, 0.0)
+    start_palms: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
     fps: float = 0.0
     seams: list[ChunkSeam] = field(default_factory=list)
     execution: ExecutionReport | None = None

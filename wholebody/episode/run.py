@@ -38,6 +38,8 @@ class EpisodeConfig:
     """Standing before the first chunk [s]."""
     hold: float = 4.0
     """Standing after the last step: one run fell 2.1 s after it looked fine [s]."""
+    lead_in: float = 0.0
+    """Time of the input before what is asked of the robot begins, for a plan of that to be there when it does [s]."""
     replace_every: int = 25
     """Chunk steps after which a new chunk is asked for; an executor has its own setting."""
     task: str = ""
@@ -122,7 +124,7 @@ def run_episode(
     measured = measure(state)
     supervisor.reset(measured, state.time)
     executor = _executor(policy, config, supervisor.config.planning.lead)
-    meters = Meters(supervisor, plant, executor, config.settle)
+    meters = Meters(supervisor, plant, executor, config.settle + config.lead_in)
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
 
     def seen() -> Observation:

@@ -35,6 +35,7 @@ class PalmErrors:
         fingers: Fingers asked past their range, by joint [rad].
         uncovered: Time between the last step of a chunk and the first one that was followed of the next, less a step,
             when it was first [s] and how much in all [s].
+        asked: Palm points that were asked for, shape (n, 2, 3), world [m].
     """
 
     times: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -48,6 +49,7 @@ class PalmErrors:
     reasons: list[Reason | None] = field(default_factory=list)
     fingers: dict[str, LimitExcess] = field(default_factory=dict)
     uncovered: tuple[float, float] = (0.0, 0.0)
+    asked: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
 class TrackingError:
@@ -72,6 +74,7 @@ class TrackingError:
         self._next = 0
         self._times: list[float] = []
         self._off: list[np.ndarray] = []
+        self._asked: list[np.ndarray] = []
         self._demandable: list[np.ndarray] = []
         self._reasons: list[Reason | None] = []
         self._fingers: dict[str, LimitExcess] = {}
@@ -116,6 +119,7 @@ class TrackingError:
         led = _between(led_before, now[1], share)
         self._times.append(time)
         self._off.append(np.array([_off(asked, measured), _off(asked, led), _off(led, measured)]))
+        self._asked.append(np.array([T.translation for T in asked]))
         self._demandable.append(self._fair[k])
         self._reasons.append(reason)
         self._look_at_fingers(k, time)
@@ -155,6 +159,7 @@ class TrackingError:
             reasons=list(self._reasons),
             fingers=dict(self._fingers),
             uncovered=self._uncovered,
+            asked=np.reshape(self._asked, (-1, 2, 3)),
         )
 
 
@@ -220,8 +225,9 @@ def demandable(chunk: ActionChunk, report: PlanReport) -> np.ndarray:
     """
     fair = np.empty((len(chunk), 2), dtype=bool)
     for i, T in enumerate((chunk.T_world_lhand, chunk.T_world_rhand)):
-        v = np.gradient(T[:, :3, 3], 1.0 / chunk.fps, axis=0)
-        a = np.gradient(v, 1.0 / chunk.fps, axis=0)
+        p = T[:, :3, 3]
+        v = np.gradient(p, 1.0 / chunk.fps, axis=0) if len(p) > 1 else np.zeros_like(p)
+        a = np.gradient(v, 1.0 / chunk.fps, axis=0) if len(p) > 1 else v
         slow = np.linalg.norm(v, axis=1) <= DEMANDABLE_SPEED
         fair[:, i] = slow & (np.linalg.norm(a, axis=1) <= DEMANDABLE_ACCELERATION)
     nearest = np.searchsorted(report.steps, chunk.times - chunk.t_obs - 1e-9).clip(0, len(report.steps) - 1)

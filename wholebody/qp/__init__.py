@@ -1,1 +1,1 @@
-"""Qp."""
+"""The whole-body quadratic program of a tick, readable and compiled, and its solvers."""

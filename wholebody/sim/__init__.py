@@ -1,1 +1,1 @@
-"""The robot in MuJoCo: plant, fall detection and tracking metrics."""
+"""The robot in MuJoCo: plant, scenes, sensors, falls, recordings and pictures."""

@@ -17,6 +17,7 @@ from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
+from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Surroundings
@@ -86,8 +87,8 @@ class FastChecker:
     def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> None:
         """Chunk after chunk for a time [s], begun somewhere or else with the hands at the first step."""
         policy.reset()
-        time = 0.0
-        while time < max(duration, 1e-9) - 1e-9:
+        time, end = 0.0, max(duration - 1e-9, 1e-9)  # even the shortest input is asked for once
+        while time < end:
             chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
             begin = begin or self.judge.first_pose(chunk)
             following = REPLACE_EVERY / chunk.fps
@@ -203,8 +204,13 @@ def judge(
 
     Raises:
         ChunkError: If the chunk is malformed.
-        InputError: If the state is.
+        InputError: If the state is, or there is no chunk.
     """
+    if not isinstance(chunk, ActionChunk):
+        raise InputError(
+            f"a {type(chunk).__name__} is no ActionChunk; `policy.decode` makes one of actions, and "
+            "`policy.ReplayPolicy.from_npz(path).episode` is that of a file"
+        )
     checker = shared_checker(config or ControllerConfig(), scene)
     chunk.validate()
     checker.stand(None if state is None else check_state(state, checker.spec.n_joints))

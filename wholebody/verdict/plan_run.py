@@ -30,6 +30,7 @@ class _Palms:
     times: list[float] = field(default_factory=list)
     moved: list[np.ndarray] = field(default_factory=list)
     turned: list[np.ndarray] = field(default_factory=list)
+    asked: list[np.ndarray] = field(default_factory=list)
     fair: list[np.ndarray] = field(default_factory=list)
     reasons: list[Reason | None] = field(default_factory=list)
     fingers: dict[str, LimitExcess] = field(default_factory=dict)
@@ -38,8 +39,9 @@ class _Palms:
         moved, turned = np.reshape(self.moved, (-1, 2)), np.reshape(self.turned, (-1, 2))
         still, fair = np.zeros_like(moved), np.reshape(self.fair, (-1, 2)).astype(bool)
         return PalmErrors(
-            np.array(self.times), moved, turned, moved, turned, still, still, fair, self.reasons, self.fingers
-        )
+            np.array(self.times), moved, turned, moved, turned, still, still, fair, self.reasons, self.fingers,
+            asked=np.reshape(self.asked, (-1, 2, 3)),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class PlanRun:
             first = min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
             result.start, result.fps = chunk.t_obs, chunk.fps
             jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
-            result.start_jump = float(jump[0]), float(jump[1])
+            result.start_jump, result.start_palms = (float(jump[0]), float(jump[1])), at
         self.previewed &= found.previewed
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
@@ -174,6 +176,7 @@ class PlanRun:
         palms.times += times.tolist()
         palms.moved += list(off[0])
         palms.turned += list(off[1])
+        palms.asked += list(self.judge.asked(chunk)[0][due])
         palms.reasons += reasons
         self._look_at_fingers(chunk, due)
 

@@ -61,7 +61,7 @@ CHANGES = {
     Reason.QP_FAILED: "the torques were held for a while",
 }
 """In words, what a violation did to the input."""
-SEARCH_FINDS = "no bound: a search with more effort than a plan has finds a motion, once the hands are on the chunk"
+SEARCH_FINDS = "no bound: a plan, or a search with more effort, finds a motion, once the hands are on the chunk"
 MORE_CAUSES, NO_CAUSE_YET = "there may be more causes, and smaller changes that would do", "no cause was found yet"
 ROWS = {
     "torque": "torque of {}",

@@ -76,8 +76,8 @@ class Verdict:
         causes: Where it was asked why: which bounds together forbid the first chunk that is not done as given.
         would_do: Single changes of that chunk, each of which makes it feasible by its plan.
         why_complete: Whether these two were looked for to the end, which the time for it did not cut short.
-        search_finds: Where it was asked why and there is no cause: whether a search with more effort than a plan has
-            finds a motion that does what was not done as given.
+        search_finds: Where it was asked why and there is no cause: whether a plan, or a search with more effort than
+            one has, finds a motion that does what was not done as given.
         tick: What the tick's program says of that chunk's hands as given; None where they lack nothing.
     """
 
@@ -129,9 +129,10 @@ class Verdict:
 
 
 def with_why(verdict: Verdict, asked: Verdict) -> Verdict:
-    """A verdict with what another one on the same input found when it was asked why."""
+    """A verdict with what another one on the same input found when it was asked why; nothing where that is feasible."""
     names = "causes", "would_do", "why_complete", "search_finds", "tick"
-    return replace(verdict, **{name: getattr(asked, name) for name in names})
+    told = replace(verdict, **{name: getattr(asked, name) for name in names})
+    return replace(told, search_finds=True) if asked.verdict == "feasible" else told
 
 
 def judge(

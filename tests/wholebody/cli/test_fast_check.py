@@ -34,6 +34,18 @@ def test_a_chunk_file_is_judged_from_its_first_step_or_from_the_stance(inside, t
         assert abs(verdict["start_m"] - start) < 1e-3
 
 
+def test_a_hand_that_flicks_before_the_first_plan_could_be_there_is_seen_by_both_checks(inside, tmp_path):
+    """It was "done as given" once: steps before the first plan, and until hands had caught up, did not count."""
+    chunk = sent(to=(0.0, 0.0, 0.0))
+    chunk.T_world_rhand[1:10, 2, 3] += 0.29
+    for arguments in (("--fast",), ("--hold", "0.1")):
+        done = inside("check", *arguments, file_of(chunk, tmp_path / "flick.npz"), "--json", "-")
+        (verdict,) = json.loads(done.stdout)
+        assert (done.returncode, verdict["verdict"]) == (1, "infeasible")
+        assert verdict["moved_max_m"] > 0.2
+        assert verdict["violations"][0]["step"] < 15
+
+
 def test_a_chunk_that_cannot_be_done_ends_with_1_and_says_why(inside, tmp_path):
     done = inside("check", "--fast", chunk_file(tmp_path / "far.npz", ahead=1.5))
     assert (done.returncode, done.stdout.split()[0]) == (1, "INFEASIBLE")

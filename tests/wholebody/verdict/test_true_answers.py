@@ -157,6 +157,15 @@ def test_4_a_start_100_or_250_mm_away_is_a_note(checker, jump):
     assert 0.1 < verdict.approach_s < 1.0
 
 
+def test_7_hands_to_which_a_chunk_comes_back_never_joined_it(checker):
+    """0.28 m away for 0.3 s and then where the hands had stayed was an approach, and "done as given"."""
+    file = chunk_file(40)
+    file.actions[:10, 2] += 0.28
+    verdict, _, _ = judged(checker, replay(file))
+    assert (verdict.verdict, verdict.approach_s) == ("infeasible", 0.0)
+    assert verdict.moved_max_m > 0.25
+
+
 def test_5_a_policy_with_ten_steps_a_chunk_is_done_as_given(checker):
     """Asked every 25 steps, it stood still for more than half of the time."""
     policy = wave()

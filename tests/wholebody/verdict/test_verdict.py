@@ -32,6 +32,7 @@ def result(*, errors=0.001, lags=0.001, moved=0.001, reasons=(None,) * 10, **cha
         demandable=fair,
         reasons=list(reasons),
         fingers=changes.pop("fingers", {}),
+        asked=np.ones((10, 2, 3)),
         **{name: np.broadcast_to(value, (10, 2)).copy() for name, value in (distances | angles).items()},
     )
     seconds = {} if reasons[0] is None else {reasons[0]: 1.0}
