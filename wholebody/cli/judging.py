@@ -126,8 +126,6 @@ class Judge:
 
     def _simulated(self, policy: Policy, name: str, title: str) -> Verdict:
         """The simulated check, after the fast one where asking twice is free: of sources that do not see the robot."""
-        from policy.recorded.replay import ReplayPolicy
-
         scene, seconds, begin, first = self._scene(name), length(policy, self.given.duration), None, None
         planned, placed = self._first and not policy.sees_robot, self.judging.starts(name) == "first"
         fast = self.fast(scene) if planned or placed else None
@@ -138,12 +136,8 @@ class Judge:
             if placed:
                 with ours():
                     begin = fast.first_state(policy)
-        checker, lead_in = self._checker(scene), 0.0
-        if placed and isinstance(policy, ReplayPolicy):
-            # The hands are where it begins: a plan is there when it does, as in the midst of a longer input.
-            longer = policy.held(checker.supervisor.config.planning.lead)
-            policy, lead_in = longer, longer.duration - policy.duration
-        checker.episode, seconds = replace(checker.episode, begin=begin, lead_in=lead_in), seconds + lead_in
+        checker = self._checker(scene)
+        checker.episode = replace(checker.episode, begin=begin)
         with (
             cameras_of(policy, checker, self.given.images) as cameras,
             progress_bar(title, quiet=self.quiet) as progress,

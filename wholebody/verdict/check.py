@@ -8,6 +8,7 @@ from typing import Any
 
 from policy.base import Policy
 from policy.executor.executor import Executor
+from policy.recorded.replay import ReplayPolicy
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
@@ -93,6 +94,9 @@ class Checker:
     ) -> tuple[Verdict, EpisodeResult]:
         """Judge a policy's episode.
 
+        Where the robot begins in a state of its own (``episode.begin``), the first step of a recording is held until a
+        plan of it can be there.
+
         Args:
             policy: Source of the chunks: a policy, or an executor that says how late it is.
             name: What to call the input.
@@ -105,6 +109,11 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
+        lead_in = 0.0
+        if self.episode.begin is not None and isinstance(policy, ReplayPolicy):
+            # A plan is there when the recording begins, as in the midst of a longer one.
+            longer = policy.held(self.supervisor.config.planning.lead)
+            policy, lead_in = longer, longer.duration - policy.duration
         if self.gate is not None:
             layout = (policy.policy if isinstance(policy, Executor) else policy).spec
             self.gate.begin(layout.orientation_free)
@@ -112,8 +121,8 @@ class Checker:
             policy,
             self.supervisor,
             self.plant,
-            duration=duration,
-            config=replace(self.episode, cameras=cameras or self.episode.cameras),
+            duration=duration + lead_in,
+            config=replace(self.episode, lead_in=lead_in, cameras=cameras or self.episode.cameras),
             sensors=self.sensors,
             recorder=recorder,
             progress=progress,
