@@ -1,10 +1,10 @@
 """Fit the calibration to outcomes, and say what it is worth on chunks that it was not fitted to.
 
-``python -m tests.studies.calibrate OUTCOMES.jsonl... --model MODEL.npz --sheet SHEET.png`` reads what
-`tests.studies.outcomes` wrote, fits to all families but recorded motions, and prints the tables of
-``docs/calibration.md``. Groups are never split: what is said of the families fitted to is by models that were fitted to
-other groups, what is said of recorded motions by a model that saw none, and of each family once more by a model that
-saw none of it. ``--repeats FILE`` counts in how many cases another physics step gives another answer.
+``python -m tests.studies.calibrate OUTCOMES... --model MODEL.npz --sheet SHEET.png`` reads what
+`tests.studies.outcomes` wrote (.jsonl, or packed .xz), fits to all families but recorded motions, and prints the
+tables of ``docs/calibration.md``. Groups are never split: what is said of the families fitted to is by models that were
+fitted to other groups, what is said of recorded motions by a model that saw none, and of each family once more by a
+model that saw none of it. ``--repeats FILE`` counts in how many cases another physics step gives another answer.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from tests.support.calibration_fit import BINS, DRAWS, NUMBERS, alarm_bound, calibration_error, fit_calibration
+from tests.support.outcome_lines import pack, read_lines
 from wholebody.verdict.calibration.model import Calibration
 from wholebody.verdict.worlds import binomial_interval
 
@@ -60,8 +61,7 @@ def read(paths: list[Path]) -> Lines:
     """Of files, each case once in a world; robots that fell before the chunk came are left out."""
     found = {}
     for path in paths:
-        for text in path.read_text().splitlines():
-            line = json.loads(text)
+        for line in read_lines(path):
             if not line["as_given"]["early"]:
                 found.setdefault((line["case"], line["draw"]), line)
     return Lines([found[key] for key in sorted(found)])
@@ -180,7 +180,7 @@ def report(lines: Lines) -> tuple[Calibration, list[tuple[str, np.ndarray, np.nd
 def disagreement(lines: Lines, repeats: Path) -> None:
     """Of how many cases another physics step gives another answer."""
     again = {line["case"]: line for line in map(json.loads, repeats.read_text().splitlines())}
-    both = [(line, again[line["case"]]) for line in lines.lines if line["case"] in again]
+    both = [(line, again[line["case"]]) for line in lines.lines if line["case"] in again and not line["draw"]]
     fell = sum(a["as_given"]["fell"] != b["as_given"]["fell"] for a, b in both)
     kept = sum(a["planned"]["followed"] != b["planned"]["followed"] for a, b in both)
     print(f"another physics step: of {len(both)} another answer on falls in {fell}, on what is followed in {kept}")
@@ -262,6 +262,7 @@ def main() -> None:
     parser.add_argument("--model", type=Path, help="where to write the model (.npz)")
     parser.add_argument("--sheet", type=Path, help="where to draw the reliability diagrams (.png)")
     parser.add_argument("--handful", type=Path, help="where to write some cases and what is told of them (.json)")
+    parser.add_argument("--pack", type=Path, help="where to keep all outcomes, packed (.xz)")
     parser.add_argument("--repeats", type=Path, help="the same cases with another physics step")
     chosen = parser.parse_args()
     lines = read(chosen.outcomes)
@@ -271,6 +272,8 @@ def main() -> None:
     ceiling(lines)
     if chosen.repeats is not None:
         disagreement(lines, chosen.repeats)
+    if chosen.pack is not None:
+        pack(lines.lines, chosen.pack)
     if chosen.model is not None:
         model.write(chosen.model)
         print(f"{chosen.model}: {chosen.model.stat().st_size / 1e3:.0f} kB, {model.card}")

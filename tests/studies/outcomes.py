@@ -28,6 +28,7 @@ from pathlib import Path
 from time import process_time
 
 from tests.support.outcome_cases import Case, outcome_case
+from tests.support.outcome_lines import read_lines
 from tests.support.outcome_runs import run_case
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant
@@ -94,12 +95,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, nargs=2, action="append", required=True, metavar=("FIRST", "END"))
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each case")
+    parser.add_argument("--known", type=Path, help="outcomes of another file that need not be done once more")
     parser.add_argument("--full", action="store_true", help="until 4 s after the last step, or the fall")
     parser.add_argument("--draw", type=int, default=0, help="another realistic world for each case")
     parser.add_argument("--timestep", type=float, default=TIMESTEP, help="physics step [s]")
     chosen, motions = parser.parse_args(), os.environ.get("G1_MOTIONS", "")
     lines = [json.loads(line) for line in chosen.out.read_text().splitlines()] if chosen.out.exists() else []
-    done, fast, worlds, run = {line["case"] for line in lines}, FastChecker(), Worlds(chosen.timestep), revision()
+    known = [] if chosen.known is None else read_lines(chosen.known)
+    done = {line["case"] for line in lines} | {line["case"] for line in known if line["draw"] == chosen.draw}
+    fast, worlds, run = FastChecker(), Worlds(chosen.timestep), revision()
     share = {n: (n - first) / (end - first) for first, end in chosen.cases for n in range(first, end)}
     for number in sorted(share.keys() - done, key=share.get):
         case = outcome_case(number, motions)

@@ -77,7 +77,7 @@ class Calibration:
         arrays = {name: getattr(self.scale, name) for name in _SCALE} | {"shape": self.shape}
         arrays |= {"bound": self.trees.bound, "leaf": self.trees.leaf}
         single = {name: value.astype(np.float32) for name, value in arrays.items()}
-        np.savez_compressed(path, card=card, quantity=self.trees.quantity.astype(np.int16), **single)
+        np.savez_compressed(path, card=card, quantity=self.trees.quantity.astype(np.uint8), **single)
 
     def rows(self, found: Sequence[Mapping[str, float]], world: str | Sequence[str] = WORLD) -> np.ndarray:
         """Quantities as numbers, shape (m, n)."""
