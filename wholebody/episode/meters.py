@@ -29,6 +29,7 @@ class Meters:
         self._tracking_error = TrackingError(supervisor)
         self._seams, self._limits = SeamMeter(plant.control_dt), LimitMonitor(plant)
         self._plan: PlanReport | None = None
+        self._came: dict[float, float] = {}  # when the chunk of an observation came, until one is followed [s]
         self._chunk: ActionChunk | None = None
         self._palms = supervisor.palm_reference()
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
@@ -36,6 +37,8 @@ class Meters:
     def offered(self, chunk: ActionChunk, executor: Executor) -> None:
         """Take note of a chunk that the supervisor gets."""
         self.result.fps = chunk.fps
+        if self._tracking_error.empty:
+            self._came[chunk.t_obs] = executor.clock.now()
         self.result.notes += [Note(executor.clock.now(), text) for text in (*chunk.notes, *self._left_out)]
 
     def refused(self, answer: StatusReport | None, executor: Executor) -> None:
@@ -56,7 +59,9 @@ class Meters:
         """A plan was taken over: what it changes in the chunk."""
         result, chunk, report = self.result, supervisor.chunk, self._plan
         if self._tracking_error.empty:
-            due = chunk.t_obs + float(report.steps[0])
+            # A chunk that came at once begins with its first step; of a late one, what it missed is lost.
+            late = self._came.get(chunk.t_obs, chunk.t_obs) > chunk.t_obs + 0.5 / chunk.fps
+            due = chunk.t_obs + float(report.steps[0]) * late
             result.start_jump = start_jump(chunk, due, self._palms, supervisor.spec)
             result.start_palms = np.array([self._palms[side][:3, 3] for side in ("left", "right")])
         result.executed += chunk is not self._chunk

@@ -80,7 +80,7 @@ class FastChecker:
         require_run("duration", duration)
         # A robot that stands elsewhere has its first plan when that is computed, and later ones as late.
         lead = self.config.planning.lead if start == "stance" else 0.0
-        run = PlanRun(self.judge, policy.spec.orientation_free)
+        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True)
         self._play(run, policy, duration, None if start == "first" else self.judge.stance(), lead)
         return self._told(run, name, ask_why=ask_why)
 

@@ -63,10 +63,15 @@ class Suspect:
 class PlanRun:
     """Chunks planned one after the other, and what they come to."""
 
-    def __init__(self, judge: ChunkJudge, free: tuple[bool, bool], *, by_path: bool = False) -> None:
-        """Of palms whose orientation may be free, compared at the steps' own times, or else where the plan is then."""
+    def __init__(
+        self, judge: ChunkJudge, free: tuple[bool, bool], *, by_path: bool = False, at_once: bool = False
+    ) -> None:
+        """Of palms whose orientation may be free, compared at the steps' own times, or else where the plan is then.
+
+        The first chunk begins with its first step if it came ``at_once``, or else where its plan does.
+        """
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
-        self._by_path = by_path
+        self._by_path, self._at_once = by_path, at_once
         self.margins: dict[Limit, Margin] = {}
         self.suspects: list[Suspect] = []
         self.followed: ChunkJudgement | None = None
@@ -144,8 +149,9 @@ class PlanRun:
         result.notes += [Note(chunk.t_obs, text) for text in chunk.notes]
         if not result.fps:
             (p, R), (at, turned) = self.judge.asked(chunk), self.judge.at(begin)
-            first = min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
             result.start, result.fps = chunk.t_obs, chunk.fps
+            # A chunk that comes at once begins with its first step, though its plan takes time.
+            first = 0 if self._at_once else min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
             jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
             result.start_jump, result.start_palms = (float(jump[0]), float(jump[1])), at
         self.previewed &= found.previewed

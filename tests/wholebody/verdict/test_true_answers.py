@@ -19,6 +19,7 @@ from policy.scripted.policy import minimum_jerk
 from wholebody.episode.run import EpisodeConfig
 from wholebody.types import Reason
 from wholebody.verdict.check import Checker
+from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.report import lines
 
 FPS = 30.0
@@ -88,6 +89,17 @@ def test_2_a_jump_that_no_hand_does_is_another_motion(checker):
     verdict, found, _ = judged(checker, replay(file))
     assert verdict.verdict == "infeasible"
     assert found[Reason.STEPS_JUMP].value > 0.05
+
+
+def test_2_a_jump_before_the_first_plan_is_no_start_elsewhere(checker):
+    """The hand began where it was, and 280 mm away counted as an approach that was done as given."""
+    file = chunk_file(40)
+    file.actions[1:, 11] += 0.28
+    verdict, found, _ = judged(checker, replay(file))
+    fast = FastChecker().check(replay(file), "input", 40 / FPS, start="stance")
+    assert (verdict.verdict, fast.verdict) == ("infeasible", "infeasible")
+    assert verdict.start_m < 1e-3 > fast.start_m
+    assert not {Reason.START_OFFSET, Reason.FAR_START} & found.keys()
 
 
 @pytest.mark.parametrize(("size", "answer"), [(1e-3, "feasible"), (0.06, "infeasible")])
