@@ -2,7 +2,7 @@
 
 ``python tests/support/planted_causes.py FIRST LAST [KIND ...]`` plants the seeds FIRST to LAST - 1 of each kind, asks
 why they cannot be done, as ``check --fast --why`` does, and prints a line each, then the share of right causes of each
-kind, of the sets that pass drop-one and of the certificates that are proofs, and the CPU time. A case that nothing is
+kind, of the sets that pass drop-one and of the certificates that are proofs, and the time. A case that nothing is
 said against is done, if the motion that a search has for it keeps what is looked at here. Drop-one is looked at
 by searches of their own: with the set alone there is no plan from five starts, without any one member the plan that was
 kept keeps the others. With --from FILE only what its lines come to is printed.
@@ -17,7 +17,7 @@ from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from time import thread_time
+from time import perf_counter
 
 import numpy as np
 import pinocchio as pin
@@ -35,8 +35,9 @@ from tests.support.proof import proves
 from tests.support.sent_chunks import FPS, SPEC, STANCE, STEPS
 from wholebody.config import ControllerConfig, LoadConfig, PlannerConfig, RobotConfig
 from wholebody.planning.judgement.cause import causes
-from wholebody.planning.judgement.chunk_program import EVERY, NAMES, ChunkProgram
+from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit
+from wholebody.planning.judgement.motion_search import EVERY, NAMES
 from wholebody.planning.trajectory import curve_through
 from wholebody.verdict.fast import FastChecker
 
@@ -602,9 +603,9 @@ def answered(kind, seed):
     checker = holder(one.config, one.scene)
     begin = checker.judge.stance() if one.from_stance else checker.judge.first_pose(one.chunk)
     checker.explainer.prover  # noqa: B018 built once a process, as the checker is
-    checker.explainer.asked, before = None, thread_time()
+    checker.explainer.asked, before = None, perf_counter()
     verdict = checker.of_chunk(one.chunk, begin, kind, (False, False), ask_why=True)
-    spent, (program, found) = thread_time() - before, checker.explainer.asked or (None, [])
+    spent, (program, found) = perf_counter() - before, checker.explainer.asked or (None, [])
     tick, right = verdict.tick and asdict(verdict.tick), is_right(one, [cause.codes for cause in verdict.causes])
     return {
         "kind": kind,
@@ -644,7 +645,7 @@ def summary(rows):
     print(f"looked for causes and changes to the end in {complete} of {len(rows)}")
     print(f"proofs {proven}: {sum(row['proof'] for row in rows)} verified")
     seconds = [row["seconds"] for row in rows]
-    print(f"{np.median(seconds):.2f} s of CPU time median, {max(seconds):.2f} s worst of {len(rows)}")
+    print(f"{np.median(seconds):.2f} s median, {max(seconds):.2f} s worst of {len(rows)}")
 
 
 def main(first, last, kinds):

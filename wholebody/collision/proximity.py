@@ -142,17 +142,18 @@ class Proximity:
         if self._scratch is None:
             self._scratch = self.model.createData()
         pin.forwardKinematics(self.model, self._scratch, q)
-        items, request = self.geometry.geometryObjects, coal.DistanceRequest()
-        for k in pairs.tolist():
-            (a, T_a), (b, T_b) = (self._placed(items[i]) for i in self.pairs[k].tolist())
-            result = coal.DistanceResult()
-            coal.distance(a, T_a, b, T_b, request, result)
+        items, request, result = self.geometry.geometryObjects, coal.DistanceRequest(), coal.DistanceResult()
+        chosen = self.pairs[pairs]
+        shapes = {i: (items[i].geometry, self._placed(items[i])) for i in np.unique(chosen).tolist()}
+        for k, (first, second) in zip(pairs.tolist(), chosen.tolist(), strict=True):
+            result.clear()
+            coal.distance(*shapes[first], *shapes[second], request, result)
             self._store(k, result)
 
-    def _placed(self, item: pin.GeometryObject) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
-        """A shape and where it is, by the joint placements of the last `measure`."""
+    def _placed(self, item: pin.GeometryObject) -> coal.Transform3s:
+        """Where a shape is, by the joint placements of the last `measure`."""
         T = self._scratch.oMi[item.parentJoint] * item.placement
-        return item.geometry, coal.Transform3s(T.rotation, T.translation)
+        return coal.Transform3s(T.rotation, T.translation)
 
     def _measure(self, pairs: np.ndarray, room: np.ndarray) -> None:
         for k in pairs.tolist():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -20,6 +21,7 @@ from wholebody.episode.observation import observation_of
 from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
+from wholebody.planning.judgement.chunk_program import STARTS
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.feet import Feet
@@ -48,19 +50,23 @@ class FastChecker:
     def __init__(self, config: ControllerConfig | None = None, scene: str = "floor") -> None:
         self.config = config or ControllerConfig()
         self.spec: RobotSpec = describe(self.config.robot)
-        self.judge = ChunkJudge(self.spec, self.config, None if scene == "floor" else self._surroundings(scene))
+        self._scene = scene
+        self.judge = self._judge()
         self._settings, usual = asdict(self.config), ControllerConfig()
         self._usual = replace(self.config, loads=usual.loads) == usual
 
-    def _surroundings(self, scene: str) -> Surroundings:
+    def _judge(self) -> ChunkJudge:
+        return ChunkJudge(self.spec, self.config, None if self._scene == "floor" else self._surroundings())
+
+    def _surroundings(self) -> Surroundings:
         from wholebody.verdict.scene import SceneDistance  # MuJoCo, which nothing else here needs
 
-        return SceneDistance(self.spec, scene)
+        return SceneDistance(self.spec, self._scene)
 
     @cached_property
     def explainer(self) -> Explainer:
         """What looks for causes."""
-        return Explainer(self.judge)
+        return Explainer(self.judge, [self._judge() for _ in range(min(len(os.sched_getaffinity(0)), STARTS) - 1)])
 
     def check(
         self, policy: Policy, name: str, duration: float, *, start: Start = "first", ask_why: bool = False

@@ -13,8 +13,9 @@ from tests.support.proof import proves
 from tests.support.sent_chunks import sent
 from tests.support.verdict_agreement import case
 from wholebody.planning.judgement.cause import causes
-from wholebody.planning.judgement.chunk_program import NAMES, STARTS, ChunkProgram
+from wholebody.planning.judgement.chunk_program import STARTS, ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.judgement.motion_search import NAMES
 from wholebody.resources import verdict_schema
 from wholebody.verdict.fast import FastChecker, judge
 from wholebody.verdict.report import lines, to_json
@@ -139,6 +140,17 @@ def test_where_the_time_ended_before_all_was_looked_for_that_is_said(monkeypatch
     assert [one.codes for one in verdict.causes] == [(Limit.SELF_DISTANCE,)]
     assert not verdict.why_complete
     assert any("there may be more causes" in line for line in lines(verdict))
+
+
+def test_what_is_found_side_by_side_is_what_is_found_one_after_the_other():
+    """Searches from several starts go on in threads, each with a judge of its own, as many as there are cores."""
+    checker, chunk = FastChecker(), sent(to=(0.5, 0.0, 0.0), time=1.5)
+    begin, answers = checker.judge.first_pose(chunk), []
+    for twins in (0, 2):
+        checker.explainer = explainer.Explainer(checker.judge, [FastChecker().judge for _ in range(twins)])
+        answers.append(checker.of_chunk(chunk, begin, "chunk", (False, False), ask_why=True))
+    assert answers[0].causes
+    assert answers[0] == answers[1]
 
 
 def test_a_search_that_is_given_up_has_no_cause_and_says_so(monkeypatch):

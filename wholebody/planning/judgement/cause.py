@@ -16,8 +16,9 @@ import numpy as np
 
 from policy.geometry.rotations import angle_between
 from wholebody.planning.judgement.chunk_margins import AT_START, rates_from
-from wholebody.planning.judgement.chunk_program import EVERY, NAMES, ChunkProgram, Witness
+from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.judgement.motion_search import EVERY, NAMES, Witness
 
 SETS = 3
 """Most disjoint sets of bounds of a plan that are looked for."""

@@ -146,15 +146,13 @@ class TrajectoryProblem:
         body, distances = self.body, self.distances
         full = body.q_full.copy()
         for k in np.unique(touching[:, 0]).tolist():
-            listed = touching[touching[:, 0] == k]
+            _, pairs, places = touching[touching[:, 0] == k].T
             full[body.body], full[body.fingers[body.finger_order]] = m.q[k], self._task.q_fingers[k]
-            body.proximity.measure(full, listed[:, 1])
-            for _, pair, place in listed.tolist():
-                row = body.proximity.rows[pair].copy()
-                row[3:6] -= m.q[k, :3]
-                row[6:9] -= m.q[k, :3]
-                distances.rows[k, place] = row
-                distances.slack[k, place] = body.proximity.distance[pair] - body.proximity.margin[pair]
+            body.proximity.measure(full, pairs)
+            rows = body.proximity.rows[pairs]
+            rows[:, 3:] -= np.tile(m.q[k, :3], 2)  # the points, from the pelvis
+            distances.rows[k, places] = rows
+            distances.slack[k, places] = body.proximity.distance[pairs] - body.proximity.margin[pairs]
 
     def cost(self, m: Motion) -> float:
         """What a motion costs."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
 from math import inf
+from queue import SimpleQueue
 
 import numpy as np
 
@@ -13,21 +15,27 @@ from policy.chunk import ActionChunk
 from wholebody.episode.tracking_error import FINGER_TOLERANCE
 from wholebody.planning.judgement.cause import Cause, causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
-from wholebody.planning.judgement.chunk_program import AT_REST, EVERY, ChunkProgram
+from wholebody.planning.judgement.chunk_program import AT_REST, ChunkProgram
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
+from wholebody.planning.judgement.motion_search import EVERY
 from wholebody.planning.plan import ChunkPlan
 from wholebody.verdict.plan_run import PlanRun, Suspect
+from wholebody.verdict.repair import Change, Kind
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
-CAUSES_WORK, WHY_WORK, SET_WORK = 700.0, 1000.0, 1600.0
+CAUSES_WORK, WHY_WORK, SET_WORK = 700.0, 1000.0, 1200.0
 """Linearisations and steps after which no further set of bounds is looked for, no further change is tried, and a set
-that was begun is given up [no unit]; chosen: about one second, one and a half, and two and a half."""
+that was begun is given up [no unit]; chosen: what ends within three seconds."""
 TRY_WORK, STEPS = 60.0, 50
 """The same of one try, for a chunk of so many steps, and in proportion for longer ones [no unit]; measured: in nine
 planted cases as much as is needed to find the changes that are found with all the work of a plan."""
+
+
+CHANGES: tuple[Kind, ...] = ("slower", "moved", "turned", "lighter")
+"""Kinds of changes that are tried, each with half of the work that causes leave."""
 
 
 class Explainer:
@@ -35,13 +43,14 @@ class Explainer:
 
     Args:
         judge: Holds the robot.
+        twins: More like it, with which searches go on side by side; what is found does not depend on how many.
 
     Attributes:
         asked: Program and causes of the chunk that was asked of last, with the motions that were found.
     """
 
-    def __init__(self, judge: ChunkJudge) -> None:
-        self._judge = judge
+    def __init__(self, judge: ChunkJudge, twins: Sequence[ChunkJudge] = ()) -> None:
+        self._judge, self._twins = judge, twins
         self.asked: tuple[ChunkProgram, list[Cause]] | None = None
 
     @cached_property
@@ -58,25 +67,47 @@ class Explainer:
             free: Whether nothing is asked of the left and the right palm's orientation.
             start: Time of the first step of the input [s].
         """
-        chunk, since, before = suspect.chunk, suspect.chunk.t_obs - start, self._work
-        program = ChunkProgram(self._judge, chunk, suspect.begin, free, suspect.now)
+        chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
+        for twin in self._twins:
+            twin.carry(*self._judge.loads)
+            twin.stand_on(self._judge.planner.optimizer.body.footing.feet)
+        program = ChunkProgram(self._judge, chunk, begin, free, suspect.now, self._twins)
         if suspect.plan.report.slowdown == 1.0:
             program.know(suspect.plan.knots)
-
-        def under(most: float) -> Callable[[], bool]:
-            return lambda: self._work - before < most
-
-        found, every = causes(program, under(CAUSES_WORK), under(SET_WORK))
+        found, every = causes(program, lambda: program.work < CAUSES_WORK, lambda: program.work < SET_WORK)
         self.asked = program, found
         if not found:
             return replace(verdict, why_complete=every)
-        told = [why(one, since, chunk.fps) for one in found]
-        singles = self.single_changes(chunk, suspect.begin, free, suspect.plan, under(WHY_WORK))
-        would_do = _what_would_do(program, singles, told, since)
-        told = [with_changes(told[0], would_do)] if len(told) == 1 else told
+        told, at_most = [why(one, since, chunk.fps) for one in found], 0.5 * (WHY_WORK - program.work)
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
-        tick = None if of_numbers else self.prover.of(program, since)
-        return replace(verdict, causes=told, would_do=would_do, tick=tick, why_complete=every and singles.complete)
+        # A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
+        at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in told) or not program.rests()
+        idle = SimpleQueue()
+
+        def changed(kind: Kind) -> tuple[Change | None, bool]:
+            judge = idle.get()
+            try:
+                singles = self.single_changes(chunk, begin, free, suspect.plan, at_most, judge)
+                return getattr(singles, kind)(), singles.complete
+            finally:
+                idle.put(judge)
+
+        with ThreadPoolExecutor(len(CHANGES)) as pool:
+            asked = [pool.submit(changed, kind) for kind in CHANGES[at_rest:]]
+            for twin in self._twins:
+                idle.put(twin)
+            try:
+                raised = _raised(program, told, since)
+                tick = None if of_numbers else self.prover.of(program, since)
+            finally:
+                idle.put(self._judge)
+            changes = [one.result() for one in asked]
+        would_do = [
+            WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x, _ in changes if x is not None
+        ] + raised
+        told = [with_changes(told[0], would_do)] if len(told) == 1 else told
+        every = every and all(complete for _, complete in changes)
+        return replace(verdict, causes=told, would_do=would_do, tick=tick, why_complete=every)
 
     def single_changes(
         self,
@@ -84,48 +115,44 @@ class Explainer:
         begin: Begin,
         free: tuple[bool, bool] = (False, False),
         plan: ChunkPlan | None = None,
-        goes_on: Callable[[], bool] = lambda: True,
+        work: float = inf,
+        judge: ChunkJudge | None = None,
     ) -> SingleChanges:
-        """What changes a chunk that is not feasible by one thing; it is planned where its plan is not given."""
-        plan = plan or self._judge.planner.plan(chunk, chunk.t_obs, begin.body, begin.hands, quick=True)
+        """What changes a chunk that is not feasible by one thing, within some work; it is planned if no plan is given.
+
+        Another judge than that of the causes may be given, for changes that are looked for beside them.
+        """
+        judge = judge or self._judge
+        plan = plan or judge.planner.plan(chunk, chunk.t_obs, begin.body, begin.hands, quick=True)
 
         def holds(changed: ActionChunk, work: float = inf) -> bool:
-            return self._holds_as_given(changed, begin, free, work)
+            return _holds_as_given(judge, changed, begin, free, work)
 
         def at_first(changed: ActionChunk) -> bool:
             return holds(changed, TRY_WORK * max(len(changed) / STEPS, 1.0))
 
-        return SingleChanges(self._judge, chunk, plan, at_first, holds, goes_on)
-
-    def _holds_as_given(self, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:
-        """Whether a chunk is feasible by an attempt at its own speed; what needs no plan comes first."""
-        judge, now, far = self._judge, chunk.t_obs, self._judge.config.verdict.palm_feasible
-        forgiven = {Limit.START: 0.0, Limit.FINGER_RANGE: FINGER_TOLERANCE}
-        forgiven |= {Limit.INTO_FLOOR: far, Limit.SCENE_DISTANCE: far}
-        numbers = judge.numbers(chunk, begin, now)
-        if any(code in numbers and numbers[code].margin < -room for code, room in forgiven.items()):
-            return False
-        plan = judge.planner.as_given(chunk, now, begin.body, begin.hands, work)
-        if plan is None:
-            return False
-        run, none = PlanRun(judge, free), np.zeros((0, 2))
-        run.follow(chunk, begin, now, np.inf, ChunkJudgement(plan, chunk.times, none, none, judge.around(chunk, plan)))
-        return run.verdict("", {}).verdict == "feasible"
-
-    @property
-    def _work(self) -> float:
-        return self._judge.planner.optimizer.work
+        return SingleChanges(judge, chunk, plan, at_first, holds, work)
 
 
-def _what_would_do(program: ChunkProgram, singles: SingleChanges, causes: Sequence[Why], since: float) -> list[WouldDo]:
-    """Single changes that make a chunk hold; for each bound of an only cause, what a plan has that keeps all others.
+def _holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:
+    """Whether a chunk is feasible by an attempt at its own speed; what needs no plan comes first."""
+    now, far = chunk.t_obs, judge.config.verdict.palm_feasible
+    forgiven = {Limit.START: 0.0, Limit.FINGER_RANGE: FINGER_TOLERANCE}
+    forgiven |= {Limit.INTO_FLOOR: far, Limit.SCENE_DISTANCE: far}
+    numbers = judge.numbers(chunk, begin, now)
+    if any(code in numbers and numbers[code].margin < -room for code, room in forgiven.items()):
+        return False
+    plan = judge.planner.as_given(chunk, now, begin.body, begin.hands, work)
+    if plan is None:
+        return False
+    run, none = PlanRun(judge, free), np.zeros((0, 2))
+    run.follow(chunk, begin, now, np.inf, ChunkJudgement(plan, chunk.times, none, none, judge.around(chunk, plan)))
+    return run.verdict("", {}).verdict == "feasible"
 
-    A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
-    """
-    at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in causes)
-    slower = None if at_rest or not program.rests() else singles.slower()
-    changes = slower, singles.moved(), singles.turned(), singles.lighter()
-    out = [WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x in changes if x is not None]
+
+def _raised(program: ChunkProgram, causes: Sequence[Why], since: float) -> list[WouldDo]:
+    """For each bound of an only cause, the value in a plan that keeps all others."""
+    out = []
     for kind in causes[0].codes if len(causes) == 1 else ():
         if kind in EVERY and (one := program.raised(kind)) is not None:
             moved = replace(one, time=one.time + since, step=one.step + round(since * program.chunk.fps))

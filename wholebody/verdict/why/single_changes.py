@@ -7,6 +7,7 @@ planned slower does not hold. What is told is a change that held.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 
 import numpy as np
 
@@ -30,10 +31,10 @@ class SingleChanges:
         plan: What was planned for it.
         at_first: Whether a chunk is feasible as it is, by its plan at its own speed, as far as little work tells.
         holds: The same with all the work that a plan may take: what is told has to hold by both.
-        goes_on: Whether there is time for one more try.
+        work: Linearisations and steps after which no further change is tried.
 
     Attributes:
-        complete: Whether there always was.
+        complete: Whether there was work left for every try.
     """
 
     def __init__(
@@ -43,9 +44,9 @@ class SingleChanges:
         plan: ChunkPlan,
         at_first: Callable[[ActionChunk], bool],
         holds: Callable[[ActionChunk], bool],
-        goes_on: Callable[[], bool] = lambda: True,
+        work: float = inf,
     ) -> None:
-        self._judge, self._plan, self._goes_on = judge, plan, goes_on
+        self._judge, self._plan, self._left = judge, plan, work
         self._at_first, self._holds = at_first, holds
         self.chunk, self.complete = chunk, True
 
@@ -97,19 +98,22 @@ class SingleChanges:
 
     def _least(self, chunk_at: Callable[[float], ActionChunk], low: float, high: float, fine: float) -> float | None:
         """The least value that held, by bisection below a larger one; None if that does not hold."""
-        least, middle = None, high
+        least, middle, optimizer = None, high, self._judge.planner.optimizer
+        end = optimizer.work + self._left
         while least is None or high - low > fine:
-            if not self._goes_on():
+            if optimizer.work >= end:
                 self.complete = False
                 break
             if self._at_first(chunk_at(middle)):
                 least = high = middle
             elif least is None:
-                return None
+                break
             else:
                 low = middle
             middle = 0.5 * (low + high)
-        return least if least is not None and self._holds(chunk_at(least)) else None
+        held = least is not None and self._holds(chunk_at(least))
+        self._left = end - optimizer.work
+        return least if held else None
 
     def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)

@@ -8,7 +8,7 @@ these accelerations alone: another motion may lead elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -77,11 +77,12 @@ class TickProver:
         """Times, and what hands lack there in terms of `SHORT`, while they are on the chunk; puts the robot there."""
         c, robot, body = self._controller, self._controller.robot, program.begin.body
         track, hands = program.nearest_track()
+        palms = [_palms(hand, offset) for hand, offset in zip(hands, program.judge.planner.offsets, strict=True)]
         q, v, dt = body.q.copy(), body.v.copy(), c.config.dt
         c.reset(RobotState(0.0, q, v))
         far = program.judge.config.verdict.palm_feasible
         for i in range(len(track.q)):
-            reference = reference_at(track, hands, i, program.judge.planner.offsets)
+            reference = reference_at(track, palms, i)
             _, report = c.step(RobotState(i * dt, q, v), reference)
             full = report.level is TickLevel.FULL
             if i % EVERY_TICKS == 0 or not full:
@@ -166,12 +167,10 @@ def variable_names(controller: WholeBodyController) -> list[str]:
     return base + joints + forces
 
 
-def reference_at(
-    track: SampledTrajectory, hands: tuple[HandMotion, HandMotion], row: int, offsets: np.ndarray
-) -> BodyReference:
-    """What to follow at a row of a trajectory, with hands that go their own way."""
+def reference_at(track: SampledTrajectory, palms: Sequence[Sequence[PalmReference]], row: int) -> BodyReference:
+    """What to follow at a row of a trajectory, with palms that go their own way."""
     return BodyReference(
-        palms=tuple(_palm(hand, row, offset) for hand, offset in zip(hands, offsets, strict=True)),
+        palms=tuple(palm[row] for palm in palms),
         q=track.q[row], dq=track.v[row, 6:], ddq=track.ddq[row],
         pelvis=tuple(part[row] for part in track.pelvis), torso=tuple(part[row] for part in track.torso),
         height=tuple(track.height[:, row].tolist()), com=tuple(track.com[:, row]),
@@ -179,14 +178,17 @@ def reference_at(
     )  # fmt: skip
 
 
-def _palm(hand: HandMotion, row: int, offset: np.ndarray) -> PalmReference:
-    one = HandMotion(hand.rows[row])
-    T = one.T_world_hand
-    arm = T[:3, :3] @ offset
-    spin, p = one.w, T[:3, 3] + arm
-    twist = np.concatenate([one.v + np.cross(spin, arm), spin])
-    acceleration = np.concatenate([one.a + np.cross(one.alpha, arm) + np.cross(spin, np.cross(spin, arm)), one.alpha])
-    return PalmReference(T_world=pin.SE3(T[:3, :3], p), twist=twist, acceleration=acceleration)
+def _palms(hand: HandMotion, offset: np.ndarray) -> list[PalmReference]:
+    """A palm at each row of the motion of its wrist."""
+    T, spin, alpha = hand.T_world_hand, hand.w, hand.alpha
+    arm = T[:, :3, :3] @ offset
+    T[:, :3, 3] += arm
+    twist = np.hstack([hand.v + np.cross(spin, arm), spin])
+    acceleration = np.hstack([hand.a + np.cross(alpha, arm) + np.cross(spin, np.cross(spin, arm)), alpha])
+    return [
+        PalmReference(T_world=pin.SE3(*row[:2]), twist=row[2], acceleration=row[3])
+        for row in zip(T[:, :3, :3], T[:, :3, 3], twist, acceleration, strict=True)
+    ]
 
 
 def _proof(certificate: FarkasCertificate, time: float, fps: float) -> Tick:
