@@ -101,13 +101,17 @@ class Simulation:
         Literal["", "true", "realistic"],
         Option(help="What the controller is told of the state: the truth, or with the errors of real sensors. [true]"),
     ] = ""
-    robot_seed: Annotated[int, Option(help="Of everything that --realistic and --sensors realistic draw.")] = 0
+    robot_seed: Annotated[
+        int, Option(help="Seed of what --realistic and --sensors realistic draw: masses, offsets, loads, noise.")
+    ] = 0
     delay_ms: Annotated[float, Option(help="Age of the state when the controller gets it, in ms.")] = 0.0
     payload_kg: Annotated[
         tuple[float, float],
         Option(help="Mass in the left and right hand in kg; the controller sees it from the torques of the arms."),
     ] = (0.0, 0.0)
-    payload_known: Annotated[bool, Option("--payload-known", help="Tell it to the controller.")] = False
+    payload_known: Annotated[
+        bool, Option("--payload-known", help="Tell the controller the masses of --payload-kg before it sees them.")
+    ] = False
     planning_ms: Annotated[
         float | None, Option(help="Simulated time that planning takes and that plans are asked for ahead, in ms [100].")
     ] = None
@@ -159,7 +163,8 @@ class Asking:
         False
     )
     gate: Annotated[
-        bool, Option("--gate", help="Hold chunks that cannot be done, nearly as given: judged by their plans.")
+        bool,
+        Option("--gate", help="Judge each chunk by its plan first; one that cannot be done nearly as given is held."),
     ] = False
     as_given: Annotated[
         bool, Option("--as-given", help="Follow chunks as they are: no plan, no filter, the stance as posture.")

@@ -38,7 +38,8 @@ class Around:
     hold: Annotated[float, Option(help="Seconds of standing after the last step.")] = 4.0
     replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
     gate: Annotated[
-        bool, Option("--gate", help="Hold chunks that cannot be done, nearly as given: judged by their plans.")
+        bool,
+        Option("--gate", help="Judge each chunk by its plan first; one that cannot be done nearly as given is held."),
     ] = False
 
 
