@@ -1,8 +1,8 @@
 """Still, balanced postures of the whole body for two wrist poses, and ways to them, inside all bounds of a plan.
 
-The search for a posture is local: Gauss-Newton steps on the active bounds, begun from the stance and, where that gets
-stuck, from those of many random postures (their seed is fixed) whose palms are nearest to the targets. The way there is
-a curve in the space of postures, not a straight line of the hands, which often leads where no posture is balanced.
+The search for a posture is local: Gauss-Newton steps on the active bounds, from the stance and, where that gets stuck,
+from those of many random postures (of a fixed seed) whose palms are nearest. The way there is a curve in the space of
+postures, not a straight line of the hands, which often leads where no posture is balanced.
 """
 
 from __future__ import annotations
@@ -38,8 +38,7 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState, check_state
 
 NEAR = 0.02
-"""Room to a bound, in terms of its tolerance, up to which the bound is said to hold the posture back; chosen, no trial
-is on record."""
+"""Room to a bound, in its tolerances, up to which it is said to hold the posture back; chosen, no trial on record."""
 PALM_SCALES = {"position": 1e-3, "position_give": 0.3, "orientation": 4e-3, "orientation_give": 0.5}
 """Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: finer than a plan's."""
 GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
@@ -57,8 +56,7 @@ STARTS = 12
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
 """Shortest and longest way [s]; chosen, no trial is on record."""
 ROTATION_RESIDUAL_MAX = 1e-3
-"""How far a target's matrix may be from a rotation, as `rotation_residual` [no unit]; chosen: above float32 rounding.
-It is replaced by the nearest one."""
+"""Largest `rotation_residual` of a target, of which the nearest rotation is taken; chosen: above float32 rounding."""
 
 
 @dataclass(frozen=True)
@@ -132,15 +130,8 @@ class PostureSolver:
         return PosturePaths(self.body, self._weights)
 
     def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS) -> Solution:
-        """The posture for two poses (4, 4) of the wrists (``*_wrist_yaw_link``) in world, fingers as in the stance.
-
-        World: midpoint of the soles, x forward, z up [m]. If they are not reached, it is the nearest one found inside
-        the bounds, with a search from at most so many ``starts``.
-
-        Raises:
-            InputError: If a pose is not finite or no rigid transform.
-        """
-        targets = np.array([_pose(T_world_lhand, "T_world_lhand"), _pose(T_world_rhand, "T_world_rhand")])
+        """As `wholebody.planning.posture.solve`, with a search from at most so many ``starts``."""
+        targets = np.stack([_pose(T_world_lhand, "T_world_lhand"), _pose(T_world_rhand, "T_world_rhand")])
         T_palms, missed = self._shifted(targets, 1.0), []
         for _ in self._attempts(T_palms, self._reaching, starts):
             found = self._solution(targets)
@@ -154,9 +145,8 @@ class PostureSolver:
     ) -> float:
         """How far the palms stay from poses (2, 4, 4) in world, at the best start [m]; 0 where a posture holds them.
 
-        That is what `solve` says of the wrists behind them, without its search for what is nearest. Errors of
-        orientation count by `LEVER`, or not at all where it is free; where a start stays further off than ``hopeless``,
-        there is no other.
+        That is what `solve` says of the wrists behind them, without its search for what is nearest. Errors of a turn
+        count by `LEVER`, or not at all where it is free; a start that stays further off than ``hopeless`` is the last.
         """
         rounds, least = self._reaching, inf
         if orientation_free:
@@ -182,18 +172,7 @@ class PostureSolver:
         fps: float = 30.0,
         seq: int = 0,
     ) -> PosturePath:
-        """A way to a posture that is balanced at every step, for `Supervisor.accept`.
-
-        Args:
-            posture: Where to.
-            start: Where the robot is, at rest, with its feet as in the stance; the stance at time 0 if not given.
-            duration: [s]; a plan takes longer where the body cannot be as fast.
-            fps: Steps per second of the chunk [Hz].
-            seq: Number of the chunk in the episode.
-
-        Raises:
-            InputError: If the start is no state of this robot, or the duration or rate is out of range.
-        """
+        """As `wholebody.planning.posture.path_to`."""
         if not (DURATION_MIN <= duration <= DURATION_MAX and FPS_MIN <= fps <= FPS_MAX):
             raise InputError(
                 f"a way of {duration} s at {fps} Hz; {DURATION_MIN:g} to {DURATION_MAX:g} s and {FPS_MIN:g} to "
@@ -281,7 +260,16 @@ class PostureSolver:
 
 
 def solve(T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, config: ControllerConfig | None = None) -> Solution:
-    """`PostureSolver.solve` for the robot of the configuration; the solver is kept for the last settings."""
+    """A balanced posture at rest with both hands at two poses, or the nearest one that is found within the bounds.
+
+    Args:
+        T_world_lhand: Pose (4, 4) of ``left_wrist_yaw_link`` in world: midpoint of the soles, x forward, z up [m].
+        T_world_rhand: The same of the right one. Fingers are those of the stance.
+        config: Of the robot and its bounds.
+
+    Raises:
+        InputError: If a pose is not finite or no rigid transform.
+    """
     return _solver(config or ControllerConfig()).solve(T_world_lhand, T_world_rhand)
 
 
@@ -294,7 +282,19 @@ def path_to(
     seq: int = 0,
     config: ControllerConfig | None = None,
 ) -> PosturePath:
-    """`PostureSolver.path_to` for the robot of the configuration; the solver is that of `solve`."""
+    """A way to a posture that is balanced at every step, for `Supervisor.accept`.
+
+    Args:
+        posture: Where to.
+        start: Where the robot is, at rest, with its feet as in the stance; the stance at time 0 if not given.
+        duration: [s]; a plan takes longer where the body cannot be as fast.
+        fps: Rate of the chunk [Hz].
+        seq: Its number.
+        config: Of the robot and its bounds.
+
+    Raises:
+        InputError: If the start is no state of this robot, or the duration or rate is out of range.
+    """
     return _solver(config or ControllerConfig()).path_to(posture, start, duration=duration, fps=fps, seq=seq)
 
 

@@ -39,7 +39,7 @@ class Around:
     replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
     gate: Annotated[
         bool,
-        Option("--gate", help="Judge each chunk by its plan first; one that cannot be done nearly as given is held."),
+        Option("--gate", help="Judge each chunk by its plan; hold what cannot be done nearly as given."),
     ] = False
 
 
