@@ -72,12 +72,12 @@ class Calibration:
         return Calibration(names, scale, trees, shape, card)
 
     def write(self, path: Path) -> None:
-        """Write it to a file, in single precision."""
+        """Write it to a file, in single precision, and what the trees add up in half precision."""
         card = json.dumps({**self.card, "version": VERSION, "names": self.names})
         arrays = {name: getattr(self.scale, name) for name in _SCALE} | {"shape": self.shape}
-        arrays |= {"bound": self.trees.bound, "leaf": self.trees.leaf}
-        single = {name: value.astype(np.float32) for name, value in arrays.items()}
-        np.savez_compressed(path, card=card, quantity=self.trees.quantity.astype(np.uint8), **single)
+        single = {name: value.astype(np.float32) for name, value in (arrays | {"bound": self.trees.bound}).items()}
+        trees = {"quantity": self.trees.quantity.astype(np.uint8), "leaf": self.trees.leaf.astype(np.float16)}
+        np.savez_compressed(path, card=card, **trees, **single)
 
     def rows(self, found: Sequence[Mapping[str, float]], world: str | Sequence[str] = WORLD) -> np.ndarray:
         """Quantities as numbers, shape (m, n)."""
