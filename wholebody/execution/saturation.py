@@ -24,6 +24,10 @@ ERROR_SLOW, ERROR_STOP = 0.005, 0.025
 """Errors of a palm from which such a hand begins to give way and has given way [m]; chosen: one that is where it should
 be asks for nothing more."""
 
+SPENT_LONG = 0.3
+"""Time for which the waist has had no torque left after which no plan can be held [s]; chosen: ten times the filter's,
+less than a trunk takes to sink by what a plan from there could mend."""
+
 _trust = Entry(kernel.trust)
 
 
@@ -31,17 +35,22 @@ class Saturation:
     """Says how far each hand is trusted, by the torques of its arm and of the waist.
 
     Where one of them is spent, a hand that is held on to is paid for by all of the body: it dives, because what sinks
-    weighs less. The posture that is planned is left over to follow; its torques have room.
+    weighs less. The posture that is planned is left over to follow; its torques have room. Where the waist has none for
+    `SPENT_LONG` all the same, as that of a robot that is heavier than its model, the posture cannot be held either.
 
     Args:
         spec: The robot. robot: Its model.
         tau_max: Torques that the program may use, Pinocchio order, shape (n_joints,), [N m].
+
+    Attributes:
+        waist_spent: Time for which the waist has had none left [s].
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, tau_max: np.ndarray) -> None:
         names = robot.joint_names
         arms = [[i for i, name in enumerate(names) if _carries(name, tool.side)] for tool in spec.tools]
         self._joints, self._often = np.array(arms), np.zeros(np.shape(arms))
+        self._waist, self.waist_spent = [names[i].startswith("waist_") for i in arms[0]], 0.0
         self._limits, self._trust = SPENT * tau_max[self._joints], np.ones(2)
         self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN])
         v, m = np.zeros(1), np.zeros((2, 3))
@@ -58,6 +67,8 @@ class Saturation:
         """
         keep = exp(-elapsed / TIME_CONSTANT)
         self._native(tau, self._joints, self._limits, self._often, palms, row, keep, self._settings, self._trust)
+        spent = self._often[0, self._waist].max() > OFTEN
+        self.waist_spent = self.waist_spent + elapsed if spent else 0.0
         left, right = self._trust.tolist()
         return left, right
 

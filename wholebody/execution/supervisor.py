@@ -278,7 +278,8 @@ class Supervisor:
         self.carrying.look(state)
         if self.carrying.changed and not self.handover.busy:
             self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
-        if self.plan is not None and (follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)):
+        lost = follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)
+        if self.plan is not None and (lost or follower.sinks):
             self._stand()
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest

@@ -5,7 +5,7 @@ import pytest
 
 from models import g1
 from wholebody.control.reference_packet import PALM, row_length
-from wholebody.execution.saturation import Saturation
+from wholebody.execution.saturation import SPENT_LONG, Saturation
 from wholebody.robot.state import Robot
 
 SPEC = g1()
@@ -66,3 +66,13 @@ def test_a_spell_of_20_ms_and_spent_legs_and_fingers_are_nothing(saturation):
     for _ in range(200):
         trust = saturation.trust(spent("left_knee_joint", "right_hand_thumb_0_joint"), PALMS, OFF, 0.002)
     assert trust == (1.0, 1.0)
+
+
+def test_a_waist_that_has_no_torque_left_for_long_is_said_to_sink(saturation):
+    for seconds, joint in ((0.25, "waist_roll_joint"), (0.1, "left_elbow_joint"), (0.25, "waist_roll_joint")):
+        for _ in range(round(seconds / 0.002)):
+            saturation.trust(spent(joint), PALMS, row(0.0), 0.002)
+        assert saturation.waist_spent < SPENT_LONG
+    for _ in range(100):
+        saturation.trust(spent("waist_roll_joint"), PALMS, row(0.0), 0.002)
+    assert saturation.waist_spent > SPENT_LONG
