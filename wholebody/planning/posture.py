@@ -56,7 +56,7 @@ STARTS = 12
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
 """Shortest and longest way [s]; chosen, no trial is on record."""
 ROTATION_RESIDUAL_MAX = 1e-3
-"""Largest `rotation_residual` of a target, of which the nearest rotation is taken; chosen: above float32 rounding."""
+"""Largest `rotation_residual` of a target [no unit], whose nearest rotation is taken; chosen: above float32 rounding."""
 
 
 @dataclass(frozen=True)
