@@ -38,7 +38,7 @@ from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState, check_state
 
 NEAR = 0.02
-"""Room to a bound, in its tolerances, up to which it is said to hold the posture back; chosen, no trial on record."""
+"""Room up to which a bound is said to hold a posture back, in terms of its tolerance; chosen, no trial is on record."""
 PALM_SCALES = {"position": 1e-3, "position_give": 0.3, "orientation": 4e-3, "orientation_give": 0.5}
 """Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: finer than a plan's."""
 GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
@@ -56,7 +56,7 @@ STARTS = 12
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
 """Shortest and longest way [s]; chosen, no trial is on record."""
 ROTATION_RESIDUAL_MAX = 1e-3
-"""Largest `rotation_residual` of a target [no unit], whose nearest rotation is taken; chosen: above float32 rounding."""
+"""Largest `rotation_residual` of a target, whose nearest rotation counts [no unit]; chosen: above float32 rounding."""
 
 
 @dataclass(frozen=True)
