@@ -180,7 +180,8 @@ class PlanFollower:
         settings.last_step = last
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
-        self._saturation.waist_spent = 0.0
+        if self._standing:
+            self._saturation.waist_spent = 0.0
         self._standing, self._body = False, self._body._replace(edges=self._edges())
 
     def _edges(self) -> np.ndarray:
