@@ -16,9 +16,9 @@ from wholebody.types import RobotState
 
 SOURCES = ("observed", "told")
 LASTING = 0.5
-"""Time for which plans have to be wrong by a little before they are made anew [s]; chosen: what a robot that is not its
-model seems to carry wavers with the pose of its arms, and a plan made anew costs hands that are on their way time."""
-AT_ONCE = 2.0
+"""Time for which loads have to be a little lighter than in a plan before it is made anew [s]; chosen: what a robot that
+is not its model seems to carry wavers with the pose of its arms, and a new plan costs hands on their way time."""
+LIGHTER = 2.0
 """Multiple of such a little from which nothing is waited for [no unit]; chosen: 0.3 kg as shipped, more than masses
 that are wrong by a tenth feign."""
 
@@ -45,14 +45,15 @@ class Carrying:
         self._reserve = config.reserve if isinstance(controller, WholeBodyController) else 0.0
         self._masses = np.zeros(2)
         self.loads = self._planned = Loads()
-        self._now, self._wrong_since = -inf, inf
+        self._now, self._due = -inf, inf
+        """Time of the last state [s]; when what is followed is to be planned anew [s]."""
 
     def reset(self) -> None:
         """Count on what is told, until something is observed."""
         if self.observer is not None:
             self.observer.reset()
             self._known = [False, False]
-        self._planned, self._now, self._wrong_since = Loads(), -inf, inf
+        self._planned, self._now, self._due = Loads(), -inf, inf
         self._count_on(self._config.left, self._config.right)
 
     def look(self, state: RobotState) -> None:
@@ -71,12 +72,11 @@ class Carrying:
     @property
     def changed(self) -> bool:
         """Whether what is being followed is to be planned anew."""
-        at_once = self.loads.differ(self._planned, AT_ONCE * self._config.replan)
-        return at_once or self._now - self._wrong_since >= LASTING
+        return self._now >= self._due
 
     def planned(self) -> Loads:
         """What a plan that is asked for now counts on."""
-        self._planned, self._wrong_since = self.loads, inf
+        self._planned, self._due = self.loads, inf
         return self.loads
 
     def _count_on(self, left: float, right: float) -> None:
@@ -84,8 +84,15 @@ class Carrying:
         self._controller.carry((left, right))
         spare = [0.0 if known else self._reserve for known in self._known]
         self.loads = Loads((left, right), (spare[0], spare[1]))
-        wrong = self.loads.differ(self._planned, self._config.replan)
-        self._wrong_since = min(self._wrong_since, self._now) if wrong else inf
+        heavier, lighter, little = (
+            self.loads.beyond(self._planned),
+            self._planned.beyond(self.loads),
+            self._config.replan,
+        )
+        if heavier >= little or lighter >= LIGHTER * little:
+            self._due = self._now
+        else:
+            self._due = min(self._due, self._now + LASTING) if lighter >= little else inf
 
 
 def _observer(controller: Controller) -> LoadObserver | None:

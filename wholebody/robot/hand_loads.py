@@ -35,9 +35,9 @@ class Loads:
         """With the reserve [kg]."""
         return self.masses[0] + self.reserve[0], self.masses[1] + self.reserve[1]
 
-    def differ(self, other: Loads, least: float) -> bool:
-        """Whether a mass of another one is different by so much [kg]."""
-        return any(abs(a - b) >= least for a, b in zip(self.masses, other.masses, strict=True))
+    def beyond(self, other: Loads) -> float:
+        """The most by which a mass is larger than that of another one [kg]."""
+        return max(a - b for a, b in zip(self.masses, other.masses, strict=True))
 
 
 class HandLoads:

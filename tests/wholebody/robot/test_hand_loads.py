@@ -121,5 +121,5 @@ def test_what_one_plans_with_is_made_once_and_another_one_carries_and_stands_ind
 def test_plans_keep_room_for_the_reserve_and_differ_by_masses_alone():
     loads = Loads((1.0, 0.0), (0.25, 0.25))
     assert loads.most == (1.25, 0.25)
-    assert loads.differ(Loads((1.0, 0.2), loads.reserve), 0.15)
-    assert not loads.differ(Loads((1.0, 0.1)), 0.15)
+    assert loads.beyond(Loads((0.5, 0.2))) == 0.5
+    assert loads.beyond(Loads((1.0, 0.2))) == 0.0
