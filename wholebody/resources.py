@@ -1,5 +1,6 @@
-"""Where the files are that come with the package."""
+"""Where the files are that come with the package, and the processors that it may use."""
 
+import os
 from pathlib import Path
 
 _PACKAGE = Path(__file__).parent
@@ -14,3 +15,10 @@ def configs_folder() -> Path:
 def verdict_schema() -> Path:
     """The JSON Schema of what `--json` writes."""
     return _PACKAGE / "verdict" / "verdict.schema.json"
+
+
+def processors() -> list[int]:
+    """Numbers of the processors that this process may use; of all where the system knows no choice, as on macOS."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))

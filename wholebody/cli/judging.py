@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -20,6 +19,7 @@ from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
 from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker
 from wholebody.cli.sources import expanded, length, opened
+from wholebody.resources import processors
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -194,7 +194,7 @@ def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
         yield from _one_by_one(judge, names)
         return
     seeds = range(judge.simulation.robot_seed, judge.simulation.robot_seed + judging.worlds)
-    jobs = max(jobs, len(os.sched_getaffinity(0))) if judging.worlds else jobs
+    jobs = max(jobs, len(processors())) if judging.worlds else jobs
     options = (judge.given, judge.simulation, judge.sampling, judging, judge.pages)
     # Fresh interpreters: threads of libraries do not survive a fork.
     pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin, initargs=options)

@@ -7,6 +7,8 @@ import os
 import sys
 from time import monotonic, sleep
 
+from wholebody.resources import processors
+
 BLAS_THREADS = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
 """Environment of processes whose small matrices are not to wait for a pool of threads."""
 REAL_TIME_PRIORITY = 40
@@ -26,7 +28,7 @@ def wait_until(time: float) -> None:
 
 def cores() -> tuple[set[int], set[int]]:
     """Cores for control loop and robot, and those for everything else; the same ones if there is only one."""
-    allowed = sorted(os.sched_getaffinity(0))
+    allowed = processors()
     return ({allowed[-1]}, set(allowed[:-1])) if len(allowed) > 1 else (set(allowed), set(allowed))
 
 
@@ -40,6 +42,8 @@ def keep_time() -> list[str]:
     own, others = cores()
     if own == others:
         missed.append("there is one core only: loop, robot and planner share it")
+    if not hasattr(os, "sched_setaffinity"):
+        return [*missed, "no core of its own and no real-time priority: this system has neither for a process"]
     os.sched_setaffinity(0, own)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
@@ -50,5 +54,6 @@ def keep_time() -> list[str]:
 
 def give_way() -> None:
     """Make this process one that never keeps the control loop from running."""
-    os.sched_setaffinity(0, cores()[1])
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, cores()[1])
     os.nice(NICE)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict, replace
 from functools import cached_property, lru_cache
 from typing import Literal
@@ -24,6 +23,7 @@ from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJud
 from wholebody.planning.judgement.chunk_program import STARTS
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
+from wholebody.resources import processors
 from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
@@ -66,7 +66,7 @@ class FastChecker:
     @cached_property
     def explainer(self) -> Explainer:
         """What looks for causes."""
-        return Explainer(self.judge, [self._judge() for _ in range(min(len(os.sched_getaffinity(0)), STARTS) - 1)])
+        return Explainer(self.judge, [self._judge() for _ in range(min(len(processors()), STARTS) - 1)])
 
     def check(
         self, policy: Policy, name: str, duration: float, *, start: Start = "first", ask_why: bool = False

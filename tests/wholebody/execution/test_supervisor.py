@@ -106,6 +106,20 @@ def test_a_hand_that_is_held_back_slows_the_chunk_down(loop):
     assert (Status.SLOWED, "tracking") in seen
 
 
+def test_a_waist_that_cannot_hold_the_trunk_leaves_the_plan_before_the_trunk_is_far_from_it(loop):
+    supervisor, plant, state = start(loop)
+    supervisor.accept(chunk_at(supervisor, state))
+    for body, torque in (("torso_link", 19.0), ("pelvis", -19.0)):
+        plant.data.xfrc_applied[plant.model.body(body).id, 4] = torque
+    trusts = []
+    while supervisor.plan is not None and state.time < 3.0:
+        trusts.append(supervisor._follower.trust)
+        state = plant.step(supervisor.step(state))
+    plant.data.xfrc_applied[:] = 0.0
+    assert (supervisor.plan, supervisor.status.reason) == (None, "off_plan")
+    assert min(trusts) > 0.5
+
+
 @pytest.mark.parametrize(("speed", "level", "reason"), [(20.0, 1, "hands_dropped"), (60.0, 2, "qp_failed")])
 def test_a_program_without_a_solution_gives_up_the_hands_first_and_keeps_the_last_torques_at_worst(
     loop, speed, level, reason

@@ -18,6 +18,7 @@ from wholebody.cli.auditing import Audited, make_judging
 from wholebody.cli.console import say
 from wholebody.cli.judging import CRASH, FEASIBLE, INFEASIBLE, MALFORMED
 from wholebody.cli.sources import expanded
+from wholebody.resources import processors
 
 if TYPE_CHECKING:
     from wholebody.verdict.audit.outcome import Outcome
@@ -63,7 +64,7 @@ def audit(
     asked.pop("episodes")
     # Arithmetic of an input has one thread; there are as many processes as cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    judge = partial(workers.outcomes, jobs=jobs or cores())
+    judge = partial(workers.outcomes, jobs=jobs or len(processors()))
     if ray:
         judge = partial(on_ray.outcomes, jobs=jobs, address=ray)
     judge = partial(judge, make=partial(make_judging, audited, to.absolute()), limit=limit)
@@ -76,11 +77,6 @@ def audit(
     if audited.repair:
         say(*_repaired(found, to))
     raise typer.Exit(max((CODES.get(one.answer, FEASIBLE) for one in found), default=FEASIBLE))
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
