@@ -9,14 +9,15 @@ set is irreducible as far as they tell, and no more.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 
 from policy.geometry.rotations import angle_between
 from wholebody.planning.judgement.chunk_margins import AT_START, rates_from
-from wholebody.planning.judgement.chunk_program import ChunkProgram
+from wholebody.planning.judgement.chunk_program import ChunkProgram, WorkOverError
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.judgement.motion_search import EVERY, NAMES, Witness
 
@@ -48,33 +49,42 @@ class Cause:
     witnesses: Mapping[Limit, Witness] = field(default_factory=dict, compare=False)
 
 
-def causes(
-    program: ChunkProgram, goes_on: Callable[[], bool] = lambda: True, lasts: Callable[[], bool] = lambda: True
-) -> tuple[list[Cause], bool]:
+def causes(program: ChunkProgram, begin_max: float = inf, end_max: float = inf) -> tuple[list[Cause], bool]:
     """What is found of a chunk, its own numbers first, then the smallest sets; nothing if there is a plan as given.
 
     Args:
         program: Of the chunk.
-        goes_on: Whether there is time for one more set.
-        lasts: Whether there is time to go on with a set that was begun; else it is given up.
+        begin_max: Work of the program from which no further set is begun.
+        end_max: The same from which a set that was begun is given up.
 
     Returns:
         The causes, and whether all were looked for, up to `SETS` sets.
     """
     found, sets = list(_of_numbers(program)), []
-    allowed, every = EVERY, True
-    for number in range(SETS):
-        every = not number or goes_on()
-        kinds = _irreducible(program, allowed, lasts) if every else None
+    program.work_max = end_max
+    try:
+        every = _find_sets(program, sets, begin_max)
+    except WorkOverError:
+        every = False
+    program.work_max = inf
+    # A bound that forbids by itself says more than two that do so together.
+    return found + [_of_plan(program, kinds) for kinds in sorted(sets, key=len)], every
+
+
+def _find_sets(program: ChunkProgram, sets: list[frozenset[Limit]], begin_max: float) -> bool:
+    """Add disjoint irreducible sets to a list; whether all were looked for, up to `SETS` sets."""
+    allowed = EVERY
+    while len(sets) < SETS:
+        if sets and program.work >= begin_max:
+            return False
+        kinds = _irreducible(program, allowed)
         if kinds is None:
-            every = every and lasts()
             break
         sets.append(kinds)
         allowed = allowed - kinds
         if not kinds:
             break
-    # A bound that forbids by itself says more than two that do so together.
-    return found + [_of_plan(program, kinds) for kinds in sorted(sets, key=len)], every
+    return True
 
 
 def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
@@ -126,12 +136,8 @@ def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
     return Cause(ordered or (Limit.REACH,), members, where, irreducible, witnesses)
 
 
-def _irreducible(
-    program: ChunkProgram, allowed: frozenset[Limit], lasts: Callable[[], bool]
-) -> frozenset[Limit] | None:
+def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> frozenset[Limit] | None:
     """Kinds among those allowed that together leave no plan, none of which can be left out; None if there is one.
-
-    None, too, where the time for it ends before.
 
     The kind that a plan breaks worst is added until there is no plan, then each is left out without which there is none
     either. So far one start has to do; where more of them find a plan after all, what that one breaks is added.
@@ -139,15 +145,14 @@ def _irreducible(
     if program.find(allowed) is not None:
         return None
     kinds: list[Limit] = []
-    while lasts():
-        while lasts() and (found := program.find(frozenset(kinds))) is not None:
+    while True:
+        while (found := program.find(frozenset(kinds))) is not None:
             rest = [name for name in found.broken if name in allowed]
             if not rest:
                 return None
             kinds.append(rest[0])
         for name in list(kinds):
-            if lasts() and program.find(frozenset(kinds) - {name}) is None:
+            if program.find(frozenset(kinds) - {name}) is None:
                 kinds.remove(name)
-        if lasts() and program.find(frozenset(kinds), thorough=True) is None:
+        if program.find(frozenset(kinds), thorough=True) is None:
             return frozenset(kinds)
-    return None

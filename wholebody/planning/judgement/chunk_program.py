@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import islice
+from math import inf
 from queue import SimpleQueue
 
 import numpy as np
@@ -43,6 +44,10 @@ AT_REST = frozenset(name for name in EVERY if name.value in list(Limit)[: list(L
 """Those that a posture at rest has to keep."""
 
 
+class WorkOverError(Exception):
+    """A search was given up because its work was over: nothing is known of what was asked."""
+
+
 class ChunkProgram:
     """One chunk.
 
@@ -50,6 +55,7 @@ class ChunkProgram:
         first: Knot from which the palms count: the hands have joined the chunk.
         searches: Motions searched for so far.
         work: What that took, as budgets count it.
+        work_max: Work after which `find` begins no search any more.
 
     Args:
         judge: Holds the robot.
@@ -79,7 +85,7 @@ class ChunkProgram:
         posture = judge.planner.config.posture
         exact, gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
-        self.searches, self.work = 0, 0.0
+        self.searches, self.work, self.work_max = 0, 0.0, inf
         self._found: list[Witness] = []
         self._tried: dict[frozenset[Limit], int] = {}
         self._hard: list[tuple[int, np.ndarray]] = []
@@ -93,6 +99,9 @@ class ChunkProgram:
             enforced: Names of the kinds.
             thorough: Search from `STARTS` starts. Else one has to do, and none is made where at a knot that was missed
                 before no posture at rest keeps them: a posture of a plan would.
+
+        Raises:
+            WorkOverError: If `work_max` is reached before it is known.
         """
         starts = STARTS if thorough else 1
         known = next((one for one in self._found if one.keeps(enforced)), None)
@@ -104,7 +113,11 @@ class ChunkProgram:
         begins = [(None, near.knots.q[1:]) for near in best]
         first = self._tried.get(enforced, 0)
         begins += [(self._own.scattered(start) if start else None, None) for start in range(first, starts)]
-        for i, done in enumerate(self._searched(enforced, begins)):
+        searched = self._searched(enforced, begins)
+        for i in range(len(begins)):
+            if self.work >= self.work_max:
+                raise WorkOverError
+            done = next(searched)
             self._count(done)
             if enforced == EVERY and self._nearest is None:
                 self._nearest = done.first

@@ -74,7 +74,7 @@ class Explainer:
         program = ChunkProgram(self._judge, chunk, begin, free, suspect.now, self._twins)
         if suspect.plan.report.slowdown == 1.0:
             program.know(suspect.plan.knots)
-        found, every = causes(program, lambda: program.work < CAUSES_WORK, lambda: program.work < SET_WORK)
+        found, every = causes(program, CAUSES_WORK, SET_WORK)
         self.asked = program, found
         if not found:
             return replace(verdict, why_complete=every)
