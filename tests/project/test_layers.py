@@ -86,8 +86,8 @@ def imports_of(path, root):
 
 
 def room(module):
-    """The room of a module: its package, or inside wholebody what lies directly in it."""
-    parts = module.split(".")
+    """The room of a module: its package, or inside wholebody what lies directly in it; `python -m` is the command."""
+    parts = module.replace("wholebody.__main__", "wholebody.cli").split(".")
     return ".".join(parts[:2]) if parts[0] == "wholebody" else parts[0]
 
 

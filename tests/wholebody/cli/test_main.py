@@ -1,6 +1,8 @@
 """Strategy: exit codes, first lines and files, through the entry point; what simulates in a process of its own."""
 
 import json
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import jsonschema
@@ -26,6 +28,13 @@ SHORT = ("--duration", "0.2", "--hold", "0.2")
 def test_the_version_is_printed(inside):
     answer = inside("--version")
     assert answer.returncode == 0
+    assert answer.stdout.strip()
+
+
+def test_python_m_is_the_command():
+    answer = subprocess.run(
+        [sys.executable, "-m", "wholebody", "--version"], capture_output=True, text=True, check=True
+    )
     assert answer.stdout.strip()
 
 
