@@ -40,6 +40,7 @@ from wholebody.planning.judgement.limits import Limit
 from wholebody.planning.judgement.motion_search import EVERY, NAMES
 from wholebody.planning.trajectory import curve_through
 from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.why import explainer
 
 TIME = np.arange(STEPS) / FPS
 SLIPPERY, WEAK = 0.05, 10.0
@@ -603,7 +604,15 @@ def answered(kind, seed):
     checker = holder(one.config, one.scene)
     begin = checker.judge.stance() if one.from_stance else checker.judge.first_pose(one.chunk)
     checker.explainer.prover  # noqa: B018 built once a process, as the checker is
-    checker.explainer.asked, before = None, perf_counter()
+    checker.explainer.asked, before, ends = None, perf_counter(), []
+
+    def timed(*args):
+        try:
+            return causes(*args)
+        finally:
+            ends.append(perf_counter())
+
+    explainer.causes = timed
     verdict = checker.of_chunk(one.chunk, begin, kind, (False, False), ask_why=True)
     spent, (program, found) = perf_counter() - before, checker.explainer.asked or (None, [])
     tick, right = verdict.tick and asdict(verdict.tick), is_right(one, [cause.codes for cause in verdict.causes])
@@ -622,6 +631,7 @@ def answered(kind, seed):
         "proven": bool(tick and tick["proven"]),
         "proof": bool(tick and tick["proven"]) and proves(tick),
         "seconds": spent,
+        "causes_seconds": (ends or [before])[0] - before,
         "sentence": verdict.causes[0].sentence if verdict.causes else "",
     }
 
@@ -644,8 +654,10 @@ def summary(rows):
     print(f"sets {sets}: {irreducible} told as irreducible, {passed} pass drop-one")
     print(f"looked for causes and changes to the end in {complete} of {len(rows)}")
     print(f"proofs {proven}: {sum(row['proof'] for row in rows)} verified")
-    seconds = [row["seconds"] for row in rows]
-    print(f"{np.median(seconds):.2f} s median, {max(seconds):.2f} s worst of {len(rows)}")
+    for name, said in (("causes_seconds", "until the causes are found"), ("seconds", "in all")):
+        seconds = [row[name] for row in rows if name in row]
+        if seconds:
+            print(f"{said}: {np.median(seconds):.2f} s median, {max(seconds):.2f} s worst of {len(seconds)}")
 
 
 def main(first, last, kinds):

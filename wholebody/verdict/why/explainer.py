@@ -26,7 +26,7 @@ from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
-CAUSES_WORK, WHY_WORK, SET_WORK = 700.0, 1000.0, 1200.0
+CAUSES_WORK, WHY_WORK, SET_WORK = 700.0, 1000.0, 1600.0
 """Linearisations and steps after which no further set of bounds is looked for, no further change is tried, and a set
 that was begun is given up [no unit]; chosen: what ends within three seconds."""
 TRY_WORK, STEPS = 60.0, 50
