@@ -20,4 +20,5 @@ class LoadConfig:
     follow: float = 0.03
     """Difference between what is observed and what the program counts on from which it counts on that [kg]."""
     replan: float = 0.15
-    """The same of a plan: from here on, what is being followed is planned anew [kg]."""
+    """The same of a plan: from here on, what is being followed is planned anew [kg]; what became lighter by less than
+    twice as much has to last for 0.5 s."""
