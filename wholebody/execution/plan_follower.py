@@ -13,7 +13,7 @@ from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.execution.deviation import Deviation
 from wholebody.execution.kernels import plan_follower as kernel
-from wholebody.execution.saturation import SPENT_LONG, Saturation
+from wholebody.execution.saturation import Saturation
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
@@ -111,8 +111,8 @@ class PlanFollower:
 
     @property
     def sinks(self) -> bool:
-        """Whether the waist has had no torque left for so long that the trunk sinks."""
-        return self._saturation.waist_spent > SPENT_LONG
+        """Whether a joint of the waist has had no torque left for so long that the trunk sinks."""
+        return self._saturation.sinks
 
     def foreseen(self, ticks: int, q: np.ndarray | None = None) -> Foreseen:
         """What will be followed so many control periods from now; 0 for now.
@@ -181,7 +181,7 @@ class PlanFollower:
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
         if self._standing:
-            self._saturation.waist_spent = 0.0
+            self._saturation.begin_anew()
         self._standing, self._body = False, self._body._replace(edges=self._edges())
 
     def _edges(self) -> np.ndarray:
@@ -199,7 +199,8 @@ class PlanFollower:
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
         self._settings[0].moving = 0.0
         self._smoothing.target[:] = rows
-        self._standing, self._saturation.waist_spent = True, 0.0
+        self._standing = True
+        self._saturation.begin_anew()
 
     def reference(self, q: np.ndarray, elapsed: float | None = None, *, allowed: float = 1.0) -> PackedReference:
         """What to follow in this tick, and how far the hands are trusted in it.

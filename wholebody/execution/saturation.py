@@ -25,8 +25,8 @@ ERROR_SLOW, ERROR_STOP = 0.005, 0.025
 be asks for nothing more."""
 
 SPENT_LONG = 0.3
-"""Time for which the waist has had no torque left after which no plan can be held [s]; chosen: ten times the filter's,
-less than a trunk takes to sink by what a plan from there could mend."""
+"""Time for which a joint of the waist has had no torque left after which no plan can be held [s]; chosen: ten times the
+filter's, less than a trunk takes to sink by what a plan from there could mend."""
 
 _trust = Entry(kernel.trust)
 
@@ -35,26 +35,35 @@ class Saturation:
     """Says how far each hand is trusted, by the torques of its arm and of the waist.
 
     Where one of them is spent, a hand that is held on to is paid for by all of the body: it dives, because what sinks
-    weighs less. The posture that is planned is left over to follow; its torques have room. Where the waist has none for
-    `SPENT_LONG` all the same, as that of a robot that is heavier than its model, the posture cannot be held either.
+    weighs less. The posture that is planned is left over to follow; its torques have room. Where a joint of the waist
+    has none for `SPENT_LONG` all the same, as that of a robot that is heavier than its model, the posture cannot be
+    held either.
 
     Args:
         spec: The robot. robot: Its model.
         tau_max: Torques that the program may use, Pinocchio order, shape (n_joints,), [N m].
-
-    Attributes:
-        waist_spent: Time for which the waist has had none left [s].
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, tau_max: np.ndarray) -> None:
         names = robot.joint_names
         arms = [[i for i, name in enumerate(names) if _carries(name, tool.side)] for tool in spec.tools]
         self._joints, self._often = np.array(arms), np.zeros(np.shape(arms))
-        self._waist, self.waist_spent = [names[i].startswith("waist_") for i in arms[0]], 0.0
+        self._waist = [k for k, i in enumerate(arms[0]) if names[i].startswith("waist_")]
+        self.begin_anew()
         self._limits, self._trust = SPENT * tau_max[self._joints], np.ones(2)
         self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN])
         v, m = np.zeros(1), np.zeros((2, 3))
         self._native = _trust.native(v, self._joints, self._limits, self._often, m, v, 0.0, self._settings, self._trust)
+
+    @property
+    def sinks(self) -> bool:
+        """Whether a joint of the waist has had no torque left for so long that the trunk sinks."""
+        return max(self._waist_spent) > SPENT_LONG
+
+    def begin_anew(self) -> None:
+        """Count the time for which the waist has had none left from zero."""
+        self._waist_spent = [0.0] * len(self._waist)
+        """The same of each of its joints [s]."""
 
     def trust(self, tau: np.ndarray, palms: np.ndarray, row: np.ndarray, elapsed: float) -> tuple[float, float]:
         """Factor on the weight of each hand, from `TRUST_MIN` to 1.
@@ -67,8 +76,9 @@ class Saturation:
         """
         keep = exp(-elapsed / TIME_CONSTANT)
         self._native(tau, self._joints, self._limits, self._often, palms, row, keep, self._settings, self._trust)
-        spent = self._often[0, self._waist].max() > OFTEN
-        self.waist_spent = self.waist_spent + elapsed if spent else 0.0
+        often = self._often[0]
+        spent = [often[k] > OFTEN for k in self._waist]
+        self._waist_spent = [(s + elapsed) * now for s, now in zip(self._waist_spent, spent, strict=True)]
         left, right = self._trust.tolist()
         return left, right
 

@@ -5,7 +5,7 @@ import pytest
 
 from models import g1
 from wholebody.control.reference_packet import PALM, row_length
-from wholebody.execution.saturation import SPENT_LONG, Saturation
+from wholebody.execution.saturation import Saturation
 from wholebody.robot.state import Robot
 
 SPEC = g1()
@@ -72,7 +72,14 @@ def test_a_waist_that_has_no_torque_left_for_long_is_said_to_sink(saturation):
     for seconds, joint in ((0.25, "waist_roll_joint"), (0.1, "left_elbow_joint"), (0.25, "waist_roll_joint")):
         for _ in range(round(seconds / 0.002)):
             saturation.trust(spent(joint), PALMS, row(0.0), 0.002)
-        assert saturation.waist_spent < SPENT_LONG
+        assert not saturation.sinks
     for _ in range(100):
         saturation.trust(spent("waist_roll_joint"), PALMS, row(0.0), 0.002)
-    assert saturation.waist_spent > SPENT_LONG
+    assert saturation.sinks
+
+
+def test_joints_of_the_waist_that_have_none_left_one_after_the_other_are_no_trunk_that_sinks(saturation):
+    for joint in ("waist_pitch_joint", "waist_roll_joint", "waist_pitch_joint"):
+        for _ in range(100):
+            saturation.trust(spent(joint), PALMS, row(0.0), 0.002)
+            assert not saturation.sinks
