@@ -65,11 +65,16 @@ def variant(seed: int) -> ScriptedPolicy:
     return ScriptedPolicy(f"lissajous {seed}", script, end + END)
 
 
-def hand_distances(policy, period=1.0 / 30.0):
+def hand_distances(policy, period=1.0 / 30.0, poses=None):
     """Distance between the hulls of both hands as asked for on the curve; negative where they overlap.
 
     Neither planner nor controller has a part in it: both hands are put where the script has them, whatever arms they
     are on.
+
+    Args:
+        policy: Of `variant`.
+        period: Between the instants that are looked at [s].
+        poses: Times (n,) [s] and poses of both wrists then (n, 2, 4, 4), if they are not to be the script's.
 
     Returns:
         Times on the script's clock [s] and distances [m], shape (n,) each.
@@ -77,11 +82,12 @@ def hand_distances(policy, period=1.0 / 30.0):
     spec = g1()
     model = load_pinocchio(spec)
     geometry, data, q = load_collision(spec, model), model.createData(), stance_q(spec, model)
-    t = np.arange(LISSAJOUS_START, LISSAJOUS_START + SCORED, period)
+    t = np.arange(LISSAJOUS_START, LISSAJOUS_START + SCORED, period) if poses is None else poses[0]
     chunk = to_chunk(policy.script(t), "wbc32", 0, 0.0, 1.0 / period, len(t))
-    sides = [(chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand)]
+    wrists = (chunk.T_world_lhand, chunk.T_world_rhand) if poses is None else np.swapaxes(poses[1], 0, 1)
+    sides = list(zip(wrists, (chunk.q_lhand, chunk.q_rhand), strict=True))
     fingers = [[model.idx_qs[model.getJointId(name)] for name in tool.finger_joints] for tool in spec.tools]
-    wrists = [model.getFrameId(tool.wrist_frame) for tool in spec.tools]
+    frames = [model.getFrameId(tool.wrist_frame) for tool in spec.tools]
     shapes = [[s for s in geometry.geometryObjects if s.name.startswith(f"{t.side}_hand")] for t in spec.tools]
     nearest = np.full(len(t), np.inf)
     for k in range(len(t)):
@@ -89,7 +95,7 @@ def hand_distances(policy, period=1.0 / 30.0):
             q[at] = joints[k]
         pin.framesForwardKinematics(model, data, q)
         hands = []
-        for wrist, (poses, _), those in zip(wrists, sides, shapes, strict=True):
+        for wrist, (poses, _), those in zip(frames, sides, shapes, strict=True):
             moved = pin.SE3(poses[k]) * data.oMf[wrist].inverse()
             hands.append([(s.geometry, moved * data.oMi[s.parentJoint] * s.placement) for s in those])
         for (a, T_a), (b, T_b) in product(*hands):

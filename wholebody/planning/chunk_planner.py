@@ -20,13 +20,14 @@ from wholebody.planning.attempt import Attempt, Targets
 from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.hand_clamp import clamped
+from wholebody.planning.hands_apart import HandHulls, HandsApart
 from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
-from wholebody.planning.strategies import HELD, PREVIEW, Begin, Strategy
+from wholebody.planning.strategies import HELD, PARTED, PARTED_SLOWER, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
@@ -70,6 +71,7 @@ class ChunkPlanner:
         self._friction = config.friction
         self._holdable: HoldablePlaces | None = None
         self._last_held: tuple[Targets, Held] | None = None
+        self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
@@ -125,9 +127,8 @@ class ChunkPlanner:
         prepared = self._prepared(chunk)
         targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
         chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
-        lacking = self._lacking(targets, start.q, budget)
         chosen = chosen or strategies.best(
-            self.config, attempt, budget, implausible=prepared.implausible, lacking=lacking
+            self.config, attempt, budget, self._asked(targets, start.q, budget, implausible=prepared.implausible)
         )
         return self._as_followed(chosen, prepared, now, commanded, budget)
 
@@ -142,7 +143,8 @@ class ChunkPlanner:
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
-        chosen = self._preview(targets(1.0), start) or strategies.as_given(self.config, attempt, budget)
+        asked = self._asked(targets, start.q, budget)
+        chosen = self._preview(targets(1.0), start) or strategies.as_given(self.config, attempt, budget, asked)
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
@@ -249,6 +251,8 @@ class ChunkPlanner:
         if strategy is HELD:
             held = self._held(targets, start.q, budget)
             wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
+        if strategy in (PARTED, PARTED_SLOWER):
+            wanted = self._apart.parted(T_palms, targets.q_fingers)
         weights = strategy.weights(self.config)
         knots = self.optimizer.plan(start.q, start.v, wanted, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
@@ -266,8 +270,16 @@ class ChunkPlanner:
             arms_spent=arms_spent(body, knots.q[-AT_REST:, body.body]) if self._holding else 0.0,
         )
 
-    def _lacking(self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget) -> strategies.Lacking:
-        return lambda slowdown: self._held(targets(slowdown), q, budget).off if self._holding else 0.0
+    def _asked(
+        self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget, *, implausible: bool = False
+    ) -> strategies.Asked:
+        def overlap(slowdown: float) -> bool:
+            return self._apart.parted(targets(slowdown).T_palms, targets(slowdown).q_fingers) is not None
+
+        def lacking(slowdown: float) -> float:
+            return self._held(targets(slowdown), q, budget).off if self._holding else 0.0
+
+        return strategies.Asked(implausible, overlap, lacking)
 
     def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
         """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""

@@ -3,6 +3,7 @@
 =====================  ===================================================================================
 preview                as given with next to no search, where only whether is asked, not how well
 as given               the chunk's own speed, the planner's weights
+parted                 instead, where hands are asked into each other: towards the nearest poses at which they are apart
 slower                 the same at each of ``planner.slowdowns``, where the faster one is unsafe or far off
 relaxed orientation    palms may turn away from their orientation where they miss their position
 free orientation       the same with less weight still, where that is not enough
@@ -89,6 +90,9 @@ PREVIEW = Strategy("preview", lambda c: c.posture, Begin.START)
 ANEW = Strategy("as_given", lambda c: c.posture, Begin.START)
 """As given again, where beginning with the plan before led to where the search cannot leave."""
 SLOWER = Strategy("slower", lambda c: c.posture, Begin.START)
+PARTED = Strategy("parted", _relaxed, Begin.PLAN_BEFORE)
+"""Towards `HandsApart`, where a chunk has the hands nearer to each other than plans bring them."""
+PARTED_SLOWER = Strategy("parted", _relaxed, Begin.START)
 FIRM_BOUNDS = Strategy("firm_bounds", _firm, Begin.LAST_ATTEMPT)
 FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, Begin.LAST_ATTEMPT)
 """Firm bounds again, where palms may turn: a load is often held that way."""
@@ -109,8 +113,21 @@ from one to the next takes a leaning robot down; measured: a reach with 2 kg tur
 Try = Callable[[Strategy, float, np.ndarray | None], Attempt]
 """Plans by a strategy with a slowdown; what its search begins with, if that is an attempt: configurations (k, nq)."""
 
-Lacking = Callable[[float], float]
-"""How far off a chunk a still robot has to hold what it carries [m], by slowdown; 0 where hands carry nothing."""
+
+@dataclass(frozen=True)
+class Asked:
+    """What is known of a chunk before anything is tried, by slowdown where it is a function.
+
+    Attributes:
+        implausible: Whether what it means is a guess: then it is followed as if out of reach.
+        overlap: Whether it has the hands too near each other, and there are near poses at which they are not.
+        lacking: How far off it a still robot has to hold what it carries [m]; 0 where hands carry nothing.
+    """
+
+    implausible: bool = False
+    overlap: Callable[[float], bool] = lambda _: False
+    lacking: Callable[[float], float] = lambda _: 0.0
+
 
 RESERVE, RESERVE_UNREACHABLE = 0.25, 0.15
 """Share of the budget that is kept while nothing is safe, for strategies that follow the hands less: while attempts
@@ -120,32 +137,24 @@ ATTEMPT_MIN = 0.1
 record."""
 
 
-def as_given(config: PlannerConfig, attempt: Try, budget: Budget) -> Attempt | None:
+def as_given(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) -> Attempt | None:
     """What `best` takes of a plausible chunk where an attempt at its own speed follows it, else None."""
     budget.kept = RESERVE
-    now = attempt(AS_GIVEN, 1.0, None)
+    now = attempt(_first(1.0, asked), 1.0, None)
     if now.start_violation > config.violation_max or _far(config, now):
         return None
     now = _improved(config, attempt, budget, now)
     return now if now.follows(config) and now.targets.projected.max() <= JUMP else None
 
 
-def best(
-    config: PlannerConfig,
-    attempt: Try,
-    budget: Budget,
-    *,
-    implausible: bool,
-    lacking: Lacking = lambda _: 0.0,
-) -> Attempt:
+def best(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) -> Attempt:
     """The first attempt that follows the chunk safely, else the safe one nearest to it, else the least unsafe one.
 
     Args:
         config: Strategies' settings, and what counts as safe and as following.
         attempt: Makes one.
         budget: What all attempts together may compute; when it ends, so do attempts.
-        implausible: Whether what the chunk means is a guess: then it is followed as if out of reach.
-        lacking: Of what the hands carry.
+        asked: Of the chunk.
     """
     tried: list[Attempt] = []
     for slowdown in (1.0, *config.slowdowns):
@@ -156,20 +165,20 @@ def best(
         lacks = min((one.tracking_error for one in tried), default=0.0) / slowdown**2
         if lacks > config.tracking_error_max and slowdown < max(config.slowdowns):
             continue
-        now = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
-        jumps = implausible or now.targets.projected.max() > JUMP
+        now = attempt(_first(slowdown, asked), slowdown, None)
+        jumps = asked.implausible or now.targets.projected.max() > JUMP
         if now.start_violation > config.violation_max:
             # No strategy mends that: it is in the state that the plan begins with.
             tried.append(now)
             break
         far = jumps or _far(config, now)
-        heavy = not jumps and _heavy(config, now, lacking)
-        held = _held(config, attempt, budget, slowdown, lacking) if heavy else None
+        heavy = not jumps and _heavy(config, now, asked)
+        held = _held(config, attempt, budget, slowdown, asked) if heavy else None
         if held is None and not far:
             now = _improved(config, attempt, budget, now)
-        if not (jumps or heavy or now.follows(config)) and lacking(slowdown) > 0.0:
+        if not (jumps or heavy or now.follows(config)) and asked.lacking(slowdown) > 0.0:
             budget.kept = 0.0
-            held = _held(config, attempt, budget, slowdown, lacking)
+            held = _held(config, attempt, budget, slowdown, asked)
         if held is not None:
             return held
         if now.follows(config) and not jumps:
@@ -189,20 +198,27 @@ def best(
     return _without_hands(config, attempt, budget, tried)
 
 
-def _heavy(config: PlannerConfig, now: Attempt, lacking: Lacking) -> bool:
+def _first(slowdown: float, asked: Asked) -> Strategy:
+    """What is tried first at a speed."""
+    if asked.overlap(slowdown):
+        return PARTED if slowdown == 1.0 else PARTED_SLOWER
+    return AS_GIVEN if slowdown == 1.0 else SLOWER
+
+
+def _heavy(config: PlannerConfig, now: Attempt, asked: Asked) -> bool:
     """Whether what hands carry is too heavy for an attempt: its arms do not hold it in the end, or no robot does."""
     if now.arms_spent > ARMS_SPENT_MAX:
         return True
     far = not now.follows(config) and now.tracking_error > config.tracking_error_max
-    return far and lacking(now.targets.slowdown) > config.tracking_error_max
+    return far and asked.lacking(now.targets.slowdown) > config.tracking_error_max
 
 
-def _held(config: PlannerConfig, attempt: Try, budget: Budget, slowdown: float, lacking: Lacking) -> Attempt | None:
+def _held(config: PlannerConfig, attempt: Try, budget: Budget, slowdown: float, asked: Asked) -> Attempt | None:
     """Palms led to where a still robot holds its load, if that follows the chunk, or the load is what keeps it off."""
     if not budget.allows(ATTEMPT_MIN):
         return None
     held = attempt(HELD, slowdown, None)
-    too_heavy = held.is_safe(config) and lacking(slowdown) > config.clamp_tolerance
+    too_heavy = held.is_safe(config) and asked.lacking(slowdown) > config.clamp_tolerance
     holds = held.arms_spent <= ARMS_SPENT_MAX and held.waist_rate <= HELD_RATE_MAX
     return held if holds and (too_heavy or held.follows(config)) else None
 
@@ -215,16 +231,17 @@ def _far(config: PlannerConfig, now: Attempt) -> bool:
 def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
     """An attempt with full weight on the hands' positions, or a better one at the same speed.
 
-    Where palms are still further off, turning them brings them nearer, and beginning anew rarely does.
+    Where palms are still further off, turning them brings them nearer, and beginning anew rarely does. Hands that were
+    led apart are turned already, and know their way.
     """
-    slowdown = now.targets.slowdown
+    slowdown, parted = now.targets.slowdown, now.strategy == PARTED.name
     budget.kept = 0.0 if now.is_safe(config) else budget.kept
     a_little_off = config.warm_start_error < now.tracking_error <= config.relax_error
     violates = now.violation > config.violation_max
-    if now.warm_started and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
+    if now.warm_started and not parted and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
-    for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
+    for strategy in (FREE_ORIENTATION,) if parted else (RELAXED_ORIENTATION, FREE_ORIENTATION):
         if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
             relaxed = attempt(strategy, slowdown, now.knots.q[1:])
             now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))

@@ -6,9 +6,8 @@ which pairs may be distances, and those are measured, each from where it was at 
 
 from __future__ import annotations
 
-import math
-
 from wholebody.collision.gjk import APART, BEYOND, BODY, distance, support_vertex
+from wholebody.collision.hull_pairs import outside_box
 from wholebody.planning.trajopt.kernels.configuration_terms import reduce_row
 from wholebody.planning.trajopt.layout import DISTANCE, FREE_LOWER, LOWER, N_BODY, N_DISTANCES, N_JOINTS, N_PAIRS
 from wholebody.robot.kernels.bodies import place_body
@@ -93,16 +92,6 @@ def measure_knot(k, shapes, R, p, distances, trigger, touching) -> int:
         count += 1
     distances.count[k] = count
     return touching
-
-
-def outside_box(R, half, x, y, z) -> float:
-    """Distance of a point, seen from the middle of a box, from the box; R are the axes of the box."""
-    total = 0.0
-    for c in range(3):
-        d = abs(R[0, c] * x + R[1, c] * y + R[2, c] * z) - half[c]
-        if d > 0.0:
-            total += d * d
-    return math.sqrt(total)
 
 
 def describe(robot, shapes, task, m, distances) -> None:
