@@ -245,6 +245,9 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt)
         if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
             relaxed = attempt(strategy, slowdown, now.knots.q[1:])
             now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))
+    if parted and not now.follows(config) and budget.allows(ATTEMPT_MIN):
+        given = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
+        now = min(now, given, key=lambda one: (one.unsafety(config), one.tracking_error))
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
