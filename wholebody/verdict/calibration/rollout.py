@@ -66,8 +66,8 @@ class Rollout:
             loads: Masses in the left and right hand that are counted on [kg].
         """
         self._follower.controller.carry(loads)
-        rows, left = self._follow(replace(chunk, t_obs=0.0), begin)
-        columns = np.array(rows or [[0.0] * 13]).T
+        ticks, left = self._follow(replace(chunk, t_obs=0.0), begin)
+        columns = self._rooms(ticks) if ticks else np.zeros((13, 1))
         zmp, capture, com, slack, normal, off, push, sideways, no_hands, corner, foot, speed, torque = columns
         return {
             "roll_failed": float(left > 0.0),
@@ -96,9 +96,9 @@ class Rollout:
             "roll_torque_end": float(torque[-1]),
         }
 
-    def _follow(self, chunk: ActionChunk, begin: Begin) -> tuple[list[list[float]], float]:
-        """What each tick comes to, and the time that is left when there is no answer any more [s]."""
-        follower, q, v, rows = self._follower, begin.body.q.copy(), begin.body.v.copy(), []
+    def _follow(self, chunk: ActionChunk, begin: Begin) -> tuple[list[tuple], float]:
+        """What each tick came to, for `_rooms`, and the time that is left when there is no answer any more [s]."""
+        follower, q, v, ticks = self._follower, begin.body.q.copy(), begin.body.v.copy(), []
         follower.reset(RobotState(0.0, q, v))
         follower.accept(chunk, -1e-6)
         steps = int(np.ceil(((len(chunk) - 1) / chunk.fps + AFTER) / STEP))
@@ -106,38 +106,59 @@ class Rollout:
             follower.step(RobotState(k * STEP, q, v), k * STEP)
             tick = follower.last_tick
             if follower.status is statuses.STANDING_LOST or tick.level is TickLevel.FAILED:
-                return rows, (steps - k) * STEP
-            rows.append(self._room(tick))
+                return ticks, (steps - k) * STEP
+            ticks.append(self._seen(tick))
             dv = tick.solution.dv
             q, v = pin.integrate(follower.robot.model, q, STEP * (v + 0.5 * STEP * dv)), v + STEP * dv
-        return rows, 0.0
+        return ticks, 0.0
 
-    def _room(self, tick: TickReport) -> list[float]:
-        """What `quantities` takes the least, the largest, the last or the sum of."""
-        follower, controller, answer = self._follower, self._follower.controller, tick.solution
-        support, com, speed = controller.balance.support, follower.robot.com, follower.robot.com_velocity
-        points = [foot.T_world_ref.translation + foot.points @ foot.T_world_ref.rotation.T for foot in controller.feet]
-        forces, normal = answer.forces, max(float(answer.forces[:, 2].sum()), 1.0)
-        pressed = forces[:, 2] @ np.vstack(points)[:, :2] / normal
+    def _seen(self, tick: TickReport) -> tuple:
+        """What `_rooms` is made of: centre of mass, its velocity, forces on the soles, torques, and numbers."""
+        follower, answer = self._follower, tick.solution
         palms = np.array([pose[:3, 3] for pose in follower.palm_reference().values()])
-        capture = com[:2] + speed[:2] / natural_frequency(float(com[2]))
-        edges = np.sort(support.offsets - support.normals @ capture)
-        feet = [forces[part, 2].sum() for part in np.split(np.arange(len(forces)), len(controller.feet))]
-        return [
-            support.margin(pressed),
-            support.margin(capture),
-            support.margin(com[:2]),
-            float(answer.slack[0]),
-            normal,
-            float(np.linalg.norm(controller.palm_positions() - palms, axis=1).max()),
-            float(np.abs(answer.dv[:6]).max()),
-            float(np.linalg.norm(forces[:, :2].sum(axis=0))) / normal,
-            float(tick.level is TickLevel.NO_HANDS),
-            float(np.hypot(*np.maximum(edges[:2], 0.0))),
-            float(min(feet)) / normal,
-            float(np.hypot(*speed[:2])),
-            float((np.abs(answer.tau[self._body]) / self._effort).max()),
-        ]
+        away = follower.controller.palm_positions() - palms
+        numbers = answer.slack[0], np.einsum("hi,hi->h", away, away).max(), tick.level is TickLevel.NO_HANDS
+        robot = follower.robot
+        return (
+            robot.com.copy(),
+            robot.com_velocity.copy(),
+            answer.forces,
+            answer.tau[self._body],
+            answer.dv[:6],
+            numbers,
+        )
+
+    def _rooms(self, ticks: list[tuple]) -> np.ndarray:
+        """What `quantities` takes the least, the largest, the last or the sum of, a column a tick."""
+        com, com_velocity, forces, tau, base, numbers = (np.array(one, dtype=float) for one in zip(*ticks, strict=True))
+        controller = self._follower.controller
+        support = controller.balance.support
+        points = [foot.T_world_ref.translation + foot.points @ foot.T_world_ref.rotation.T for foot in controller.feet]
+        normal = np.maximum(forces[:, :, 2].sum(axis=1), 1.0)
+        pressed = forces[:, :, 2] @ np.vstack(points)[:, :2] / normal[:, None]
+        speed = np.hypot(com_velocity[:, 0], com_velocity[:, 1])
+        omega = np.array([natural_frequency(height) for height in com[:, 2].tolist()])
+        capture = com[:, :2] + com_velocity[:, :2] / omega[:, None]
+        zmp, falling, still = (np.sort(support.offsets - p @ support.normals.T) for p in (pressed, capture, com[:, :2]))
+        feet = [part.sum(axis=1) for part in np.split(forces[:, :, 2], len(controller.feet), axis=1)]
+        slack, away, no_hands = numbers.T
+        return np.array(
+            [
+                zmp[:, 0],
+                falling[:, 0],
+                still[:, 0],
+                slack,
+                normal,
+                np.sqrt(away),
+                np.abs(base).max(axis=1),
+                np.hypot(*forces[:, :, :2].sum(axis=1).T) / normal,
+                no_hands,
+                np.hypot(*np.maximum(falling[:, :2], 0.0).T),
+                np.min(feet, axis=0) / normal,
+                speed,
+                (np.abs(tau) / self._effort).max(axis=1),
+            ]
+        )
 
 
 @lru_cache(maxsize=1)
