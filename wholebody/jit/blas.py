@@ -8,11 +8,6 @@ ALLOCATES = True
 """numba counts references to the arrays that it hands to BLAS; see `wholebody.jit.entry`."""
 
 
-def gram(A, out) -> None:
-    """``out = A' A``."""
-    np.dot(A.T, A, out)
-
-
 def outer_gram(A, out) -> None:
     """``out = A A'``."""
     np.dot(A, A.T, out)
@@ -21,8 +16,3 @@ def outer_gram(A, out) -> None:
 def times_transposed(A, B, out) -> None:
     """``out = A B'``."""
     np.dot(A, B.T, out)
-
-
-def apply(A, x, out) -> None:
-    """``out = A x``."""
-    np.dot(A, x, out)

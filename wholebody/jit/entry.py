@@ -7,7 +7,8 @@ Python calls is an `Entry` of it::
     _cost = Entry(cost)          # nothing is compiled, numba is not imported
     total = _cost(motion, scales)  # compiled for these kinds of arguments, or loaded from numba's cache on disk
 
-No fastmath: the result is that of the interpreted function up to rounding.
+No fastmath but what a module asks for by ``FASTMATH``, and that is no more than other roundings: the result is that of
+the interpreted function up to rounding.
 """
 
 from __future__ import annotations
@@ -119,7 +120,11 @@ def _register(function: Callable) -> set[ModuleType]:
 
 
 def _options(module: ModuleType) -> dict[str, object]:
-    return {**OPTIONS, "_nrt": getattr(module, "ALLOCATES", False)}
+    return {
+        **OPTIONS,
+        "_nrt": getattr(module, "ALLOCATES", False),
+        "fastmath": getattr(module, "FASTMATH", False),
+    }
 
 
 def _digest(modules: set[ModuleType]) -> int:

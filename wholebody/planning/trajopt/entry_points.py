@@ -15,7 +15,7 @@ from wholebody.planning.trajopt.kernels import (
     proximity,
 )
 from wholebody.planning.trajopt.kernels import (
-    spline_offset as _spline_offset,
+    spline as _spline,
 )
 from wholebody.planning.trajopt.kernels import (
     warm_start as _warm_start,
@@ -30,5 +30,5 @@ assemble = Entry(_cost.assemble)
 step = Entry(newton.step)
 warm_start = Entry(_warm_start.warm_start)
 take_step = Entry(_warm_start.take_step)
-spline_offset = Entry(_spline_offset.spline_offset)
+spline_offset = Entry(_spline.spline_offset)
 centroidal = Entry(_centroidal.centroidal)

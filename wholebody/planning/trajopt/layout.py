@@ -11,6 +11,11 @@ LOWER, UPPER = 18, 17
 FREE_LOWER = 6
 """Directions that the feet leave to base and legs."""
 N_FREE = FREE_LOWER + UPPER
+N_BLOCK = 24
+"""`N_FREE` rounded up to vector registers of eight numbers: rows of a block of the linear program, in `banded`."""
+N_PANEL = 3 * N_BLOCK
+RIGHT = N_PANEL - 1
+"""Spare column of a panel that has its right-hand side."""
 N_JOINTS = N_BODY - 6
 WAIST = 3
 """Joints of the waist, which come first among the upper ones."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from wholebody.collision.gjk import SCRATCH
 from wholebody.planning.trajopt.layout import (  # fmt: skip
     FREE_LOWER,
     LOWER,
+    N_BLOCK,
     N_BODY,
     N_DISTANCES,
     N_DYNAMICS,
@@ -18,11 +20,15 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     N_JOINTS,
     N_LISTED,
     N_PAIRS,
+    N_PANEL,
     N_POSITION,
     UPPER,
     WAIST,
     n_inequalities,
 )
+
+LINE = 8
+"""Numbers in a line of the cache, 64 bytes."""
 
 
 class Motion(NamedTuple):
@@ -138,34 +144,43 @@ def new_distances(K: int, n_shapes: int, first: np.ndarray, low: np.ndarray) -> 
 class System(NamedTuple):
     """The linear program of K knots, as in `cost` and `newton`."""
 
-    H: np.ndarray  # (K + 2, N_FREE, 3 N_FREE) Hessian without bounds
+    H: np.ndarray  # (K + 2, N_BLOCK, N_PANEL) Hessian without bounds
     g: np.ndarray  # (K + 2, N_FREE) gradient without bounds; likewise all vectors
-    panels: np.ndarray  # (K + 2, N_FREE, 3 N_FREE) with the active bounds, then its Cholesky factor
-    gradient: np.ndarray
-    tails: np.ndarray  # (K + 2, 2 N_FREE, 2 N_FREE) what a panel takes from the next two
+    panels: np.ndarray  # (K + 2, N_BLOCK, N_PANEL) with the active bounds, then its Cholesky factor, as in `banded`
     damping: np.ndarray
     z: np.ndarray  # the step
     Hz: np.ndarray
-    y: np.ndarray
+    y: np.ndarray  # (K + 3, N_BLOCK)
+    Hy: np.ndarray  # (K + 3, N_BLOCK)
     direction: np.ndarray
     Hd: np.ndarray
     along: np.ndarray  # (K, n_inequalities) change of the violations by z
     change: np.ndarray  # (K, n_inequalities) by the direction
-    active: np.ndarray  # (K, n_inequalities) bool
+    active: np.ndarray  # (K, n_inequalities) the bounds of each knot that are exceeded
+    n_active: np.ndarray  # (K,) how many are
     rows: np.ndarray  # (K n_inequalities, 3) of the line search
+
+
+def aligned(*shape: int) -> np.ndarray:
+    """Zeros that begin where a line of the cache does: else every vector register is loaded from two lines."""
+    memory = np.zeros(math.prod(shape) + LINE)
+    start = -memory.ctypes.data % (memory.itemsize * LINE) // memory.itemsize
+    return memory[start : start + math.prod(shape)].reshape(shape)
 
 
 def new_system(K: int, n_edges: int) -> System:
     """Room for the linear program of K knots."""
     n, f = n_inequalities(n_edges), N_FREE
-    vectors = {name: np.zeros((K + 2, f)) for name in ("g", "gradient", "damping", "z", "Hz", "y", "direction", "Hd")}
+    vectors = {name: np.zeros((K + 2, f)) for name in ("g", "damping", "z", "Hz", "direction", "Hd")}
     return System(
-        H=np.zeros((K + 2, f, 3 * f)),
-        panels=np.zeros((K + 2, f, 3 * f)),
-        tails=np.zeros((K + 2, 2 * f, 2 * f)),
+        H=aligned(K + 2, N_BLOCK, N_PANEL),
+        panels=aligned(K + 2, N_BLOCK, N_PANEL),
+        y=aligned(K + 3, N_BLOCK),
+        Hy=aligned(K + 3, N_BLOCK),
         along=np.zeros((K, n)),
         change=np.zeros((K, n)),
-        active=np.zeros((K, n), dtype=bool),
+        active=np.zeros((K, n), dtype=np.int64),
+        n_active=np.zeros(K, dtype=np.int64),
         rows=np.zeros((K * n, 3)),
         **vectors,
     )
@@ -255,21 +270,23 @@ class AssemblyScratch(NamedTuple):
     dv_mid: np.ndarray
     dynamics: np.ndarray
     row: np.ndarray
-    rest: np.ndarray
+    bounds: np.ndarray
+    weighted: np.ndarray
 
 
 def new_assembly_scratch(K: int) -> AssemblyScratch:
     """Room to assemble and solve the linear program of K knots."""
     f = N_FREE
     return AssemblyScratch(
-        frames=np.zeros((N_FRAME, f)),
+        frames=aligned(N_FRAME, N_BLOCK),
         frame_values=np.zeros(N_FRAME),
-        dense=np.zeros((2 + WAIST, 3 * f)),
+        dense=aligned(2 + WAIST, N_PANEL),
         legs=np.zeros((3 * FREE_LOWER, 2 * LOWER + 4)),
         leg_values=np.zeros(2 * LOWER + 4),
         leg_square=np.zeros((3 * FREE_LOWER, 3 * FREE_LOWER)),
         dv_mid=np.zeros((K + 1, N_BODY)),
         dynamics=np.zeros(N_DYNAMICS),
         row=np.zeros(3 * f),
-        rest=np.zeros((f, 2 * f)),
+        bounds=aligned(4, N_PANEL),
+        weighted=aligned(4, N_PANEL),
     )

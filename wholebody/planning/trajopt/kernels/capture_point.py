@@ -10,6 +10,7 @@ which is the controller's own bound on it (`wholebody.limits.balance`).
 
 from __future__ import annotations
 
+from wholebody.jit.vectors import dot
 from wholebody.planning.trajopt.kernels.spline import knot_rate
 from wholebody.planning.trajopt.layout import COM, DISTANCE, FREE_LOWER, LOWER, N_BODY, N_FREE, VERTICAL, ZMP
 from wholebody.robot.kernels.pendulum import natural_frequency
@@ -69,15 +70,13 @@ def approach_and_capture_changes(k, robot, m, dt, dv_mid, x, dynamics, out) -> N
     """How a step changes both: ``x`` (N_FREE,) of this knot, ``dynamics`` (N_DYNAMICS,) of its rows of the dynamics."""
     for c in range(m.n_near[k]):
         before, after = approach_weights(c, k, m, dt)
-        for j in range(N_BODY):
-            out[DISTANCE + c] += m.approach[k, c, j] * (before * dv_mid[k, j] + after * dv_mid[k + 1, j])
+        row = m.approach[k, c]
+        out[DISTANCE + c] += before * dot(row, dv_mid[k], N_BODY) + after * dot(row, dv_mid[k + 1], N_BODY)
     E, omega, tau = robot.normals.shape[0], pendulum(k, robot, m), robot.capture_time
     for e in range(E):
         out[ZMP + 2 * E + e] = 0.0
     for a in range(2):
-        place = speed = 0.0
-        for j in range(N_FREE):
-            place += m.J[k, COM + a, j] * x[j]
+        place, speed = dot(m.J[k, COM + a], x, N_FREE), 0.0
         for j in range(N_BODY):
             speed += m.F[k, j, a] * (dv_mid[k, j] + dv_mid[k + 1, j])
         com = m.r[k, COM + a] + robot.com_stance[a]

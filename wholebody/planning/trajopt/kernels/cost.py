@@ -1,8 +1,8 @@
 """The plan's cost, and the quadratic model of it without the bounds.
 
-The Hessian is block-banded: panel ``k + 1`` (N_FREE, 3 N_FREE) holds knot k's own block and those with the next two
-knots; the panels before the first knot and after the last take what falls outside and are never read. Vectors
-(K + 2, N_FREE) are laid out likewise, zero at knots that do not exist and at the first knot, which stays.
+The Hessian is block-banded: panel ``k + 1`` (N_BLOCK, N_PANEL) holds knot k's own block and those with the next two
+knots, as in `banded`; the panels before the first knot and after the last take what falls outside and are never read.
+Vectors (K + 2, N_FREE) are laid out likewise, zero at knots that do not exist and at the first knot, which stays.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     HEIGHT,
     JOINTS,
     LOWER,
+    N_BLOCK,
     N_BODY,
     N_FRAME,
     N_FREE,
@@ -84,7 +85,7 @@ def scale_of(i, weights) -> float:
 
 
 def assemble(m, task, weights, H, g, work) -> None:
-    """Hessian panels (K + 2, N_FREE, 3 N_FREE) and gradient (K + 2, N_FREE) of half the cost without the bounds.
+    """Hessian panels (K + 2, N_BLOCK, N_PANEL) and gradient (K + 2, N_FREE) of half the cost without the bounds.
 
     Palm positions have a Cauchy loss: the gradient is greatest at ``position_give`` and falls beyond, so that a target
     that jumps does not take the body along. Orientations have one whose gradient is bounded. Both enter the
@@ -141,13 +142,13 @@ def add_dense(k, m, weights, H, g, work) -> None:
         row = i if i < 2 else TAU + i - 2
         root = math.sqrt(weights.zmp if i < 2 else weights.waist)
         value = root * m.dynamics[k, row]
-        for j in range(3 * N_FREE):
-            B[i, j] = root * m.J_dynamics[k, row, j]
         for c in range(3):
             for j in range(N_FREE):
-                slope[k + c, j] += value * B[i, c * N_FREE + j]
+                d = root * m.J_dynamics[k, row, c * N_FREE + j]
+                B[i, c * N_BLOCK + j] = d
+                slope[k + c, j] += value * d
     for c in range(3):
-        add_gram(B, c * N_FREE, H[k + c])
+        add_gram(B, c * N_BLOCK, H[k + c])
 
 
 def add_gram(B, start, panel) -> None:
@@ -196,19 +197,19 @@ def add_lower(k, m, dt, weights, H, g, work) -> None:
         for i in range(f):
             for b in range(c, 3):
                 for j in range(f):
-                    panel[i, (b - c) * N_FREE + j] += block[c * f + i, b * f + j]
+                    panel[i, (b - c) * N_BLOCK + j] += block[c * f + i, b * f + j]
             for j in range(2 * n + 4):
                 g[k + c, i] += C[c * f + i, j] * v[j]
 
 
 def add_upper(k, m, dt, weights, H, g) -> None:
     """Accelerations and speeds of waist and arms."""
-    f, n = FREE_LOWER, N_FREE
+    f, n = FREE_LOWER, N_BLOCK
     here, there = knot_rate(k, m.q.shape[0], dt), knot_rate(k + 1, m.q.shape[0], dt)
     scale = 2.0 / dt if k == 0 else 1.0 / dt
     a, b, c = scale * here, -scale * (here + there), scale * there
     w, s = weights.smooth, weights.speed
-    for u in range(f, n):
+    for u in range(f, N_FREE):
         H[k, u, u] += w * a * a + s * here * here
         H[k, u, n + u] += w * a * b - s * here * here
         H[k, u, 2 * n + u] += w * a * c

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from wholebody.jit.blas import apply
+from wholebody.jit.vectors import dot
+from wholebody.planning.trajopt.kernels.banded import subtract_rows
 from wholebody.planning.trajopt.kernels.capture_point import (
     approach_and_capture_changes,
     approach_derivative,
@@ -19,12 +20,15 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     HEIGHT,
     HORIZONTAL,
     LOWER,
+    N_BLOCK,
     N_BODY,
     N_DISTANCES,
+    N_DYNAMICS,
     N_FREE,
     N_FRICTION,
     N_JOINTS,
     POSITION,
+    RIGHT,
     STATIC,
     TAU,
     UPPER,
@@ -44,7 +48,9 @@ def changes(robot, m, dt, z, out, work) -> None:
         if k > 0:
             configuration_changes(k, robot, m, x, row, sign, work)
         dynamics = work.dynamics
-        apply(m.J_dynamics[k], flat[N_FREE * k : N_FREE * (k + 3)], dynamics)
+        three = flat[N_FREE * k :]
+        for i in range(N_DYNAMICS):
+            dynamics[i] = dot(m.J_dynamics[k, i], three, 3 * N_FREE)
         load = COM_EDGE + E
         row[load] = -dynamics[VERTICAL]
         for u in range(UPPER):
@@ -83,16 +89,8 @@ def configuration_changes(k, robot, m, x, row, sign, work) -> None:
     """The same for the bounds on one configuration."""
     E, f, n_near = robot.normals.shape[0], FREE_LOWER, m.n_near[k]
     for i in range(2):
-        d = 0.0
-        for j in range(N_FREE):
-            d += m.J_tilt[k, i, j] * x[j]
-        row[i] = d
-    d = sx = sy = 0.0
-    for j in range(N_FREE):
-        d += m.J[k, HEIGHT, j] * x[j]
-        sx += m.J[k, COM, j] * x[j]
-        sy += m.J[k, COM + 1, j] * x[j]
-    row[BASE_HEIGHT] = -d
+        row[i] = dot(m.J_tilt[k, i], x, N_FREE)
+    row[BASE_HEIGHT] = -dot(m.J[k, HEIGHT], x, N_FREE)
     for j in range(LOWER - 6):
         row[POSITION + j] = 0.0
     for r in range(f):
@@ -104,16 +102,10 @@ def configuration_changes(k, robot, m, x, row, sign, work) -> None:
         else:
             row[POSITION + j] = sign[POSITION + j] * x[f + j - LOWER + 6]
     for w in range(WAIST):
-        d = 0.0
-        for j in range(N_FREE):
-            d += m.J_static[k, w, j] * x[j]
-        row[STATIC + w] = sign[STATIC + w] * d / robot.tau_max[w]
+        row[STATIC + w] = sign[STATIC + w] * dot(m.J_static[k, w], x, N_FREE) / robot.tau_max[w]
     for c in range(N_DISTANCES):
-        d = 0.0
-        if c < n_near:
-            for j in range(N_FREE):
-                d += m.J_distance[k, c, j] * x[j]
-        row[DISTANCE + c] = d
+        row[DISTANCE + c] = dot(m.J_distance[k, c], x, N_FREE) if c < n_near else 0.0
+    sx, sy = dot(m.J[k, COM], x, N_FREE), dot(m.J[k, COM + 1], x, N_FREE)
     for e in range(E):
         row[COM_EDGE + e] = robot.normals[e, 0] * sx + robot.normals[e, 1] * sy
 
@@ -207,18 +199,34 @@ def rate_derivative(i, k, m, dt, sign, out) -> tuple[int, int]:
     return 0, 2 * n + f
 
 
-def add_active(k, lowest, robot, m, dt, penalties, active, H, g, row) -> None:
-    """Add the active bounds of one knot to Hessian and gradient of half the cost, to panels from the lowest on."""
-    n = N_FREE
-    for i in range(active.shape[1]):
-        if not active[k, i]:
-            continue
-        first, last = derivative(i, k, robot, m, dt, row)
-        w, value = penalties[i], m.violation[k, i]
-        for a in range(first, last):
-            x, c = w * row[a], a // n
-            if x != 0.0 and k + c >= lowest:
-                g[k + c, a - c * n] += x * value
-                panel, rest = H[k + c, a - c * n], row[c * n :]
-                for b in range(last - c * n):
-                    panel[b] += x * rest[b]
+def add_active(k, lowest, robot, m, dt, penalties, s, work) -> None:
+    """Add the active bounds of one knot to the panels of half the cost from the lowest on, four at a time."""
+    for start in range(0, s.n_active[k], 4):
+        low, high = 3, 0
+        for r in range(4):
+            bound, weighted = work.bounds[r], work.weighted[r]
+            if start + r >= s.n_active[k]:
+                bound[:], weighted[:] = 0.0, 0.0
+                continue
+            i = s.active[k, start + r]
+            first, last = derivative(i, k, robot, m, dt, work.row)
+            low, high = min(low, first // N_FREE), max(high, (last - 1) // N_FREE + 1)
+            put(work.row, m.violation[k, i], -penalties[i], bound, weighted)
+        for c in range(max(low, lowest - k), high):
+            add_four(k + c, c, s.panels, work)
+
+
+def put(row, value, weight, bound, weighted) -> None:
+    """Write a bound's derivative (3 N_FREE,) and its value as a row of a panel, and the derivative times a weight."""
+    for c in range(3):
+        for j in range(N_FREE):
+            x = row[c * N_FREE + j]
+            bound[c * N_BLOCK + j], weighted[c * N_BLOCK + j] = x, weight * x
+    bound[RIGHT] = -value
+
+
+def add_four(k, c, panels, work) -> None:
+    """Add the four bounds in ``work`` to a panel, to whose knot their block c belongs."""
+    bounds, weighted = work.bounds.reshape(work.bounds.size), work.weighted.reshape(work.weighted.size)
+    panel = panels[k]
+    subtract_rows(c, 4, weighted, bounds, panel.reshape(panel.size))

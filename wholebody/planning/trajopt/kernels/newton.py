@@ -7,11 +7,9 @@ the first knot at which the active set changes stay as they are.
 
 from __future__ import annotations
 
-import math
-
-from wholebody.jit.blas import gram
+from wholebody.planning.trajopt.kernels.banded import factor, solve, times
 from wholebody.planning.trajopt.kernels.inequalities import add_active, changes
-from wholebody.planning.trajopt.layout import COM_EDGE, N_FREE
+from wholebody.planning.trajopt.layout import COM_EDGE, N_FREE, N_PANEL, RIGHT
 
 FULL_STEP = 0.99
 """Share of Newton's step from which on it counts as a whole one; chosen: the line search is exact to 1e-6."""
@@ -47,14 +45,17 @@ def step(robot, task, m, penalties, system, work, damping, limit, largest) -> tu
     first, size, exact = 1, 0.0, False
     for _ in range(limit):
         newton(first, robot, m, dt, penalties, s, work)
-        if not factor(first, K, s, work):
+        if not factor(first, K, s.panels):
             return 0.0, -1.0, False
-        solve(K, s)
+        solve(K, s.panels, s.y)
         for k in range(2, K + 1):
             for i in range(N_FREE):
                 s.direction[k, i] = s.y[k, i] - s.z[k, i]
         changes(robot, m, dt, s.direction, s.change, work)
-        times(K, s.H, s.damping, s.direction, s.Hd)
+        times(K, s.H, s.y, s.Hy)
+        for k in range(2, K + 1):
+            for i in range(N_FREE):
+                s.Hd[k, i] = s.Hy[k, i] + s.damping[k, i] * s.y[k, i] - s.Hz[k, i]
         t = line_search(K, m, penalties, s)
         size = advance(K, t, s)
         if size > largest:
@@ -84,141 +85,38 @@ def advance(K, t, s) -> float:
 def find_active(robot, m, s) -> int:
     """List the bounds that are exceeded; the first knot at which the list changes, else the number of knots."""
     K, n = s.active.shape
-    start, first = COM_EDGE + robot.normals.shape[0], K
+    first = K
     for k in range(K):
-        for i in range(0 if k > 0 else start, n):
-            now = m.violation[k, i] + s.along[k, i] > 0.0
-            if now != s.active[k, i]:
-                s.active[k, i] = now
-                first = min(first, k)
+        start = 0 if k > 0 else COM_EDGE + robot.normals.shape[0]
+        if list_exceeded(k, start, n, m.violation[k], s.along[k], s):
+            first = min(first, k)
     return first
 
 
+def list_exceeded(k, start, stop, violation, change, s) -> bool:
+    """List the bounds of a knot from ``start`` on that are exceeded after a change; whether that changes the list."""
+    active, before, count, changed = s.active[k], s.n_active[k], 0, False
+    for i in range(start, stop):
+        if violation[i] + change[i] > 0.0:
+            changed = changed or count >= before or active[count] != i
+            active[count] = i
+            count += 1
+    s.n_active[k] = count
+    return changed or count != before
+
+
 def newton(first, robot, m, dt, penalties, s, work) -> None:
-    """Hessian and gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
+    """Hessian and minus the gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
     K = m.q.shape[0]
     for k in range(first + 1, K + 2):
         for i in range(N_FREE):
-            s.gradient[k, i] = s.g[k, i]
-            for j in range(3 * N_FREE):
-                s.panels[k, i, j] = s.H[k, i, j]
+            row, H = s.panels[k, i], s.H[k, i]
+            for j in range(N_PANEL):
+                row[j] = H[j]
+            row[i] += s.damping[k, i]
+            row[RIGHT] = -s.g[k, i]
     for k in range(first - 1, K):
-        add_active(k, first + 1, robot, m, dt, penalties, s.active, s.panels, s.gradient, work.row)
-    for k in range(first, K):
-        for i in range(N_FREE):
-            s.panels[k + 1, i, i] += s.damping[k + 1, i]
-
-
-def factor(first, K, s, work) -> bool:
-    """Cholesky factor ``U' U`` of the panels from knot ``first`` on; False if they are singular."""
-    n = N_FREE
-    for k in range(first, K):
-        U, tail = s.panels[k + 1], s.tails[k + 1]
-        if k > 1:
-            before = s.tails[k]
-            for i in range(n):
-                for j in range(2 * n):
-                    U[i, j] -= before[i, j]
-        if k > 2:
-            before = s.tails[k - 1]
-            for i in range(n):
-                for j in range(n):
-                    U[i, j] -= before[n + i, n + j]
-        if not factor_panel(U):
-            return False
-        rest = work.rest
-        for i in range(n):
-            for j in range(2 * n):
-                rest[i, j] = U[i, n + j]
-        gram(rest, tail)
-    return True
-
-
-def factor_panel(U) -> bool:
-    """The upper triangle of the own block and the rows to its right, in place.
-
-    Loops begin at zero and run along rows: only those become vector instructions.
-    """
-    n = U.shape[0]
-    for i in range(n):
-        row, k = U[i, i:], 0
-        m = row.shape[0]
-        while k + 4 <= i:
-            r0, r1, r2, r3 = U[k, i:], U[k + 1, i:], U[k + 2, i:], U[k + 3, i:]
-            c0, c1, c2, c3 = r0[0], r1[0], r2[0], r3[0]
-            for j in range(m):
-                row[j] -= c0 * r0[j] + c1 * r1[j] + c2 * r2[j] + c3 * r3[j]
-            k += 4
-        while k < i:
-            r0 = U[k, i:]
-            subtract(r0[0], r0, row, m)
-            k += 1
-        if not row[0] > 0.0:
-            return False
-        size = 1.0 / math.sqrt(row[0])
-        for j in range(m):
-            row[j] *= size
-    return True
-
-
-def subtract(c, row, out, n) -> None:
-    """``out -= c row`` of the first n entries."""
-    for j in range(n):
-        out[j] -= c * row[j]
-
-
-def dot(a, b, n) -> float:
-    """Scalar product of the first n entries, in eight interleaved sums."""
-    s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = 0.0
-    for i in range(n // 8):
-        j = 8 * i
-        s0 += a[j] * b[j]
-        s1 += a[j + 1] * b[j + 1]
-        s2 += a[j + 2] * b[j + 2]
-        s3 += a[j + 3] * b[j + 3]
-        s4 += a[j + 4] * b[j + 4]
-        s5 += a[j + 5] * b[j + 5]
-        s6 += a[j + 6] * b[j + 6]
-        s7 += a[j + 7] * b[j + 7]
-    for j in range(n - n % 8, n):
-        s0 += a[j] * b[j]
-    return ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7))
-
-
-def solve(K, s) -> None:
-    """``y = - (U' U)^-1 gradient``."""
-    n, y = N_FREE, s.y
-    for k in range(K + 2):
-        for i in range(n):
-            y[k, i] = -s.gradient[k, i] if 1 < k <= K else 0.0
-    flat = y.reshape(y.size)
-    for k in range(2, K + 1):
-        m = min(3, K + 1 - k) * n
-        for i in range(n):
-            row, rest = s.panels[k, i, i:], flat[n * k + i :]
-            c = rest[0] / row[0]
-            subtract(c, row, rest, m - i)
-            rest[0] = c
-    for k in range(K, 1, -1):
-        m = min(3, K + 1 - k) * n
-        for i in range(n - 1, -1, -1):
-            row, rest = s.panels[k, i, i:], flat[n * k + i :]
-            rest[0] = (rest[0] - dot(row[1:], rest[1:], m - i - 1)) / row[0]
-
-
-def times(K, H, extra, x, out) -> None:
-    """``out = (H + extra) x``."""
-    n = N_FREE
-    flat, result = x.reshape(x.size), out.reshape(out.size)
-    for i in range(result.size):
-        result[i] = 0.0
-    for k in range(2, K + 1):
-        m = min(3, K + 1 - k) * n
-        for i in range(n):
-            row, here, there = H[k, i], flat[n * k :], result[n * k :]
-            c = here[i]
-            there[i] += extra[k, i] * c + dot(row[n:], here[n:], m - n)
-            subtract(-c, row, there, m)
+        add_active(k, first + 1, robot, m, dt, penalties, s, work)
 
 
 def line_search(K, m, penalties, s) -> float:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from wholebody.planning.trajopt.kernels.banded import factor_panel, solve_panel
 from wholebody.planning.trajopt.kernels.cost import add_configuration
 from wholebody.planning.trajopt.kernels.fixed_feet_kinematics import integrate
 from wholebody.planning.trajopt.kernels.inequalities import configuration_changes, configuration_derivative
-from wholebody.planning.trajopt.kernels.newton import dot, factor_panel, subtract
-from wholebody.planning.trajopt.layout import COM_EDGE, FREE_LOWER, LOWER, N_FREE, UPPER
+from wholebody.planning.trajopt.kernels.newton import list_exceeded
+from wholebody.planning.trajopt.layout import COM_EDGE, FREE_LOWER, LOWER, N_FREE, RIGHT, UPPER
 
 STEP_COST = 30.0
 """Weight of the step from one knot to the next [1/m^2, 1/rad^2]: without it a knot near a singular pose leaps; chosen:
@@ -36,44 +37,37 @@ def warm_start(k, robot, m, weights, penalties, system, work, sums) -> None:
 
 def newton_step(k, robot, m, penalties, count, s, sums) -> None:
     """The step of one knot, on the set of bounds that are exceeded after it."""
-    n, z, row, active, change = N_FREE, s.z[k + 1], sums.row, s.active[k], s.change[k]
+    n, z, row, change = N_FREE, s.z[k + 1], sums.row, s.change[k]
     U, y = s.panels[k + 1], s.y[k + 1]
-    for i in range(count):
-        active[i] = m.violation[k, i] > 0.0
+    change[:] = 0.0
+    list_exceeded(k, 0, count, m.violation[k], change, s)
     for _ in range(NEWTON_STEPS):
+        U[:] = 0.0
         for i in range(n):
-            y[i] = -s.g[k + 1, i]
-            for j in range(3 * n):
-                U[i, j] = s.H[k + 1, i, j] if j < n else 0.0
+            U[i, RIGHT] = -s.g[k + 1, i]
+            for j in range(n):
+                U[i, j] = s.H[k + 1, i, j]
             U[i, i] += STEP_COST
-        for b in range(count):
-            if active[b]:
-                configuration_derivative(b, k, robot, m, row)
-                add_row(penalties[b], m.violation[k, b], row[n:], U, y)
-        factor_panel(U)
+        for b in s.active[k, : s.n_active[k]]:
+            configuration_derivative(b, k, robot, m, row)
+            add_row(penalties[b], m.violation[k, b], row[n:], U)
+        factor_panel(U.reshape(U.size))
         for i in range(n):
-            y[i] /= U[i, i]
-            subtract(y[i], U[i, i + 1 :], y[i + 1 :], n - i - 1)
-        for i in range(n - 1, -1, -1):
-            y[i] = (y[i] - dot(U[i, i + 1 :], y[i + 1 :], n - i - 1)) / U[i, i]
+            y[i] = U[i, RIGHT]
+        solve_panel(U, y)
         for i in range(n):
             z[i] = y[i]
         configuration_changes(k, robot, m, z, change, m.sign[k], sums)
-        same = True
-        for i in range(count):
-            now = m.violation[k, i] + change[i] > 0.0
-            same = same and now == active[i]
-            active[i] = now
-        if same:
+        if not list_exceeded(k, 0, count, m.violation[k], change, s):
             break
 
 
-def add_row(weight, value, row, U, y) -> None:
-    """Add one bound to Hessian and negative gradient of a knot."""
+def add_row(weight, value, row, U) -> None:
+    """Add one bound to the panel of a knot."""
     n = N_FREE
     for i in range(n):
         x = weight * row[i]
-        y[i] -= x * value
+        U[i, RIGHT] -= x * value
         for j in range(n):
             U[i, j] += x * row[j]
 
