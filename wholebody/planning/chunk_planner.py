@@ -15,11 +15,13 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
+from wholebody.jit.entry import Entry
 from wholebody.planning import strategies
 from wholebody.planning.attempt import Attempt, Targets
 from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.hand_clamp import clamped
+from wholebody.planning.kernels.palms import place_palms
 from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
@@ -30,6 +32,7 @@ from wholebody.planning.strategies import HELD, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
+from wholebody.planning.trajopt.layout import N_JOINTS
 from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.feet import Feet
@@ -46,6 +49,8 @@ AT_REST = 7
 """Knots at the end of a plan at which the arms are to hold what they carry; derived: `planner.settle` and rounding."""
 PREVIEW_WORK = 4.0
 """Most linearisations and steps of a preview [no unit]; chosen: the first motion and one step from it."""
+
+_place_palms = Entry(place_palms)
 
 
 class ChunkPlanner:
@@ -70,6 +75,7 @@ class ChunkPlanner:
         self._friction = config.friction
         self._holdable: HoldablePlaces | None = None
         self._last_held: tuple[Targets, Held] | None = None
+        self._scratch = np.zeros((1 + N_JOINTS, 3, 3)), np.zeros((2 + N_JOINTS, 3))
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
@@ -294,15 +300,13 @@ class ChunkPlanner:
 
     def _continued(self, before: np.ndarray, T_palms: np.ndarray) -> np.ndarray:
         """Of configurations from the second knot on, the first ones that are near the palms wanted, (k, nq)."""
-        same, near = 0, self.config.warm_start_distance
-        for q, T in zip(before, T_palms[1:-1], strict=False):
-            if np.linalg.norm(np.array(self._palms(q))[:, :3, 3] - T[:, :3, 3], axis=1).max() > near:
-                break
-            same += 1
-        return before[:same]
+        n = min(len(before), len(T_palms) - 2)
+        off = np.linalg.norm(self._palms(before[:n])[:, :, :3, 3] - T_palms[1 : n + 1, :, :3, 3], axis=2).max(axis=1)
+        far = np.flatnonzero(off > self.config.warm_start_distance)
+        return before[: far[0] if len(far) else n]
 
-    def _palms(self, q: np.ndarray) -> list[np.ndarray]:
-        """Poses of both palms, (4, 4) each, at a configuration."""
-        body = self.optimizer.body
-        pin.forwardKinematics(body.model, body.data, q[body.body])
-        return [pin.updateFramePlacement(body.model, body.data, palm).homogeneous for palm in body.palms]
+    def _palms(self, q: np.ndarray) -> np.ndarray:
+        """Poses of both palms, (n, 2, 4, 4), at configurations (n, nq)."""
+        body, T = self.optimizer.body, np.empty((len(q), 2, 4, 4))
+        _place_palms(body.tables, np.take(q, body.body, axis=1), T, *self._scratch)
+        return T
