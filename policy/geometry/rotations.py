@@ -95,7 +95,7 @@ def quaternion_to_matrix(
     """
     _check_order(order)
     quat = _finite(quat, 4, "quaternion")
-    norm = np.linalg.norm(quat, axis=-1, keepdims=True)
+    norm = _length(quat)
     bad = np.abs(norm[..., 0] - 1.0) > tolerance
     if bad.any():
         raise _refusal(
@@ -104,11 +104,12 @@ def quaternion_to_matrix(
             f"a unit quaternion in the order {order} is expected",
         )
     quat = quat / norm
-    x, y, z, w = np.moveaxis(quat if order == "xyzw" else np.roll(quat, -1, axis=-1), -1, 0)
+    x, y, z, w = (quat[..., i] for i in ((0, 1, 2, 3) if order == "xyzw" else (1, 2, 3, 0)))
+    xx, xy, xz, yy, yz, zz, xw, yw, zw = x * x, x * y, x * z, y * y, y * z, z * z, x * w, y * w, z * w
     R = np.empty((*x.shape, 3, 3))
-    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
-    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
-    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (yy + zz), 2 * (xy - zw), 2 * (xz + yw)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (xy + zw), 1 - 2 * (xx + zz), 2 * (yz - xw)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (xz - yw), 2 * (yz + xw), 1 - 2 * (xx + yy)
     return R
 
 
@@ -134,9 +135,9 @@ def matrix_to_quaternion(R: np.ndarray, order: QuaternionOrder) -> np.ndarray:
         candidates[..., i, j] = candidates[..., j, i] = pair
     for i, square in enumerate((1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz)):
         candidates[..., i, i] = square
-    best = np.argmax(np.diagonal(candidates, axis1=-2, axis2=-1), axis=-1)
-    quat = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
-    quat = quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+    best = np.argmax(np.einsum("...ii->...i", candidates), axis=-1)
+    quat = candidates.reshape(-1, 4, 4)[np.arange(best.size), best.ravel()].reshape(*best.shape, 4)
+    quat /= _length(quat)
     quat = np.where(quat[..., 3:] < 0.0, -quat, quat)
     return quat if order == "xyzw" else np.roll(quat, 1, axis=-1)
 
@@ -144,7 +145,7 @@ def matrix_to_quaternion(R: np.ndarray, order: QuaternionOrder) -> np.ndarray:
 def rotvec_to_matrix(rotvec: np.ndarray) -> np.ndarray:
     """Exponential map: axis times angle [rad], shape ``(..., 3)``, to matrices ``(..., 3, 3)``."""
     rotvec = _finite(rotvec, 3, "rotation vector")
-    half = 0.5 * np.linalg.norm(rotvec, axis=-1, keepdims=True)
+    half = 0.5 * _length(rotvec)
     # np.sinc(x) = sin(pi x) / (pi x), so this is sin(angle / 2) / angle without a division by zero.
     quat = np.concatenate([0.5 * np.sinc(half / np.pi) * rotvec, np.cos(half)], axis=-1)
     return quaternion_to_matrix(quat, "xyzw")
@@ -154,7 +155,7 @@ def matrix_to_rotvec(R: np.ndarray) -> np.ndarray:
     """Logarithm: matrices ``(..., 3, 3)`` to axis times angle, shape ``(..., 3)`` [rad], angle in [0, pi]."""
     quat = matrix_to_quaternion(R, "xyzw")
     vector, w = quat[..., :3], quat[..., 3:]
-    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
+    sine = _length(vector)
     angle = 2.0 * np.arctan2(sine, w)
     # angle / sine tends to 2 at the identity, where w = 1.
     small = sine < 1e-12
@@ -243,6 +244,11 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _norm(a: np.ndarray) -> np.ndarray:
     return np.sqrt(_dot(a, a))
+
+
+def _length(a: np.ndarray) -> np.ndarray:
+    """``np.linalg.norm(a, axis=-1, keepdims=True)``, which takes longer to see what it is given than to compute it."""
+    return np.sqrt(np.add.reduce(a * a, axis=-1, keepdims=True))
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

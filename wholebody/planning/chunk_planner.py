@@ -175,7 +175,7 @@ class ChunkPlanner:
         self, chosen: Attempt, prepared: PreparedChunk, now: float, commanded: HandMotion, budget: Budget
     ) -> ChunkPlan:
         """An attempt as it is followed: hands led along it where it does not reach the targets."""
-        paths, moved = clamped(chosen, self.config, self._palms, self.offsets)
+        paths, moved = clamped(chosen, self.config, self.optimizer.palms, self.offsets)
         begins = {
             "elsewhere": prepared.begins_elsewhere(now, commanded),
             "distance": prepared.distance_at(now, commanded),
@@ -306,15 +306,9 @@ class ChunkPlanner:
 
     def _continued(self, before: np.ndarray, T_palms: np.ndarray) -> np.ndarray:
         """Of configurations from the second knot on, the first ones that are near the palms wanted, (k, nq)."""
-        same, near = 0, self.config.warm_start_distance
-        for q, T in zip(before, T_palms[1:-1], strict=False):
-            if np.linalg.norm(np.array(self._palms(q))[:, :3, 3] - T[:, :3, 3], axis=1).max() > near:
-                break
-            same += 1
-        return before[:same]
-
-    def _palms(self, q: np.ndarray) -> list[np.ndarray]:
-        """Poses of both palms, (4, 4) each, at a configuration."""
-        body = self.optimizer.body
-        pin.forwardKinematics(body.model, body.data, q[body.body])
-        return [pin.updateFramePlacement(body.model, body.data, palm).homogeneous for palm in body.palms]
+        n = min(len(before), len(T_palms) - 2)
+        off = np.linalg.norm(self.optimizer.palms(before[:n])[:, :, :3, 3] - T_palms[1 : n + 1, :, :3, 3], axis=2).max(
+            axis=1
+        )
+        far = np.flatnonzero(off > self.config.warm_start_distance)
+        return before[: far[0] if len(far) else n]

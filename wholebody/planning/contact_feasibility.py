@@ -30,6 +30,9 @@ saves time only, a wrench in the box is in the cone."""
 LIFT_MIN = 0.1
 """Least vertical force per mass by which moments are divided [m/s^2]; chosen: in free fall there is no zero-moment
 point."""
+SPREADS, SHARE_MIN = 3, 1e-3
+"""How often shares of the contacts' forces that give a wrench are spread anew, and the least weight of one [no unit];
+measured: of the wrenches that can be had and are not in the box, 27 % are found at first, 97 % after three times."""
 SEPARATED, INSIDE = 1, -1
 """daqp's exit flags: a plane between wrench and cone is found; there is none."""
 
@@ -56,6 +59,8 @@ class ContactFeasibility:
         (x, y, z), (fx, fy, fz) = (part.T for part in footing.forces(friction, body.foot_load_min))
         fx, fy = fx / fz, fy / fz
         self._generators = np.stack([fx, fy, x - z * fx, y - z * fy, x * fy - y * fx], axis=1) / _UNITS
+        self._shares = np.vstack([self._generators.T, np.ones(len(fz))])
+        self._even, self._separated = np.linalg.pinv(self._shares), -np.ones(len(fz))
         self._middle = np.array([0.0, 0.0, *support.vertices.mean(axis=0), 0.0]) / _UNITS
         self._box = self._inner_box()
 
@@ -117,13 +122,32 @@ class ContactFeasibility:
         if not np.isfinite(wrenches).all():
             return np.inf
         lacking = np.zeros(len(lift))
-        for k in np.flatnonzero(np.any(np.abs(wrenches - self._middle) > self._box, axis=1)):
+        outside = np.flatnonzero((np.abs(wrenches - self._middle) > self._box).any(axis=1))
+        for k in outside[~self._can_be_had(wrenches[outside])]:
             lacking[k] = lift[k] * self._distance(wrenches[k])
         step, impulse, largest = COARSE * GRID * slowdown, 0.0, 0.0
         for rate in lacking.tolist():
             impulse += step * (rate - impulse / RECOVERY_TIME)
             largest = max(largest, impulse)
         return largest
+
+    def _can_be_had(self, wrenches: np.ndarray) -> np.ndarray:
+        """Whether forces that give wrenches (n, 5) are found at once, (n,): many times faster than `_distance`.
+
+        Shares of the contacts' forces that are the least in squares give each wrench. Where some are negative they are
+        found anew, with weights of what they were: that takes from those which have much. All positive are a proof;
+        there is none that a wrench cannot be had.
+        """
+        wanted = np.column_stack([wrenches, np.ones(len(wrenches))])
+        shares = wanted @ self._even.T
+        found = shares.min(axis=1) >= 0.0
+        for _ in range(SPREADS):
+            rest = np.flatnonzero(~found)
+            weights = np.clip(shares[rest], SHARE_MIN, 1.0)
+            weighted = (self._shares * weights[:, None]) @ self._shares.T
+            shares[rest] = weights * (np.linalg.solve(weighted, wanted[rest, :, None])[:, :, 0] @ self._shares)
+            found[rest] = shares[rest].min(axis=1) >= 0.0
+        return found
 
     def _distance(self, wrench: np.ndarray) -> float:
         """Distance of a wrench (5,) from the nearest one that the contacts can give, 0 inside, inf if it is not found.
@@ -132,7 +156,7 @@ class ContactFeasibility:
         one point by at least 1, the shortest.
         """
         away = self._generators - wrench
-        normal, _, flag, _ = daqp.solve(_EYE, _ZERO, away, -np.ones(len(away)))
+        normal, _, flag, _ = daqp.solve(_EYE, _ZERO, away, self._separated)
         if flag == SEPARATED:
             return 1.0 / float(np.linalg.norm(normal))
         return 0.0 if flag == INSIDE else np.inf

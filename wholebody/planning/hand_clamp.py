@@ -18,7 +18,7 @@ stay within 1 mm of the planned palm (`test_chunk_planner`)."""
 
 
 def clamped(
-    attempt: Attempt, config: PlannerConfig, palms_at: Callable[[np.ndarray], list[np.ndarray]], offsets: np.ndarray
+    attempt: Attempt, config: PlannerConfig, palms_at: Callable[[np.ndarray], np.ndarray], offsets: np.ndarray
 ) -> tuple[tuple[HandPath, HandPath], np.ndarray]:
     """Lead the hands along the plan wherever it does not reach the targets; a small remainder is left to the QP.
 
@@ -29,7 +29,7 @@ def clamped(
     Args:
         attempt: The plan.
         config: Tolerances.
-        palms_at: Poses of both palms, (4, 4) each, at a configuration.
+        palms_at: Poses of both palms, (n, 2, 4, 4), at configurations (n, nq).
         offsets: Palm points in the axes of the wrists, shape (2, 3), [m].
 
     Returns:
@@ -48,7 +48,7 @@ def clamped(
     s = steps[0] + every * GRID * np.arange(len(q))
     share, turn_share = _between(s, steps, share), _between(s, steps, turn_share)
     led = np.flatnonzero((share > 0.0).any(axis=1) | (turn_share > 0.0).any(axis=1) | (s == s[0]))
-    planned = np.array([palms_at(x) for x in q[led]])
+    planned = palms_at(q[led])
     # The hands are not quite where the plan begins: that is made up for until the first knot.
     left = _between(s[led], steps[:2], np.array([[1.0], [0.0]]))
     paths = []

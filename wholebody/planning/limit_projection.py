@@ -8,7 +8,7 @@ steps within bounds on speed, acceleration and jerk begin to move before the jum
 from __future__ import annotations
 
 from ctypes import c_int
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 
 import daqp
@@ -105,10 +105,11 @@ def nearest(values: np.ndarray, fps: float, limits: MotionLimits) -> np.ndarray:
     Returns:
         The same array where it keeps the bounds. What begins beyond them comes back to them.
     """
-    D, order = _differences(len(values))
-    bounds = (np.multiply(DEMAND, astuple(limits)) / fps ** np.arange(1, 4))[order]
-    if np.all(np.abs(D @ values) <= bounds[:, None]):
+    most = np.multiply(DEMAND, (limits.speed, limits.acceleration, limits.jerk)) / fps ** np.arange(1, 4)
+    if _keeps(values, most):
         return values
+    D, order = _differences(len(values))
+    bounds = most[order]
     out, H, free = values.copy(), np.eye(len(values) - N_BEFORE), D[:, N_BEFORE:]
     sense = np.full(len(D), SOFT, dtype=c_int)
     for k, column in enumerate(values.T):
@@ -120,6 +121,15 @@ def nearest(values: np.ndarray, fps: float, limits: MotionLimits) -> np.ndarray:
                 "positions in metres?"
             )
     return out
+
+
+def _keeps(values: np.ndarray, most: np.ndarray) -> bool:
+    """Whether first, second and third differences (3,) of values (H, n) that are not all past are at most that."""
+    for k, bound in enumerate(most.tolist(), start=1):
+        values = values[1:] - values[:-1]
+        if not (np.abs(values[N_BEFORE - k :]) <= bound).all():
+            return False
+    return True
 
 
 @lru_cache(maxsize=8)

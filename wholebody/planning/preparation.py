@@ -141,7 +141,7 @@ def _joined(
 
     Steps that no hand could follow are replaced by the nearest that one can. Both keep that share of the limits.
     """
-    slow, moved = limits.scaled(share), np.zeros(len(times))
+    slow, moved = limits if share == 1.0 else limits.scaled(share), np.zeros(len(times))
     projected = continued(times, T, q, slow, motion, s) if len(times) > 1 else None
     if projected is None or not projected.changed:
         path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)

@@ -8,6 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from policy.geometry.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
+from wholebody.jit.entry import Entry
+from wholebody.planning.kernels.along_curve import along_curve
 from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot
@@ -16,6 +18,8 @@ GRID = 0.002
 """Spacing of the sampled posture [s]; chosen: a control tick at 500 Hz."""
 COARSE = 5
 """Rows of that grid from one evaluation of the centre of mass, the momentum and the trunk to the next."""
+
+_along_curve = Entry(along_curve)
 
 
 @dataclass(frozen=True)
@@ -159,12 +163,10 @@ def track_along(curve: CubicBSpline, centroidal: CentroidalTrack) -> SampledTraj
 
 def _states(curve: CubicBSpline, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Configurations (n, nq) with unit quaternions, velocities (n, nv), and the curve's own derivatives, at ``s``."""
-    q, dq, ddq = curve(s)
-    norm = np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
-    q[:, 3:7] /= norm
-    unit = dq.copy()
-    unit[:, 3:7] /= norm
-    return q, _velocities(q, unit), dq, ddq
+    n, nq = len(s), curve.coefficients.shape[2]
+    states = np.empty((n, nq)), np.empty((n, nq - 1)), np.empty((n, nq)), np.empty((n, nq))
+    _along_curve(float(curve.start), float(curve.step), curve.coefficients, s, *states, np.empty((3, 3)))
+    return states
 
 
 def _between(values: np.ndarray, n: int) -> np.ndarray:
@@ -200,17 +202,3 @@ def _same_side(quat: np.ndarray) -> np.ndarray:
     """Quaternions (K, 4) with signs that make neighbours close."""
     flips = np.cumprod(np.where(np.sum(quat[1:] * quat[:-1], axis=1) < 0.0, -1.0, 1.0))
     return quat * np.concatenate([[1.0], flips])[:, None]
-
-
-def _velocities(q: np.ndarray, dq: np.ndarray) -> np.ndarray:
-    """Velocities (K, nv) for configurations with unit quaternions and their derivatives (K, nq)."""
-    R = quaternion_to_matrix(q[:, 3:7], "xyzw")
-    x, y, z, w = q[:, 3:7].T
-    dx, dy, dz, dw = dq[:, 3:7].T
-    # The vector part of 2 conj(q) dq: the angular velocity in base axes.
-    spin = 2.0 * np.stack([
-        w * dx - x * dw - y * dz + z * dy,
-        w * dy - y * dw - z * dx + x * dz,
-        w * dz - z * dw - x * dy + y * dx,
-    ], axis=1)  # fmt: skip
-    return np.concatenate([np.einsum("kji,kj->ki", R, dq[:, :3]), spin, dq[:, 7:]], axis=1)

@@ -15,19 +15,23 @@ class CubicBSpline:
         start: Parameter of the second control point, where the curve begins.
         step: Between two knots.
         points: Control points, shape (n, C), n at least 4; the curve ends at the last but one.
+
+    Attributes:
+        start, step: As given.
+        coefficients: Of the powers of the share of an interval, shape (4, n - 3, C).
     """
 
     def __init__(self, start: float, step: float, points: np.ndarray) -> None:
-        self._start, self._step, self._last = start, step, len(points) - 4
+        self.start, self.step = start, step
         around = np.stack([points[i : len(points) - 3 + i] for i in range(4)])
-        self._c = np.einsum("pi,inc->pnc", _BASIS, around)
+        self.coefficients = np.einsum("pi,inc->pnc", _BASIS, around)
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Value, first and second derivative at parameters (m,), shape (m, C) each."""
-        s = (x - self._start) / self._step
-        i = np.clip(s.astype(int), 0, self._last)
+        s = (x - self.start) / self.step
+        i = np.clip(s.astype(int), 0, self.coefficients.shape[1] - 1)
         u = (s - i)[:, None]
-        c0, c1, c2, c3 = (c[i] for c in self._c)
+        c0, c1, c2, c3 = (c[i] for c in self.coefficients)
         value = c0 + u * (c1 + u * (c2 + u * c3))
-        first = (c1 + u * (2.0 * c2 + 3.0 * u * c3)) / self._step
-        return value, first, (2.0 * c2 + 6.0 * u * c3) / self._step**2
+        first = (c1 + u * (2.0 * c2 + 3.0 * u * c3)) / self.step
+        return value, first, (2.0 * c2 + 6.0 * u * c3) / self.step**2

@@ -15,15 +15,18 @@ import numpy as np
 
 from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.errors import InputError
+from wholebody.jit.entry import Entry
 from wholebody.reference.hand_limits import HandLimits
 from wholebody.reference.join import Join, join_curve
-from wholebody.reference.knots import FINGER, POSITION, ROTATION, check_knots, curve_through
-from wholebody.reference.layout import ALPHA, DDQ_FINGER, DQ_FINGER, Q_FINGER, QUAT, ROW, A, HandMotion, P, V, W
-from wholebody.reference.rotation import angular_rates, unit_quaternion
+from wholebody.reference.kernels.path import curve_rows
+from wholebody.reference.knots import POSITION, ROTATION, check_knots, curve_through
+from wholebody.reference.layout import ROW, HandMotion
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
 
 CELL = 0.002
 """Width of a look-up cell [s]; chosen: one control tick at 500 Hz."""
+
+_curve_rows = Entry(curve_rows)
 
 
 @dataclass(frozen=True)
@@ -111,12 +114,8 @@ class HandPath:
     def sample(self, s: np.ndarray) -> HandMotion:
         """Motion at parameters ``s`` (n,) [s]; its derivatives are with respect to ``s``."""
         s = np.asarray(s, dtype=float)
-        y, dy, ddy = self.curve(np.atleast_1d(s).ravel())
-        rows = np.empty((y.shape[0], ROW))
-        rows[:, P], rows[:, V], rows[:, A] = y[:, POSITION], dy[:, POSITION], ddy[:, POSITION]
-        rows[:, QUAT] = unit_quaternion(y[:, ROTATION])
-        rows[:, W], rows[:, ALPHA] = angular_rates(y[:, ROTATION], dy[:, ROTATION], ddy[:, ROTATION])
-        rows[:, Q_FINGER], rows[:, DQ_FINGER], rows[:, DDQ_FINGER] = y[:, FINGER], dy[:, FINGER], ddy[:, FINGER]
+        rows = np.empty((s.size, ROW))
+        _curve_rows(self.curve.breaks, self.curve.coefficients.ravel(), s.ravel(), rows)
         return HandMotion(rows.reshape(*s.shape, ROW))
 
     @cached_property

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wholebody.reference.hand_limits import HandLimits, MotionLimits
+from wholebody.jit.entry import Entry
+from wholebody.reference.hand_limits import HandLimits
+from wholebody.reference.kernels import join_duration as _kernel
+from wholebody.reference.kernels.join_duration import POINTS
 from wholebody.reference.knots import FINGER, PARTS, POSITION, ROTATION, brake_time, part_size
 from wholebody.reference.layout import HandMotion
 from wholebody.reference.rotation import quaternion_rates, rotation_angle, unit_quaternion
@@ -31,12 +34,14 @@ SMALL = (0.012, 0.06, 0.1)
 """Position [m], orientation [quaternion's length] and fingers [rad]: a correction below is no difference; chosen, no
 trial is on record."""
 
-_S = np.linspace(0.0, 1.0, 25)
+_S = np.linspace(0.0, 1.0, POINTS)
 _UNIT = PiecewiseQuintic(
     np.array([0.0, 1.0]), quintic(np.ones(1), np.eye(3)[:, None], np.zeros((3, 1, 3)))
 )  # the quintics to zero of the three unit jets
-_BASIS = _UNIT(_S, 3)
-"""They and their derivatives at `_S`, (25, 3) each."""
+_BASIS = np.stack(_UNIT(_S, 3))
+"""They and their derivatives at `_S`, (4, 25, 3)."""
+
+_join_duration = Entry(_kernel.join_duration)
 
 
 @dataclass(frozen=True)
@@ -113,40 +118,7 @@ def join_duration(error: np.ndarray, limits: HandLimits) -> float:
     The path does not count: recordings are rough enough that no join would ever be smooth beside them. Where the
     correction begins above a limit, that counts instead of the limit.
     """
-    best, best_excess = DURATIONS[-1], np.inf
-    first = min(int(np.searchsorted(DURATIONS, _least_duration(error, limits))), len(DURATIONS) - 1)
-    for duration in DURATIONS[first:]:
-        excess = _join_excess(error, duration, limits)
-        if excess <= 1.0:
-            return float(duration)
-        if excess < best_excess:
-            best, best_excess = duration, excess
-    return float(best)
-
-
-def _least_duration(error: np.ndarray, limits: HandLimits) -> float:
-    """Half of what a minimum-jerk move over the distance takes from rest to rest: anything shorter is not worth trying.
-
-    Its peaks are 1.875 d / T, 5.77 d / T^2 and 60 d / T^3.
-    """
-    least = 0.0
-    for part, limit in zip(PARTS, limits.motions, strict=True):
-        d = float(part_size(error[0], part))
-        speed, acceleration, jerk = _bounds(limit)
-        least = max(least, 1.875 * d / speed, (5.77 * d / acceleration) ** 0.5, (60.0 * d / jerk) ** (1 / 3))
-    return 0.5 * least
-
-
-def _join_excess(error: np.ndarray, duration: float, limits: HandLimits) -> float:
-    """Largest ratio of speed, acceleration and jerk of the correction to what they may be."""
-    scaled = error * np.array([[1.0], [duration], [duration**2]])
-    worst = 0.0
-    for order in (1, 2, 3):
-        rates = (_BASIS[order] @ scaled) / duration**order
-        for part, limit in zip(PARTS, limits.motions, strict=True):
-            size, bound = part_size(rates, part), _bounds(limit)[order - 1]
-            worst = max(worst, size.max() / max(bound, size[0] if order < 3 else 0.0))
-    return float(worst)
+    return _join_duration(error, _BASIS, DURATIONS, _bounds(limits))
 
 
 def _excursion(error: np.ndarray, duration: float) -> float:
@@ -155,10 +127,9 @@ def _excursion(error: np.ndarray, duration: float) -> float:
     return max(float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True))
 
 
-def _bounds(limit: MotionLimits) -> tuple[float, ...]:
-    """Speed, acceleration and jerk that a correction may have."""
-    sizes = (limit.speed, limit.acceleration, limit.jerk)
-    return tuple(share * size for share, size in zip(JOIN_SHARES, sizes, strict=True))
+def _bounds(limits: HandLimits) -> np.ndarray:
+    """Speed, acceleration and jerk (columns) that a correction may have, of position, orientation, fingers: (3, 3)."""
+    return np.array([[limit.speed, limit.acceleration, limit.jerk] for limit in limits.motions]) * JOIN_SHARES
 
 
 def _corrected(curve: PiecewiseQuintic, errors: np.ndarray, s: float, durations: list[float]) -> PiecewiseQuintic:

@@ -12,12 +12,15 @@ from math import comb
 
 import numpy as np
 
+from wholebody.jit.entry import Entry
+from wholebody.reference.kernels import knot_derivatives as _kernel
+
 DEGREE = 5
-DENSE = 100
-"""Knots up to which a dense solution takes no longer than a banded one: a chunk then does without scipy."""
 _SHIFT = np.array([[comb(j, i) if j >= i else 0 for j in range(DEGREE + 1)] for i in range(DEGREE + 1)], dtype=float)
 _FACTOR = np.array([[np.prod(np.arange(k, k - d, -1.0)) for k in range(DEGREE + 1)] for d in range(DEGREE + 1)])
 _POWER = np.array([[max(j - i, 0) for j in range(DEGREE + 1)] for i in range(DEGREE + 1)])
+
+_knot_derivatives = Entry(_kernel.knot_derivatives)
 
 
 @dataclass(frozen=True)
@@ -55,10 +58,13 @@ class PiecewiseQuintic:
         """The same curve with breaks at ``points`` as well, which may lie outside."""
         breaks = np.union1d(self.breaks, points)
         i = np.clip(np.searchsorted(self.breaks, breaks[:-1], side="right") - 1, 0, len(self.coefficients) - 1)
-        coefficients = shift(self.coefficients[i], breaks[:-1] - self.breaks[i])
+        coefficients, delta = self.coefficients[i], breaks[:-1] - self.breaks[i]
+        new = delta != 0.0
+        coefficients[new] = shift(coefficients[new], delta[new])
         outside = (breaks[:-1] < self.breaks[0]) | (breaks[:-1] >= self.breaks[-1])
-        coefficients[outside] = 0.0
-        coefficients[outside, 0] = self(breaks[:-1][outside], 0)[0]
+        if outside.any():
+            coefficients[outside] = 0.0
+            coefficients[outside, 0] = self(breaks[:-1][outside], 0)[0]
         return PiecewiseQuintic(breaks, coefficients)
 
     def after(self, s: float) -> PiecewiseQuintic:
@@ -85,15 +91,12 @@ def quintic(length: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarra
     y0, d0, c0 = start[0], start[1] * h, 0.5 * start[2] * h**2
     rest = end[0] - y0 - d0 - c0
     slope, curvature = end[1] * h - d0 - 2 * c0, end[2] * h**2 - 2 * c0
-    scaled = [
-        y0,
-        d0,
-        c0,
-        10 * rest - 4 * slope + 0.5 * curvature,
-        -15 * rest + 7 * slope - curvature,
-        6 * rest - 3 * slope + 0.5 * curvature,
-    ]
-    return np.stack([c / h**k for k, c in enumerate(scaled)], axis=1)
+    out = np.empty((len(h), DEGREE + 1, y0.shape[1]))
+    out[:, 0], out[:, 1], out[:, 2] = y0, start[1], 0.5 * start[2]
+    out[:, 3] = (10 * rest - 4 * slope + 0.5 * curvature) / h**3
+    out[:, 4] = (-15 * rest + 7 * slope - curvature) / h**4
+    out[:, 5] = (6 * rest - 3 * slope + 0.5 * curvature) / h**5
+    return out
 
 
 def knot_derivatives(times: np.ndarray, y: np.ndarray, limited: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -106,64 +109,12 @@ def knot_derivatives(times: np.ndarray, y: np.ndarray, limited: np.ndarray) -> t
 
     Returns:
         Slopes and second derivatives, shape ``(H, C)`` each.
-
-    Source:
-        de Boor 2001, "A Practical Guide to Splines", chapter IV (slopes); Fritsch and Butland 1984 (harmonic mean).
     """
     count = len(times)
     if count == 1:
         return np.zeros_like(y), np.zeros_like(y)
-    h = np.diff(times)
-    secant = np.diff(y, axis=0) / h[:, None]
-    lower, diagonal, upper, right = _spline_rows(h, secant)
-    slopes = _monotone_slopes(secant)
-    lower[limited], upper[limited], diagonal[limited] = 0.0, 0.0, 1.0
-    right[limited] = slopes[limited]
-    slopes = _solve_tridiagonal(lower, diagonal, upper, right)
-    curvature = np.empty_like(y)
-    curvature[:-1] = (6 * secant - 4 * slopes[:-1] - 2 * slopes[1:]) / h[:, None]
-    curvature[-1] = (4 * slopes[-1] + 2 * slopes[-2] - 6 * secant[-1]) / h[-1]
-    curvature[limited] = 0.0
+    slopes, curvature = np.empty(y.shape), np.empty(y.shape)
+    _knot_derivatives(
+        times.astype(float), y.astype(float, order="C"), limited.astype(bool), slopes, curvature, np.empty(count)
+    )
     return slopes, curvature
-
-
-def _spline_rows(h: np.ndarray, secant: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Tridiagonal system of the slopes: C2 at inner knots, not-a-knot at the ends where there are four knots."""
-    count = len(h) + 1
-    lower, diagonal, upper = np.zeros(count), np.ones(count), np.zeros(count)
-    right = np.empty((count, secant.shape[1]))
-    lower[1:-1], upper[1:-1], diagonal[1:-1] = h[1:], h[:-1], 2.0 * (h[:-1] + h[1:])
-    right[1:-1] = 3.0 * (h[1:, None] * secant[:-1] + h[:-1, None] * secant[1:])
-    if count < 4:  # one secant or one parabola
-        bend = (secant[1] - secant[0]) / (h[0] + h[1]) if count == 3 else np.zeros(secant.shape[1])
-        right[0], right[-1] = secant[0] - bend * h[0], secant[-1] + bend * h[-1]
-        return lower, diagonal, upper, right
-    for end, a, b, da, db in ((0, h[0], h[1], secant[0], secant[1]), (-1, h[-1], h[-2], secant[-1], secant[-2])):
-        diagonal[end] = b
-        (upper if end == 0 else lower)[end] = a + b
-        right[end] = ((a + 2.0 * (a + b)) * b * da + a**2 * db) / (a + b)
-    return lower, diagonal, upper, right
-
-
-def _monotone_slopes(secant: np.ndarray) -> np.ndarray:
-    """Harmonic mean of both secants where they agree in sign, else zero; zero at the ends.
-
-    It is at most twice the smaller secant, for which the quintic with no curvature at its ends is monotone.
-    """
-    slopes = np.zeros((len(secant) + 1, secant.shape[1]))
-    product, total = secant[:-1] * secant[1:], secant[:-1] + secant[1:]
-    same = product > 0.0
-    slopes[1:-1][same] = 2.0 * product[same] / total[same]
-    return slopes
-
-
-def _solve_tridiagonal(lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, right: np.ndarray) -> np.ndarray:
-    if len(diagonal) <= DENSE:
-        A, i = np.diag(diagonal), np.arange(len(diagonal) - 1)
-        A[i + 1, i], A[i, i + 1] = lower[1:], upper[:-1]
-        return np.linalg.solve(A, right)
-    from scipy.linalg import solve_banded  # too slow to come with the package
-
-    bands = np.zeros((3, len(diagonal)))
-    bands[0, 1:], bands[1], bands[2, :-1] = upper[:-1], diagonal, lower[1:]
-    return solve_banded((1, 1), bands, right, check_finite=False)

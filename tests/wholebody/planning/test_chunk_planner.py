@@ -67,6 +67,16 @@ def palms_of(planner, plan, s):
     return np.stack([T[:, :3, 3] + T[:, :3, :3] @ x for T, x in zip(motions, planner.offsets, strict=True)], axis=1)
 
 
+def test_palms_of_many_configurations_are_pinocchios(setup):
+    planner, start, *_ = setup
+    rng, model, data = np.random.default_rng(0), planner.model, planner.model.createData()
+    q = np.array([pin.integrate(model, start.q, 0.5 * rng.normal(size=model.nv)) for _ in range(5)])
+    for row, palms in zip(q, planner.optimizer.palms(q), strict=True):
+        pin.framesForwardKinematics(model, data, row)
+        expected = [data.oMf[frame].homogeneous for frame in planner.palm_ids]
+        np.testing.assert_allclose(palms, expected, atol=1e-12)
+
+
 def test_a_reach_is_planned_as_it_is(setup):
     planner, start, rows, chunk = setup
     report = planner.plan(chunk, 0.0, start, HandMotion(rows)).report

@@ -25,8 +25,11 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig, TrajectoryConfig
+from wholebody.jit.entry import Entry
+from wholebody.planning.kernels.palms import place_palms
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.gauss_newton import optimise
+from wholebody.planning.trajopt.layout import N_JOINTS
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.feet import Feet
@@ -34,6 +37,8 @@ from wholebody.robot.feet import Feet
 SIZES_KEPT = 2
 """Numbers of knots for which memory is kept, that of a plan and of a slower try; measured: 8 MB for forty knots, taken
 anew in 0.3 ms."""
+
+_place_palms = Entry(place_palms)
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,7 @@ class TrajectoryOptimizer:
         self.q_stance = self.body.q_full.copy()
         self.work = 0.0
         self._problems: dict[int, TrajectoryProblem] = {}
+        self._scratch = np.zeros((1 + N_JOINTS, 3, 3)), np.zeros((2 + N_JOINTS, 3))
         self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))
 
     def stand_on(self, feet: Feet) -> None:
@@ -148,6 +154,12 @@ class TrajectoryOptimizer:
             return self.plan(*arguments)
         finally:
             self._relaxation = None, np.ones(1)
+
+    def palms(self, q: np.ndarray) -> np.ndarray:
+        """Poses of both palms, shape (n, 2, 4, 4), at configurations (n, nq)."""
+        T = np.empty((len(q), 2, 4, 4))
+        _place_palms(self.body.tables, np.take(q, self.body.body, axis=1), T, *self._scratch)
+        return T
 
     def measured(self, motion: KnotTrajectory) -> TrajectoryProblem:
         """The problem with a motion that was found as its present one, everything measured anew.

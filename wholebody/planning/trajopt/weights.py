@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -81,15 +82,24 @@ def weights(c: TrajectoryConfig) -> Weights:
     )
 
 
+@lru_cache(maxsize=16)
 def penalties(n_edges: int, softness: float) -> np.ndarray:
     """Penalties of the bounds of a knot, (n_inequalities,); their scales are multiplied by ``softness``."""
     firm = min(softness, SOFTNESS_MAX)
-    return _each(n_edges, [bound.scale * (firm if bound.on_configuration else softness) for bound in BOUNDS]) ** -2
+    scales = [bound.scale * (firm if bound.on_configuration else softness) for bound in BOUNDS]
+    return _kept(_each(n_edges, scales) ** -2)
 
 
+@lru_cache(maxsize=4)
 def tolerances(n_edges: int) -> np.ndarray:
     """By how much the bounds of a knot may be exceeded by a plan that is followed, (n_inequalities,)."""
-    return _each(n_edges, [bound.tolerance for bound in BOUNDS])
+    return _kept(_each(n_edges, [bound.tolerance for bound in BOUNDS]))
+
+
+def _kept(values: np.ndarray) -> np.ndarray:
+    """The same array, which nobody may change: it is handed out again."""
+    values.flags.writeable = False
+    return values
 
 
 def _each(n_edges: int, values: list[float]) -> np.ndarray:

@@ -23,8 +23,23 @@ def path_row(flat, s, row) -> None:
     i = int(flat[HEADER + cell])
     while i < segments - 1 and s >= flat[breaks + i + 1]:
         i += 1
-    x = s - flat[breaks + i]
-    base = breaks + segments + 1 + 6 * CHANNELS * i
+    segment_row(flat, breaks + segments + 1 + 6 * CHANNELS * i, s - flat[breaks + i], row)
+
+
+def curve_rows(breaks, flat, s, rows) -> None:
+    """Write the rows (n, 40) at parameters (n,) of a curve with breaks (N + 1,) and N x 6 x C coefficients in a row."""
+    i, last = 0, breaks.shape[0] - 2
+    for k in range(s.shape[0]):
+        at = min(max(s[k], breaks[0]), breaks[last + 1])
+        if at < breaks[i]:
+            i = 0
+        while i < last and at >= breaks[i + 1]:
+            i += 1
+        segment_row(flat, 6 * CHANNELS * i, at - breaks[i], rows[k])
+
+
+def segment_row(flat, base, x, row) -> None:
+    """Write the row ``x`` after the start of the segment whose first coefficient is entry ``base``."""
     for c in range(3):
         row[c], row[3 + c], row[6 + c] = channel(flat, base + c, x)
     quat_x, quat_y = channel(flat, base + 3, x), channel(flat, base + 4, x)

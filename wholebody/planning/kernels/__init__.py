@@ -1,0 +1,1 @@
+"""Arithmetic of a plan around its search; compiled with numba."""
