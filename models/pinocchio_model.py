@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
 
@@ -65,18 +66,29 @@ def load_collision(spec: RobotSpec, model: pin.Model) -> pin.GeometryModel:
 def _read_shapes(urdf: Path, model: pin.Model) -> pin.GeometryModel:
     """Shapes without pairs; kept in binary form, because building them from meshes takes 0.5 s."""
     stored = urdf.with_name(f"shapes-pin{pin.__version__}-coal{coal.__version__}.bin")
-    geometry = pin.GeometryModel()
     if stored.is_file():
         try:
-            geometry.loadFromBinary(str(stored))
+            return _stored_shapes(stored).copy()
         except RuntimeError:  # damaged: made again below
-            geometry = pin.GeometryModel()
-        if geometry.ngeoms:
-            return geometry
+            pass
     geometry = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION)
     geometry.removeAllCollisionPairs()
     with whole_file(stored) as temporary:
         geometry.saveToBinary(str(temporary))
+    return geometry
+
+
+@lru_cache(maxsize=2)
+def _stored_shapes(stored: Path) -> pin.GeometryModel:
+    """Shapes from a file, read once; copies have pairs of their own, and the hulls, which nobody changes, in common.
+
+    Raises:
+        RuntimeError: If the file is damaged.
+    """
+    geometry = pin.GeometryModel()
+    geometry.loadFromBinary(str(stored))
+    if not geometry.ngeoms:
+        raise RuntimeError(f"no shapes in {stored}")
     return geometry
 
 

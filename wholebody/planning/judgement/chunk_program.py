@@ -42,6 +42,8 @@ POSTURES = 6
 """Postures from which one at rest is searched."""
 AT_REST = frozenset(name for name in EVERY if name.value in list(Limit)[: list(Limit).index(Limit.LOAD)])
 """Those that a posture at rest has to keep."""
+Try = int | Witness
+"""What a search begins with: the posture of a start, the present one for 0, or a motion that was found."""
 
 
 class WorkOverError(Exception):
@@ -87,7 +89,7 @@ class ChunkProgram:
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
         self.searches, self.work, self.work_max = 0, 0.0, inf
         self._found: list[Witness] = []
-        self._tried: dict[frozenset[Limit], int] = {}
+        self._tried: dict[frozenset[Limit], list[Try]] = {}
         self._hard: list[tuple[int, np.ndarray]] = []
         self._at_rest: dict[tuple[int, frozenset[Limit]], bool] = {}
         self._nearest: Witness | None = None
@@ -97,24 +99,19 @@ class ChunkProgram:
 
         Args:
             enforced: Names of the kinds.
-            thorough: Search from `STARTS` starts. Else one has to do, and none is made where at a knot that was missed
-                before no posture at rest keeps them: a posture of a plan would.
+            thorough: Search from `STARTS` starts and `NEAREST` motions. Else one has to do, and none is made where at a
+                knot that was missed before no posture at rest keeps them: a posture of a plan would.
 
         Raises:
             WorkOverError: If `work_max` is reached before it is known.
         """
-        starts = STARTS if thorough else 1
         known = next((one for one in self._found if one.keeps(enforced)), None)
-        missed = known is None and any(self._missed(less, starts) for less in self._tried if less <= enforced)
+        missed = known is None and any(self._missed(less, thorough) for less in self._tried if less <= enforced)
         if known is not None or missed or not (thorough or self._has_postures(enforced)):
             return known
-        # What keeps most of these bounds may be near to what keeps all.
-        best = sorted(self._found, key=lambda one: len(enforced & set(one.broken)))[: NEAREST if thorough else 0]
-        begins = [(None, near.knots.q[1:]) for near in best]
-        first = self._tried.get(enforced, 0)
-        begins += [(self._own.scattered(start) if start else None, None) for start in range(first, starts)]
-        searched = self._searched(enforced, begins)
-        for i in range(len(begins)):
+        tries = self._tries(enforced, thorough)
+        searched = self._searched(enforced, [self._begin(one) for one in tries])
+        for one in tries:
             if self.work >= self.work_max:
                 raise WorkOverError
             done = next(searched)
@@ -123,9 +120,25 @@ class ChunkProgram:
                 self._nearest = done.first
             if done.found is not None:
                 return done.found
-            if i >= len(best):
-                self._tried[enforced] = first + i - len(best) + 1
+            self._tried.setdefault(enforced, []).append(one)
         return None
+
+    def _tries(self, enforced: frozenset[Limit], thorough: bool) -> list[Try]:
+        """What a search within the bounds of these kinds begins with, as far as it has not yet.
+
+        What keeps most of these bounds may be near to what keeps all, and leads there more often than a posture does:
+        of what keeps as many, what was found last. With every bound it is the present posture, as in a plan.
+        """
+        best = sorted(reversed(self._found), key=lambda one: len(enforced & set(one.broken)))
+        if not thorough:
+            return [best[0] if best and enforced != EVERY else 0]
+        tried = self._tried.get(enforced, [])
+        return [one for one in (*best[:NEAREST], *range(STARTS)) if one not in tried]
+
+    def _begin(self, one: Try) -> SearchBegin:
+        if isinstance(one, Witness):
+            return None, one.knots.q[1:]
+        return (self._own.scattered(one) if one else None), None
 
     def _searched(self, enforced: frozenset[Limit], begins: Sequence[SearchBegin]) -> Iterator[Searched]:
         """Searches from each of these, side by side, in the order of these: what is found is that of one by one."""
@@ -157,9 +170,10 @@ class ChunkProgram:
         self.searches += done.motions
         self.work += done.work
 
-    def _missed(self, enforced: frozenset[Limit], starts: int) -> bool:
-        """Whether so many starts found no plan within the bounds of these kinds, and none has been found since."""
-        return self._tried[enforced] >= starts and not any(one.keeps(enforced) for one in self._found)
+    def _missed(self, enforced: frozenset[Limit], thorough: bool) -> bool:
+        """Whether no plan was found within the bounds of these kinds, from every start if thorough, and none since."""
+        tried = self._tried[enforced]
+        return (not thorough or all(start in tried for start in range(STARTS))) and not any(one.keeps(enforced) for one in self._found)
 
     def know(self, knots: KnotTrajectory) -> None:
         """Count a motion that was found elsewhere, at the chunk's own speed, among those that were found."""

@@ -48,9 +48,9 @@ NAMES = {limit: kind[0] for kind in KINDS for limit in kind}
 EVERY = frozenset(NAMES.values())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Witness:
-    """A motion that was found, or the nearest to one.
+    """A motion that was found, or the nearest to one; equal to none but itself.
 
     Attributes:
         knots: The motion.

@@ -142,17 +142,19 @@ class TrajectoryProblem:
         entry_points.describe(body.tables, body.shapes, task, m, self.distances)
 
     def _measure(self, m: Motion, touching: np.ndarray) -> None:
-        """Measure pairs that touch: rows of knot, pair and place in the list of the knot."""
-        body, distances = self.body, self.distances
-        full = body.q_full.copy()
-        for k in np.unique(touching[:, 0]).tolist():
-            _, pairs, places = touching[touching[:, 0] == k].T
+        """Measure pairs that touch: rows of knot, pair and place in the list of the knot, knot after knot."""
+        body, (knots, pairs, places) = self.body, touching.T
+        full, rows, slack = body.q_full.copy(), np.empty((len(pairs), 9)), np.empty(len(pairs))
+        begin = 0
+        for end in (np.flatnonzero(np.diff(knots, append=-1)) + 1).tolist():
+            k, those = knots[begin], pairs[begin:end]
             full[body.body], full[body.fingers[body.finger_order]] = m.q[k], self._task.q_fingers[k]
-            body.proximity.measure(full, pairs)
-            rows = body.proximity.rows[pairs]
-            rows[:, 3:] -= np.tile(m.q[k, :3], 2)  # the points, from the pelvis
-            distances.rows[k, places] = rows
-            distances.slack[k, places] = body.proximity.distance[pairs] - body.proximity.margin[pairs]
+            body.proximity.measure(full, those)
+            rows[begin:end] = body.proximity.rows[those]
+            slack[begin:end] = body.proximity.distance[those] - body.proximity.margin[those]
+            begin = end
+        rows[:, 3:] -= np.tile(m.q[knots, :3], 2)  # the points, from the pelvis
+        self.distances.rows[knots, places], self.distances.slack[knots, places] = rows, slack
 
     def cost(self, m: Motion) -> float:
         """What a motion costs."""
