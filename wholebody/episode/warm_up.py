@@ -80,4 +80,5 @@ def compile_plan(robot: RobotConfig) -> None:
     T_world_base, body = model.pose(spec.base_body).homogeneous, joints[: len(BODY_JOINTS)]
     chunk = scripted_policy("wave").infer(Observation(0.0, body, *fingers_of(spec, joints), T_world_base))
     planner = ChunkPlanner(spec, model, ControllerConfig())
-    planner.plan(chunk, 0.0, BodyState.still(q, model.nv), HandMotion(hands_at_rest(model, q)))
+    # With a plan before, too: whether its palms are where these are wanted is looked at in compiled code.
+    planner.plan(chunk, 0.0, BodyState.still(q, model.nv), HandMotion(hands_at_rest(model, q)), q[None])

@@ -129,7 +129,8 @@ class ChunkProgram:
         What keeps most of these bounds may be near to what keeps all, and leads there more often than a posture does:
         of what keeps as many, what was found last. With every bound it is the present posture, as in a plan.
         """
-        best = sorted(reversed(self._found), key=lambda one: len(enforced & set(one.broken)))
+        latest = self._found[::-1]
+        best = sorted(latest, key=lambda one: len(enforced & set(one.broken)))
         if not thorough:
             return [best[0] if best and enforced != EVERY else 0]
         tried = self._tried.get(enforced, [])
@@ -172,8 +173,8 @@ class ChunkProgram:
 
     def _missed(self, enforced: frozenset[Limit], thorough: bool) -> bool:
         """Whether no plan was found within the bounds of these kinds, from every start if thorough, and none since."""
-        tried = self._tried[enforced]
-        return (not thorough or all(start in tried for start in range(STARTS))) and not any(one.keeps(enforced) for one in self._found)
+        every = not thorough or all(start in self._tried[enforced] for start in range(STARTS))
+        return every and not any(one.keeps(enforced) for one in self._found)
 
     def know(self, knots: KnotTrajectory) -> None:
         """Count a motion that was found elsewhere, at the chunk's own speed, among those that were found."""
