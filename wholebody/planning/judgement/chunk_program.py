@@ -89,6 +89,7 @@ class ChunkProgram:
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
         self.searches, self.work, self.work_max = 0, 0.0, inf
         self._found: list[Witness] = []
+        self._led = False  # whether what was found last was led to by a motion
         self._tried: dict[frozenset[Limit], list[Try]] = {}
         self._hard: list[tuple[int, np.ndarray]] = []
         self._at_rest: dict[tuple[int, frozenset[Limit]], bool] = {}
@@ -119,6 +120,7 @@ class ChunkProgram:
             if enforced == EVERY and self._nearest is None:
                 self._nearest = done.first
             if done.found is not None:
+                self._led = isinstance(one, Witness)
                 return done.found
             self._tried.setdefault(enforced, []).append(one)
         return None
@@ -126,13 +128,13 @@ class ChunkProgram:
     def _tries(self, enforced: frozenset[Limit], thorough: bool) -> list[Try]:
         """What a search within the bounds of these kinds begins with, as far as it has not yet.
 
-        What keeps most of these bounds may be near to what keeps all, and leads there more often than a posture does:
-        of what keeps as many, what was found last. With every bound it is the present posture, as in a plan.
+        What keeps most of these bounds may be near to what keeps all: of what keeps as many, what was found last. Where
+        one start has to do, it is the present posture, until one is found that only another motion leads to.
         """
         latest = self._found[::-1]
         best = sorted(latest, key=lambda one: len(enforced & set(one.broken)))
         if not thorough:
-            return [best[0] if best and enforced != EVERY else 0]
+            return [best[0] if self._led else 0]
         tried = self._tried.get(enforced, [])
         return [one for one in (*best[:NEAREST], *range(STARTS)) if one not in tried]
 
