@@ -60,6 +60,14 @@ def test_all_of_the_box_that_is_not_looked_at_can_be_had(balance):
     assert max(balance._distance(wrench) for wrench in wrenches) == 0.0
 
 
+def test_what_is_said_to_be_had_at_once_can_be_had_and_of_that_most_is_found(balance):
+    wrenches = balance._middle + np.random.default_rng(2).normal(size=(300, 5)) * [0.15, 0.15, 0.4, 0.4, 0.2]
+    had = np.array([balance._distance(wrench) == 0.0 for wrench in wrenches])
+    found = balance._can_be_had(wrenches)
+    assert not (found & ~had).any()
+    assert found.sum() > 0.9 * had.sum() > 0.0
+
+
 def test_standing_still_lacks_nothing(balance, still):
     assert balance.friction_impulse_deficit(still, 1.0) == 0.0
     assert balance.capture_point_drift(still, 1.0) == 0.0
