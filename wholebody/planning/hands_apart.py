@@ -119,7 +119,8 @@ class HandHulls:
         same = (q_fingers == q_fingers[0]).all()
         local = np.array([self._bent(q) for q in (q_fingers[:1] if same else q_fingers)])
         R = R_wrists[:, self._hand]
-        return R @ local[:, :, :3, :3], p_wrists[:, self._hand] + (R @ local[:, :, :3, 3:])[..., 0]
+        p = p_wrists[:, self._hand] + (R @ local[:, :, :3, 3:])[..., 0]
+        return np.ascontiguousarray(R @ local[:, :, :3, :3]), np.ascontiguousarray(p)  # as compiled code expects them
 
     def _bent(self, q_fingers: np.ndarray) -> np.ndarray:
         """Poses of the bodies from their wrists, with fingers at some positions (n_fingers,); shape (n, 4, 4)."""
