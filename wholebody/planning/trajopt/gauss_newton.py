@@ -27,7 +27,7 @@ each of which updates the spline offset of the palms: one that is three steps ol
 NEWTON_FEW, NEWTON_ALL = 4, 12
 """Most Newton steps on the active set within one Gauss-Newton step: few while the next linearisation gains more than
 the exact minimum of this one, all once few no longer help."""
-GAIN_MIN = 1e-2
+GAIN_MIN = 2e-3
 """Share of the cost: a step that gains less is the last one of its round."""
 PROMISE_MIN = 1e-3
 """Share of the cost: a step that promises less, on the exact active set, is not taken."""
