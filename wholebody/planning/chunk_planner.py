@@ -27,7 +27,7 @@ from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
-from wholebody.planning.strategies import HELD, PARTED, PARTED_SLOWER, PREVIEW, Begin, Strategy
+from wholebody.planning.strategies import HELD, PARTED, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
@@ -251,7 +251,7 @@ class ChunkPlanner:
         if strategy is HELD:
             held = self._held(targets, start.q, budget)
             wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
-        if strategy in (PARTED, PARTED_SLOWER):
+        if strategy.name == PARTED.name:
             wanted = self._apart.parted(T_palms, targets.q_fingers)
         weights = strategy.weights(self.config)
         knots = self.optimizer.plan(start.q, start.v, wanted, targets.q_fingers, warm_start, weights, budget)

@@ -93,6 +93,8 @@ SLOWER = Strategy("slower", lambda c: c.posture, Begin.START)
 PARTED = Strategy("parted", _relaxed, Begin.PLAN_BEFORE)
 """Towards `HandsApart`, where a chunk has the hands nearer to each other than plans bring them."""
 PARTED_SLOWER = Strategy("parted", _relaxed, Begin.START)
+PARTED_FIRM = Strategy("parted", _firm_relaxed, Begin.LAST_ATTEMPT)
+"""The same with palms that pull less, where they pull a bound past its tolerance."""
 FIRM_BOUNDS = Strategy("firm_bounds", _firm, Begin.LAST_ATTEMPT)
 FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, Begin.LAST_ATTEMPT)
 """Firm bounds again, where palms may turn: a load is often held that way."""
@@ -229,32 +231,48 @@ def _far(config: PlannerConfig, now: Attempt) -> bool:
 
 
 def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
-    """An attempt with full weight on the hands' positions, or a better one at the same speed.
-
-    Where palms are still further off, turning them brings them nearer, and beginning anew rarely does. Hands that were
-    led apart are turned already, and know their way.
-    """
-    slowdown, parted = now.targets.slowdown, now.strategy == PARTED.name
+    """An attempt with full weight on the hands' positions, or a better one at the same speed."""
     budget.kept = 0.0 if now.is_safe(config) else budget.kept
-    a_little_off = config.warm_start_error < now.tracking_error <= config.relax_error
-    violates = now.violation > config.violation_max
-    if now.warm_started and not parted and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
-        anew = attempt(ANEW, slowdown, None)
-        now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
-    for strategy in (FREE_ORIENTATION,) if parted else (RELAXED_ORIENTATION, FREE_ORIENTATION):
-        if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
-            relaxed = attempt(strategy, slowdown, now.knots.q[1:])
-            now = min(now, relaxed, key=lambda one: (one.unsafety(config), one.tracking_error))
-    if parted and not now.follows(config) and budget.allows(ATTEMPT_MIN):
-        given = attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None)
-        now = min(now, given, key=lambda one: (one.unsafety(config), one.tracking_error))
+    improved = _improved_apart if now.strategy == PARTED.name else _improved_as_given
+    now = improved(config, attempt, budget, now)
+    slowdown = now.targets.slowdown
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
         if now is firm and now.tracking_error > config.relax_error and budget.allows(ATTEMPT_MIN):
-            turned = attempt(FIRM_RELAXED, slowdown, now.knots.q[1:])
-            now = min(now, turned, key=lambda one: (one.unsafety(config), one.tracking_error))
+            now = _nearer(config, now, attempt(FIRM_RELAXED, slowdown, now.knots.q[1:]))
     return now
+
+
+def _improved_as_given(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
+    """Where palms are far off, turning them brings them nearer, and beginning anew rarely does."""
+    slowdown = now.targets.slowdown
+    a_little_off = config.warm_start_error < now.tracking_error <= config.relax_error
+    violates = now.violation > config.violation_max
+    if now.warm_started and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
+        anew = attempt(ANEW, slowdown, None)
+        now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
+    for strategy in (RELAXED_ORIENTATION, FREE_ORIENTATION):
+        if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
+            now = _nearer(config, now, attempt(strategy, slowdown, now.knots.q[1:]))
+    return now
+
+
+def _improved_apart(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
+    """Hands that were led apart are turned already, and know their way; as given is what is left where that fails."""
+    slowdown = now.targets.slowdown
+    if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
+        now = _nearer(config, now, attempt(PARTED_FIRM, slowdown, now.knots.q[1:]))
+    if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
+        now = _nearer(config, now, attempt(FREE_ORIENTATION, slowdown, now.knots.q[1:]))
+    if not now.follows(config) and budget.allows(ATTEMPT_MIN):
+        now = _nearer(config, now, attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None))
+    return now
+
+
+def _nearer(config: PlannerConfig, one: Attempt, other: Attempt) -> Attempt:
+    """The safer of two attempts, and of two alike the one that is nearer to the chunk."""
+    return min(one, other, key=lambda attempt: (attempt.unsafety(config), attempt.tracking_error))
 
 
 def _turning_helps(config: PlannerConfig, now: Attempt) -> bool:
