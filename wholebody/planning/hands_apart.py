@@ -18,7 +18,9 @@ from models.spec import RobotSpec
 from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision.hull_pairs import HullPairs, found_of, measured
 from wholebody.planning.floor_projection import HAND_BOX
+from wholebody.planning.trajopt.layout import DISTANCE
 from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.planning.trajopt.weights import tolerances
 
 SHIFT, TURN = 0.002, 0.1
 """Shift of a palm and turn of a hand that cost the same [m, rad]; measured: with 0.06 rad overlapping hands are up to
@@ -29,6 +31,9 @@ NEAR = 0.015
 """Hulls that are so much further apart than they have to be count, too [m]; chosen: as far as a round moves them."""
 GRACE = 0.0005
 """Distance by which they may still be too near each other [m]; chosen: plans may be off by twenty times as much."""
+TOLERATED = float(tolerances(0)[DISTANCE])
+"""Distance by which a plan that is followed may have them too near each other [m]: what is asked for within it needs no
+other poses."""
 SHIFT_MAX = 0.03
 """Shift past which hands are left where they are asked to be [m]; derived: no plan there follows the chunk
 (`planner.tracking_error_max`)."""
@@ -154,7 +159,8 @@ class HandsApart:
             q_fingers: Finger joints, hand by hand, shape (K, n_fingers), [rad].
 
         Returns:
-            The poses, or None where all are apart as asked, or some only far from where they are asked to be.
+            The poses, or None where all are apart as asked, nearly at least (`TOLERATED`), or some only far from where
+            they are asked to be.
         """
         if self._last[0] is not T_palms or self._last[1] is not q_fingers:
             self._last = T_palms, q_fingers, self._found(T_palms, q_fingers)
@@ -175,12 +181,11 @@ class HandsApart:
         return moved(T_palms, moves) if np.isfinite(moves).all() else None
 
     def _overlaps(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray:
-        """Knots at which the hands are too near each other as asked."""
+        """Knots at which the hands are too near each other as asked; none where all of that is tolerated."""
         between = T_palms[:, 0, :3, 3] - T_palms[:, 1, :3, 3]
         close = np.flatnonzero(np.einsum("ki,ki->k", between, between) < self._hulls.reach**2)
-        if not len(close):
-            return close
-        return close[self._hulls.room(T_palms[close], q_fingers[close]) < -GRACE]
+        room = self._hulls.room(T_palms[close], q_fingers[close]) if len(close) else np.zeros(0)
+        return close[room < -GRACE] if (room < -TOLERATED).any() else close[:0]
 
     def _part(self, T_palms: np.ndarray, q_fingers: np.ndarray, move: np.ndarray) -> np.ndarray:
         """The smallest move (12,) that parts both hands, seen from another one; infinite if there is no small one."""

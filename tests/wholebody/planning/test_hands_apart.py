@@ -11,12 +11,13 @@ import pytest
 
 from models import g1
 from policy.geometry.rotations import angle_between, matrix_to_rotvec, rotvec_to_matrix
+from policy.scripted.library import lissajous
 from policy.scripted.policy import ScriptedPolicy, to_chunk
 from tests.support.lissajous_variants import hand_distances, least_displacement, variant
 from wholebody.config import TrajectoryConfig
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.planning.hands_apart import GRACE, NEAR, SHIFT, SHIFT_MAX, TURN, HandHulls, HandsApart
+from wholebody.planning.hands_apart import GRACE, NEAR, SHIFT, SHIFT_MAX, TOLERATED, TURN, HandHulls, HandsApart
 from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.sim.plant import MujocoPlant
 from wholebody.verdict.fast import FastChecker
@@ -76,6 +77,14 @@ def test_hands_that_are_apart_or_far_from_each_other_stay_as_they_are(apart):
     T, fingers = asked(variant(3), 5.5)
     T[:, 0, 1, 3] += 0.3
     assert apart.parted(T, fingers) is None
+
+
+def test_hands_that_a_plan_may_have_so_near_each_other_are_not_turned(apart):
+    """The lissajous has them 8.5 mm apart: led to 14 mm, its palms turned by 2.8 degrees, and need not turn at all."""
+    times, distances = hand_distances(lissajous())
+    assert CLEARANCE - TOLERATED < distances.min() < CLEARANCE - GRACE
+    begin = times[distances.argmin()] - 1.0
+    assert apart.parted(*asked(lissajous(), begin)) is None
 
 
 def test_hands_at_one_place_are_left_to_other_strategies(apart):
