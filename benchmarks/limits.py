@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
@@ -26,6 +27,8 @@ from pathlib import Path
 
 import numpy as np
 from statics import Statics
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from models import g1
 from policy.scripted.library import reach, scripted_policy

@@ -9,6 +9,7 @@ Lissajous, reaches and hostile chunks of the same robot: ``benchmarks/senses.py`
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -17,6 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.senses import Case, realistic_plant, run_studies, told
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from policy.recorded.replay import open_recording
 from wholebody.robot.standing import has_lost_standing
 from wholebody.sim.robot_errors import REALISTIC_ROBOT

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -19,6 +20,8 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from models import g1
 from policy.scripted.library import reach, scripted_policy

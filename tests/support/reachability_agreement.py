@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
 from models import g1
 from wholebody.config import ControllerConfig
 from wholebody.planning.posture import STARTS, PostureSolver

@@ -111,8 +111,8 @@ class PlanFollower:
 
     @property
     def sinks(self) -> bool:
-        """Whether a joint of the waist has had no torque left for so long that the trunk sinks."""
-        return self._saturation.sinks
+        """Whether the trunk sinks: a joint of the waist has had no torque left for long, the body is off its plan."""
+        return self.trust < 1.0 and self._saturation.sinks
 
     def foreseen(self, ticks: int, q: np.ndarray | None = None) -> Foreseen:
         """What will be followed so many control periods from now; 0 for now.
