@@ -252,7 +252,7 @@ class ChunkPlanner:
             held = self._held(targets, start.q, budget)
             wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
         if strategy.name == PARTED.name:
-            wanted = self._apart.parted(T_palms, targets.q_fingers)
+            wanted = self._parted(targets)
         weights = strategy.weights(self.config)
         knots = self.optimizer.plan(start.q, start.v, wanted, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
@@ -274,12 +274,16 @@ class ChunkPlanner:
         self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget, *, implausible: bool = False
     ) -> strategies.Asked:
         def overlap(slowdown: float) -> bool:
-            return self._apart.parted(targets(slowdown).T_palms, targets(slowdown).q_fingers) is not None
+            return self._parted(targets(slowdown)) is not None
 
         def lacking(slowdown: float) -> float:
             return self._held(targets(slowdown), q, budget).off if self._holding else 0.0
 
         return strategies.Asked(implausible, overlap, lacking)
+
+    def _parted(self, targets: Targets) -> np.ndarray | None:
+        asked = int((targets.steps < max(path.span[1] for path in targets.paths) + 1e-9).sum())
+        return self._apart.parted(targets.T_palms, targets.q_fingers, asked)
 
     def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
         """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""
