@@ -26,6 +26,7 @@ class Targets:
         steps: Path parameters of the knots, shape (K,), [s].
         T_palms: Palm poses wanted, shape (K, 2, 4, 4).
         q_fingers: Fingers of the left, then of the right hand, shape (K, n_fingers), [rad].
+        asked: Number of knots within the chunk; at the others hands come to rest.
     """
 
     slowdown: float
@@ -34,6 +35,7 @@ class Targets:
     steps: np.ndarray
     T_palms: np.ndarray
     q_fingers: np.ndarray
+    asked: int
 
 
 @dataclass(frozen=True)

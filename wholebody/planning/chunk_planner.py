@@ -237,7 +237,8 @@ class ChunkPlanner:
         fingers = [
             motion.q_finger[:, : len(tool.finger_joints)] for motion, tool in zip(motions, self.spec.tools, strict=True)
         ]
-        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers))
+        asked = int((steps < prepared.times[-1] + 1e-9).sum())
+        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), asked)
 
     def _attempt(
         self, targets: Targets, start: BodyState, strategy: Strategy, first: np.ndarray | None, budget: Budget
@@ -282,8 +283,7 @@ class ChunkPlanner:
         return strategies.Asked(implausible, overlap, lacking)
 
     def _parted(self, targets: Targets) -> np.ndarray | None:
-        asked = int((targets.steps < max(path.span[1] for path in targets.paths) + 1e-9).sum())
-        return self._apart.parted(targets.T_palms, targets.q_fingers, asked)
+        return self._apart.parted(targets.T_palms, targets.q_fingers, targets.asked)
 
     def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
         """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""
