@@ -27,7 +27,7 @@ from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
-from wholebody.planning.strategies import HELD, PARTED, PREVIEW, Begin, Strategy
+from wholebody.planning.strategies import HELD, PARTED, PREVIEW, Begin, Overlap, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.planning.trajopt.budget import Budget
 from wholebody.planning.trajopt.centroidal import Centroidal
@@ -46,7 +46,7 @@ POSTURE_TIME = 1.0
 AT_REST = 7
 """Knots at the end of a plan at which the arms are to hold what they carry; derived: `planner.settle` and rounding."""
 PREVIEW_WORK = 4.0
-"""Most linearisations and steps of a preview [no unit]; chosen: the first motion and one step from it."""
+"""Most linearisations and steps of a preview [no unit]; chosen: the first motion, one step."""
 
 
 class ChunkPlanner:
@@ -65,8 +65,7 @@ class ChunkPlanner:
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
         self._settings, self._loads, self._loaded, self._holding = config, (0.0, 0.0), False, False
-        self.spec, self.config, self._budget = spec, config.planner, config.planning.budget
-        self.model = robot.model
+        self.spec, self.config, self._budget, self.model = spec, config.planner, config.planning.budget, robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self._friction = config.friction
         self._holdable: HoldablePlaces | None = None
@@ -143,8 +142,8 @@ class ChunkPlanner:
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
-        asked = self._asked(targets, start.q, budget)
-        chosen = self._preview(targets(1.0), start) or strategies.as_given(self.config, attempt, budget, asked)
+        chosen = self._preview(targets(1.0), start)
+        chosen = chosen or strategies.as_given(self.config, attempt, budget, self._asked(targets, start.q, budget))
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
@@ -237,8 +236,8 @@ class ChunkPlanner:
         fingers = [
             motion.q_finger[:, : len(tool.finger_joints)] for motion, tool in zip(motions, self.spec.tools, strict=True)
         ]
-        asked = int((steps < prepared.times[-1] + 1e-9).sum())
-        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), asked)
+        own = int(np.searchsorted(steps, prepared.times[-1], "right"))
+        return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), own)
 
     def _attempt(
         self, targets: Targets, start: BodyState, strategy: Strategy, first: np.ndarray | None, budget: Budget
@@ -253,7 +252,7 @@ class ChunkPlanner:
             held = self._held(targets, start.q, budget)
             wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
         if strategy.name == PARTED.name:
-            wanted = self._parted(targets)
+            wanted = self._apart.parted(T_palms, targets.q_fingers)
         weights = strategy.weights(self.config)
         knots = self.optimizer.plan(start.q, start.v, wanted, targets.q_fingers, warm_start, weights, budget)
         curve = curve_through(steps, knots.q, slowdown * start.v)
@@ -274,16 +273,19 @@ class ChunkPlanner:
     def _asked(
         self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget, *, implausible: bool = False
     ) -> strategies.Asked:
-        def overlap(slowdown: float) -> bool:
-            return self._parted(targets(slowdown)) is not None
+        @cache
+        def overlap(slowdown: float) -> Overlap:
+            return self._overlap(targets(slowdown))
 
         def lacking(slowdown: float) -> float:
             return self._held(targets(slowdown), q, budget).off if self._holding else 0.0
 
         return strategies.Asked(implausible, overlap, lacking)
 
-    def _parted(self, targets: Targets) -> np.ndarray | None:
-        return self._apart.parted(targets.T_palms, targets.q_fingers, targets.asked)
+    def _overlap(self, targets: Targets) -> Overlap:
+        T_palms, fingers, n = targets.T_palms, targets.q_fingers, targets.asked
+        near = Overlap.IN_THE_WAY if self._apart.overlap(T_palms[:n], fingers[:n]) else Overlap.TOLERATED
+        return Overlap.NONE if self._apart.parted(T_palms, fingers) is None else near
 
     def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
         """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""

@@ -148,7 +148,7 @@ class HandsApart:
         self._hulls, self._scale = hulls, np.tile(np.repeat([SHIFT, TURN], 3), 2)
         self._last: tuple[np.ndarray | None, ...] = (None, None, None)
 
-    def parted(self, T_palms: np.ndarray, q_fingers: np.ndarray, asked: int) -> np.ndarray | None:
+    def parted(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray | None:
         """The palm poses nearest to those asked for at which hands keep their distance; what was asked last is known.
 
         Each knot is looked at from the move of the one before it, and from that of the one after it: where hands cross,
@@ -157,18 +157,21 @@ class HandsApart:
         Args:
             T_palms: Poses of the palm points in world, shape (K, 2, 4, 4).
             q_fingers: Finger joints, hand by hand, shape (K, n_fingers), [rad].
-            asked: Number of knots that are the chunk's own; at the others hands come to rest.
 
         Returns:
-            The poses, or None where all of the chunk's own are apart as asked, nearly at least (`TOLERATED`), or some
-            only far from where they are asked to be.
+            The poses, or None where all are apart as asked, or some only far from where they are asked to be.
         """
         if self._last[0] is not T_palms or self._last[1] is not q_fingers:
-            self._last = T_palms, q_fingers, self._found(T_palms, q_fingers, asked)
+            self._last = T_palms, q_fingers, self._found(T_palms, q_fingers)
         return self._last[2]
 
-    def _found(self, T_palms: np.ndarray, q_fingers: np.ndarray, asked: int) -> np.ndarray | None:
-        overlaps = self._overlaps(T_palms, q_fingers, asked)
+    def overlap(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> bool:
+        """Whether no plan that is followed may have hands so near each other as asked; arguments as of `parted`."""
+        return bool((self._room(T_palms, q_fingers)[1] < -TOLERATED).any())
+
+    def _found(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray | None:
+        close, room = self._room(T_palms, q_fingers)
+        overlaps = close[room < -GRACE]
         if not len(overlaps):
             return None
         ways = np.zeros((2, len(T_palms), 12))
@@ -181,12 +184,11 @@ class HandsApart:
         moves = np.where((sizes[0] <= sizes[1])[:, None], *ways)
         return moved(T_palms, moves) if np.isfinite(moves).all() else None
 
-    def _overlaps(self, T_palms: np.ndarray, q_fingers: np.ndarray, asked: int) -> np.ndarray:
-        """Knots at which the hands are too near each other as asked; none where all of that is tolerated."""
+    def _room(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Knots at which hands are near each other as asked, and the room between them there [m]."""
         between = T_palms[:, 0, :3, 3] - T_palms[:, 1, :3, 3]
         close = np.flatnonzero(np.einsum("ki,ki->k", between, between) < self._hulls.reach**2)
-        room = self._hulls.room(T_palms[close], q_fingers[close]) if len(close) else np.zeros(0)
-        return close[room < -GRACE] if (room[close < asked] < -TOLERATED).any() else close[:0]
+        return close, self._hulls.room(T_palms[close], q_fingers[close]) if len(close) else np.zeros(0)
 
     def _part(self, T_palms: np.ndarray, q_fingers: np.ndarray, move: np.ndarray) -> np.ndarray:
         """The smallest move (12,) that parts both hands, seen from another one; infinite if there is no small one."""

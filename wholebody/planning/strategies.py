@@ -94,7 +94,6 @@ PARTED = Strategy("parted", _relaxed, Begin.PLAN_BEFORE)
 """Towards `HandsApart`, where a chunk has the hands nearer to each other than plans bring them."""
 PARTED_SLOWER = Strategy("parted", _relaxed, Begin.START)
 PARTED_FIRM = Strategy("parted", _firm_relaxed, Begin.LAST_ATTEMPT)
-"""The same with palms that pull less, where they pull a bound past its tolerance."""
 FIRM_BOUNDS = Strategy("firm_bounds", _firm, Begin.LAST_ATTEMPT)
 FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, Begin.LAST_ATTEMPT)
 """Firm bounds again, where palms may turn: a load is often held that way."""
@@ -116,21 +115,29 @@ Try = Callable[[Strategy, float, np.ndarray | None], Attempt]
 """Plans by a strategy with a slowdown; what its search begins with, if that is an attempt: configurations (k, nq)."""
 
 
+class Overlap(Enum):
+    """How near each other a chunk has the hands, where there are near poses at which they are apart."""
+
+    NONE, TOLERATED, IN_THE_WAY = "apart", "no nearer than a plan that is followed may, or only after it", "nearer"
+
+
 @dataclass(frozen=True)
 class Asked:
     """What is known of a chunk before anything is tried, by slowdown where it is a function.
 
     Attributes:
         implausible: Whether what it means is a guess: then it is followed as if out of reach.
-        overlap: Whether it has the hands too near each other, and there are near poses at which they are not.
+        overlap: Of its hands.
         lacking: How far off it a still robot has to hold what it carries [m]; 0 where hands carry nothing.
     """
 
     implausible: bool = False
-    overlap: Callable[[float], bool] = lambda _: False
+    overlap: Callable[[float], Overlap] = lambda _: Overlap.NONE
     lacking: Callable[[float], float] = lambda _: 0.0
 
 
+CLEAR = 0.5
+"""Share of the tolerances; derived: half of that of a distance is what the controller keeps less than a plan."""
 RESERVE, RESERVE_UNREACHABLE = 0.25, 0.15
 """Share of the budget that is kept while nothing is safe, for strategies that follow the hands less: while attempts
 follow them in full, and as far as they reach; chosen, no trial is on record."""
@@ -145,7 +152,7 @@ def as_given(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) 
     now = attempt(_first(1.0, asked), 1.0, None)
     if now.start_violation > config.violation_max or _far(config, now):
         return None
-    now = _improved(config, attempt, budget, now)
+    now = _improved(config, attempt, budget, now, asked)
     return now if now.follows(config) and now.targets.projected.max() <= JUMP else None
 
 
@@ -177,7 +184,7 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) -> A
         heavy = not jumps and _heavy(config, now, asked)
         held = _held(config, attempt, budget, slowdown, asked) if heavy else None
         if held is None and not far:
-            now = _improved(config, attempt, budget, now)
+            now = _improved(config, attempt, budget, now, asked)
         if not (jumps or heavy or now.follows(config)) and asked.lacking(slowdown) > 0.0:
             budget.kept = 0.0
             held = _held(config, attempt, budget, slowdown, asked)
@@ -189,7 +196,7 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) -> A
             steady = _out_of_reach(config, attempt, budget, now)
             if steady is not None:
                 return steady
-            now = _improved(config, attempt, budget, now) if far else now
+            now = _improved(config, attempt, budget, now, asked) if far else now
         tried.append(now)
         # What is out of reach at the end stays so at any speed.
         if now.distance[-1].max() > config.tracking_error_max:
@@ -202,8 +209,12 @@ def best(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) -> A
 
 def _first(slowdown: float, asked: Asked) -> Strategy:
     """What is tried first at a speed."""
-    if asked.overlap(slowdown):
+    if asked.overlap(slowdown) is Overlap.IN_THE_WAY:
         return PARTED if slowdown == 1.0 else PARTED_SLOWER
+    return _unparted(slowdown)
+
+
+def _unparted(slowdown: float) -> Strategy:
     return AS_GIVEN if slowdown == 1.0 else SLOWER
 
 
@@ -230,12 +241,15 @@ def _far(config: PlannerConfig, now: Attempt) -> bool:
     return now.tracking_error > config.unreachable * (2.0 if now.is_safe(config) else 1.0)
 
 
-def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
+def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt, asked: Asked) -> Attempt:
     """An attempt with full weight on the hands' positions, or a better one at the same speed."""
     budget.kept = 0.0 if now.is_safe(config) else budget.kept
+    slowdown = now.targets.slowdown
+    in_vain = now.violation > config.violation_max or _turning_helps(config, now)
+    if in_vain and asked.overlap(slowdown) is Overlap.TOLERATED and budget.allows(ATTEMPT_MIN):
+        now = _nearer(config, now, attempt(PARTED if slowdown == 1.0 else PARTED_SLOWER, slowdown, None))
     improved = _improved_apart if now.strategy == PARTED.name else _improved_as_given
     now = improved(config, attempt, budget, now)
-    slowdown = now.targets.slowdown
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
@@ -259,20 +273,27 @@ def _improved_as_given(config: PlannerConfig, attempt: Try, budget: Budget, now:
 
 
 def _improved_apart(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
-    """Hands that were led apart are turned already, and know their way; as given is what is left where that fails."""
+    """Hands that were led apart are turned already, and know their way; as given where that does not follow."""
     slowdown = now.targets.slowdown
-    if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
+    near = now.tracking_error <= config.unreachable
+    if near and not _is_clear(config, now) and budget.allows(ATTEMPT_MIN):
         now = _nearer(config, now, attempt(PARTED_FIRM, slowdown, now.knots.q[1:]))
-    if _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
+    if near and _turning_helps(config, now) and budget.allows(ATTEMPT_MIN):
         now = _nearer(config, now, attempt(FREE_ORIENTATION, slowdown, now.knots.q[1:]))
-    if not now.follows(config) and budget.allows(ATTEMPT_MIN):
-        now = _nearer(config, now, attempt(AS_GIVEN if slowdown == 1.0 else SLOWER, slowdown, None))
-    return now
+    if (near and _is_clear(config, now) and now.follows(config)) or not budget.allows(ATTEMPT_MIN):
+        return now
+    given = _improved_as_given(config, attempt, budget, attempt(_unparted(slowdown), slowdown, None))
+    return given if given.is_safe(config) or not now.is_safe(config) else now
 
 
 def _nearer(config: PlannerConfig, one: Attempt, other: Attempt) -> Attempt:
     """The safer of two attempts, and of two alike the one that is nearer to the chunk."""
-    return min(one, other, key=lambda attempt: (attempt.unsafety(config), attempt.tracking_error))
+    return min(one, other, key=lambda each: (not _is_clear(config, each), each.unsafety(config), each.tracking_error))
+
+
+def _is_clear(config: PlannerConfig, one: Attempt) -> bool:
+    """Whether it is safe, and needs little of the tolerances for that."""
+    return one.is_safe(config) and one.violation <= CLEAR * config.violation_max
 
 
 def _turning_helps(config: PlannerConfig, now: Attempt) -> bool:

@@ -48,7 +48,7 @@ BOUNDS = (
     Bound("pelvis height", POSITION - BASE_HEIGHT, 1e-3, 0.01, "m", True),
     Bound("joint position", STATIC - POSITION, 3e-3, 0.05, "rad", True),
     Bound("waist torque at rest", DISTANCE - STATIC, 2e-2, 0.05, "share of the limit", True),
-    Bound("distance to bodies and floor", COM_EDGE - DISTANCE, 1.5e-3, 0.006, "m", True),
+    Bound("distance to bodies and floor", COM_EDGE - DISTANCE, 1.5e-3, 0.012, "m", True),
     Bound("centre of mass", PER_EDGE, 1e-3, 0.005, "m", True),
     Bound("vertical force", 1, 1e-2, 0.05, "share of the weight", False),
     Bound("torque of waist and arms", UPPER, 2e-2, 0.08, "share of the limit", False),

@@ -12,8 +12,6 @@ from wholebody.verdict.calibration.rollout import STANDS, shared_rollout
 
 SHOULDER = np.array([[0.0, 0.12, 1.1], [0.0, -0.12, 1.1]])
 """About where the shoulders of the standing robot are, left first [m]; chosen: an origin of distances, no more."""
-DISTANCE_ROOM = 0.012
-"""Room to other bodies and to the floor that counts as 1 [m]; chosen: what is fitted was told so."""
 WINDOW = 0.05
 """Standard deviation of the Gaussian through which paths are looked at [s]; chosen: what is faster moves no trunk."""
 
@@ -28,8 +26,6 @@ def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: Chunk
         found: What the judge says.
     """
     room = {one.code: one.share for one in found.margins}
-    distances = (Limit.SELF_DISTANCE, Limit.FLOOR_DISTANCE)
-    room |= {one.code: one.margin / DISTANCE_ROOM for one in found.margins if one.code in distances}
     report, (p, R) = found.plan.report, judge.asked(chunk)
     at, turned = judge.at(begin)
     plan = {
