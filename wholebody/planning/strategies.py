@@ -211,10 +211,6 @@ def _first(slowdown: float, asked: Asked) -> Strategy:
     """What is tried first at a speed."""
     if asked.overlap(slowdown) is Overlap.IN_THE_WAY:
         return PARTED if slowdown == 1.0 else PARTED_SLOWER
-    return _unparted(slowdown)
-
-
-def _unparted(slowdown: float) -> Strategy:
     return AS_GIVEN if slowdown == 1.0 else SLOWER
 
 
@@ -247,7 +243,7 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt,
     slowdown = now.targets.slowdown
     in_vain = now.violation > config.violation_max or _turning_helps(config, now)
     if in_vain and asked.overlap(slowdown) is Overlap.TOLERATED and budget.allows(ATTEMPT_MIN):
-        now = _nearer(config, now, attempt(PARTED if slowdown == 1.0 else PARTED_SLOWER, slowdown, None))
+        now = _nearer(config, now, attempt(PARTED_SLOWER if slowdown > 1.0 else PARTED, slowdown, None))
     improved = _improved_apart if now.strategy == PARTED.name else _improved_as_given
     now = improved(config, attempt, budget, now)
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
@@ -260,9 +256,8 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt,
 
 def _improved_as_given(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt) -> Attempt:
     """Where palms are far off, turning them brings them nearer, and beginning anew rarely does."""
-    slowdown = now.targets.slowdown
+    slowdown, violates = now.targets.slowdown, now.violation > config.violation_max
     a_little_off = config.warm_start_error < now.tracking_error <= config.relax_error
-    violates = now.violation > config.violation_max
     if now.warm_started and (a_little_off or violates) and budget.allows(ATTEMPT_MIN):
         anew = attempt(ANEW, slowdown, None)
         now = min(now, anew, key=lambda one: (not one.is_safe(config), one.knots.cost))
@@ -282,7 +277,7 @@ def _improved_apart(config: PlannerConfig, attempt: Try, budget: Budget, now: At
         now = _nearer(config, now, attempt(FREE_ORIENTATION, slowdown, now.knots.q[1:]))
     if (near and _is_clear(config, now) and now.follows(config)) or not budget.allows(ATTEMPT_MIN):
         return now
-    given = _improved_as_given(config, attempt, budget, attempt(_unparted(slowdown), slowdown, None))
+    given = _improved_as_given(config, attempt, budget, attempt(SLOWER if slowdown > 1.0 else AS_GIVEN, slowdown, None))
     return given if given.is_safe(config) or not now.is_safe(config) else now
 
 
