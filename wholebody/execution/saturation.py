@@ -25,8 +25,8 @@ ERROR_SLOW, ERROR_STOP = 0.005, 0.025
 be asks for nothing more."""
 
 SPENT_LONG = 0.3
-"""Time for which a joint of the waist has had no torque left after which a body that is off its plan cannot come back to
-it [s]; chosen: ten times the filter's, less than a trunk takes to sink by what a plan from there could mend."""
+"""Time for which a joint of the waist has had no torque left after which a body that is off its plan does not come back
+to it [s]; chosen: ten times the filter's, less than a trunk takes to sink by what a plan from there could mend."""
 
 _trust = Entry(kernel.trust)
 
