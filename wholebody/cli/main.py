@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib.metadata import version
 from typing import Annotated
@@ -27,6 +28,9 @@ from wholebody.cli.crash import CRASH, sentence
 from wholebody.cli.options import flat
 
 MISUSE = 2
+
+# What draws is a process of its own and says with which library; here MuJoCo is not to look for one.
+os.environ["MUJOCO_GL"] = "disable"
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
 COMMANDS = (

@@ -16,6 +16,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from types import FunctionType, ModuleType
@@ -133,17 +134,24 @@ def _digest(modules: set[ModuleType]) -> int:
     numba's cache notices changes of the file of a function only.
     """
     here = Path(__file__)
-    sources = {name: here.with_name(f"{name}.py").read_bytes() for name in ("entry", "packed", "packed_type")}
+    sources = {name: _source(here.with_name(f"{name}.py"))[0] for name in ("entry", "packed", "packed_type")}
     waiting = [module.__name__ for module in modules]
     while waiting:
         name = waiting.pop()
         file = getattr(sys.modules.get(name), "__file__", None)
         if name not in sources and file is not None:
-            sources[name] = Path(file).read_bytes()
-            waiting += filter(_is_ours, _IMPORT.findall(sources[name].decode()))
+            sources[name], imported = _source(Path(file))
+            waiting += imported
     return int.from_bytes(
         sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()[:7], "little"
     )
+
+
+@cache
+def _source(file: Path) -> tuple[bytes, tuple[str, ...]]:
+    """What is in a file, and the modules of this package that it imports; read once."""
+    text = file.read_bytes()
+    return text, tuple(filter(_is_ours, _IMPORT.findall(text.decode())))
 
 
 def _named(function: Callable, version: int) -> Callable:

@@ -50,6 +50,11 @@ def test_no_command_is_cut_off_in_the_list_of_commands(inside, monkeypatch):
     assert "..." not in inside("--help").stdout.partition("Commands:")[2]
 
 
+def test_a_run_looks_for_no_drawing_library(monkeypatch):
+    monkeypatch.setenv("MUJOCO_GL", "nonsense")  # with which MuJoCo cannot even be imported
+    assert wholebody("run", "wave", *SHORT).stdout.startswith("FEASIBLE")
+
+
 def test_c5_the_robot_without_hands_runs_in_a_scene_from_a_file(inside, tmp_path):
     write_scene(tmp_path)
     scene = str(tmp_path / "scene.xml")
