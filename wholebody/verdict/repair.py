@@ -109,11 +109,17 @@ class Repairer:
     def _slower(self, chunk: ActionChunk) -> Change | None:
         if self.lasts(chunk):
             return self._change("slower", chunk, 1.0)
-        if not self.holds(slowed(chunk, SLOWER_MAX)):
+        # Neither implies the other: one plan sees all of the chunk, playback plans anew from where it has come to.
+        factors = [self._least_slowdown(chunk, ask) for ask in (self.holds, self.lasts)]
+        found = [factor for factor in factors if factor is not None]
+        return self._change("slower", slowed(chunk, min(found)), min(found)) if found else None
+
+    def _least_slowdown(self, chunk: ActionChunk, ask: Callable[[ActionChunk], bool]) -> float | None:
+        """The least factor that a bisection by some question comes to and that lasts, or a little more."""
+        if not ask(slowed(chunk, SLOWER_MAX)):
             return None
-        least = float(np.exp(_least(lambda x: self.holds(slowed(chunk, float(np.exp(x)))), float(np.log(SLOWER_MAX)))))
-        factor = self._lasting(lambda x: slowed(chunk, x), least, SLOWER_MAX)
-        return None if factor is None else self._change("slower", slowed(chunk, factor), factor)
+        least = _least(lambda x: ask(slowed(chunk, float(np.exp(x)))), float(np.log(SLOWER_MAX)))
+        return self._lasting(lambda factor: slowed(chunk, factor), float(np.exp(least)), SLOWER_MAX)
 
     def bent(self, factor: float, kind: Kind) -> Change | None:
         """The path led towards what is planned for it at a speed: palms moved, turned, or both."""
