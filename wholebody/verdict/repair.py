@@ -122,7 +122,7 @@ class Repairer:
         return self._lasting(lambda factor: slowed(chunk, factor), float(np.exp(least)), SLOWER_MAX)
 
     def bent(self, factor: float, kind: Kind) -> Change | None:
-        """The path led towards what is planned for it at a speed: palms moved, turned, or both."""
+        """The path led towards what is planned for it at a speed, as far as a repair may: palms moved, turned, or both."""
         slow = slowed(self.inside, factor)
         begin = self._begin or self._first_pose(slow)
         goal = hands_of(self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands), slow)
@@ -134,7 +134,10 @@ class Repairer:
 
         if not self.holds(bent(1.0)):
             return None
-        share = self._lasting(bent, _least(lambda x: self.holds(bent(x)), 1.0), 1.0)
+        # Of the way to the plan as much as a repair may lead a palm.
+        most = 1.0 / max(self._size(self._change(kind, bent(1.0), factor)), 1.0)
+        least = _least(lambda x: self.holds(bent(x)), 1.0, most)
+        share = self._lasting(bent, least, 1.0) if least <= most else None
         return None if share is None else self._change(kind, bent(share), factor)
 
     def _lasting(self, chunk_at: Callable[[float], ActionChunk], least: float, most: float) -> float | None:
@@ -201,10 +204,15 @@ def towards(
     return replace(chunk, T_world_lhand=out[0], T_world_rhand=out[1])
 
 
-def _least(holds: Callable[[float], bool], most: float) -> float:
-    """Least value up to ``most``, which holds, that was found to hold, by bisection from 0."""
+def _least(holds: Callable[[float], bool], most: float, wanted: float = np.inf) -> float:
+    """Least value up to ``most``, which holds, that was found to hold, by bisection from 0.
+
+    It ends where only values are left that are more than ``wanted``.
+    """
     low, high = 0.0, most
     for _ in range(BISECTIONS):
+        if low >= wanted:
+            break
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
