@@ -122,7 +122,7 @@ class Repairer:
         return self._lasting(lambda factor: slowed(chunk, factor), float(np.exp(least)), SLOWER_MAX)
 
     def bent(self, factor: float, kind: Kind) -> Change | None:
-        """The path led towards what is planned for it at a speed, as far as a repair may: palms moved, turned, or both."""
+        """The path led towards what is planned for it at a speed, as far as a repair may: moved, turned, or both."""
         slow = slowed(self.inside, factor)
         begin = self._begin or self._first_pose(slow)
         goal = hands_of(self._judge.planner.plan(slow, slow.t_obs, begin.body, begin.hands), slow)
