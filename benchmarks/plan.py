@@ -123,7 +123,7 @@ class Times:
 
 def motions(folder: Path, times: Times, model: pin.Model, config: ControllerConfig) -> None:
     """Print how long plans of recorded motions take, also in units timed beside each, and as a share of their check."""
-    checker, rows, every, work = Checker(config=config), [], [], []
+    checker, rows, every, work, checks = Checker(config=config), [], [], [], 0.0
     planning = checker.supervisor.config.planning
     print("\n| Recorded motion | chunks | ms a chunk: median | max | units: median | work: max | share of the check |")
     print(f"|{'---|' * 7}")
@@ -132,6 +132,7 @@ def motions(folder: Path, times: Times, model: pin.Model, config: ControllerConf
         begin = thread_time()
         checker.check(policy, file.stem, policy.duration)
         took, ms = 1e3 * (thread_time() - begin), np.array(times.of["ChunkPlanner.plan"])
+        checks += took
         every.extend(ms)
         work.extend(times.work)
         units = 1e3 * np.median(ms) / yardstick(model)
@@ -142,7 +143,8 @@ def motions(folder: Path, times: Times, model: pin.Model, config: ControllerConf
     whole, within, lead = np.median(rows, axis=0), np.array(work) <= planning.budget, 1e3 * planning.lead
     print("\n| Over all motions | measured | bar |\n|---|---|---|")
     print(f"| chunk, in units: median of the medians | {whole[2]:.0f} | 2500 |")
-    print(f"| share of a check: median, largest | {whole[4]:.0f}, {max(row[4] for row in rows):.0f} % | 40 % |")
+    shares = 100.0 * sum(every) / checks, whole[4], max(row[4] for row in rows)
+    print(f"| share of a check: all together, median, largest | {', '.join(f'{x:.0f}' for x in shares)} % | 40 % |")
     print(f"| work within its budget of {planning.budget:.0f} | {100.0 * within.mean():.1f} % | 100 % |")
     print(f"| work of a chunk: 95 %, largest | {np.quantile(work, 0.95):.0f}, {max(work):.0f} | |")
     print(f"| within the lead of {lead:.0f} ms of CPU time | {100.0 * np.mean(np.array(every) <= lead):.1f} % | |")
