@@ -219,6 +219,8 @@ class PlanFollower:
             float(elapsed), float(allowed),
         )  # fmt: skip
         most = kernel.TRUST_MIN if self._standing else self.trust
+        if self._saturation.waist_is_spent:
+            most = min(most, self._saturation.trust_off_plan(self.distance(q)))
         controller.trust_hands(min(left, most), min(right, most))
         return PackedReference(self.row)
 

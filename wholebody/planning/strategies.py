@@ -108,8 +108,7 @@ STOP = Strategy("stop", lambda c: c.weights_stop, Begin.START)
 
 HELD_RATE_MAX = 3.0
 """Fastest turn of the waist on the way to what is held [rad/s]: postures that hold a load lie apart, and a trunk thrown
-from one to the next takes a leaning robot down; measured: a reach with 2 kg turns at 2.3, two that fell at 4.6 and 5.6.
-"""
+from one to the next takes a leaning robot down; measured: a reach with 2 kg turns at 2.3, two falls at 4.6 and 5.6."""
 
 Try = Callable[[Strategy, float, np.ndarray | None], Attempt]
 """Plans by a strategy with a slowdown; what its search begins with, if that is an attempt: configurations (k, nq)."""
@@ -249,7 +248,8 @@ def _improved(config: PlannerConfig, attempt: Try, budget: Budget, now: Attempt,
     if now.violation > config.violation_max and budget.allows(ATTEMPT_MIN):
         firm = attempt(FIRM_BOUNDS, slowdown, now.knots.q[1:])
         now = firm if firm.is_safe(config) else now
-        if now is firm and now.tracking_error > config.relax_error and budget.allows(ATTEMPT_MIN):
+        enough = config.warm_start_error if now.arms_spent > 0.0 else config.relax_error
+        if now is firm and now.tracking_error > enough and budget.allows(ATTEMPT_MIN):
             now = _nearer(config, now, attempt(FIRM_RELAXED, slowdown, now.knots.q[1:]))
     return now
 

@@ -83,3 +83,15 @@ def test_joints_of_the_waist_that_have_none_left_one_after_the_other_are_no_trun
         for _ in range(100):
             saturation.trust(spent(joint), PALMS, row(0.0), 0.002)
             assert not saturation.sinks
+
+
+def test_where_the_waist_is_spent_hands_give_way_with_how_far_the_body_is_off_its_plan(saturation):
+    assert not saturation.waist_is_spent
+    for _ in range(100):
+        trust = saturation.trust(spent("waist_pitch_joint"), PALMS, row(0.0), 0.002)
+    assert trust == (1.0, 1.0)  # both palms are where they should be
+    assert saturation.waist_is_spent
+    assert [saturation.trust_off_plan(x) for x in (0.05, 0.19, 0.4)] == pytest.approx([1.0, 0.5, 0.0], abs=1e-2)
+    for _ in range(50):
+        saturation.trust(spent(), PALMS, row(0.0), 0.002)
+    assert not saturation.waist_is_spent
