@@ -191,8 +191,9 @@ class ChunkPlanner:
         """
         if targets.projected.max() > JUMP or self._surely_out_of_reach(targets):
             return None
-        one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK))
-        return one if one.is_safe(self.config) and one.tracking_error <= self.config.clamp_tolerance else None
+        one, most = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK)), self.config.clamp_tolerance
+        holds = one.is_safe(self.config) and one.arms_spent <= strategies.ARMS_SPENT_MAX
+        return one if holds and one.tracking_error <= most else None
 
     def _surely_out_of_reach(self, targets: Targets) -> bool:
         """Whether the map has great odds against some pair of palms, however they are turned."""
@@ -233,9 +234,7 @@ class ChunkPlanner:
         motions = [path.sample(steps) for path in paths]
         T_palms = np.stack([motion.T_world_hand for motion in motions], axis=1)
         T_palms[:, :, :3, 3] += np.einsum("khij,hj->khi", T_palms[:, :, :3, :3], self.offsets)
-        fingers = [
-            motion.q_finger[:, : len(tool.finger_joints)] for motion, tool in zip(motions, self.spec.tools, strict=True)
-        ]
+        fingers = [m.q_finger[:, : len(tool.finger_joints)] for m, tool in zip(motions, self.spec.tools, strict=True)]
         own = int(np.searchsorted(steps, prepared.times[-1], "right"))
         return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), own)
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from policy.base import Policy
 from policy.executor.executor import Executor
-from policy.recorded.replay import ReplayPolicy
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
@@ -65,7 +64,7 @@ class Checker:
             self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
         else:
             self.plant = RealisticPlant(spec, errors, encoders=self.sensors, scene=scene, control_dt=dt, **world)
-        self.gate = ChunkGate(FastChecker(config)) if follow == "gated" else None
+        self.gate = ChunkGate(FastChecker(config, scene)) if follow == "gated" else None
         self.supervisor = AsGiven(spec, config) if follow == "as_given" else Supervisor(spec, config, gate=self.gate)
         self.follow, self._errors = follow, errors
 
@@ -110,7 +109,7 @@ class Checker:
         """
         require_run("duration", duration)
         lead_in = 0.0
-        if self.episode.begin is not None and isinstance(policy, ReplayPolicy):
+        if self.episode.begin is not None and hasattr(policy, "held"):
             # A plan is there when the recording begins, as in the midst of a longer one.
             longer = policy.held(self.supervisor.config.planning.lead)
             policy, lead_in = longer, longer.duration - policy.duration

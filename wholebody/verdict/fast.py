@@ -127,12 +127,13 @@ class FastChecker:
         """Judge what a plan makes of the rest of a chunk, begun somewhere now [s], at the speed of the plan.
 
         A slow-down is told, and moves nothing. Hands that begin elsewhere, and are on their way for longer than the
-        chunk lasts, come to its last step. Room to bounds is not looked at.
+        chunk lasts, come to its last step. Room to bounds is not looked at, but for that to the scene.
         """
 
         def judged(followed: ActionChunk) -> Verdict:
             run, none = PlanRun(self.judge, free, by_path=True), np.zeros((0, 2))
-            run.follow(followed, begin, now, np.inf, ChunkJudgement(plan, followed.times, none, none, ()))
+            around = self.judge.around(followed, plan)
+            run.follow(followed, begin, now, np.inf, ChunkJudgement(plan, followed.times, none, none, around))
             return run.verdict(f"chunk {chunk.seq}", {})
 
         verdict, bounds = judged(chunk), self.config.verdict

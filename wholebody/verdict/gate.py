@@ -109,9 +109,9 @@ class ChunkGate:
         )
 
 
-def gate_of(config: ControllerConfig, by_layout: Mapping[str, tuple[bool, bool]]) -> ChunkGate:
-    """For another process to make: of settings, and of which palms' orientation each layout leaves free."""
-    return ChunkGate(FastChecker(config), by_layout=by_layout)
+def gate_of(config: ControllerConfig, by_layout: Mapping[str, tuple[bool, bool]], scene: str = "floor") -> ChunkGate:
+    """For another process to make: of settings, of which palms' orientation each layout leaves free, and of a scene."""
+    return ChunkGate(FastChecker(config, scene), by_layout=by_layout)
 
 
 def _decision(request: PlanRequest, verdict: Verdict, slower: float, seconds: float) -> Decision:

@@ -213,6 +213,6 @@ class PlanRun:
         result.time_factor = self._spent / self._travelled if self._travelled else 1.0
         verdict = judge(name, result, settings, bounds=self.judge.config.verdict)
         if Limit.SCENE_DISTANCE in self.margins:
-            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
+            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE])
         tightest = sorted(self.margins.values(), key=lambda one: one.share)
         return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)

@@ -34,6 +34,9 @@ ANSWERS: dict[Severity, Answer] = {
 """The answer by the worst violation; without any, feasible."""
 WITHIN = 0.02
 """Palm error of `Verdict.within_20mm` [m]; definition."""
+TOUCH = 2e-3
+"""How far hands or a plan may go into what stands around [m]; measured: of both hands that press on a table, 2.7 mm
+bring the centre of pressure to the edge of the soles, and 3.7 mm take the robot down."""
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
 
@@ -181,14 +184,12 @@ def judge(
     )
 
 
-def blocked(verdict: Verdict, scene: Margin, bounds: VerdictConfig) -> Verdict:
-    """A fast verdict of hands or a plan that go into the scene: as far as a hand may be moved is a repair."""
+def blocked(verdict: Verdict, scene: Margin) -> Verdict:
+    """A fast verdict of hands or a plan that go into the scene: it does not give way, and no plan goes around it."""
     depth = -scene.margin
     if depth <= 0.0:
         return verdict
-    severity = (Severity.NOTE, Severity.REPAIR, Severity.INFEASIBLE)[
-        (depth > bounds.palm_feasible) + (depth > bounds.palm_repair)
-    ]
+    severity = Severity.INFEASIBLE if depth > TOUCH else Severity.NOTE
     one = Violation(
         code=Reason.SCENE_CONTACT, severity=severity, subject=scene.subject, time=scene.time, step=scene.step,
         value=scene.value, bound=scene.bound, unit=scene.unit,

@@ -77,6 +77,13 @@ def test_another_motion_is_held_with_its_reason_and_the_robot_stays(checker):
     assert decision.seconds < 0.05
 
 
+def test_a_hand_asked_into_furniture_is_held():
+    checker = Checker("table", episode=EpisodeConfig(settle=0.1, hold=0.2), follow="gated")
+    decision, refusal = shown(checker, sent(to=(0.15, 0.0, -0.2)))
+    assert (decision.answer, decision.reason) == ("held", Reason.SCENE_CONTACT)
+    assert refusal.reason is Reason.NOT_CLEARED
+
+
 def test_hands_that_are_elsewhere_may_come_back_though_the_chunk_is_over_by_then(checker):
     decision, _ = shown(checker, replace(sent(to=(0, 0, 0), jump=(0.1, 0.0, 0.4))), seconds=0.3)
     assert decision.answer == "repaired"

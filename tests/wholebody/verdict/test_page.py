@@ -17,6 +17,7 @@ from wholebody.episode.run import EpisodeConfig
 from wholebody.errors import InputError
 from wholebody.sim.record import PERIODS, Record
 from wholebody.verdict.check import Checker
+from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.page import reporting
 from wholebody.verdict.page.index import ranked, write_index
 from wholebody.verdict.page.page import page, write_page
@@ -111,6 +112,14 @@ def test_a_minute_is_at_most_six_megabytes(made):
     size = len(page(replace(shown, record=Record(arrays))))
     print(f"a page of a minute has {1e-6 * size:.2f} MB")
     assert size <= SIZE_MAX
+
+
+def test_a_page_changes_no_answer_of_a_chunk_that_moves_at_once(tmp_path):
+    policy, fast = open_recording(str(chunk_file(tmp_path, "too_fast"))), FastChecker()
+    checker = Checker(episode=EpisodeConfig(hold=0.2, begin=fast.first_state(policy)))
+    without, _ = checker.check(policy, "it", policy.duration)
+    told = reporting.report(checker, policy, "it", policy.duration, tmp_path / "a.html")
+    assert (told.verdict, told.max_m) == (without.verdict, without.max_m)
 
 
 def test_a_run_of_nothing_has_no_page(made, tmp_path):

@@ -93,7 +93,8 @@ def live(
             page = PageProcess(world, list(policies), shown.host, shown.port)
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
         free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}
-        session = Session(settings, world, about, page, partial(gate_of, settings, free) if around.gate else None)
+        gate = partial(gate_of, settings, free, around.scene) if around.gate else None
+        session = Session(settings, world, about, page, gate)
     if page is not None:
         say(f"http://{shown.host}:{page.port} shows the robot; Ctrl-C ends it", to_errors=True)
     try:

@@ -31,7 +31,14 @@ class Watched:
         self._policy, self.chunks = policy, list[ActionChunk]()
 
     def __getattr__(self, name: str) -> object:
-        return getattr(self._policy, name)
+        value = getattr(self._policy, name)
+        return self._held if name == "held" else value
+
+    def _held(self, seconds: float) -> Watched:
+        """A recording after its first step was held; its chunks are kept in the same place."""
+        longer = Watched(self._policy.held(seconds))
+        longer.chunks = self.chunks
+        return longer
 
     def reset(self, task: str = "") -> None:
         """As the policy does, and forget the chunks."""
