@@ -62,8 +62,14 @@ def check_places(
         if path is not None and path.suffix != ending:
             raise ValueError(f"cannot write '{path}': its name must end in {ending}")
     for path in (video, sheet, record, Path(json_to) if json_to not in ("", "-") else None):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
+        if path is not None:
+            check_folder(path)
+
+
+def check_folder(path: Path) -> None:
+    """Refuse an output whose folder does not exist."""
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
 
 
 def print_verdict(verdict: Verdict) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wholebody.cli.console import complain, waiting
@@ -165,6 +166,18 @@ def cameras_of(policy: Policy, checker: Checker, images: str) -> Iterator[Camera
         return
     with RenderedCameras(checker.plant, checker.scene, sizes) as cameras:
         yield cameras
+
+
+def check_settings(file: Path | None) -> None:
+    """Refuse a settings file that is missing or malformed before any input is looked at: it holds for all of them.
+
+    Raises:
+        ConfigError: With file and line.
+    """
+    from wholebody.config.file import load_config
+
+    if file is not None:
+        load_config(file)
 
 
 def check_times(duration: float, hold: float) -> None:

@@ -45,8 +45,7 @@ def load_config(path: str | Path) -> ControllerConfig:
 
     Raises:
         ConfigError: If the file is no YAML mapping, names something unknown, or gives a value of the wrong type or
-            outside its bounds; with file and line.
-        OSError: If the file cannot be read.
+            outside its bounds; with file and line. Also if it cannot be read: it is no fault of what is judged with it.
     """
     name = printable(path, 300)
     try:
@@ -55,6 +54,9 @@ def load_config(path: str | Path) -> ControllerConfig:
         changes, root = yaml.load(text, _Loader), yaml.compose(text, _Loader)
     except ReadingError as error:
         raise ConfigError(f"{name} {error}") from error
+    except OSError as error:
+        text = f"the settings file '{name}' cannot be read: {error.strerror or error}; `wholebody config` prints one"
+        raise ConfigError(text) from error
     # A character that YAML does not have is a ValueError of its own.
     except (yaml.YAMLError, ValueError) as error:
         raise ConfigError(f"{name} is not YAML: {printable(' '.join(str(error).split()), 300)}") from error

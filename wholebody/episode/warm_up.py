@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+import json
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
@@ -31,6 +34,22 @@ from wholebody.robot.state import Robot
 from wholebody.sim import plant
 from wholebody.types import RobotState
 
+CHILD = """
+import json, os, pickle, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+answer = os.fdopen(os.dup(1), "wb")
+os.dup2(2, 1)
+error, sys.path[:] = None, json.loads(sys.argv[1])
+try:
+    compiled, robot = pickle.loads(bytes.fromhex(sys.argv[2]))
+    compiled(robot)
+except Exception as failed:
+    error = failed
+answer.write(pickle.dumps(error))
+answer.close()
+"""
+"""What runs in a process of its own: its standard output is for the answer alone, whatever libraries print."""
+
 
 def warm_up(robot: RobotConfig | None = None) -> float:
     """Compile the tick and the plan in a process each, then plan one chunk and make a few ticks, without physics.
@@ -40,12 +59,12 @@ def warm_up(robot: RobotConfig | None = None) -> float:
 
     Returns:
         How long it took [s]: most of a minute with a cold cache and two free cores, a few seconds with a warm one.
+
+    Raises:
+        RuntimeError: If a process ended abruptly; whatever else one raises is raised here, too.
     """
     begin, robot = perf_counter(), robot or RobotConfig()
-    # A fresh interpreter each: threads of libraries do not survive a fork.
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        for part in [pool.submit(compile_plan, robot), pool.submit(compile_tick, robot)]:
-            part.result()
+    _apart([compile_plan, compile_tick], robot)
     spec = describe(robot)
     supervisor = Supervisor(spec)
     state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
@@ -54,6 +73,32 @@ def warm_up(robot: RobotConfig | None = None) -> float:
     for _ in range(3):
         supervisor.step(state)
     return perf_counter() - begin
+
+
+def _apart(parts: list[Callable[[RobotConfig], None]], robot: RobotConfig) -> None:
+    """Call functions side by side, each in a fresh interpreter: threads of libraries do not survive a fork.
+
+    Not those of ``multiprocessing``: they run the caller's script again, which may have no guard against that.
+    """
+    command = [sys.executable, "-P", "-c", CHILD, json.dumps(sys.path)]
+    children = [
+        subprocess.Popen(
+            [*command, pickle.dumps((part, robot)).hex()], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+        )
+        for part in parts
+    ]
+    try:
+        answers = [child.communicate()[0] for child in children]
+    finally:
+        # Also after Ctrl-C: no child compiles on.
+        for child in children:
+            child.kill()
+            child.wait()
+    for child, answer in zip(children, answers, strict=True):
+        if not answer:
+            raise RuntimeError(f"a process that compiles ended abruptly, with code {child.returncode}")
+        if (error := pickle.loads(answer)) is not None:  # noqa: S301 - of a child of ours
+            raise error
 
 
 def compile_tick(robot: RobotConfig) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
-from policy.geometry.rotations import angle_between, nearest_rotation, rotation_residual
+from policy.geometry.rotations import angle_between
 from policy.reading import FPS_MAX, FPS_MIN
 from policy.scripted.policy import minimum_jerk
 from wholebody.config import ControllerConfig
@@ -35,6 +35,7 @@ from wholebody.planning.still_postures import (  # fmt: skip
 )
 from wholebody.planning.trajopt.layout import LOWER
 from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.planning.wrist_target import wrist_target
 from wholebody.types import RobotState, check_state
 
 NEAR = 0.02
@@ -55,8 +56,6 @@ STARTS = 12
 """Most postures that the search begins at, the stance included."""
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
 """Shortest and longest way [s]; chosen, no trial is on record."""
-ROTATION_RESIDUAL_MAX = 1e-3
-"""Largest `rotation_residual` of a target, whose nearest rotation counts [no unit]; chosen: above float32 rounding."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ class PostureSolver:
 
     def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS) -> Solution:
         """As `wholebody.planning.posture.solve`, with a search from at most so many ``starts``."""
-        targets = np.stack([_pose(T_world_lhand, "T_world_lhand"), _pose(T_world_rhand, "T_world_rhand")])
+        targets = np.stack([wrist_target(T_world_lhand, "T_world_lhand"), wrist_target(T_world_rhand, "T_world_rhand")])
         T_palms, missed = self._shifted(targets, 1.0), []
         for _ in self._attempts(T_palms, self._reaching, starts):
             found = self._solution(targets)
@@ -173,6 +172,8 @@ class PostureSolver:
         seq: int = 0,
     ) -> PosturePath:
         """As `wholebody.planning.posture.path_to`."""
+        if not isinstance(posture, Solution):
+            raise InputError(f"posture is a {type(posture).__name__}; give what `wholebody.solve` returns, a Solution")
         if not (DURATION_MIN <= duration <= DURATION_MAX and FPS_MIN <= fps <= FPS_MAX):
             raise InputError(
                 f"a way of {duration} s at {fps} Hz; {DURATION_MIN:g} to {DURATION_MAX:g} s and {FPS_MIN:g} to "
@@ -189,6 +190,9 @@ class PostureSolver:
             n = len(tool.finger_joints)
             hands[:, hand, :n] = way.q[:, self.body.fingers[hand * n : (hand + 1) * n]]
         chunk = ActionChunk(builtin("wbc32").id, seq, time, fps, wrists[:, 0], wrists[:, 1], hands[:, 0], hands[:, 1])
+        if not posture.reached:
+            said = str(posture).splitlines()[: 1 + len(posture.reasons)]
+            chunk = replace(chunk, notes=(f"goes to the nearest posture found, {'; '.join(said)}",))
         return PosturePath(way.clear, chunk, way.q, way.margins)
 
     def _nearest(self, T_palms: np.ndarray, targets: np.ndarray, start: np.ndarray) -> Solution:
@@ -284,8 +288,10 @@ def path_to(
 ) -> PosturePath:
     """A way to a posture that is balanced at every step, for `Supervisor.accept`.
 
+    Where the posture does not reach its targets, the chunk has a note that says so.
+
     Args:
-        posture: Where to.
+        posture: Where to: what `solve` returns.
         start: Where the robot is, at rest, with its feet as in the stance; the stance at time 0 if not given.
         duration: [s]; a plan takes longer where the body cannot be as fast.
         fps: Rate of the chunk [Hz].
@@ -293,7 +299,7 @@ def path_to(
         config: Of the robot and its bounds.
 
     Raises:
-        InputError: If the start is no state of this robot, or the duration or rate is out of range.
+        InputError: If the posture is none, the start no state of this robot, or the duration or rate is out of range.
     """
     return _solver(config or ControllerConfig()).path_to(posture, start, duration=duration, fps=fps, seq=seq)
 
@@ -301,20 +307,3 @@ def path_to(
 @lru_cache(maxsize=1)
 def _solver(config: ControllerConfig) -> PostureSolver:
     return PostureSolver(describe(config.robot), config)
-
-
-def _pose(T: np.ndarray, name: str) -> np.ndarray:
-    try:
-        T = np.array(T, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is a {type(T).__name__}, not numbers; give a pose (4, 4) of a wrist") from error
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise InputError(f"{name} has shape {T.shape} or is not finite; give a finite pose (4, 4) of a wrist in world")
-    residual = float(rotation_residual(T[:3, :3]))
-    if not residual <= ROTATION_RESIDUAL_MAX or not np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-9):
-        raise InputError(
-            f"{name} is no rigid transform: its rotation is off by {residual:.2g}, at most {ROTATION_RESIDUAL_MAX:g}, "
-            f"and its last row is {T[3].tolist()}, which has to be [0, 0, 0, 1]"
-        )
-    T[:3, :3] = nearest_rotation(T[:3, :3])
-    return T

@@ -11,6 +11,7 @@ import numpy as np
 from policy.archive import read_arrays
 from policy.errors import FileFormatError
 from policy.reading import ReadingError
+from policy.recorded.chunk_file import KEYS
 from wholebody.types import Reason, Status
 
 VERSION = 1
@@ -143,8 +144,19 @@ def read_record(path: str | Path, wanted: Collection[str] = COLUMNS) -> Record:
             raise ReadingError(f"is a recording of format {arrays['version']}; {VERSION} is read: record the run again")
         _check(arrays, {*wanted, "version", "time"})
     except ReadingError as error:
-        raise FileFormatError(str(error), path=str(path)) from error
+        text = f"{error}"
+        if _is_chunk(path):
+            text = f"is a chunk file, and recordings are drawn: `wholebody run {path} --record run.npz` makes one of it"
+        raise FileFormatError(text, path=str(path)) from error
     return Record(arrays)
+
+
+def _is_chunk(path: Path) -> bool:
+    """Whether it is what a recording is made of, and easily taken for one."""
+    try:
+        return "actions" in read_arrays(path, KEYS, wanted={"actions"})
+    except ReadingError:
+        return False
 
 
 def _check(arrays: Mapping[str, np.ndarray], wanted: Collection[str]) -> None:

@@ -141,16 +141,22 @@ def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judge
         (("run", "wave", "--duration", "-1"), "--duration"),
         (("run", "--motions", "."), "no .csv files"),
         (("run", "wave", "--scene", "tabel"), "no scene 'tabel'; did you mean"),
-        (("check", "wave", "--config", "none.yaml"), "none.yaml"),
+        (("check", "chunk.npz", "--config", "none.yaml"), "wholebody: the settings file 'none.yaml' cannot be"),
+        (("check", "none.npz", "wave", "-j", "2", "--config", "broken.yaml"), "wholebody: broken.yaml:1: unknown"),
+        (("run", "none.npz", "--config", "none.yaml"), "wholebody: the settings file 'none.yaml'"),
+        (("audit", "none.npz", "--config", "broken.yaml"), "wholebody: broken.yaml:1: unknown"),
+        (("repair", "chunk.npz", "none/out.npz", "--assume-spec", "wbc32"), "there is no folder 'none'"),
         (("check", "chunk.npz", "--assume-spec", "wbc33"), "wbc32"),
     ],
 )
 def test_misuse_is_told_before_anything_is_simulated(inside, tmp_path, monkeypatch, arguments, says):
     monkeypatch.chdir(tmp_path)
     np.savez(tmp_path / "chunk.npz", actions=np.zeros((10, 32)), fps=30.0)
+    (tmp_path / "broken.yaml").write_text("solvr: quadprog\n")
     answer = inside(*arguments)
     assert answer.returncode == 2
     assert says in answer.stderr
+    assert len(answer.stderr.splitlines()) == 1
     assert answer.stdout == ""
 
 

@@ -22,7 +22,7 @@ def test_the_picture_is_written_beside_the_recording_and_over_no_sheet(inside, t
     [
         (("none.npz",), "none.npz"),
         ((".",), "say with --output where"),
-        (("chunk.npz",), "chunk.npz: has the unknown array 'actions'"),
+        (("chunk.npz",), "chunk.npz: is a chunk file, and recordings are drawn: `wholebody run chunk.npz --rec"),
         (("run.npz", "-o", "run.gif"), "must end in .png"),
         (("run.npz", "-o", "none/run.png"), "there is no folder"),
         ((".", "-o", "run.png"), ".: is a folder, which cannot be read"),
@@ -31,7 +31,7 @@ def test_the_picture_is_written_beside_the_recording_and_over_no_sheet(inside, t
 def test_what_cannot_be_plotted_is_one_sentence_and_code_2(inside, tmp_path, monkeypatch, arguments, says):
     monkeypatch.chdir(tmp_path)
     save(made_record(5), tmp_path / "run.npz")
-    np.savez(tmp_path / "chunk.npz", actions=np.zeros((3, 32)))
+    np.savez(tmp_path / "chunk.npz", fps=30.0, actions=np.zeros((3, 32)), spec="wbc32")
     answer = inside("plot", *arguments)
     assert answer.returncode == 2
     assert says in answer.stderr

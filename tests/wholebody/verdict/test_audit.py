@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pyarrow.parquet
 import pytest
@@ -14,6 +15,7 @@ import pytest
 from tests.support.audited import judging
 from tests.support.commands import wholebody
 from tests.support.pages import chunk_file
+from wholebody.cli.commands.audit import _summary
 from wholebody.errors import InputError
 from wholebody.verdict.audit.audit import audit
 from wholebody.verdict.audit.journal import NAME, Journal
@@ -143,3 +145,11 @@ def test_an_audit_that_is_killed_and_gone_on_with_equals_one_that_is_not(chunks,
     }
     assert {row["code"] for row in violations} >= {"out_of_reach"}
     assert "too_far.npz" in (killed / "index.html").read_text()
+
+
+def test_what_could_not_be_judged_is_named_up_to_five():
+    found = [Outcome(name=f"{k}.npz", ending="malformed") for k in range(7)]
+    lines = list(_summary([outcome("fine"), *found, Outcome(name="slow.npz", ending="timed_out")], Path("audit")))
+    assert "malformed: 0.npz, 1.npz, 2.npz, 3.npz, 4.npz and 2 more" in lines
+    assert "timed out: slow.npz" in lines
+    assert not any(line.startswith("malformed") for line in _summary([outcome("fine")], Path("audit")))

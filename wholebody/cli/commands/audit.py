@@ -17,6 +17,7 @@ from typer import Option
 from wholebody.cli.auditing import Audited, make_judging
 from wholebody.cli.console import say
 from wholebody.cli.judging import CRASH, FEASIBLE, INFEASIBLE, MALFORMED
+from wholebody.cli.simulated import check_settings
 from wholebody.cli.sources import expanded
 from wholebody.resources import processors
 
@@ -30,6 +31,8 @@ LIMIT_MIN, LIMIT_MAX = 1.0, 86400.0
 TOLD_EVERY = 3.0
 """Time between two lines of progress [s]; chosen, no trial is on record."""
 CODES = {"crashed": CRASH, "timed_out": INFEASIBLE, "malformed": MALFORMED, "infeasible": INFEASIBLE}
+UNJUDGED, NAMED_MAX = ("crashed", "timed_out", "malformed"), 5
+"""Endings without a verdict, whose inputs are named, and most names of each; the page has all of them."""
 
 
 def audit(
@@ -57,6 +60,7 @@ def audit(
         raise ValueError(f"-j is {jobs}; 0 to {JOBS_MAX} inputs can be judged side by side")
     if not LIMIT_MIN <= limit <= LIMIT_MAX:
         raise ValueError(f"--limit is {limit:g} s; {LIMIT_MIN:g} to {LIMIT_MAX:g} s is expected")
+    check_settings(audited.config)
     names = list(dict.fromkeys(one for name in inputs for one in expanded(name, audited.episodes)))
     if not names:
         raise ValueError("there is nothing to audit")
@@ -88,6 +92,11 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
     answers = Counter(one.answer for one in found)
     counts = ", ".join(f"{answers[name]} {name.replace('_', ' ')}" for name in RANK if answers[name])
     yield f"{len(found)} inputs, {sum(one.motion_s for one in found) / 60.0:.1f} minutes of motion: {counts}"
+    for ending in UNJUDGED:
+        named = [one.name for one in found if one.answer == ending]
+        if named:
+            more = f" and {len(named) - NAMED_MAX} more" if len(named) > NAMED_MAX else ""
+            yield f"{ending.replace('_', ' ')}: {', '.join(named[:NAMED_MAX])}{more}"
     slower = sum(one.slower is not None for one in found)
     delete = sum(map(len, to_delete(found).values()))
     yield f"{slower} would do slower, {delete} episodes of datasets to delete; {folder / PAGE} ranks them"

@@ -11,7 +11,7 @@ from wholebody.cli.console import JsonVerdicts, check_places, print_verdict
 from wholebody.cli.judging import FEASIBLE, Judge, answers
 from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictsTo, completed_script
 from wholebody.cli.pages import Pages
-from wholebody.cli.simulated import check_times
+from wholebody.cli.simulated import check_settings, check_times
 
 JOBS_MAX = 256
 """Most processes side by side."""
@@ -41,6 +41,7 @@ def check(
     """
     check_times(given.duration, simulation.hold)
     check_places(json_to)
+    check_settings(simulation.config)
     if not 1 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 1 to {JOBS_MAX} inputs can be judged side by side")
     if not 0 <= judging.worlds <= WORLDS_MAX:

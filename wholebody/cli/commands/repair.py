@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from wholebody.cli.console import say, waiting
+from wholebody.cli.console import check_folder, say, waiting
 from wholebody.cli.judging import FEASIBLE, INFEASIBLE
 from wholebody.cli.options import AssumeSpec
 from wholebody.cli.sources import layout_named
@@ -40,6 +40,7 @@ def repair(
 
     if target.suffix.lower() != ".npz":
         raise ValueError(f"cannot write '{target}': its name must end in .npz")
+    check_folder(target)
     file = read_chunk_file(source, assume=layout_named(assume_spec))
     chunk, free = file.chunk(), file.spec.orientation_free
     with waiting("loading the robot, compiling if it is the first time: a minute or two"):

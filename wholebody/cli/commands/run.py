@@ -28,7 +28,7 @@ from wholebody.cli.options import (
     VerdictsTo,
     completed_script,
 )
-from wholebody.cli.simulated import SCENE_OF, cameras_of, check_times, make_checker, make_executor
+from wholebody.cli.simulated import SCENE_OF, cameras_of, check_settings, check_times, make_checker, make_executor
 from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ def run(
     quiet, follow = json_to == "-", asking.follow
     check_times(given.duration, simulation.hold)
     check_places(json_to, pictures.video, pictures.sheet, pictures.record)
+    check_settings(simulation.config)
     names = _names(source, motions, given, one=pictures.wanted())
     choices = sampling.choices() | {"rtc": asking.real_time_chunking}
     policies = [opened(name, given, **choices) for name in names]
