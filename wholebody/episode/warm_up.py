@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import os
 import pickle
 import subprocess
 import sys
@@ -35,20 +35,12 @@ from wholebody.sim import plant
 from wholebody.types import RobotState
 
 CHILD = """
-import json, os, pickle, signal, sys
+import pickle, signal, sys
 signal.signal(signal.SIGINT, signal.SIG_DFL)
-answer = os.fdopen(os.dup(1), "wb")
-os.dup2(2, 1)
-error, sys.path[:] = None, json.loads(sys.argv[1])
-try:
-    compiled, robot = pickle.loads(bytes.fromhex(sys.argv[2]))
-    compiled(robot)
-except Exception as failed:
-    error = failed
-answer.write(pickle.dumps(error))
-answer.close()
+compiled, robot = pickle.loads(bytes.fromhex(sys.argv[1]))
+compiled(robot)
 """
-"""What runs in a process of its own: its standard output is for the answer alone, whatever libraries print."""
+"""What runs in a process of its own; after Ctrl-C it ends without a word."""
 
 
 def warm_up(robot: RobotConfig | None = None) -> float:
@@ -61,11 +53,12 @@ def warm_up(robot: RobotConfig | None = None) -> float:
         How long it took [s]: most of a minute with a cold cache and two free cores, a few seconds with a warm one.
 
     Raises:
-        RuntimeError: If a process ended abruptly; whatever else one raises is raised here, too.
+        ConfigError: If there is no such robot.
+        RuntimeError: If a process that compiles fails; what it says is on standard error.
     """
     begin, robot = perf_counter(), robot or RobotConfig()
-    _apart([compile_plan, compile_tick], robot)
     spec = describe(robot)
+    _apart([compile_plan, compile_tick], robot)
     supervisor = Supervisor(spec)
     state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
     supervisor.reset(state)
@@ -80,25 +73,23 @@ def _apart(parts: list[Callable[[RobotConfig], None]], robot: RobotConfig) -> No
 
     Not those of ``multiprocessing``: they run the caller's script again, which may have no guard against that.
     """
-    command = [sys.executable, "-P", "-c", CHILD, json.dumps(sys.path)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     children = [
         subprocess.Popen(
-            [*command, pickle.dumps((part, robot)).hex()], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+            [sys.executable, "-P", "-c", CHILD, pickle.dumps((part, robot)).hex()],
+            env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
         )
         for part in parts
-    ]
+    ]  # fmt: skip
     try:
-        answers = [child.communicate()[0] for child in children]
+        codes = [child.wait() for child in children]
     finally:
         # Also after Ctrl-C: no child compiles on.
         for child in children:
             child.kill()
             child.wait()
-    for child, answer in zip(children, answers, strict=True):
-        if not answer:
-            raise RuntimeError(f"a process that compiles ended abruptly, with code {child.returncode}")
-        if (error := pickle.loads(answer)) is not None:  # noqa: S301 - of a child of ours
-            raise error
+    if any(codes):
+        raise RuntimeError(f"a process that compiles ended with code {max(codes, key=abs)}")
 
 
 def compile_tick(robot: RobotConfig) -> None:
