@@ -32,10 +32,10 @@ from wholebody.planning.still_postures import (  # fmt: skip
     RandomPostures,
     Round,
     StillPostures,
+    wrist_target,
 )
 from wholebody.planning.trajopt.layout import LOWER
 from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.planning.wrist_target import wrist_target
 from wholebody.types import RobotState, check_state
 
 NEAR = 0.02

@@ -12,8 +12,9 @@ from enum import StrEnum
 import numpy as np
 import pinocchio as pin
 
-from policy.geometry.rotations import angle_between
+from policy.geometry.rotations import angle_between, nearest_rotation, rotation_residual
 from wholebody.config import TrajectoryConfig
+from wholebody.errors import InputError
 from wholebody.planning.trajopt.layout import (  # fmt: skip
     BASE_HEIGHT,
     COM_EDGE,
@@ -33,6 +34,8 @@ POSITION_REACHED, ORIENTATION_REACHED = 1e-3, np.deg2rad(0.2)
 WITHIN = 0.01
 """Excess over a bound, in terms of its tolerance, that counts as none; chosen: 0.1 mm of a distance, 0.5 mrad of a
 joint."""
+ROTATION_RESIDUAL_MAX = 1e-3
+"""Largest `rotation_residual` of a target, whose nearest rotation counts [no unit]; chosen: above float32 rounding."""
 STEP_MIN = 1e-6
 """Largest entry of a step that ends a round [m, rad]; chosen: far below `POSITION_REACHED`."""
 RANDOM, SPREAD = 10_000, 0.25
@@ -224,3 +227,30 @@ class RandomPostures:
         if lever:
             away = away + lever * angle_between(self._T_palms[..., :3, :3], T_palms[:, :3, :3])
         return self._q[np.argsort(away.max(axis=1), kind="stable")[:n]]
+
+
+def wrist_target(T: np.ndarray, name: str) -> np.ndarray:
+    """A pose (4, 4) that a wrist is wanted at, with its nearest rotation.
+
+    Raises:
+        InputError: If it is no rigid transform; says what of it is wrong.
+    """
+    try:
+        T = np.array(T, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is a {type(T).__name__}, not numbers; give a pose (4, 4) of a wrist") from error
+    if T.shape != (4, 4):
+        raise InputError(f"{name} has shape {T.shape}; give a pose (4, 4) of a wrist in world")
+    if not np.isfinite(T).all():
+        row, column = np.argwhere(~np.isfinite(T))[0].tolist()
+        raise InputError(f"{name}[{row}, {column}] is {T[row, column]}; give a finite pose (4, 4) of a wrist in world")
+    if not np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-9):
+        raise InputError(f"{name} is no rigid transform: its last row is {T[3].tolist()}; [0, 0, 0, 1] is expected")
+    residual = float(rotation_residual(T[:3, :3]))
+    if not residual <= ROTATION_RESIDUAL_MAX:
+        raise InputError(
+            f"{name} is no rigid transform: its rotation {name}[:3, :3] is off by {residual:.2g}, at most "
+            f"{ROTATION_RESIDUAL_MAX:g} is expected; give orthonormal columns that are right-handed (determinant 1)"
+        )
+    T[:3, :3] = nearest_rotation(T[:3, :3])
+    return T
