@@ -191,9 +191,8 @@ class ChunkPlanner:
         """
         if targets.projected.max() > JUMP or self._surely_out_of_reach(targets):
             return None
-        one, most = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK)), self.config.clamp_tolerance
-        holds = one.is_safe(self.config) and one.arms_spent <= strategies.ARMS_SPENT_MAX
-        return one if holds and one.tracking_error <= most else None
+        one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK))
+        return one if one.is_safe(self.config) and one.tracking_error <= self.config.clamp_tolerance else None
 
     def _surely_out_of_reach(self, targets: Targets) -> bool:
         """Whether the map has great odds against some pair of palms, however they are turned."""

@@ -87,14 +87,13 @@ def live(
     quiet, page = json_to == "-", None
     with waiting("loading the robot and the planner, compiling if it is the first time", quiet):
         if not shown.headless:
-            policies |= {HANDS: DraggedHands()} | {
-                name: opened(name, given) for name in SCRIPTS if name not in policies
-            }
+            others = {name: opened(name, given) for name in SCRIPTS if name not in policies}
+            policies |= {HANDS: DraggedHands()} | others
             page = PageProcess(world, list(policies), shown.host, shown.port)
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
         free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}
-        gate = partial(gate_of, settings, free, around.scene) if around.gate else None
-        session = Session(settings, world, about, page, gate)
+        gate = partial(gate_of, settings, free, around.scene)
+        session = Session(settings, world, about, page, gate if around.gate else None)
     if page is not None:
         say(f"http://{shown.host}:{page.port} shows the robot; Ctrl-C ends it", to_errors=True)
     try:
