@@ -23,6 +23,7 @@ from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.gate import ChunkGate
+from wholebody.verdict.input_steps import last_step, within
 from wholebody.verdict.verdict import Follow, Verdict, judge
 
 TIMESTEP = 0.002
@@ -109,7 +110,7 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        lead_in = 0.0
+        lead_in, given = 0.0, policy
         if self.episode.begin is not None and isinstance(policy, ReplayPolicy):
             # A plan is there when the recording begins, as in the midst of a longer one.
             longer = policy.held(self.supervisor.config.planning.lead)
@@ -130,4 +131,6 @@ class Checker:
         config = self.supervisor.config
         summary = None if self.gate is None else self.gate.summary(self.supervisor.handover.late)
         verdict = judge(name, result, asdict(config), bounds=config.verdict)
-        return replace(verdict, robot=self.robot, follow=self.follow, gate=summary), result
+        last = last_step(given, duration, result.fps)
+        verdict = replace(verdict, robot=self.robot, follow=self.follow, gate=summary)
+        return within(verdict, last), result

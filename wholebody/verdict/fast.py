@@ -28,6 +28,7 @@ from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
+from wholebody.verdict.input_steps import last_step, within
 from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
@@ -88,7 +89,7 @@ class FastChecker:
         lead = self.config.planning.lead if start == "stance" else 0.0
         run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True)
         self._play(run, policy, duration, None if start == "first" else self.judge.stance(), lead)
-        return self._told(run, name, ask_why=ask_why)
+        return within(self._told(run, name, ask_why=ask_why), last_step(policy, duration, run.result.fps))
 
     def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> None:
         """Chunk after chunk for a time [s], begun somewhere or else with the hands at the first step."""
@@ -119,7 +120,7 @@ class FastChecker:
         """Judge a single chunk from where it is begun."""
         run = PlanRun(self.judge, free)
         run.follow(chunk, begin, chunk.t_obs, np.inf)
-        return self._told(run, name, ask_why=ask_why)
+        return within(self._told(run, name, ask_why=ask_why), len(chunk) - 1)
 
     def of_plan(
         self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]
