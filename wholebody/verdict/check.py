@@ -12,7 +12,7 @@ from policy.recorded.replay import ReplayPolicy
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
-from wholebody.episode.result import EpisodeResult
+from wholebody.episode.result import EpisodeResult, Note
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.as_given import AsGiven
@@ -22,6 +22,7 @@ from wholebody.sim.recorder import Recorder
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.first_step import far_from_stance
 from wholebody.verdict.gate import ChunkGate
 from wholebody.verdict.input_steps import last_step, within
 from wholebody.verdict.verdict import Follow, Verdict, judge
@@ -128,6 +129,9 @@ class Checker:
             recorder=recorder,
             progress=progress,
         )
+        if self.episode.begin is not None and isinstance(given, ReplayPolicy):
+            far = far_from_stance(given.episode, self.plant.spec, result.orientation_free)
+            result.notes += [Note(result.start, text) for text in far]
         config = self.supervisor.config
         summary = None if self.gate is None else self.gate.summary(self.supervisor.handover.late)
         verdict = judge(name, result, asdict(config), bounds=config.verdict)

@@ -17,6 +17,7 @@ from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
+from wholebody.episode.result import Note
 from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
@@ -28,6 +29,7 @@ from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
+from wholebody.verdict.first_step import far_from_stance
 from wholebody.verdict.input_steps import last_step, within
 from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.repair import Repairer
@@ -97,7 +99,10 @@ class FastChecker:
         time, end = 0.0, max(duration - 1e-9, 1e-9)  # even the shortest input is asked for once
         while time < end:
             chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
-            begin = begin or self.judge.first_pose(chunk)
+            if begin is None:
+                begin = self.judge.first_pose(chunk)
+                far = far_from_stance(chunk, self.spec, run.result.orientation_free)
+                run.result.notes += [Note(chunk.t_obs, text) for text in far]
             following = REPLACE_EVERY / chunk.fps
             last = time + following >= duration - 1e-9
             begin = run.follow(chunk, begin, time + lead, np.inf if last else time + following + lead)
