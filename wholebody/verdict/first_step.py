@@ -36,6 +36,6 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     if shares[side] <= 1.0:
         return ()
     far = f"{quantity(float(away[side]), 'm')} and {np.rad2deg(turned[side]):.0f} deg from the stance"
-    text = f"it begins where the {HANDS[side]} hand is {far}, and so does the check: --start stance judges the way there"
+    text = f"it begins where the {HANDS[side]} hand is {far}, as does the check: --start stance judges the way there"
     swapped = bool((np.linalg.norm(there - here[::-1], axis=1) < away).all())
     return (f"{text}; are left and right swapped?" if swapped else text,)
