@@ -22,9 +22,8 @@ from wholebody.sim.recorder import Recorder
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.first_step import far_from_stance
 from wholebody.verdict.gate import ChunkGate
-from wholebody.verdict.input_steps import last_step, within
+from wholebody.verdict.input_steps import far_from_stance, last_step, within
 from wholebody.verdict.verdict import Follow, Verdict, judge
 
 TIMESTEP = 0.002

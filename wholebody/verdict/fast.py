@@ -29,8 +29,7 @@ from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
-from wholebody.verdict.first_step import far_from_stance
-from wholebody.verdict.input_steps import last_step, within
+from wholebody.verdict.input_steps import far_from_stance, last_step, within
 from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict

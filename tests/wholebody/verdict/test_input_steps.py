@@ -16,7 +16,7 @@ from wholebody.episode.run import EpisodeConfig
 from wholebody.types import Reason
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.first_step import far_from_stance
+from wholebody.verdict.input_steps import far_from_stance
 
 SPEC, FREE, ASKED = describe(ControllerConfig().robot), (True, True), (False, False)
 
