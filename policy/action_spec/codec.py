@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
-from policy.action_spec.frame_guess import world_guess
+from policy.action_spec.frame_guess import unit_guess, world_guess
 from policy.action_spec.hands import closing_of, finger_range, grasp_posture
 from policy.action_spec.slot import TARGETS, Slot
 from policy.action_spec.spec import ActionSpec
@@ -79,6 +79,7 @@ def decode(
             wrists[hand] = anchor.T_world_base @ _reached(anchor, side, hand, arms[side], waist)
         fingers[hand], said = _decode_fingers(spec, side, actions, anchor)
         notes += said
+    notes += unit_guess(wrists, anchor)
     slots = [spec.slot(name) for name in ("base_height", "base_velocity")]
     height, velocity = (_resolved(slot, actions, anchor) if slot else None for slot in slots)
     notes += _not_followed(height, velocity, anchor)

@@ -1,6 +1,8 @@
-"""Wrist positions that only make sense in world, where a layout has them in the pelvis: a guess for their author."""
+"""Wrist positions that make sense in world only, or in another unit: guesses for their author."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -16,6 +18,9 @@ ARM_REACH = 0.383
 """Largest distance of a wrist from it [m]. Source of both: the sphere around 20 000 random arm postures."""
 LEAN = 0.1
 """What leaning adds at least [m]."""
+ROOM = 5.0
+"""Distance of a wrist from the pelvis from which its numbers are in another unit [m]; chosen: what no task asks of a
+robot that stands, and little in millimetres."""
 
 
 def world_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple[str, ...]:
@@ -39,6 +44,24 @@ def world_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple[
         f"'{spec.name}' is in, and within reach in world; multiply the poses by the inverse of the {slot.frame}'s pose "
         'as it was measured at the observation, or name a layout with "frame": "world"',
     )
+
+
+def unit_guess(wrists: Mapping[str, np.ndarray], anchor: Anchor) -> tuple[str, ...]:
+    """A sentence if a wrist is asked to be across a room from the pelvis.
+
+    Args:
+        wrists: Poses in world, shape (H, 4, 4), under the keys lhand and rhand.
+        anchor: Pelvis at the first step.
+
+    Returns:
+        One sentence, or none.
+    """
+    away = {hand: np.linalg.norm(T[:, :3, 3] - anchor.T_world_base[:3, 3], axis=1).max() for hand, T in wrists.items()}
+    hand = max(away, key=away.get)
+    if not away[hand] > ROOM:
+        return ()
+    side = {"lhand": "left", "rhand": "right"}[hand]
+    return (f"the {side} wrist is asked to be {away[hand]:.3g} m from the pelvis: positions are in metres",)
 
 
 def _only_in_world(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> bool:

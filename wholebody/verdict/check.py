@@ -11,7 +11,7 @@ from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
-from wholebody.episode.result import EpisodeResult
+from wholebody.episode.result import EpisodeResult, Note
 from wholebody.episode.run import Cameras, EpisodeConfig, run_episode
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.as_given import AsGiven
@@ -22,6 +22,7 @@ from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.gate import ChunkGate
+from wholebody.verdict.input_steps import far_from_stance, last_step, within
 from wholebody.verdict.verdict import Follow, Verdict, judge
 
 TIMESTEP = 0.002
@@ -108,8 +109,9 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        lead_in = 0.0
-        if self.episode.begin is not None and hasattr(policy, "held"):
+        # A recording, also one that is watched.
+        given, lead_in, placed = policy, 0.0, self.episode.begin is not None and hasattr(policy, "held")
+        if placed:
             # A plan is there when the recording begins, as in the midst of a longer one.
             longer = policy.held(self.supervisor.config.planning.lead)
             policy, lead_in = longer, longer.duration - policy.duration
@@ -126,7 +128,12 @@ class Checker:
             recorder=recorder,
             progress=progress,
         )
+        if placed:
+            far = far_from_stance(given.episode, self.plant.spec, result.orientation_free)
+            result.notes += [Note(result.start, text) for text in far]
         config = self.supervisor.config
         summary = None if self.gate is None else self.gate.summary(self.supervisor.handover.late)
         verdict = judge(name, result, asdict(config), bounds=config.verdict)
-        return replace(verdict, robot=self.robot, follow=self.follow, gate=summary), result
+        last = last_step(given, duration, result.fps)
+        verdict = replace(verdict, robot=self.robot, follow=self.follow, gate=summary)
+        return within(verdict, last), result

@@ -17,6 +17,7 @@ from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
+from wholebody.episode.result import Note
 from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
@@ -28,6 +29,7 @@ from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
+from wholebody.verdict.input_steps import far_from_stance, last_step, within
 from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
@@ -88,7 +90,7 @@ class FastChecker:
         lead = self.config.planning.lead if start == "stance" else 0.0
         run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True)
         self._play(run, policy, duration, None if start == "first" else self.judge.stance(), lead)
-        return self._told(run, name, ask_why=ask_why)
+        return within(self._told(run, name, ask_why=ask_why), last_step(policy, duration, run.result.fps))
 
     def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> None:
         """Chunk after chunk for a time [s], begun somewhere or else with the hands at the first step."""
@@ -96,7 +98,10 @@ class FastChecker:
         time, end = 0.0, max(duration - 1e-9, 1e-9)  # even the shortest input is asked for once
         while time < end:
             chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
-            begin = begin or self.judge.first_pose(chunk)
+            if begin is None:
+                begin = self.judge.first_pose(chunk)
+                far = far_from_stance(chunk, self.spec, run.result.orientation_free)
+                run.result.notes += [Note(chunk.t_obs, text) for text in far]
             following = REPLACE_EVERY / chunk.fps
             last = time + following >= duration - 1e-9
             begin = run.follow(chunk, begin, time + lead, np.inf if last else time + following + lead)
@@ -119,7 +124,7 @@ class FastChecker:
         """Judge a single chunk from where it is begun."""
         run = PlanRun(self.judge, free)
         run.follow(chunk, begin, chunk.t_obs, np.inf)
-        return self._told(run, name, ask_why=ask_why)
+        return within(self._told(run, name, ask_why=ask_why), len(chunk) - 1)
 
     def of_plan(
         self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]

@@ -157,8 +157,9 @@ class PlanRun:
         self.previewed &= found.previewed
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
+        since = chunk.t_obs - result.start
         for one in found.margins:
-            moved = replace(one, time=one.time + chunk.t_obs, step=one.step + round(chunk.t_obs * chunk.fps))
+            moved = replace(one, time=one.time + since, step=one.step + round(since * chunk.fps))
             if one.code not in self.margins or one.share < self.margins[one.code].share:
                 self.margins[one.code] = moved
 

@@ -26,6 +26,8 @@ MOVING = (Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STE
 """Reasons for which a hand is commanded elsewhere than it was asked to be."""
 ORDER = tuple(dict.fromkeys((Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *MOVING, *Reason)))
 """Of violations that are equally severe: causes before what came of them."""
+HANDS = (*MOVING, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED)
+"""What hands are away from what they were asked or commanded: what is farthest past its bound comes first."""
 PALMS = ("left palm", "right palm")
 
 
@@ -84,7 +86,7 @@ class Violation:
 
 
 def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
-    """All of an episode, the worst first, else in `ORDER`."""
+    """All of an episode, the worst first: the severest, of hands what is most past its bound, else in `ORDER`."""
     found = [
         *_ends(result),
         *_moved(result, bounds),
@@ -97,9 +99,16 @@ def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
     ]
     told = {violation.code for violation in found} | {refusal.reason for refusal in result.refusals}
     found += _reasons(result, told)
-    worst = list(reversed(Severity))
-    found.sort(key=lambda one: (worst.index(one.severity), ORDER.index(one.code)))
+    found.sort(key=_rank)
     return [_with_step(violation, result) for violation in found]
+
+
+def _rank(one: Violation) -> tuple[int, int, float, int]:
+    """Where a violation is listed: distances and angles are compared by what share of their bound they are."""
+    severity, place = list(reversed(Severity)).index(one.severity), ORDER.index(one.code)
+    if one.code not in HANDS or one.bound <= 0.0:
+        return severity, place, 0.0, place
+    return severity, min(map(ORDER.index, HANDS)), -one.value / one.bound, place
 
 
 def _ends(result: EpisodeResult) -> Iterator[Violation]:

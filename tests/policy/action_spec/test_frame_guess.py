@@ -1,6 +1,7 @@
 """Numbers in world where a layout has them in the pelvis: said, and said of nothing else."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -55,3 +56,11 @@ def test_a_chunk_file_in_world_says_so_in_every_chunk_it_plays_and_so_in_its_ver
     np.savez(tmp_path / "wrong.npz", actions=actions, fps=30.0, spec="wbc32")
     (note,) = ReplayPolicy.from_npz(tmp_path / "wrong.npz").infer(observation()).notes
     assert "look like positions in world" in note
+
+
+def test_numbers_in_millimetres_are_told_that_positions_are_in_metres():
+    actions = np.tile(stance_numbers(WBC32), (10, 1))
+    assert decode(WBC32, actions, Anchor.nominal()).notes == ()
+    actions[:, [0, 1, 2, 9, 10, 11]] *= 1e3
+    (note,) = decode(WBC32, actions, Anchor.nominal()).notes
+    assert re.fullmatch(r"the (left|right) wrist is asked to be \d+ m from the pelvis: positions are in metres", note)

@@ -230,3 +230,19 @@ def test_a_load_that_is_told_is_planned_for():
     ]
     assert loaded.planner.optimizer.body.mass - bare.planner.optimizer.body.mass == pytest.approx(2.0, abs=1e-6)
     assert torques[1] > torques[0] + 1.0
+
+
+def test_no_step_is_named_that_the_input_does_not_have(checker):
+    """While the end is held hands are off as well, at a time after the last step, which is told."""
+    policy = ReplayPolicy(sent(to=(0.5, 0.0, 0.0), time=1.6))
+    verdict = checker.check(policy, "out of reach", policy.duration)
+    steps = [one.step for one in (*verdict.violations, *verdict.margins) if one.step is not None]
+    assert max(steps) == STEPS - 1
+    assert max(one.time for one in verdict.violations) > policy.duration
+
+
+def test_times_of_margins_are_those_since_the_first_step():
+    chunk = sent(to=(0.1, 0.05, 0.1))
+    here, later = judge(chunk), judge(replace(chunk, t_obs=7.0))
+    assert [one.step for one in later.margins] == [one.step for one in here.margins]
+    assert [one.time for one in later.margins] == pytest.approx([one.time for one in here.margins])

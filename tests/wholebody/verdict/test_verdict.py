@@ -143,6 +143,16 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
     ]
 
 
+def test_of_hands_what_is_farthest_past_its_own_bound_is_listed_first_and_told():
+    moved = np.zeros((10, 2))
+    moved[2], moved[7] = 0.12, 0.34
+    why = [Reason.OUT_OF_REACH] * 5 + [Reason.INTO_FLOOR] * 5
+    verdict = judge("motion", result(moved=moved, reasons=why, moved_turns=np.deg2rad(100.0)))
+    assert codes(verdict) == ["into_floor", "turned", "out_of_reach"]
+    assert lines(verdict)[0].endswith("a hand would go into the floor, and is moved by 340 mm")
+    assert codes(judge("motion", result(moved=moved, reasons=why, fall=Fall(9.0, "x"))))[:2] == ["fall", "into_floor"]
+
+
 def test_a_first_step_far_from_the_hands_is_marked_in_metres_and_in_degrees():
     assert "  far_start: first step 1.50 m from where" in "\n".join(lines(judge("far", result(start_jump=(1.5, 0.0)))))
     verdict = judge("motion", result(start_jump=(0.4, 2.0)))

@@ -97,11 +97,27 @@ def test_what_is_proven_of_a_tick_holds_for_the_checker_of_the_document(in_the_o
     assert any(line.strip().startswith("proven   at") for line in lines(in_the_other))
 
 
-def test_the_bound_with_which_it_would_do_is_told_beside_what_it_is(in_the_other):
-    (one,) = [change for change in in_the_other.would_do if change.kind == "bound"]
-    assert one.bound.code is Limit.SELF_DISTANCE
-    assert one.bound.value < 0.0 < one.bound.bound
-    assert any("where the bound is 14 mm" in line for line in lines(in_the_other))
+def apart(code, value):
+    return Margin(
+        code=code, subject="left_elbow_link - torso_link", time=0.5, step=15, value=value, bound=0.014, unit="m",
+        margin=value - 0.014, share=-2.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("code", [Limit.SELF_DISTANCE, Limit.FLOOR_DISTANCE, Limit.SCENE_DISTANCE])
+def test_bodies_in_each_other_are_no_bound_with_which_it_would_do(code):
+    assert not explainer.makes_sense(WouldDo("bound", bound=apart(code, -0.07)))
+    assert explainer.makes_sense(WouldDo("bound", bound=apart(code, 0.01)))
+    assert explainer.makes_sense(WouldDo("bound", bound=apart(Limit.BALANCE, -0.02)))
+
+
+def test_a_hand_moved_across_the_room_is_not_offered():
+    assert explainer.makes_sense(WouldDo("moved", moved=0.166))
+    assert not explainer.makes_sense(WouldDo("moved", moved=384.8))
+
+
+def test_a_hand_in_the_other_one_is_not_offered_as_a_bound(in_the_other):
+    assert not any(change.kind == "bound" for change in in_the_other.would_do)
 
 
 def test_where_the_tick_has_a_solution_nothing_is_proven_and_what_limits_is_told(holder):

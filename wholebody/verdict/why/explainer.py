@@ -33,6 +33,11 @@ TRY_WORK, STEPS = 60.0, 50
 """The same of one try, for a chunk of so many steps, and in proportion for longer ones [no unit]; measured: in nine
 planted cases as much as is needed to find the changes that are found with all the work of a plan."""
 
+MOVED_MAX = 0.5
+"""Distance from which a hand that is moved is no change to offer [m]; chosen: an arm's length is another task, or
+numbers in another unit."""
+APART = (Limit.SELF_DISTANCE, Limit.FLOOR_DISTANCE, Limit.SCENE_DISTANCE)
+"""Bounds on distances: a negative one is of bodies in each other, which no setting makes possible."""
 
 CHANGES: tuple[Kind, ...] = ("slower", "moved", "turned", "lighter")
 """Kinds of changes that are tried, each with half of the work that causes leave."""
@@ -102,9 +107,8 @@ class Explainer:
             finally:
                 idle.put(self._judge)
             changes = [one.result() for one in asked]
-        would_do = [
-            WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x, _ in changes if x is not None
-        ] + raised
+        would_do = [WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x, _ in changes if x is not None]
+        would_do = [one for one in would_do + raised if makes_sense(one)]
         told = [with_changes(told[0], would_do)] if len(told) == 1 else told
         every = every and all(complete for _, complete in changes)
         return replace(verdict, causes=told, would_do=would_do, tick=tick, why_complete=every)
@@ -132,6 +136,13 @@ class Explainer:
             return holds(changed, TRY_WORK * max(len(changed) / STEPS, 1.0))
 
         return SingleChanges(judge, chunk, plan, at_first, holds, work)
+
+
+def makes_sense(one: WouldDo) -> bool:
+    """Whether a change can be offered: no hand across the room, and no bodies in each other."""
+    if one.bound is not None and one.bound.code in APART and one.bound.value < 0.0:
+        return False
+    return one.moved <= MOVED_MAX
 
 
 def _holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:

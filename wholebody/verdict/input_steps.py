@@ -1,0 +1,74 @@
+"""The first and the last step of an input: how far it begins from the stance, and that no later step is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from models.spec import RobotSpec
+from policy.action_spec.anchor import Anchor
+from policy.base import Policy
+from policy.chunk import ActionChunk
+from policy.executor.executor import Executor
+from policy.geometry.rotations import angle_between
+from wholebody.config import START_MAX
+from wholebody.verdict.quantity import quantity
+from wholebody.verdict.verdict import Verdict
+
+HANDS = ("left", "right")
+
+
+def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]) -> tuple[str, ...]:
+    """A sentence if a hand begins as far from the stance as would be a far start for a robot that stands in it.
+
+    Args:
+        chunk: The input's first one, or all of it.
+        spec: The robot.
+        free: Whether nothing is asked of the left and the right palm's orientation.
+
+    Returns:
+        One sentence, or none.
+    """
+    anchor, offsets = Anchor.nominal(), np.array([tool.palm_offset for tool in spec.tools])
+    stance = np.stack([anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")])
+    first = np.stack([chunk.T_world_lhand[0], chunk.T_world_rhand[0]])
+    here, there = (T[:, :3, 3] + np.einsum("hij,hj->hi", T[:, :3, :3], offsets) for T in (stance, first))
+    away = np.linalg.norm(there - here, axis=1)
+    turned = np.where(free, 0.0, angle_between(stance[:, :3, :3], first[:, :3, :3]))
+    shares = np.maximum(away / START_MAX[0], turned / START_MAX[1])
+    side = int(shares.argmax())
+    if shares[side] <= 1.0:
+        return ()
+    far = f"{quantity(float(away[side]), 'm')} and {np.rad2deg(turned[side]):.0f} deg from the stance"
+    text = f"it begins where the {HANDS[side]} hand is {far}, as does the check: --start stance judges the way there"
+    swapped = bool((np.linalg.norm(there - here[::-1], axis=1) < away).all())
+    return (f"{text}; are left and right swapped?" if swapped else text,)
+
+
+def last_step(policy: Policy | Executor, duration: float, fps: float) -> int:
+    """The last step of what a policy is asked for in a time [s], from 0: of a recording, its own last one."""
+    source = policy.policy if isinstance(policy, Executor) else policy
+    steps, episode = round(duration * fps), getattr(source, "episode", None)
+    return steps if episode is None else min(steps, len(episode) - 1)
+
+
+def within(verdict: Verdict, last: int) -> Verdict:
+    """A verdict that names no step after the last one.
+
+    The end of an input is held while the robot settles. What happens then keeps its time, and is told at the last step.
+    """
+
+    def bounded[T](one: T) -> T:
+        return one if one.step is None or one.step <= last else replace(one, step=last)
+
+    causes = [replace(one, members=tuple(map(bounded, one.members))) for one in verdict.causes]
+    would_do = [one if one.bound is None else replace(one, bound=bounded(one.bound)) for one in verdict.would_do]
+    return replace(
+        verdict,
+        violations=[bounded(one) for one in verdict.violations],
+        margins=[bounded(one) for one in verdict.margins],
+        causes=causes,
+        would_do=would_do,
+        tick=None if verdict.tick is None else bounded(verdict.tick),
+    )
