@@ -17,13 +17,17 @@ from wholebody.types import RobotState
 
 
 @pytest.fixture(scope="module")
-def controller():
-    controller = WholeBodyController(g1(), ControllerConfig())
-    q = stance_q(controller.spec, controller.robot.model)
-    state = RobotState(0.0, q, np.zeros(controller.robot.nv))
-    controller.reset(state)
-    controller.set_reference(standing(controller, q))
-    return controller
+def made():
+    return WholeBodyController(g1(), ControllerConfig())
+
+
+@pytest.fixture
+def controller(made):
+    """Standing, whatever was asked of it before."""
+    q = stance_q(made.spec, made.robot.model)
+    made.reset(RobotState(0.0, q, np.zeros(made.robot.nv)))
+    made.set_reference(standing(made, q))
+    return made
 
 
 def test_standing_needs_no_acceleration_and_carries_the_weight(controller):
