@@ -9,6 +9,7 @@ ready    1.5 and 2 kg in both hands, 3 and 5 kg in the left, in the stance
 instants 2 kg in both hands at the reach (0.40, 1.40), in 27 runs: nine masses of 1.9 to 2.1 kg, and the first chunk at
          three ticks, so that other states meet the load
 change   2 kg put into the left hand (20 cases) and dropped from it (20) at phases of the lissajous, 0.157 s apart
+lean     1.5 and 2 kg put into the left hand (34 cases) or the right one (34) while the lissajous leans the robot most
 grasp    a cylinder of 0.3, 0.6 and 1 kg on a table
 hostile  the chunks of `tests.support.hostile_chunks` with 1 kg in the left hand
 
@@ -43,7 +44,10 @@ PHASES = 20
 MASSES, FIRST_CHUNKS = np.linspace(1.9, 2.1, 9), (1.0, 1.004, 1.008)
 """Of `instants`, in each hand [kg], and when its first chunk is asked for [s]."""
 OBJECTS = (0.3, 0.6, 1.0)
-CASES = {"reach": 15, "ready": len(READY), "instants": 27, "change": 2 * PHASES, "grasp": len(OBJECTS), "hostile": 330}
+LEANS, WEIGHTS = np.linspace(4.25, 5.05, 17), (1.5, 2.0)
+"""Of `lean`, when a mass is put into a hand, and which [s], [kg]: the lissajous leans the robot by 30 degrees then."""
+CASES = {"reach": 15, "ready": len(READY), "instants": 27, "change": 2 * PHASES, "lean": 4 * len(LEANS)}
+CASES |= {"grasp": len(OBJECTS), "hostile": 330}
 """How many there are of each family."""
 
 
@@ -83,6 +87,12 @@ def run(family: str, case: int, supervisor: Supervisor) -> dict:
         plant.at = 4.0 + math.pi * phase / PHASES
         result = run_episode(scripted_policy("lissajous"), supervisor, plant, duration=8.0)
         return {"name": f"2 kg {'dropped' if drops else 'added'} at {plant.at:.2f} s"} | told(result)
+    if family == "lean":
+        side, mass, at = list(product((0, 1), WEIGHTS, LEANS))[case]
+        plant = Changed(SPEC, payload_kg=(NOTHING, NOTHING))
+        plant.after, plant.at = (mass, NOTHING)[:: 1 - 2 * side], float(at)
+        result = run_episode(scripted_policy("lissajous"), supervisor, plant, duration=8.0)
+        return {"name": f"{mass:g} kg put into the {('left', 'right')[side]} hand at {at:.2f} s"} | told(result)
     if family == "grasp":
         policy, plant = scripted_policy("grasp"), MujocoPlant(SPEC, scene="table_cylinder")
         body = plant.model.body("object")

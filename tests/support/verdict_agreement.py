@@ -1,10 +1,12 @@
 """Does the fast verdict say what a simulation says? One chunk a case, begun in the stance, judged both ways.
 
-``python tests/support/verdict_agreement.py FIRST LAST [MOTIONS]`` prints a line for each of the cases FIRST to
-LAST - 1, and the table of both answers. Cases go round: a hostile chunk of each family, hands sent to random places at
-random speeds, and, where MOTIONS names a folder of recorded motions (.csv), a chunk of one of them.
+``python tests/support/verdict_agreement.py FIRST LAST [MOTIONS] [--load KG]`` prints a line for each of the cases FIRST
+to LAST - 1, and the table of both answers. Cases go round: a hostile chunk of each family, hands sent to random places
+at random speeds, and, where MOTIONS names a folder of recorded motions (.csv), a chunk of one of them. With ``--load``
+both hands carry a mass that both ways are told of.
 """
 
+import argparse
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -21,6 +23,7 @@ from policy.geometry.rotations import rotvec_to_matrix
 from policy.recorded.replay import ReplayPolicy, open_recording
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
 from tests.support.hostile_chunks import FAMILIES, FPS, STEPS, hostile_chunk
+from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.episode.run import EpisodeConfig
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
@@ -67,8 +70,10 @@ def case(number, folder):
     return ("recorded", recorded(rng, folder)) if number % 3 == 1 and folder else ("sent", sent(rng))
 
 
-def main(first, last, folder):
-    checker, fast = Checker(episode=EpisodeConfig(settle=0.1, hold=1.0)), FastChecker()
+def main(first, last, folder, load):
+    told = ControllerConfig(loads=LoadConfig(source="told", left=load, right=load)) if load else ControllerConfig()
+    fast = FastChecker(told)
+    checker = Checker(config=told, episode=EpisodeConfig(settle=0.1, hold=1.0), payload_kg=(load, load))
     table, times = Counter(), {"preview": [], "plan": []}
     for number in range(first, last):
         kind, chunk = case(number, folder)
@@ -93,4 +98,9 @@ def main(first, last, folder):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] if len(sys.argv) > 3 else "")
+    parser = argparse.ArgumentParser()
+    parser.add_argument("cases", type=int, nargs=2, metavar=("FIRST", "LAST"))
+    parser.add_argument("motions", nargs="?", default="")
+    parser.add_argument("--load", type=float, default=0.0, metavar="KG")
+    chosen = parser.parse_args()
+    main(*chosen.cases, chosen.motions, chosen.load)

@@ -89,7 +89,8 @@ def _apart(parts: list[Callable[[RobotConfig], None]], robot: RobotConfig) -> No
             child.kill()
             child.wait()
     if any(codes):
-        raise RuntimeError(f"a process that compiles ended with code {max(codes, key=abs)}")
+        code = max(codes, key=abs)
+        raise RuntimeError(f"a process that compiles ended with code {code}: it says why above, or memory is short")
 
 
 def compile_tick(robot: RobotConfig) -> None:

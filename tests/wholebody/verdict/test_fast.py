@@ -205,22 +205,6 @@ def test_a_hand_asked_into_the_table_is_infeasible_there_and_feasible_without_on
     assert found.margin < -0.05
 
 
-def test_hands_that_press_a_few_millimetres_into_a_table_are_infeasible():
-    time = np.linspace(0.0, 1.0, 90)[:, None]
-    share = np.sin(0.5 * np.pi * time) ** 2
-    chunk = sent()
-    hands = {}
-    for name in ("T_world_lhand", "T_world_rhand"):
-        T = np.tile(getattr(chunk, name)[0], (90, 1, 1))
-        T[:, :3, 3] += share * (0.2, 0.0, -0.07)
-        hands[name] = T
-    fingers = {name: np.tile(getattr(chunk, name)[0], (90, 1)) for name in ("q_lhand", "q_rhand")}
-    there = judge(replace(chunk, **hands, **fingers), scene="table")
-    assert -0.005 < margin(there, Limit.SCENE_DISTANCE).margin < -0.002
-    assert there.verdict == "infeasible"
-    assert judge(sent(to=(0.0, 0.0, 0.2)), scene="table").verdict == "feasible"
-
-
 def test_a_load_that_is_told_is_planned_for():
     config = ControllerConfig(loads=LoadConfig(source="told", left=2.0))
     bare, loaded = FastChecker().judge, FastChecker(config).judge

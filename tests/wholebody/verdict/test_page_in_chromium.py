@@ -41,6 +41,15 @@ def browser(request, tmp_path):
         yield browser
 
 
+def test_a_browser_without_three_dimensions_says_so_beside_the_words(folder, browser):
+    none = "HTMLCanvasElement.prototype.getContext = () => null"
+    browser.call("Page.addScriptToEvaluateOnNewDocument", source=none)
+    (path,) = folder.glob("index/*too_fast.html")
+    browser.open(f"file://{path}")
+    browser.wait_for("document.getElementById('now')?.textContent.includes('WebGL')")
+    assert browser.evaluate("document.getElementById('answer').textContent") == "infeasible"
+
+
 @pytest.mark.parametrize("theme", ["dark", "light"])
 def test_a_click_on_a_violation_moves_the_robot_there(folder, browser, theme):
     browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])

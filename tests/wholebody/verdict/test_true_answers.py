@@ -218,3 +218,18 @@ def test_6_a_lissajous_that_is_followed_as_given_is_not_called_slowed(checker):
     verdict, found, _ = judged(checker, lissajous(), 7.0)
     assert verdict.seconds.keys() == {"hold", "tracking"}
     assert (verdict.verdict, found, verdict.time_factor) == ("feasible", {}, pytest.approx(1.0, abs=1e-3))
+
+
+@pytest.mark.parametrize(("down", "answer"), [(0.068, "feasible"), (0.07, "infeasible")])
+def test_hands_that_press_on_a_table_are_infeasible_where_that_takes_the_robot_down(down, answer):
+    """1.7 and 3.7 mm: it was "done as given" up to 20 mm, and the robot fell."""
+    time = np.linspace(0.0, 1.0, 90)[:, None]
+    T = [np.tile(STANCE.T_world_base @ STANCE.poses[hand], (90, 1, 1)) for hand in ("lhand", "rhand")]
+    for poses in T:
+        poses[:, :3, 3] += np.sin(0.5 * np.pi * time) ** 2 * (0.2, 0.0, -down)
+    spec, fingers = builtin("wbc32"), [np.tile(q, (90, 1)) for q in (STANCE.q_lhand, STANCE.q_rhand)]
+    policy = ReplayPolicy(ActionChunk(spec.id, 0, 0.0, FPS, *T, *fingers), spec=spec)
+    fast = FastChecker(scene="table")
+    checker = Checker("table", episode=EpisodeConfig(begin=fast.first_state(policy)))
+    foretold, (verdict, _, result) = fast.check(policy, "input", policy.duration), judged(checker, policy)
+    assert (foretold.verdict, verdict.verdict, result.fall is not None) == (answer, answer, answer == "infeasible")

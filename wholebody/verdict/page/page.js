@@ -324,4 +324,7 @@ theme(dark.matches ? "dark" : "light");
 plot.setCamera(framed(home));
 seek(asked ? Number(asked[1]) : first);
 window.report = { seek, play, pause, now: () => now, bodies: () => Object.fromEntries(about.tree.map((body, b) => [body.name, placed[b].p])), seen: (name) => find(name).map((object) => object.visible) };
-})();
+})().catch((error) => {
+  document.getElementById("now").textContent = "This browser does not draw in three dimensions (WebGL), so robot and time lines are missing here.";
+  throw error;
+});
