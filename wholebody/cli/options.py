@@ -107,7 +107,7 @@ class Simulation:
     delay_ms: Annotated[float, Option(help="Age of the state when the controller gets it, in ms.")] = 0.0
     payload_kg: Annotated[
         tuple[float, float],
-        Option(help="Mass in the left and right hand in kg; the controller sees it from the torques of the arms."),
+        Option(help="Mass in the left and right hand in kg, such as 0.5 0.5; the controller sees it from arm torques."),
     ] = (0.0, 0.0)
     payload_known: Annotated[
         bool, Option("--payload-known", help="Tell the controller the masses of --payload-kg before it sees them.")

@@ -119,10 +119,18 @@ class FastChecker:
         self.judge.stand_on(feet and taken_to_stand(self.spec, self.judge.feet, feet))
 
     def of_chunk(
-        self, chunk: ActionChunk, begin: Begin, name: str, free: tuple[bool, bool], *, ask_why: bool = False
+        self,
+        chunk: ActionChunk,
+        begin: Begin,
+        name: str,
+        free: tuple[bool, bool],
+        *,
+        notes: tuple[str, ...] = (),
+        ask_why: bool = False,
     ) -> Verdict:
-        """Judge a single chunk from where it is begun."""
+        """Judge a single chunk from where it is begun; notes are told along with its own."""
         run = PlanRun(self.judge, free)
+        run.result.notes += [Note(chunk.t_obs, text) for text in notes]
         run.follow(chunk, begin, chunk.t_obs, np.inf)
         return within(self._told(run, name, ask_why=ask_why), len(chunk) - 1)
 
@@ -226,8 +234,11 @@ def judge(
     checker = shared_checker(config or ControllerConfig(), scene)
     chunk.validate()
     checker.stand(None if state is None else check_state(state, checker.spec.n_joints))
-    begin = checker.judge.first_pose(chunk) if state is None else checker.judge.present(state)
-    return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, ask_why=ask_why)
+    if state is None:
+        begin, notes = checker.judge.first_pose(chunk), far_from_stance(chunk, checker.spec, orientation_free)
+    else:
+        begin, notes = checker.judge.present(state), ()
+    return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, notes=notes, ask_why=ask_why)
 
 
 @lru_cache(maxsize=1)

@@ -41,7 +41,8 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     if shares[side] <= 1.0:
         return ()
     far = f"{quantity(float(away[side]), 'm')} and {np.rad2deg(turned[side]):.0f} deg from the stance"
-    text = f"it begins where the {HANDS[side]} hand is {far}, as does the check: --start stance judges the way there"
+    text = f"it begins where the {HANDS[side]} hand is {far}, as does the check; "
+    text += "with --start stance, or a state, the way counts"
     swapped = bool((np.linalg.norm(there - here[::-1], axis=1) < away).all())
     return (f"{text}; are left and right swapped?" if swapped else text,)
 

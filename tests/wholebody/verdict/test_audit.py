@@ -86,6 +86,22 @@ def test_an_input_that_changed_is_judged_again(tmp_path):
     assert judged == [names, names[:1]]
 
 
+def test_what_is_audited_into_a_folder_later_is_added_to_its_answers_and_what_is_gone_is_not(tmp_path):
+    a, b, c = (tmp_path / name for name in ("a.npz", "b.npz", "c.npz"))
+
+    def audited(file):
+        file.write_text("1")
+        found = audit([str(file)], tmp_path / "to", lambda left: map(outcome, left), asked=ASKED)
+        assert [one.name for one in found] == [str(file)]
+        table = pyarrow.parquet.read_table(tmp_path / "to" / "episodes.parquet")
+        return [Path(name).name for name in table["source"].to_pylist()]
+
+    assert audited(a) == ["a.npz"]
+    assert audited(b) == ["b.npz", "a.npz"]
+    a.unlink()
+    assert audited(c) == ["c.npz", "b.npz"]
+
+
 def test_lists_have_what_no_speed_makes_feasible_and_what_one_does():
     found = [
         outcome("set#0"),

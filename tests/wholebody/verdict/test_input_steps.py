@@ -34,7 +34,7 @@ def test_a_first_step_far_from_the_stance_is_told_with_hand_and_distance(jump, t
     found = far_from_stance(sent(jump=(jump, 0.0, 0.0)), SPEC, ASKED)
     assert bool(found) == told
     assert not told or found[0].startswith("it begins where the left hand is 310 mm and 0 deg from the stance")
-    assert not told or found[0].endswith("--start stance judges the way there")
+    assert not told or found[0].endswith("with --start stance, or a state, the way counts")
 
 
 def test_a_turned_hand_is_told_unless_its_orientation_is_free():

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from wholebody.cli.console import say, waiting
+from wholebody.cli.console import check_folder, say, waiting
 
 MINUTE = 60.0
 """[s]; definition."""
@@ -38,10 +38,12 @@ def reachability(
     if target is None and sheet is None:
         raise ValueError("name the map to write (.npz), or the picture (--sheet .png)")
     settings = load_config(config) if config else ControllerConfig()
+    if target is not None and target.suffix.lower() != ".npz":
+        raise ValueError(f"cannot write '{target}': its name must end in .npz")
+    for output in filter(None, (target, sheet)):
+        check_folder(output)
     if target is None:
         found = shipped(settings)
-    elif target.suffix.lower() != ".npz":
-        raise ValueError(f"cannot write '{target}': its name must end in .npz")
     else:
         spec = describe(settings.robot)
         samples = Samples(target.with_suffix(".pairs.npz"), basis(spec, settings))

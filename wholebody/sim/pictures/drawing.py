@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT, FPS, SHEET_FRAMES = 640, 480, 30, 6
 LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.14, 0.0, 0.64), 2.0, 212.0, -14.0
-"""From the front left, far enough for a robot of 1.3 m with its arms up or squatting [m], [deg]."""
+"""From the front left, far enough for a robot of 1.3 m that stands or squats [m], [deg]."""
+FURTHEST, HAND = 3.2, 0.15
+"""Most distance of the camera, and what is to be seen around a palm [m]; chosen: a hand that is further up or aside is
+cut off, rather than the robot become small."""
 
 
 def main(recording: Path, output: Path) -> None:
@@ -83,7 +86,7 @@ class Painter:
         self._free = [int(self._model.jnt_qposadr[j]) for j in free]
         self._hands = {tool.side: _below(self._model, self._model.body(tool.wrist_frame).id) for tool in spec.tools}
         self._camera = mujoco.MjvCamera()
-        self._camera.lookat[:], self._camera.distance = LOOK_AT, DISTANCE
+        self._camera.lookat[:], self._camera.distance = view(record, float(self._model.vis.global_.fovy))
         self._camera.azimuth, self._camera.elevation = AZIMUTH, ELEVATION
         self._renderer = plain(mujoco.Renderer(self._model, HEIGHT, WIDTH))
 
@@ -120,6 +123,25 @@ class Painter:
                 copy = _new_geom(drawn, geom.type, geom.size, R @ geom.pos + p, R @ geom.mat, mark.show.colour)
                 if copy is not None:
                     copy.dataid, copy.matid = geom.dataid, -1
+
+
+def view(record: Record, fovy: float) -> tuple[np.ndarray, float]:
+    """Where a camera looks, shape (3,), and from how far it sees feet and palms, measured and commanded [m].
+
+    Args:
+        record: The recording.
+        fovy: Angle between the lower and the upper edge of the picture [deg].
+    """
+    palms = np.stack([record[f"T_world_palms_{which}"][..., :3, 3] for which in ("measured", "commanded")])
+    points = np.concatenate([palms.reshape(-1, 3), np.zeros((1, 3))])
+    look_at = np.array([*LOOK_AT[:2], max(LOOK_AT[2], 0.5 * points[:, 2].max())])
+    turn, lift = np.deg2rad((AZIMUTH, ELEVATION))
+    ahead = np.array([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)])
+    right = np.array([np.sin(turn), -np.cos(turn), 0.0])
+    away = points - look_at
+    aside, up = np.abs(away @ right) + HAND, np.abs(away @ np.cross(right, ahead)) + HAND
+    needed = np.maximum(up, aside * HEIGHT / WIDTH) / np.tan(np.deg2rad(fovy / 2.0)) - away @ ahead
+    return look_at, float(np.clip(needed.max(), DISTANCE, FURTHEST))
 
 
 def draw_mark(drawn: mujoco.MjvScene, mark: Mark) -> None:

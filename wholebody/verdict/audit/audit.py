@@ -53,11 +53,13 @@ def audit(
                 progress(done, len(names), outcome)
     finally:
         journal.close()
-    found = [journal.done[name] for name in names]
+    # What was audited into this folder before stays in its answers, but for files that changed since or are gone.
+    others = [name for name, one in journal.done.items() if name not in stamps and one.stamp == stamp(name)]
+    found = [journal.done[name] for name in (*names, *others)]
     write_tables(folder, found)
     write_lists(folder, found)
     write_summary(folder, found)
-    return found
+    return found[: len(names)]
 
 
 def _counted(outcomes: Iterable[Outcome], done: int) -> Iterator[tuple[int, Outcome]]:

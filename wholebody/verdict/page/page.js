@@ -217,6 +217,11 @@ function paint(one) {
     c.globalAlpha = 0.25; c.fillRect(x(t), 0, 1, foot); c.globalAlpha = 1;
     c.fillText(`${+t.toFixed(1)}`, Math.min(x(t) + 2, width - 22), height - 3);
   }
+  const rough = (high - low) / 3, ten = 10 ** Math.floor(Math.log10(rough)), rise = [1, 2, 5, 10].map((s) => s * ten).find((s) => s >= rough);
+  for (let v = Math.ceil(low / rise) * rise; v <= high; v += rise) {
+    c.globalAlpha = 0.25; c.fillRect(0, y(v), width, 1); c.globalAlpha = 1;
+    c.fillText(`${+v.toPrecision(6)}`, 2, Math.max(y(v) - 2, 9));
+  }
   for (const one of about.violations) if (one.time !== null && one.severity !== "note") { c.fillStyle = tint(one.severity === "repair" ? "--repair" : "--bad"); c.globalAlpha = 0.5; c.fillRect(x(one.time) - 1, 0, 2, foot); c.globalAlpha = 1; }
   c.lineWidth = 1; c.setLineDash([4, 3]);
   panel.bounds.forEach(([value, name], k) => {
@@ -224,7 +229,7 @@ function paint(one) {
     c.strokeStyle = c.fillStyle = tint("--bad");
     c.beginPath(); c.moveTo(0, y(value)); c.lineTo(width, y(value)); c.stroke();
     c.globalAlpha = 0.9; c.textAlign = k % 2 ? "left" : "right";
-    c.fillText(`${name}, ${+value.toPrecision(3)}`, k % 2 ? 4 : width - 4, y(value) > 12 ? y(value) - 3 : y(value) + 10);
+    c.fillText(`${name}, ${+value.toPrecision(3)}`, k % 2 ? 36 : width - 4, y(value) > 12 ? y(value) - 3 : y(value) + 10);
     c.textAlign = "left"; c.globalAlpha = 1;
   });
   for (const line of lines) {

@@ -13,7 +13,7 @@ from tests.support.recordings import made_record, plant_recording, save
 from wholebody.errors import InputError, RenderError
 from wholebody.sim.pictures import render as rendering
 from wholebody.sim.pictures.caption import CAPTION, captioned, legend
-from wholebody.sim.pictures.drawing import HEIGHT, WIDTH
+from wholebody.sim.pictures.drawing import DISTANCE, FURTHEST, HEIGHT, LOOK_AT, WIDTH, view
 from wholebody.sim.pictures.render import render
 from wholebody.sim.pictures.scene import scene_at
 
@@ -53,6 +53,21 @@ def test_a_sheet_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path
     # Asked 10 cm higher from the middle on: the last picture shows it, the first one does not.
     first, last = image[CAPTION:TILE, :WIDTH], image[TILE + CAPTION : 2 * TILE, 2 * WIDTH :]
     assert red(last) > red(first) + 60
+
+
+def test_the_camera_goes_up_and_back_for_raised_hands_and_stays_otherwise():
+    T = np.tile(np.eye(4), (2, 2, 1, 1))
+    T[:, :, :3, 3] = (0.3, 0.2, 0.9)
+    calm = {f"T_world_palms_{which}": T for which in ("measured", "commanded")}
+    look_at, distance = view(calm, 45.0)
+    assert look_at == pytest.approx(LOOK_AT)
+    assert distance == DISTANCE
+    raised = T.copy()
+    raised[1, 0, :3, 3] = (0.1, 0.2, 1.7)
+    look_at, distance = view({**calm, "T_world_palms_measured": raised}, 45.0)
+    assert LOOK_AT[2] < look_at[2] < 1.0
+    assert DISTANCE < distance < FURTHEST
+    assert view({**calm, "T_world_palms_commanded": 9.0 * raised}, 45.0)[1] == FURTHEST
 
 
 def test_a_video_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path):
