@@ -106,7 +106,7 @@ class Reason(StrEnum):
     TURNED = "turned", None, "how far a palm was commanded turned away from what was asked"
     NOT_FOLLOWED = "not_followed", None, "a palm left where it was commanded to be"
     TOO_FAST_FOR_BALANCE = "too_fast_for_balance", Status.SLOWED, "how many times slower a chunk was planned"
-    FAR_START = "far_start", Status.SLOWED, "the first step is far from the hands, which go there within their limits"
+    FAR_START = "far_start", Status.SLOWED, "a chunk begins far from the hands, which go there within their limits"
     START_OFFSET = "start_offset", None, "the first step is a little off the hands, which go there within their limits"
     TRACKING_ERROR = "tracking_error", None, "a palm was not where it was asked to be at the time of the step"
     FINGER_LIMIT = "finger_limit", None, "a finger was asked past its range: the end of the range is commanded"

@@ -1,4 +1,5 @@
-"""Chunks of many kinds, each by its number: hostile, past the edge of reach, scripts, noise, motions of joints."""
+"""Chunks of many kinds, each by its number: hostile, past the edge of reach, scripts, noise, motions of joints, hands
+that swing to and fro."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -23,9 +24,9 @@ from tests.support.verdict_agreement import HOSTILE, sent
 
 KINDS = ("hostile", "script", "noise", "recorded", "sent", "hostile", "script", "noise", "recorded", "edge")
 """Of ten cases in a row."""
-JOINTS, MOVING = 100_000, 200_000
-"""From these numbers on hands move as they do when the joints of arms and waist move at random, and chunks come while
-the one before is being followed."""
+JOINTS, MOVING, SWINGING = 100_000, 200_000, 300_000
+"""From these numbers on hands move as they do when the joints of arms and waist move at random, chunks come while the
+one before is being followed, and hands swing to and fro."""
 SCRIPTS = ("lissajous", "reach", "two_hand_lift", "pick_low", "pick_high", "wave", "grasp")
 STEPS = (20, 75)
 FASTER = (0.6, 1.8)
@@ -37,6 +38,9 @@ ANEW = (1e-3, 0.05)
 """Standard deviation of what a chunk that is sampled anew differs by from the one before it [m]."""
 SWING, SWING_TIME = (0.2, 1.2), (0.1, 0.6)
 """Of joints at random: how much of their range they use, and the time over which they go one way [s]."""
+
+BEATS, WIDE, SWAY = (0.3, 4.0), (3e-3, 0.15), 0.4
+"""Of hands that swing: how often [Hz], how far to each side [m], and how far they turn at most [rad]."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,9 @@ class Case:
 def outcome_case(number, motions=""):
     """The case of a number; where no folder of motions is named, another random place takes a motion's place."""
     rng = np.random.default_rng((18, number))
-    kind = "moving" if number >= MOVING else "joints" if number >= JOINTS else KINDS[number % len(KINDS)]
+    kind = KINDS[number % len(KINDS)]
+    for first, other in ((JOINTS, "joints"), (MOVING, "moving"), (SWINGING, "swinging")):
+        kind = other if number >= first else kind
     kind = "sent" if kind == "recorded" and not motions else kind
     world = ("true", "realistic")[int(rng.integers(2))]
     stands = rng.random() < {"hostile": 0.7, "sent": 1.0}.get(kind, 0.25)
@@ -166,6 +172,34 @@ def _moving(rng, number, motions):
     return "moving", group, chunk, rest
 
 
+def _swinging(rng, number, motions):
+    """Waving, stirring, shaking: one hand or both go to and fro, or round, in the stance or beside it."""
+    fps, steps = float(rng.choice([15.0, 30.0, 50.0])), int(rng.integers(30, 75))
+    beat, wide = (float(np.exp(rng.uniform(*np.log(two)))) for two in (BEATS, WIDE))
+    t = np.arange(steps) / fps
+    starts = np.clip(t * rng.uniform(0.5, 3.0), 0.0, 1.0) if rng.random() < 0.5 else np.ones(steps)
+    stance, hands, both = stance_pose(), {}, rng.random() < 0.6
+    for name, R, p, side in (
+        ("T_world_lhand", stance.R_world_lhand, stance.p_world_lpalm, "left"),
+        ("T_world_rhand", stance.R_world_rhand, stance.p_world_rpalm, "right"),
+    ):
+        moves = 1.0 if both or (side == "left") == (number % 2 == 0) else 0.0
+        axes, phases = rng.normal(size=(2, 3)), rng.uniform(0.0, 2.0 * np.pi, 2)
+        axes *= wide / np.linalg.norm(axes, axis=1, keepdims=True)
+        round_about = rng.random() < 0.4
+        swing = np.sin(2.0 * np.pi * beat * t + phases[0])[:, None] * axes[0]
+        swing = swing + round_about * np.sin(2.0 * np.pi * beat * t + phases[1])[:, None] * axes[1]
+        beside = rng.normal(size=3) * np.array([0.04, 0.04, 0.08]) * (rng.random() < 0.6)
+        turn = rng.normal(size=3) * rng.uniform(0.0, SWAY / 3.0) * np.sin(2.0 * np.pi * beat * t)[:, None]
+        T = np.tile(np.eye(4), (steps, 1, 1))
+        T[:, :3, :3] = rotvec_to_matrix(moves * turn * starts[:, None]) @ R
+        T[:, :3, 3] = p + beside + moves * swing * starts[:, None] - T[:, :3, :3] @ palm_offset(side)
+        hands[name] = T
+    fingers = [np.tile(q, (steps, 1)) for q in (stance.q_lhand, stance.q_rhand)]
+    chunk = ActionChunk("wbc32", 0, 0.0, fps, hands["T_world_lhand"], hands["T_world_rhand"], *fingers)
+    return "swinging", f"swinging {number}", chunk
+
+
 def alike(rng, n, steps):
     """Noise of variance 1 that is smooth over so many steps: white noise through a Gaussian window, (n, 3)."""
     reach = int(np.ceil(3.0 * steps))
@@ -194,5 +228,5 @@ def recordings(motions):
 
 MAKERS = {
     "hostile": _hostile, "script": _script, "edge": _edge, "sent": _sent, "noise": _noise, "recorded": _recorded,
-    "joints": _joints, "moving": _moving,
+    "joints": _joints, "moving": _moving, "swinging": _swinging,
 }  # fmt: skip

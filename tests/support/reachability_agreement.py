@@ -47,7 +47,7 @@ def main(kept=KEPT, first=0, last=2000):
         some = np.abs(rooms) > sure
         share = np.mean((rooms > 0.0) == held, where=some)
         print(f"of {some.mean():.1%} with odds of more than {np.exp(sure):.0f}: {share:.2%}")
-    print("highest odds against a pair that is held:", f"{-rooms[held].min():.1f}")
+    print(f"highest odds against a pair that is held: {np.exp(-rooms[held].min()):.0f}")
 
 
 def agreement(name, rooms, held):

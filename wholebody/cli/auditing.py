@@ -87,5 +87,5 @@ def _changed(outcome: Outcome, policy: Policy, judge: Judge, folder: Path | None
     except SpecError as error:
         return replace(outcome, message=f"not repaired: {error}; `wholebody convert` makes wrists of joints")
     if change is None:
-        return outcome
+        return replace(outcome, message="not repaired: `wholebody repair` tries more")
     return replace(outcome, repair={"slower": change.slower, "moved_m": change.moved, "turned_rad": change.turned})

@@ -67,7 +67,9 @@ def check_places(
 
 
 def check_folder(path: Path) -> None:
-    """Refuse an output whose folder does not exist."""
+    """Refuse an output whose folder does not exist, or that is one."""
+    if path.is_dir():
+        raise ValueError(f"cannot write '{path}': it is a folder")
     if not path.absolute().parent.is_dir():
         raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
 

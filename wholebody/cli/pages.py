@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING
+
+import click
+from click.core import ParameterSource
+
+from wholebody.cli.console import check_folder
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -26,10 +31,12 @@ class Pages:
     Attributes:
         path: Of the one page, or of the index.
         names: The inputs, in order; the pages of several lie in the folder beside the index.
+        options: Words of the command line that the verdicts depend on.
     """
 
     path: Path
     names: tuple[str, ...]
+    options: tuple[str, ...] = ()
 
     @classmethod
     def at(cls, path: Path, names: Sequence[str]) -> Pages:
@@ -45,9 +52,8 @@ class Pages:
         require_packages()
         if path.suffix != ".html":
             raise ValueError(f"cannot write '{path}': its name must end in .html")
-        if not path.absolute().parent.is_dir():
-            raise ValueError(f"cannot write '{path}': there is no folder '{path.parent}'")
-        pages = cls(path, tuple(names))
+        check_folder(path)
+        pages = cls(path, tuple(names), tuple(_as_given(click.get_current_context())))
         if len(names) > 1:
             pages.folder.mkdir(exist_ok=True)
         return pages
@@ -76,32 +82,35 @@ class Pages:
         """Judge an input, say why where it is not feasible, and write its page."""
         from wholebody.verdict.page.reporting import report
 
-        return report(checker, policy, name, seconds, self.place(name), command(name), cameras, progress)
+        place = self.place(name)
+        return report(checker, policy, name, seconds, place, self.command(name), cameras, progress)
+
+    def command(self, name: str) -> str:
+        """What makes the page of one input again."""
+        return join(["wholebody", "check", name, *self.options, "--report", str(self.place(name))])
 
     def write_index(self, verdicts: Sequence[Verdict]) -> None:
-        """Rank the pages of several inputs."""
+        """Rank the pages of several inputs, and name those without one."""
         from wholebody.verdict.page.index import write_index
 
         if len(self.names) > 1:
-            write_index(
-                self.path, verdicts, {v.name: f"{self.folder.name}/{self.place(v.name).name}" for v in verdicts}
-            )
+            pages = {v.name: f"{self.folder.name}/{self.place(v.name).name}" for v in verdicts}
+            write_index(self.path, verdicts, pages, [name for name in self.names if name not in pages])
 
 
-def command(name: str) -> str:
-    """What makes the page of one input again: the options as they were given."""
-    from shlex import join
+def _as_given(context: click.Context) -> Iterator[str]:
+    """The options of a command line that say how an input is judged."""
+    for option in context.command.params:
+        given = context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
+        if not given or option.name in ELSEWHERE or not isinstance(option, click.Option):
+            continue
+        value = context.params[option.name]
+        if option.is_flag:
+            yield (option.opts if value else option.secondary_opts)[-1]
+        else:
+            yield option.opts[0]
+            yield from map(str, value if isinstance(value, tuple | list) else (value,))
 
-    options, skip = [], False
-    for word in sys.argv[2:]:
-        if word.startswith("-"):
-            options.append(word)
-            skip = "=" not in word and word not in FLAGS
-        elif skip:
-            options.append(word)
-            skip = False
-    return join(["wholebody", "check", name, *options])
 
-
-FLAGS = ("--fast", "--why", "--realistic", "--payload-known")
-"""Options of ``check`` without a value."""
+ELSEWHERE = ("inputs", "episodes", "jobs", "json_to", "report")
+"""Parameters of ``check`` that say which inputs there are, and where answers go."""

@@ -116,8 +116,12 @@ def expanded(name: str, episodes: str) -> list[str]:
         return [name] if is_checkpoint(name) else files(name) or [name]
     from policy.dataset.conversion import episode_numbers
     from policy.dataset.open import open_dataset
+    from policy.errors import DatasetError
 
-    numbers = episode_numbers(episodes) if episodes else range(len(open_dataset(name).episodes))
+    there = len(open_dataset(name).episodes)
+    numbers = episode_numbers(episodes) if episodes else range(there)
+    if wrong := [number for number in numbers if number >= there]:
+        raise DatasetError(f"{name} has episodes 0 to {there - 1}, and no {wrong[0]}")
     return [f"{name}#{number}" for number in numbers]
 
 

@@ -250,6 +250,8 @@ def violation_line(violation: Violation) -> str:
         return f"{violation.code}: {violation.subject}{when}"
     value, bound = (quantity(number, violation.unit) for number in (violation.value, violation.bound))
     phrase = PHRASES[violation.code].format(subject=violation.subject, value=value, bound=bound)
+    if violation.bound == 0.0 and violation.severity is Severity.NOTE:
+        phrase = phrase.removesuffix(f" (bound {bound})")  # nothing is exceeded, it is told all the same
     return f"{violation.code}: {phrase}{when}"
 
 

@@ -114,6 +114,37 @@ def test_palms_at_rest_are_held_and_palms_above_the_head_or_in_one_place_are_not
         told.room(AT_REST, right, "sideways")
 
 
+@pytest.mark.parametrize(
+    ("left", "loads", "said"),
+    [
+        ((np.nan, 0.2, 0.8), (0.0, 0.0), "finite"),
+        ((0.3, 0.2, 0.8), (np.nan, 0.0), "finite"),
+        ((0.3, 0.2, 0.8), (-1.0, 0.0), "not negative"),
+        ((0.3, 0.2), (0.0, 0.0), "two points"),
+        ("abc", (0.0, 0.0), "finite|two points"),
+    ],
+)
+def test_what_is_no_point_or_mass_is_refused(left, loads, said):
+    with pytest.raises(InputError, match=said):
+        reachability().room(left, (0.3, -0.2, 0.8), "any", loads)
+    pairs = draw(3, np.random.default_rng(0))
+    pairs.loads[1, 0] = -1.0
+    with pytest.raises(InputError, match="not negative"):
+        reachability().rooms(pairs)
+
+
+def test_a_file_that_is_no_map_is_neither_read_nor_written_over(tmp_path):
+    file = tmp_path / "chunk.npz"
+    file.write_bytes(b"no zip")
+    with pytest.raises(InputError, match="no map of reachability"):
+        ReachabilityMap.read(file)
+    np.savez(file, actions=np.zeros(3))
+    before = file.read_bytes()
+    result = CliRunner().invoke(app, ["reachability", str(file)])
+    assert isinstance(result.exception, InputError)
+    assert file.read_bytes() == before
+
+
 def test_other_bounds_are_refused_and_the_error_says_what_would_do():
     tighter = replace(CONFIG, planner=replace(CONFIG.planner, posture=replace(CONFIG.planner.posture, torso_tilt=0.5)))
     with pytest.raises(InputError, match="--config FILE"):
@@ -128,7 +159,7 @@ def test_a_computation_goes_on_where_one_ended_and_a_map_is_read_as_written(tmp_
     first = Samples(path, BASIS)
     network = compute(SPEC, CONFIG, Samples(path, BASIS), first.spent + 1e-3, told.append, at_once=6)
     second = Samples(path, BASIS)
-    assert len(told) == 2
+    assert [line.partition(" pairs")[0] for line in told[::2]] == ["6", "12"]
     assert len(second.missed) == 12
     assert np.array_equal(second.pairs.points[:6], first.pairs.points)
     with pytest.raises(InputError, match="another robot or other bounds"):
@@ -144,7 +175,7 @@ def test_a_computation_goes_on_where_one_ended_and_a_map_is_read_as_written(tmp_
 def test_a_map_that_lies_takes_no_verdict_from_a_chunk():
     honest, deceived = FastChecker(), FastChecker()
     network = reachability().network
-    lying = ReachabilityMap(replace(network, b3=network.b3 - 100.0), reachability().card)
+    lying = ReachabilityMap((*network[:-1], network[-1] - 100.0), reachability().card)
     vars(deceived.judge.planner)["_map"] = lying
     for chunk, decided_by in ((sent(), "plan"), (sent(to=(0.0, 0.5, 0.8)), "plan")):
         begin = honest.judge.first_pose(chunk)

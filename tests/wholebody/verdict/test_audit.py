@@ -72,18 +72,47 @@ def test_a_journal_of_other_settings_is_not_gone_on_with(tmp_path):
         Journal(tmp_path, {"fps": 60.0})
 
 
-def test_an_input_that_changed_is_judged_again(tmp_path):
+def test_a_journal_that_an_audit_is_writing_is_left_to_it(tmp_path):
+    first = Journal(tmp_path, ASKED)
+    with pytest.raises(InputError, match="another audit"):
+        Journal(tmp_path, ASKED)
+    first.add(outcome("a"))
+    first.close()
+    last = Journal(tmp_path, ASKED)
+    last.close()
+    assert list(last.done) == ["a"]
+
+
+def test_an_input_that_changed_and_one_that_was_not_judged_are_judged_again(tmp_path):
     (tmp_path / "a.npz").write_text("1")
-    names, judged = [str(tmp_path / name) for name in ("a.npz", "b.npz")], []
+    data = tmp_path / "set" / "data"
+    data.mkdir(parents=True)
+    (data / "0.parquet").write_text("1")
+    names, judged = [*(str(tmp_path / name) for name in ("a.npz", "b.npz", "late.npz")), f"{tmp_path / 'set'}#0"], []
 
     def judge(left):
-        judged.append(list(left))
-        return map(outcome, left)
+        judged.append(sorted(Path(name).name for name in left))
+        return (Outcome(name=n, ending="timed_out") if "late" in n else outcome(n) for n in left)
 
     audit(names, tmp_path / "to", judge, asked=ASKED)
     (tmp_path / "a.npz").write_text("12")
     audit(names, tmp_path / "to", judge, asked=ASKED)
-    assert judged == [names, names[:1]]
+    (data / "0.parquet").write_text("12")
+    audit(names, tmp_path / "to", judge, asked=ASKED)
+    assert judged == [["a.npz", "b.npz", "late.npz", "set#0"], ["a.npz", "late.npz"], ["late.npz", "set#0"]]
+
+
+def test_names_that_are_not_utf8_and_datasets_that_are_not_there_are_written(tmp_path):
+    names = [os.fsdecode(b"bad\xff.npz"), "nosuch#3"]
+
+    def judge(left):
+        return (Outcome(name=name, ending="malformed", message=f"no {name}") for name in left)
+
+    audit(names, tmp_path, judge, asked=ASKED)
+    table = pyarrow.parquet.read_table(tmp_path / "episodes.parquet")
+    assert table["name"].to_pylist() == ["bad\\udcff.npz", "nosuch#3"]
+    assert "bad\\udcff.npz" in (tmp_path / "index.html").read_text()
+    assert not list(tmp_path.glob("delete_*.json"))
 
 
 def test_what_is_audited_into_a_folder_later_is_added_to_its_answers_and_what_is_gone_is_not(tmp_path):

@@ -178,7 +178,9 @@ def test_a_search_that_is_given_up_has_no_cause_and_says_so(monkeypatch):
 
 
 def test_the_sentence_of_an_only_cause_ends_with_what_would_do():
-    one = Why(codes=(Limit.ZMP,), members=(), irreducible=True, sentence="left hand 0.72 m ahead at 1.43 s: so")
+    one = Why(
+        codes=(Limit.ZMP,), members=(), time=1.43, irreducible=True, sentence="left hand 0.72 m ahead at 1.43 s: so"
+    )
     bound = Margin(
         code=Limit.ZMP, subject="front edge of the soles", time=1.4, step=42, value=0.02, bound=0.028, unit="m",
         margin=-0.008, share=-2.0,

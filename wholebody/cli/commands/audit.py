@@ -18,7 +18,7 @@ from wholebody.cli.auditing import Audited, make_judging
 from wholebody.cli.console import say
 from wholebody.cli.judging import CRASH, FEASIBLE, INFEASIBLE, MALFORMED
 from wholebody.cli.simulated import check_settings
-from wholebody.cli.sources import expanded
+from wholebody.cli.sources import expanded, is_dataset, layout_named
 from wholebody.resources import processors
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def audit(
     to: Annotated[Path, Option("--to", help="Folder of the answers; what was interrupted goes on.")] = Path("audit"),
     audited: Audited,
     jobs: Annotated[int, Option("--jobs", "-j", help="Processes, each with 0.4 GB of memory; 0: one a core.")] = 0,
-    limit: Annotated[float, Option("--limit", help="Seconds that an input may take.")] = 600.0,
+    limit: Annotated[
+        float, Option("--limit", help="Seconds that an input may take; the first of a process has 300 s more, to load.")
+    ] = 600.0,
     ray: Annotated[str, Option("--ray", help="Address of a Ray cluster, such as auto; local: one begun here.")] = "",
 ) -> None:
     """Judge datasets, motions and chunks on all cores.
@@ -61,10 +63,15 @@ def audit(
     if not LIMIT_MIN <= limit <= LIMIT_MAX:
         raise ValueError(f"--limit is {limit:g} s; {LIMIT_MIN:g} to {LIMIT_MAX:g} s is expected")
     check_settings(audited.config)
-    names = list(dict.fromkeys(one for name in inputs for one in expanded(name, audited.episodes)))
+    every = [one for name in inputs for one in expanded(name, audited.episodes)]
+    # The same file or episode, spelled in two ways, is one input.
+    names = list({os.path.abspath(one): one for one in every}.values())
     if not names:
         raise ValueError("there is nothing to audit")
+    if audited.episodes and not any(is_dataset(name) for name in inputs):
+        raise ValueError(f"--episodes {audited.episodes} chooses those of datasets, and no input is one")
     asked = asdict(audited) | {"config": audited.config.read_text() if audited.config else ""}
+    asked["assume_spec"] = layout.to_json() if (layout := layout_named(audited.assume_spec)) else ""
     asked.pop("episodes")
     # Arithmetic of an input has one thread; there are as many processes as cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -91,7 +98,8 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
 
     answers = Counter(one.answer for one in found)
     counts = ", ".join(f"{answers[name]} {name.replace('_', ' ')}" for name in RANK if answers[name])
-    yield f"{len(found)} inputs, {sum(one.motion_s for one in found) / 60.0:.1f} minutes of motion: {counts}"
+    inputs, minutes = "input" if len(found) == 1 else "inputs", sum(one.motion_s for one in found) / 60.0
+    yield f"{len(found)} {inputs}, {minutes:.1f} minutes of motion: {counts}"
     for ending in UNJUDGED:
         named = [one.name for one in found if one.answer == ending]
         if named:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from wholebody.cli.console import check_folder, say, waiting
+from wholebody.cli.console import check_folder, say
 
 MINUTE = 60.0
 """[s]; definition."""
@@ -18,7 +18,9 @@ def reachability(
     target: Annotated[
         Path | None, Argument(help="Map .npz to write; what is found on the way is kept beside it. None: nothing.")
     ] = None,
-    minutes: Annotated[float, Option(min=0.0, help="CPU time of the search; runs before it on the file count.")] = 20.0,
+    minutes: Annotated[
+        float, Option(min=0.1, help="CPU time of the search, that of runs before it on the file counted in.")
+    ] = 20.0,
     sheet: Annotated[
         Path | None, Option(help="Picture (.png) of the map to draw: of the target, or the package's.")
     ] = None,
@@ -45,13 +47,18 @@ def reachability(
     if target is None:
         found = shipped(settings)
     else:
+        there = ReachabilityMap.read(target) if target.exists() else None  # what is no map is not written over
         spec = describe(settings.robot)
         samples = Samples(target.with_suffix(".pairs.npz"), basis(spec, settings))
-        with waiting("loading the robot, compiling if it is the first time: a minute or two"):
+        if there is not None and len(samples.held) == there.card["pairs"] and samples.spent >= MINUTE * minutes:
+            say(f"{target} is of {samples.spent / MINUTE:.0f} minutes already; more (--minutes) would make it better")
+            found = there
+        else:
+            say("loading the robot; the first time that takes a minute or two", to_errors=True)
             network = compute(spec, settings, samples, MINUTE * minutes, lambda text: say(text, to_errors=True))
-        found = ReachabilityMap(network, samples.card())
-        found.write(target)
-        say(f"wrote {target}")
+            found = ReachabilityMap(network, samples.card())
+            found.write(target)
+            say(f"wrote {target}")
     if sheet is not None:
         from wholebody.planning.reachability.picture import draw
 

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from functools import lru_cache
 from hashlib import sha256
+from math import inf, isfinite
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -25,7 +27,7 @@ from wholebody.planning.reachability.kernels.network import N_FEATURES
 from wholebody.planning.reachability.network import WIDTH, Network
 from wholebody.planning.reachability.pairs import BODY, HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
 
-VERSION = 1
+VERSION = 2
 """Of the file's layout."""
 SHIPPED = Path(__file__).with_name("g1_dex3.npz")
 """The map of the default settings."""
@@ -53,7 +55,7 @@ class ReachabilityMap:
 
     def __init__(self, network: Network, card: dict) -> None:
         self.network, self.card = network, card
-        self._weights, self._scratch = tuple(network.layers), _scratch()
+        self._weights, self._scratch = network, _scratch()
         self._points, self._turns, self._loads, self._out = _blank(1)
         one = self._points, self._turns, self._loads, BODY, self._weights, self._scratch, self._out
         self._native = _rooms.native(*one)
@@ -68,17 +70,17 @@ class ReachabilityMap:
         try:
             with np.load(path, allow_pickle=False) as file:
                 card = json.loads(str(file["card"]))
-                network = Network(*(np.asarray(file[name], np.float32) for name in NAMES))
-        except (KeyError, ValueError) as error:
+                network = tuple(np.asarray(file[name], np.float32) for name in NAMES)
+        except (KeyError, ValueError, EOFError, BadZipFile) as error:
             raise InputError(f"{path} is no map of reachability; `wholebody reachability` writes one") from error
-        if card.get("version") != VERSION or network.w1.shape != (N_FEATURES, WIDTH):
+        if card.get("version") != VERSION or network[0].shape != (N_FEATURES, WIDTH):
             raise InputError(f"{path} is a map of version {card.get('version')}, not {VERSION}; compute it anew")
         return ReachabilityMap(network, card)
 
     def write(self, path: Path) -> None:
         """Write it to a file."""
         card = json.dumps({"version": VERSION, **self.card})
-        np.savez_compressed(path, card=card, **dict(zip(NAMES, self.network.layers, strict=True)))
+        np.savez_compressed(path, card=card, **dict(zip(NAMES, self.network, strict=True)))
 
     def room(
         self,
@@ -98,12 +100,17 @@ class ReachabilityMap:
             loads: Masses in the left and right hand [kg].
 
         Raises:
-            InputError: If there is no such turn.
+            InputError: If there is no such turn, or these are no points and masses.
         """
         points, carried = self._points, self._loads
-        points[0, 0, 0], points[0, 0, 1], points[0, 0, 2] = left
-        points[0, 1, 0], points[0, 1, 1], points[0, 1, 2] = right
-        carried[0, 0], carried[0, 1] = loads
+        try:
+            points[0, 0, 0], points[0, 0, 1], points[0, 0, 2] = a, b, c = left
+            points[0, 1, 0], points[0, 1, 1], points[0, 1, 2] = d, e, f = right
+            carried[0, 0], carried[0, 1] = m, n = loads
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{left}, {right} and {loads} are not two points [m] and two masses [kg]") from error
+        if not (isfinite(a + b + c + d + e + f) and 0.0 <= m < inf and 0.0 <= n < inf):
+            raise InputError(f"points {left} and {right} [m] are to be finite, and masses {loads} [kg] not negative")
         try:
             self._turns[0] = _NUMBERS[turn]
         except KeyError as error:
@@ -112,7 +119,13 @@ class ReachabilityMap:
         return float(self._out[0])
 
     def rooms(self, pairs: Pairs) -> np.ndarray:
-        """`room` of many pairs, shape (n,); any number of threads may ask."""
+        """`room` of many pairs, shape (n,); any number of threads may ask.
+
+        Raises:
+            InputError: If points or masses are not finite, or a mass is negative.
+        """
+        if not (np.isfinite(pairs.points).all() and np.isfinite(pairs.loads).all() and (pairs.loads >= 0.0).all()):
+            raise InputError("points [m] and masses [kg] are to be finite, and masses not negative")
         points, turns, loads, out = _blank(len(pairs))
         points[:], turns[:], loads[:] = pairs.points, pairs.turns, pairs.loads
         self._native(points, turns, loads, BODY, self._weights, _scratch(), out)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from wholebody.verdict.audit.journal import Journal
 from wholebody.verdict.audit.lists import write_lists
 from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.repairs import FOLDER, file_name
 from wholebody.verdict.audit.summary import write_summary
 from wholebody.verdict.audit.tables import require_packages, whence, write_tables
 
@@ -42,9 +44,10 @@ def audit(
         OSError: If the answers cannot be written.
     """
     require_packages()
-    journal, stamps = Journal(folder, asked), {name: stamp(name) for name in names}
+    journal, stamp = Journal(folder, asked), cache(_stamp)
+    stamps = {name: stamp(*whence(name)) for name in names}
     try:
-        left = [name for name in names if name not in journal.done or journal.done[name].stamp != stamps[name]]
+        left = [name for name in names if not _done(journal.done.get(name), stamps[name], folder)]
         # A long one that comes last leaves all cores but one idle.
         left.sort(key=lambda name: -sum(stamps[name][:1]))
         for done, outcome in _counted(judge(left), len(names) - len(left)):
@@ -54,7 +57,7 @@ def audit(
     finally:
         journal.close()
     # What was audited into this folder before stays in its answers, but for files that changed since or are gone.
-    others = [name for name, one in journal.done.items() if name not in stamps and one.stamp == stamp(name)]
+    others = [name for name, one in journal.done.items() if name not in stamps and one.stamp == stamp(*whence(name))]
     found = [journal.done[name] for name in (*names, *others)]
     write_tables(folder, found)
     write_lists(folder, found)
@@ -66,11 +69,17 @@ def _counted(outcomes: Iterable[Outcome], done: int) -> Iterator[tuple[int, Outc
     return enumerate(outcomes, done + 1)
 
 
-def stamp(name: str) -> list[int]:
-    """Size and time of change of an input's file, of a dataset those of its description."""
-    source, episode = whence(name)
-    path = Path(source) / "meta" / "info.json" if episode is not None else Path(source)
-    if not path.is_file():
-        return []
-    about = path.stat()
-    return [about.st_size, about.st_mtime_ns]
+def _done(outcome: Outcome | None, stamp: list[int], folder: str | Path) -> bool:
+    """Whether an input need not be judged again: it is as it was, was judged, and what it was repaired to is there."""
+    if outcome is None or outcome.stamp != stamp or outcome.ending in ("crashed", "timed_out"):
+        return False
+    return outcome.repair is None or (Path(folder) / FOLDER / file_name(outcome.name)).is_file()
+
+
+def _stamp(source: str, episode: int | None) -> list[int]:
+    """Size and time of change of a file, of a dataset those of all its files but videos; nothing if it is gone."""
+    files = [Path(source)]
+    if episode is not None:
+        files = [path for part in ("meta", "data") for path in (Path(source) / part).rglob("*")]
+    about = [path.stat() for path in files if path.is_file()]
+    return [sum(one.st_size for one in about), max(one.st_mtime_ns for one in about)] if about else []

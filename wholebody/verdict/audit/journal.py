@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ class Journal:
         done: Outcomes by name.
 
     Raises:
-        InputError: If there is a journal of something else, or a damaged one.
+        InputError: If there is a journal of something else, a damaged one, or one that an audit is writing now.
         OSError: If it cannot be read or written.
     """
 
@@ -34,19 +35,25 @@ class Journal:
         Path(folder).mkdir(parents=True, exist_ok=True)
         self.done: dict[str, Outcome] = {}
         asked = json.loads(json.dumps(asked, sort_keys=True, default=str))
-        whole = self._read(asked)
-        self._file = self._path.open("r+b" if whole else "wb")
+        self._file = self._path.open("a+b")
+        try:
+            flock(self._file, LOCK_EX | LOCK_NB)
+            whole = self._read(asked)
+        except BlockingIOError as error:
+            self.close()
+            raise InputError(f"another audit is writing to {folder}: name another folder with --to, or wait") from error
+        except InputError:
+            self.close()
+            raise
         # A kill in the middle of a line leaves a part of it.
         self._file.truncate(whole)
-        self._file.seek(whole)
         if not whole:
             self._write({"asked": asked})
 
     def _read(self, asked: dict[str, Any]) -> int:
         """Read what is there; how many bytes of it are whole lines."""
-        if not self._path.exists():
-            return 0
-        data = self._path.read_bytes()
+        self._file.seek(0)
+        data = self._file.read()
         whole = data.rfind(b"\n") + 1
         for number, line in enumerate(data[:whole].splitlines()):
             try:

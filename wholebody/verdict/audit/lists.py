@@ -42,8 +42,9 @@ def delete_settings(dataset: str, episodes: list[int]) -> dict[str, Any]:
 
 
 def _episodes(dataset: str) -> int:
+    """How many it has; none if it is no dataset."""
     info = Path(dataset) / "meta" / "info.json"
-    return int(json.loads(info.read_text(encoding="utf-8"))["total_episodes"])
+    return int(json.loads(info.read_text(encoding="utf-8"))["total_episodes"]) if info.is_file() else 0
 
 
 def write_lists(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path]:

@@ -38,6 +38,11 @@ def require_packages() -> None:
         raise InputError(MISSING)
 
 
+def written(text: str) -> str:
+    """As files may have it: names of files need not be UTF-8."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def whence(name: str) -> tuple[str, int | None]:
     """File or dataset of an input, and which episode of it."""
     folder, mark, number = name.rpartition("#")
@@ -52,8 +57,8 @@ def episode_row(outcome: Outcome) -> dict[str, Any]:
     odds = verdict.get("odds") or {}
     tightest = next(iter(verdict.get("margins", ())), {})
     return {
-        "name": outcome.name, "source": source, "episode": episode, "answer": outcome.answer,
-        "message": outcome.message, "motion_s": outcome.motion_s, "fell": verdict.get("fell"),
+        "name": written(outcome.name), "source": written(source), "episode": episode, "answer": outcome.answer,
+        "message": written(outcome.message), "motion_s": outcome.motion_s, "fell": verdict.get("fell"),
         "method": verdict.get("method"), "decided_by": verdict.get("decided_by"), "slower": outcome.slower,
         **{name: verdict.get(name) for name in NUMBERS},
         "worst": worst.get("code"), "worst_time": worst.get("time"), "violations": len(verdict.get("violations", ())),
@@ -68,7 +73,7 @@ def violation_rows(outcome: Outcome) -> list[dict[str, Any]]:
     """Rows of `VIOLATIONS`."""
     source, episode = whence(outcome.name)
     found = (outcome.verdict or {}).get("violations", ())
-    about = {"name": outcome.name, "source": source, "episode": episode}
+    about = {"name": written(outcome.name), "source": written(source), "episode": episode}
     return [about | {name: one[name] for name, _ in OF_VIOLATION} for one in found]
 
 

@@ -124,10 +124,9 @@ def _work(make: Callable[[], Judging], pipe: Connection) -> None:
     judging = make()
     while True:
         try:
-            name = pipe.recv()
-        except EOFError:
+            pipe.send(said(judging, pipe.recv()))
+        except (EOFError, BrokenPipeError):  # nobody asks any more, or listens
             return
-        pipe.send(said(judging, name))
 
 
 def said(judging: Judging, name: str) -> Outcome | str:

@@ -21,24 +21,29 @@ def ranked(verdicts: Sequence[Verdict]) -> list[Verdict]:
     return sorted(verdicts, key=lambda v: (RANK.index(v.verdict), not v.fell, -v.moved_max_m, -v.time_factor, v.name))
 
 
-def write_index(path: str | Path, verdicts: Sequence[Verdict], pages: Mapping[str, str]) -> None:
+def write_index(
+    path: str | Path, verdicts: Sequence[Verdict], pages: Mapping[str, str], unjudged: Sequence[str] = ()
+) -> None:
     """Write the index.
 
     Args:
         path: Where to.
         verdicts: In any order.
         pages: Address of each one's page, by its name.
+        unjudged: Inputs that could not be judged.
 
     Raises:
         OSError: If the file cannot be written.
     """
     counts = ", ".join(f"{sum(v.verdict == answer for v in verdicts)} {answer.replace('_', ' ')}" for answer in RANK)
-    rows = "\n".join(_row(v, pages.get(v.name)) for v in ranked(verdicts))
+    counts += f", {len(unjudged)} not judged" if unjudged else ""
+    rows = "\n".join([*map(_unjudged, unjudged), *(_row(v, pages.get(v.name)) for v in ranked(verdicts))])
     heads = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
     body = (
-        f"<p>{len(verdicts)} inputs: {counts}.</p><table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
+        f"<p>{len(verdicts) + len(unjudged)} inputs: {counts}.</p>"
+        f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
     )
-    Path(path).write_text(listing("wholebody check", body), encoding="utf-8")
+    Path(path).write_text(listing("wholebody check", body), encoding="utf-8", errors="backslashreplace")
 
 
 def listing(title: str, body: str) -> str:
@@ -46,6 +51,11 @@ def listing(title: str, body: str) -> str:
     text = (HERE / "list.html").read_text(encoding="utf-8")
     style = (HERE / "page.css").read_text(encoding="utf-8")
     return text.replace("[[style]]", style).replace("[[title]]", escape(title)).replace("[[body]]", body)
+
+
+def _unjudged(name: str) -> str:
+    answer, why = '<span class="answer">not judged</span>', "it could not be read: the terminal says why"
+    return f"<tr><td>{answer}</td><td>{escape(name)}</td><td>{why}</td>{'<td></td>' * 3}</tr>"
 
 
 def _row(v: Verdict, page: str | None) -> str:

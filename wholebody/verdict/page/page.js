@@ -324,10 +324,11 @@ $("theme").onclick = () => theme(document.documentElement.dataset.theme === "dar
 dark.onchange = () => theme(dark.matches ? "dark" : "light");
 new ResizeObserver(() => { repaint(); plot.resizeHelper(); }).observe(document.body);
 
-const asked = /t=([\d.]+)/.exec(location.hash);
+const addressed = () => { const t = /t=(\d+(\.\d+)?)/.exec(location.hash); seek(t ? Number(t[1]) : first); };
 theme(dark.matches ? "dark" : "light");
 plot.setCamera(framed(home));
-seek(asked ? Number(asked[1]) : first);
+addressed();
+window.addEventListener("hashchange", () => { pause(); addressed(); });
 window.report = { seek, play, pause, now: () => now, bodies: () => Object.fromEntries(about.tree.map((body, b) => [body.name, placed[b].p])), seen: (name) => find(name).map((object) => object.visible) };
 })().catch((error) => {
   document.getElementById("now").textContent = "This browser does not draw in three dimensions (WebGL), so robot and time lines are missing here.";

@@ -33,6 +33,7 @@ from wholebody.verdict.page.timelines import Panel, panels
 from wholebody.verdict.report import change_said, gist, lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
+from wholebody.verdict.why.sentence import Why
 
 HERE = Path(__file__).parent
 MISSING = "a report needs the extra of that name: pip install 'g1-wholebody[report]'"
@@ -192,10 +193,7 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
         "name": verdict.name,
         "verdict": verdict.verdict,
         "gist": gist(verdict),
-        "causes": [
-            {"sentence": one.sentence, "time": min((m.time + shown.since for m in one.members), default=None)}
-            for one in verdict.causes
-        ],
+        "causes": [_cause(one, shown.since) for one in verdict.causes],
         "would": [change_said(one) for one in verdict.would_do],
         "repaired": shown.ghost.words if shown.ghost else "",
         "violations": [
@@ -223,6 +221,12 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
         "versions": verdict.versions | {"k3d": version("k3d")},
         "counted": sum(one.severity is not Severity.NOTE for one in verdict.violations),
     }
+
+
+def _cause(why: Why, since: float) -> dict[str, Any]:
+    """In the time of the run, as everything else on the page."""
+    time = why.time + since
+    return {"sentence": why.sentence.replace(f"at {why.time:.2f} s", f"at {time:.2f} s", 1), "time": time}
 
 
 def _changed(config: dict[str, Any], defaults: dict[str, Any], prefix: str = "") -> dict[str, Any]:

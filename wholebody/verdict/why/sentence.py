@@ -94,12 +94,14 @@ class Why:
     Attributes:
         codes: Kinds of bounds that together forbid the chunk.
         members: Where each is met, at times since the first step of the input.
+        time: When the hand of the sentence is there, likewise [s].
         irreducible: Whether no plan is found with them alone, and one without any one of them.
         sentence: The same for a person.
     """
 
     codes: tuple[Limit, ...]
     members: tuple[Margin, ...]
+    time: float
     irreducible: bool
     sentence: str
 
@@ -107,7 +109,8 @@ class Why:
 def why(cause: Cause, since: float = 0.0, fps: float = 0.0) -> Why:
     """A cause for a verdict, its times moved on by ``since`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
-    return Why(codes=cause.kinds, members=members, irreducible=cause.irreducible, sentence=sentence(cause, since))
+    told, time = sentence(cause, since), cause.where[0] + since
+    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=told)
 
 
 def sentence(cause: Cause, since: float = 0.0) -> str:
