@@ -121,6 +121,16 @@ class Simulation:
 
 
 @dataclass(frozen=True)
+class VerdictFiles:
+    """Where verdicts go beside the terminal."""
+
+    json_to: VerdictsTo = ""
+    report: Annotated[
+        Path | None, Option(help="Write a page (.html) with the robot in motion; of several inputs an index, ranked.")
+    ] = None
+
+
+@dataclass(frozen=True)
 class Judging:
     """How inputs are judged."""
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING
 
-import click
-from click.core import ParameterSource
+from typer import Context
 
 from wholebody.cli.console import check_folder
 
@@ -39,8 +38,8 @@ class Pages:
     options: tuple[str, ...] = ()
 
     @classmethod
-    def at(cls, path: Path, names: Sequence[str]) -> Pages:
-        """Made before anything is run.
+    def at(cls, path: Path, names: Sequence[str], context: Context) -> Pages:
+        """Made before anything is run, by a command line.
 
         Raises:
             InputError: If the extra is not installed.
@@ -53,7 +52,7 @@ class Pages:
         if path.suffix != ".html":
             raise ValueError(f"cannot write '{path}': its name must end in .html")
         check_folder(path)
-        pages = cls(path, tuple(names), tuple(_as_given(click.get_current_context())))
+        pages = cls(path, tuple(names), tuple(_as_given(context)))
         if len(names) > 1:
             pages.folder.mkdir(exist_ok=True)
         return pages
@@ -98,11 +97,11 @@ class Pages:
             write_index(self.path, verdicts, pages, [name for name in self.names if name not in pages])
 
 
-def _as_given(context: click.Context) -> Iterator[str]:
+def _as_given(context: Context) -> Iterator[str]:
     """The options of a command line that say how an input is judged."""
     for option in context.command.params:
-        given = context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
-        if not given or option.name in ELSEWHERE or not isinstance(option, click.Option):
+        source = context.get_parameter_source(option.name)
+        if source is None or source.name != "COMMANDLINE" or option.name in ELSEWHERE:
             continue
         value = context.params[option.name]
         if option.is_flag:

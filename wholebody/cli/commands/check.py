@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from wholebody.cli.console import JsonVerdicts, check_places, print_verdict
 from wholebody.cli.judging import FEASIBLE, Judge, answers
-from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictsTo, completed_script
+from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictFiles, completed_script
 from wholebody.cli.pages import Pages
 from wholebody.cli.simulated import check_settings, check_times
 
@@ -21,6 +20,7 @@ WORLDS_MAX = 1000
 
 def check(
     *,
+    context: typer.Context,
     inputs: Annotated[list[str], typer.Argument(help=SOURCES, autocompletion=completed_script)],
     given: Input,
     simulation: Simulation,
@@ -29,18 +29,14 @@ def check(
         int, typer.Option("--jobs", "-j", help="Inputs judged side by side, each in about 0.4 GB of memory.")
     ] = 1,
     judging: Judging,
-    json_to: VerdictsTo = "",
-    report: Annotated[
-        Path | None,
-        typer.Option(help="Write a page (.html) with the robot in motion; of several inputs an index, ranked."),
-    ] = None,
+    to: VerdictFiles,
 ) -> None:
     """Judge inputs by simulating them, or by their plans.
 
     Exit code 0 feasible (repaired ones too), 1 any infeasible, 2 any malformed, 3 a fault of wholebody itself.
     """
     check_times(given.duration, simulation.hold)
-    check_places(json_to)
+    check_places(to.json_to)
     check_settings(simulation.config)
     if not 1 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 1 to {JOBS_MAX} inputs can be judged side by side")
@@ -48,16 +44,16 @@ def check(
         raise ValueError(f"--worlds is {judging.worlds}; 0 to {WORLDS_MAX} can be simulated")
     if judging.fast and (judging.worlds or judging.as_given):
         raise ValueError("--fast simulates nothing, so --worlds and --as-given would say nothing; leave one out")
-    quiet, worst, verdicts = json_to == "-", FEASIBLE, []
+    quiet, worst, verdicts = to.json_to == "-", FEASIBLE, []
     judge = Judge(given, simulation, sampling, judging, quiet=quiet)
-    if report is not None:
+    if to.report is not None:
         if judging.fast:
             raise ValueError("--fast simulates nothing, so --report would have nothing to show; leave one out")
         named = list(judge.names(inputs))
         inputs = [name for name in named if isinstance(name, str)]
         worst = max((one.code for one in named if not isinstance(one, str)), default=FEASIBLE)
-        judge.pages = Pages.at(report, inputs)
-    with JsonVerdicts(json_to) as written:
+        judge.pages = Pages.at(to.report, inputs, context)
+    with JsonVerdicts(to.json_to) as written:
         for answer in answers(judge, inputs, jobs):
             worst = max(worst, answer.code)
             if answer.verdict is None:

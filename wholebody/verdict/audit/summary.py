@@ -74,7 +74,7 @@ def _when(violation: dict) -> str:
 def _row(one: Outcome) -> str:
     verdict = one.verdict
     answer = f'<span class="answer {one.answer}">{one.answer.replace("_", " ")}</span>'
-    why, moved = escape(one.message), ""
+    why, moved = escape(one.message.removeprefix(f"{one.name}: ")), ""
     if verdict:
         why = "; ".join(escape(_when(v)) for v in verdict["violations"][:TOLD] if v["severity"] != "note")
         moved = f"{1e3 * verdict['moved_max_m']:.0f} mm, {np.degrees(verdict['moved_turn_max_rad']):.0f}°"
