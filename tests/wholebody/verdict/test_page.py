@@ -140,8 +140,11 @@ def test_an_index_ranks_falls_first_and_leads_to_the_pages(tmp_path):
         Verdict(name="<fell>", verdict="infeasible", fell=True),
     ]
     assert [one.name for one in ranked(verdicts)] == ["<fell>", "moved", "bent", "fine"]
-    write_index(tmp_path / "index.html", verdicts, {"moved": "index/0001_moved.html"})
+    write_index(tmp_path / "index.html", verdicts, {"moved": "index/0001_moved.html"}, ["<no>.npz"])
     text = (tmp_path / "index.html").read_text()
+    assert f"{len(verdicts) + 1} inputs: " in text
+    assert "1 not judged" in text
+    assert "&lt;no&gt;.npz" in text
     assert 'href="index/0001_moved.html"' in text
     assert "&lt;fell&gt;" in text
     assert "2 infeasible, 1 feasible after repair, 1 feasible" in text
