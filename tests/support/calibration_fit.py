@@ -14,7 +14,7 @@ from wholebody.verdict.calibration.trees import DEPTH, Trees
 
 DRAWS, FOLDS = 16, 5
 """Draws of the data, and parts of which one is left out at a time [no unit]; chosen: each draw costs a fit."""
-NUMBERS = (25, 50, 75, 100, 150)
+NUMBERS = (50, 100, 150, 200, 300)
 """Of trees; chosen: those of which the one is taken that predicts groups best that were left out."""
 RATE, LEAF_MIN, DRAWN, ASKED = 0.1, 15, 0.7, 0.15
 """Share of what a tree says that is added, chunks that a leaf is of at least, and shares of the chunks and of the

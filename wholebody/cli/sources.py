@@ -150,8 +150,8 @@ def _require_no_path(name: str) -> None:
 
     if Path(name).is_dir():
         raise PolicyError(
-            f"folder '{name}' is neither a checkpoint (it has no config.json, and no {BELOW[-1]}, where LeRobot's "
-            "training writes it) nor a dataset (no meta/info.json)"
+            f"folder '{name}' has no chunks (.npz) and no motions (.csv), and is neither a checkpoint (it has no "
+            f"config.json, and no {BELOW[-1]}, where LeRobot's training writes it) nor a dataset (no meta/info.json)"
         )
     if Path(name).is_file():
         raise PolicyError(
