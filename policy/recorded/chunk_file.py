@@ -194,7 +194,8 @@ def _numbers(arrays: dict[str, np.ndarray], key: str, path: Path) -> np.ndarray:
     bad = ~np.isfinite(value)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise FileFormatError(f"{key}{list(index) or ''} is {value[index]}; finite numbers are expected", path=str(path))
+        at = list(index) or ""
+        raise FileFormatError(f"{key}{at} is {value[index]}; finite numbers are expected", path=str(path))
     return value
 
 

@@ -121,7 +121,7 @@ def expanded(name: str, episodes: str) -> list[str]:
     there = len(open_dataset(name).episodes)
     numbers = episode_numbers(episodes) if episodes else range(there)
     if wrong := [number for number in numbers if number >= there]:
-        raise DatasetError(f"{name} has episodes 0 to {there - 1}, and no {wrong[0]}")
+        raise DatasetError(f"{name} has no episode {wrong[0]}; it has 0 to {there - 1}")
     return [f"{name}#{number}" for number in numbers]
 
 
