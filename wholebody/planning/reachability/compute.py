@@ -135,13 +135,21 @@ def compute(
 
 def taught(samples: Samples) -> Network:
     """A network that says of any pair what several, each fitted to the samples, say of it in the mean."""
-    generator, x = np.random.default_rng(0), inputs(samples.pairs)
-    teachers = [
-        fit(untrained(generator, *TEACHER), x, samples.held, TEACHER_EPOCHS, generator, dropped=DROPPED)
-        for _ in range(TEACHERS)
-    ]
-    asked = draw_often_asked(TAUGHT * len(samples.held), generator)
-    told = np.mean([logits(teacher, asked) for teacher in teachers], axis=0)
+    return pupil([teacher(samples, seed) for seed in range(TEACHERS)], TAUGHT * len(samples.held))
+
+
+def teacher(samples: Samples, seed: int) -> Network:
+    """A deep network fitted to the samples."""
+    generator = np.random.default_rng(seed)
+    network = untrained(generator, *TEACHER)
+    return fit(network, inputs(samples.pairs), samples.held, TEACHER_EPOCHS, generator, dropped=DROPPED)
+
+
+def pupil(teachers: list[Network], n: int) -> Network:
+    """A network that is asked in microseconds, fitted to what its teachers say of n pairs."""
+    generator = np.random.default_rng(len(teachers))
+    asked = draw_often_asked(n, generator)
+    told = np.mean([logits(one, asked) for one in teachers], axis=0)
     return fit(untrained(generator), inputs(asked), likely(told), LESSONS, generator)
 
 
