@@ -10,7 +10,7 @@ from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import scripted_policy
 from tests.support.calibration_fit import alarm_bound, as_arrays, calibration_error, fit_calibration, grow
 from tests.support.hostile_chunks import hostile_chunk
-from tests.support.outcome_cases import JOINTS, KINDS, MOVING, Case, outcome_case
+from tests.support.outcome_cases import JOINTS, KINDS, MOVING, SWINGING, Case, outcome_case
 from tests.support.outcome_runs import run_case
 from tests.support.sent_chunks import sent
 from wholebody.config import ControllerConfig
@@ -26,6 +26,8 @@ from wholebody.verdict.report import lines
 
 CHUNKS = 2400
 HANDFUL = Path(__file__).parents[2] / "studies" / "stored" / "calibration.json"
+SIZE_MAX = 500_000
+"""Of the file [bytes]; chosen: 150 trees were 240 kB, and the 300 that fit 18,000 chunks best find 1 % more falls."""
 
 
 def made_up(n, seed):
@@ -155,7 +157,7 @@ def test_a_file_keeps_the_model_and_what_is_none_is_refused(small, tmp_path):
 
 
 def test_the_file_that_is_shipped_is_small_and_tells_what_its_card_tells_of_a_handful():
-    assert SHIPPED.stat().st_size <= 300_000
+    assert SHIPPED.stat().st_size <= SIZE_MAX
     model, cases = shipped(), json.loads(HANDFUL.read_text())
     assert sum(model.card["families"].values()) == model.card["chunks"]
     assert "recorded" not in model.card["families"]
@@ -260,7 +262,7 @@ def test_a_rollout_tells_what_falls_from_what_stands_before_anything_is_simulate
 
 
 def test_every_kind_of_case_is_a_valid_chunk_and_the_same_again():
-    for number in (*range(2 * len(KINDS)), JOINTS, *range(MOVING, MOVING + 4)):
+    for number in (*range(2 * len(KINDS)), JOINTS, *range(MOVING, MOVING + 4), *range(SWINGING, SWINGING + 3)):
         case, again = outcome_case(number), outcome_case(number)
         case.chunk.validate()
         assert np.array_equal(case.chunk.T_world_lhand, again.chunk.T_world_lhand)
