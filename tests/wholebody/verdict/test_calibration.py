@@ -26,8 +26,6 @@ from wholebody.verdict.report import lines
 
 CHUNKS = 2400
 HANDFUL = Path(__file__).parents[2] / "studies" / "stored" / "calibration.json"
-SIZE_MAX = 500_000
-"""Of the file [bytes]; chosen: 150 trees were 240 kB, and the 300 that fit 18,000 chunks best find 1 % more falls."""
 
 
 def made_up(n, seed):
@@ -157,7 +155,7 @@ def test_a_file_keeps_the_model_and_what_is_none_is_refused(small, tmp_path):
 
 
 def test_the_file_that_is_shipped_is_small_and_tells_what_its_card_tells_of_a_handful():
-    assert SHIPPED.stat().st_size <= SIZE_MAX
+    assert SHIPPED.stat().st_size <= 300_000
     model, cases = shipped(), json.loads(HANDFUL.read_text())
     assert sum(model.card["families"].values()) == model.card["chunks"]
     assert "recorded" not in model.card["families"]
