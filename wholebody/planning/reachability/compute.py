@@ -31,7 +31,7 @@ TEACHERS, TEACHER, TEACHER_EPOCHS, DROPPED = 4, (192, 4), 120, 0.1
 dropped; measured: deeper ones are right more often, and too slow to be asked by everyone."""
 TAUGHT, LESSONS = 8, 40
 """Pairs that the map is taught for each that was searched for, by what the mean of those says of them, and times that
-it sees them; measured: it is then as often right as they are."""
+it sees them; measured: it is then right nearly as often as they are."""
 
 
 class Samples:

@@ -54,14 +54,16 @@ def audit(
             journal.add(replace(outcome, stamp=stamps[outcome.name]))
             if progress is not None:
                 progress(done, len(names), outcome)
+        # What was audited into this folder before stays in its answers, but for files that changed since or are gone.
+        others = [
+            name for name, one in journal.done.items() if name not in stamps and one.stamp == stamp(*whence(name))
+        ]
+        found = [journal.done[name] for name in (*names, *others)]
+        write_tables(folder, found)
+        write_lists(folder, found)
+        write_summary(folder, found)
     finally:
         journal.close()
-    # What was audited into this folder before stays in its answers, but for files that changed since or are gone.
-    others = [name for name, one in journal.done.items() if name not in stamps and one.stamp == stamp(*whence(name))]
-    found = [journal.done[name] for name in (*names, *others)]
-    write_tables(folder, found)
-    write_lists(folder, found)
-    write_summary(folder, found)
     return found[: len(names)]
 
 

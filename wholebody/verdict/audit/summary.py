@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from wholebody.verdict.audit.outcome import Outcome
-from wholebody.verdict.audit.tables import written
 from wholebody.verdict.page.index import listing
 
 PAGE = "index.html"
@@ -55,7 +54,7 @@ def write_summary(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
         f"<table><tbody>{bars}</tbody></table><br>"
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{left}"
     )
-    (Path(folder) / PAGE).write_text(written(listing("wholebody audit", body)), encoding="utf-8")
+    (Path(folder) / PAGE).write_text(listing("wholebody audit", body), encoding="utf-8", errors="backslashreplace")
 
 
 def _bar(code: str, count: int, total: int) -> str:
