@@ -20,14 +20,17 @@ from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
 from wholebody.planning.posture import STARTS, PostureSolver
 from wholebody.planning.reachability.compute import Samples, compute, logits, search
-from wholebody.planning.reachability.pairs import AT_REST, MIRROR, TURNS, Turn, draw
+from wholebody.planning.reachability.pairs import AT_REST, MIRROR, TURNS, Pairs, Turn, draw
 from wholebody.planning.reachability.reach_map import SHIPPED, SURE, ReachabilityMap, basis, reachability
 from wholebody.verdict.fast import FastChecker
 
 SPEC, CONFIG = g1(), ControllerConfig()
 BASIS = basis(SPEC, CONFIG)
-SIZE_MAX, QUERY_MAX, QUERIES = 2_000_000, 5e-6, 20_000
-"""Bars for the map's file [bytes] and the CPU time of a question [s], and questions asked to measure it."""
+SIZE_MAX, QUERIES = 2_000_000, 500
+"""Bar for the map's file [bytes], and questions asked to time one."""
+QUERY_SHARE = 0.25
+"""Largest CPU time of a compiled question, as a share of plain numpy's for the same pair; measured 0.06 to 0.10 on idle
+and loaded machines."""
 AGREEMENT, AGREEMENT_SURE = 0.975, 0.99
 """Least share of pairs of which the map says what the search does: of all, and of those with odds of 7 or more."""
 
@@ -72,17 +75,23 @@ def test_missed_by_nothing_is_what_solve_calls_reached(kept, solver):
         assert solver.solve(*wrists).reached == kept.held[i]
 
 
-def test_a_question_takes_microseconds():
-    told, left, right = reachability(), (0.3, 0.2, 0.8), (0.3, -0.2, 0.8)
-    told.room(left, right)
-    times = []
+def test_a_compiled_question_takes_a_small_share_of_what_numpy_takes():
+    """In CPU time of the thread, in turns; docs/reachability.md has the absolute time."""
+    one, left, right = reachability(), (0.3, 0.2, 0.8), (0.3, -0.2, 0.8)
+    pair = Pairs(np.array([[left, right]]), np.array([TURNS.index(Turn.ANY)]), np.zeros((1, 2)))
+    compiled, plain = (lambda: one.room(left, right)), (lambda: logits(one.network, pair))
+    assert compiled() == pytest.approx(plain()[0], abs=1e-4)
+    shares = []
     for _ in range(5):
-        begin = time.process_time()
-        for _ in range(QUERIES):
-            told.room(left, right)
-        times.append((time.process_time() - begin) / QUERIES)
-    print(f"{1e6 * min(times):.2f} us a question")
-    assert min(times) <= QUERY_MAX
+        seconds = []
+        for question in (compiled, plain):
+            begin = time.thread_time()
+            for _ in range(QUERIES):
+                question()
+            seconds.append(time.thread_time() - begin)
+        shares.append(seconds[0] / seconds[1])
+    print("shares:", shares)
+    assert min(shares) <= QUERY_SHARE, shares
 
 
 def test_one_pair_many_pairs_and_plain_numpy_say_the_same_and_sides_do_not_matter():
