@@ -47,7 +47,7 @@ POLICY_FLOORS = (
     {"action_spec"},
     {"base"},
     {"prefix", "scripted", "dataset"},
-    {"recorded"},
+    {"recorded", "targets"},
     {"executor"},
     {"remote", "lerobot"},
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec
-from wholebody.execution.as_given import Executes
+from wholebody.execution.chunk_executor import ChunkExecutor
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class SeamMeter:
         return ChunkSeam(time, *(float(size) for size in sizes))
 
 
-def commanded_chunk(supervisor: Executes, t_obs: float, steps: int, fps: float) -> ActionChunk | None:
+def commanded_chunk(supervisor: ChunkExecutor, t_obs: float, steps: int, fps: float) -> ActionChunk | None:
     """What is commanded from a time on, slowed and bent as it was planned, as a chunk.
 
     Args:

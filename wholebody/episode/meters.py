@@ -11,19 +11,19 @@ from policy.executor.executor import Executor
 from wholebody.episode.chunk_seams import SeamMeter
 from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import TrackingError, start_jump
-from wholebody.execution.as_given import Executes
+from wholebody.execution.chunk_executor import ChunkExecutor
 from wholebody.planning.plan import PlanReport
+from wholebody.robot.plant import Plant
 from wholebody.robot.standing import pelvis_tilt
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.limit_monitor import LimitMonitor
-from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason, RobotState, Status, StatusReport
 
 
 class Meters:
     """What is measured in an episode."""
 
-    def __init__(self, supervisor: Executes, plant: MujocoPlant, executor: Executor, start: float) -> None:
+    def __init__(self, supervisor: ChunkExecutor, plant: Plant, executor: Executor, start: float) -> None:
         free = executor.policy.spec.orientation_free
         self.result = EpisodeResult(start=start, execution=executor.report, orientation_free=free)
         self._tracking_error = TrackingError(supervisor)
@@ -46,7 +46,7 @@ class Meters:
         if answer is not None and answer.status is Status.HOLD and answer.reason:
             executor.refused(answer.reason, answer.detail)
 
-    def commanded(self, supervisor: Executes, state: RobotState) -> None:
+    def commanded(self, supervisor: ChunkExecutor, state: RobotState) -> None:
         """Take note of what is commanded in a true state."""
         if supervisor.plan_report is not self._plan:
             self._plan = supervisor.plan_report
@@ -55,7 +55,7 @@ class Meters:
         self._seams.add(self._palms)
         self._tracking_error.measure(state, self._palms, supervisor.moved_for or supervisor.status.reason)
 
-    def _taken_over(self, supervisor: Executes, now: float) -> None:
+    def _taken_over(self, supervisor: ChunkExecutor, now: float) -> None:
         """A plan was taken over: what it changes in the chunk."""
         result, chunk, report = self.result, supervisor.chunk, self._plan
         if self._tracking_error.empty:
@@ -71,12 +71,12 @@ class Meters:
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
 
-    def after(self, supervisor: Executes, plant: MujocoPlant, state: RobotState) -> None:
+    def after(self, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
         """Take note of the state that it led to."""
         self._limits.look(state.time)
         _count(self.result, supervisor, plant, state)
 
-    def finish(self, supervisor: Executes) -> EpisodeResult:
+    def finish(self, supervisor: ChunkExecutor) -> EpisodeResult:
         """The result with what was collected along the way."""
         result, limits = self.result, self._limits
         result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
@@ -96,7 +96,7 @@ def _left_out(robot: RobotSpec, layout: ActionSpec) -> tuple[str, ...]:
     return (f"the robot has no fingers: what the layout asks of {', '.join(asked)} is left out",)
 
 
-def _count(result: EpisodeResult, supervisor: Executes, plant: MujocoPlant, state: RobotState) -> None:
+def _count(result: EpisodeResult, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
     status = supervisor.status
     for counts, key in ((result.seconds, status.status.value), (result.reasons, status.reason)):
         if key:

@@ -20,8 +20,8 @@ from wholebody.episode.meters import Meters
 from wholebody.episode.observation import observation_of
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.tracking_error import asked_palms
-from wholebody.execution.as_given import AsGiven, Executes
-from wholebody.sim.plant import MujocoPlant
+from wholebody.execution.chunk_executor import ChunkExecutor
+from wholebody.robot.plant import Plant
 from wholebody.sim.recorder import Followed, Recorder
 from wholebody.sim.sensors import Sensors
 from wholebody.types import RobotState
@@ -55,7 +55,7 @@ class EpisodeConfig:
 
 def observe(
     spec: RobotSpec,
-    supervisor: Executes,
+    supervisor: ChunkExecutor,
     state: RobotState,
     task: str = "",
     images: Mapping[str, np.ndarray] | None = None,
@@ -75,27 +75,27 @@ def observe(
     return observation_of(spec, supervisor.robot, state, task, images)
 
 
-def followed(supervisor: Executes, now: float) -> Followed:
+def followed(supervisor: ChunkExecutor, now: float) -> Followed:
     """What a supervisor followed in its last step, for a recording.
 
     Args:
         supervisor: After `step`.
         now: Time of that step [s].
     """
-    chunk, palms = supervisor.chunk, supervisor.palm_reference()
+    chunk, palms, plans = supervisor.chunk, supervisor.palm_reference(), supervisor.handover
     return Followed(
         asked=None if chunk is None else asked_palms(chunk, now, supervisor.spec),
         commanded=np.stack([palms["left"], palms["right"]]),
         status=supervisor.status,
         rate=supervisor.rate,
-        planning_time=0.0 if isinstance(supervisor, AsGiven) else supervisor.handover.planning_time,
+        planning_time=0.0 if plans is None else plans.planning_time,
     )
 
 
 def run_episode(
     policy: Policy | Executor,
-    supervisor: Executes,
-    plant: MujocoPlant,
+    supervisor: ChunkExecutor,
+    plant: Plant,
     *,
     duration: float,
     config: EpisodeConfig | None = None,
@@ -103,12 +103,12 @@ def run_episode(
     recorder: Recorder | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> EpisodeResult:
-    """Run a policy through the controller in MuJoCo.
+    """Run a policy through the controller on a plant.
 
     Args:
         policy: Source of chunks: a policy, which answers in no time, or an executor on a simulated clock.
-        supervisor: Made for the plant's robot; or an `AsGiven`.
-        plant: Where it happens; reset here.
+        supervisor: Made for the plant's robot: a `Supervisor`, or an `AsGiven`.
+        plant: Robot and surroundings, such as a `MujocoPlant`; reset here.
         duration: Time for which chunks are asked for, after the settling time [s].
         config: How the episode runs.
         sensors: What the controller is told of the true state; the truth itself if not given.

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
-from wholebody.execution.as_given import Executes
+from wholebody.execution.chunk_executor import ChunkExecutor
 from wholebody.planning.plan import PlanReport
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState
@@ -59,7 +59,7 @@ class TrackingError:
     the two ticks around it.
     """
 
-    def __init__(self, supervisor: Executes) -> None:
+    def __init__(self, supervisor: ChunkExecutor) -> None:
         robot, spec = supervisor.robot, supervisor.spec
         self._model, self._data = robot.model, robot.scratch
         self._palms = [robot.frame_id(tool.palm_frame) for tool in spec.tools]

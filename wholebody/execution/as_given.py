@@ -18,7 +18,6 @@ from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.state_monitor import StateMonitor
-from wholebody.execution.supervisor import Supervisor
 from wholebody.execution.way_back import WayBack
 from wholebody.planning.plan import PlanReport
 from wholebody.planning.trajectory import SampledTrajectory
@@ -30,7 +29,7 @@ from wholebody.types import JointCommand, Reason, RobotState, StatusReport, chec
 class AsGiven:
     """Leads both hands along the C2 paths of each chunk from its first pose on; the posture is the stance.
 
-    In place of a `Supervisor`, whose names it has. Nothing is planned, slowed down, bent, smoothed, lifted out of the
+    A `ChunkExecutor`. Nothing is planned, slowed down, bent, smoothed, lifted out of the
     floor or joined: hands that are elsewhere jump. Only what is no chunk at all is refused. What keeps the robot up is
     the program of the tick. A robot that begins elsewhere than in the stance goes there, hands left out, as slowly as
     `WayBack` does.
@@ -44,6 +43,7 @@ class AsGiven:
         plan_report: What an episode reads of a plan: its steps are those of the chunk, and nothing was changed.
         monitor: Says which states a policy may see; the robot follows whatever is measured.
         rate, time_factor, moved_for: Likewise: nothing is slowed down, and no hand is led elsewhere.
+        handover: None, for nothing is planned.
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig | None = None) -> None:
@@ -59,6 +59,7 @@ class AsGiven:
         self._way: WayBack | None = None
         self.rate = self.time_factor = 1.0
         self.moved_for: Reason | None = None
+        self.handover: None = None
 
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""
@@ -168,10 +169,6 @@ class AsGiven:
         if self.chunk is None:
             return statuses.NO_CHUNK
         return statuses.STARVED if self._now > self.chunk.times[-1] + 0.5 else statuses.TRACKING
-
-
-Executes = Supervisor | AsGiven
-"""What follows chunks: with all that keeps the robot up, or by the program of the tick alone."""
 
 
 def palm_rows(motion: HandMotion, offset: np.ndarray) -> np.ndarray:

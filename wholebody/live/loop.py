@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import monotonic, sleep
-from typing import Protocol
 
 import numpy as np
 
@@ -18,23 +17,12 @@ from wholebody.episode.run import observe
 from wholebody.episode.tracking_error import TrackingError
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live.lateness import Lateness
+from wholebody.live.robot_link import RobotLink
 from wholebody.types import JointCommand, RobotState, Status, StatusReport
 
 GRACE = 0.5
 """Share of a control period for which a state may be late before the loop goes on without it; chosen: a tick takes a
 sixth."""
-
-
-class RobotLink(Protocol):
-    """A robot, or what behaves like one; `wholebody.live.robot_process.RobotProcess` is MuJoCo."""
-
-    origin: float
-
-    def receive(self, timeout: float) -> RobotState | None:
-        """The newest state that has not been taken, waited for up to ``timeout`` [s]."""
-
-    def send(self, command: JointCommand) -> None:
-        """Command the motors; never waits."""
 
 
 class Statue:

@@ -13,13 +13,14 @@ from policy.chunk import ROTATION_TOLERANCE
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.executor.worker import ThreadWorker
 from policy.geometry.rotations import rotation_residual
+from policy.targets.dragged_hands import RESTING_HORIZON, DraggedHands
 from wholebody.episode.run import followed
 from wholebody.errors import InputError
 from wholebody.live.glance import Glance, Wish
-from wholebody.live.hands import RESTING_HORIZON, DraggedHands
 from wholebody.live.loop import ControlLoop
 from wholebody.live.page_process import PageProcess
-from wholebody.live.robot_process import MASS_MIN, Order, RobotProcess
+from wholebody.live.robot_link import Order, SessionRobot
+from wholebody.live.robot_process import MASS_MIN
 
 FPS = 30.0
 """How often the page is shown an instant [Hz]; chosen, as `wholebody.live.page.FPS`."""
@@ -56,7 +57,7 @@ class Person:
         self,
         page: PageProcess | None,
         loop: ControlLoop,
-        robot: RobotProcess,
+        robot: SessionRobot,
         sources: Mapping[str, Policy],
         config: ExecutorConfig,
         planned: Sequence[float],

@@ -19,6 +19,7 @@ from models.spec import FLOOR_FRICTION
 from wholebody.config.robot import RobotConfig
 from wholebody.errors import SimulationError
 from wholebody.live import pacing, wire
+from wholebody.live.robot_link import Order
 from wholebody.sim.fall import Fall, detect_fall
 from wholebody.types import JointCommand, RobotState, Status
 
@@ -64,24 +65,9 @@ class WorldView:
         return cls(message[1:3] if message[0] > 0.0 else None, message[3:].reshape(-1, 7))
 
 
-@dataclass(frozen=True)
-class Order:
-    """What a person does to the robot's world: `push`, `payload`, `friction`, `reset`, `pause`, `resume` or `end`.
-
-    Attributes:
-        what: One of these.
-        numbers: Force [N] and duration [s]; masses [kg]; coefficient; the shift of the clock by a pause [s].
-        body: Which one is pushed.
-    """
-
-    what: str
-    numbers: tuple[float, ...] = ()
-    body: str = ""
-
-
 @dataclass
 class RobotProcess:
-    """The control loop's side of the robot.
+    """The control loop's side of the robot, a `SessionRobot`.
 
     Args:
         world: Where it stands.

@@ -26,7 +26,7 @@ from wholebody.live import pacing
 from wholebody.live.loop import ControlLoop, Statue, palm_error
 from wholebody.live.page_process import PageProcess
 from wholebody.live.person import Person
-from wholebody.live.robot_process import RobotProcess, World
+from wholebody.live.robot_link import SessionRobot
 from wholebody.types import RobotState
 
 WARM_UP = 1.0
@@ -57,7 +57,7 @@ class Session:
 
     Args:
         config: Of the controller.
-        world: Where the robot stands.
+        robot: Started and ended here: a `RobotProcess`, or what behaves like one.
         session: How long.
         page: Where everything is shown, and can be disturbed; nowhere if not given.
         gate: Makes what judges each chunk by its plan, in the planner's process; nothing does if not given.
@@ -69,7 +69,7 @@ class Session:
     def __init__(
         self,
         config: ControllerConfig,
-        world: World,
+        robot: SessionRobot,
         session: SessionConfig,
         page: PageProcess | None = None,
         gate: Callable[[], Gate] | None = None,
@@ -78,7 +78,7 @@ class Session:
         os.environ.update(pacing.BLAS_THREADS)
         self._session, self._page, spec = session, page, describe(config.robot)
         self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, config.robot), gate=gate)
-        self._robot = RobotProcess(world, config.dt)
+        self._robot = robot
         try:
             state = self._robot.start(page and page.robot_end)
             self._planner.wait()

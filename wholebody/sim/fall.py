@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wholebody.robot.plant import Plant
 from wholebody.robot.standing import TILT_MAX, has_lost_standing, pelvis_tilt
 from wholebody.types import RobotState, Status
-
-if TYPE_CHECKING:
-    from wholebody.sim.plant import MujocoPlant
 
 
 @dataclass(frozen=True)
@@ -22,7 +19,7 @@ class Fall:
     cause: str
 
 
-def detect_fall(plant: MujocoPlant, state: RobotState, status: Status) -> Fall | None:
+def detect_fall(plant: Plant, state: RobotState, status: Status) -> Fall | None:
     """A fall at this instant, or None.
 
     Args:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import hypot
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wholebody.robot.plant import Plant
 from wholebody.robot.support_polygon import convex_polygon
-
-if TYPE_CHECKING:
-    from wholebody.sim.plant import MujocoPlant
 
 POSITION_TOLERANCE = 2e-3
 """How far a joint may pass its position limit before it counts [rad]; chosen: MuJoCo's limits are springs."""
@@ -48,7 +45,7 @@ class LimitMonitor:
         creep: Largest horizontal distance of a sole from where it was at first [m].
     """
 
-    def __init__(self, plant: MujocoPlant) -> None:
+    def __init__(self, plant: Plant) -> None:
         self._plant, spec = plant, plant.spec
         self._names = spec.joint_names
         body = np.array(["_hand_" not in name for name in self._names])

@@ -13,8 +13,8 @@ from models.spec import RobotSpec
 from policy.errors import printable
 from wholebody.config import ControllerConfig
 from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.robot.plant import Plant
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
-from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.record import PERIODS, TEXT_MAX, VERSION, Record
 from wholebody.types import JointCommand, RobotState, StatusReport
 
@@ -80,7 +80,7 @@ class Recorder:
         self._rows, self._support = {name: [] for name in PERIODS}, None
         self._texts = {"details": {"": 0}, "contact_sets": {"": 0}}
 
-    def add(self, state: RobotState, command: JointCommand, followed: Followed, plant: MujocoPlant) -> None:
+    def add(self, state: RobotState, command: JointCommand, followed: Followed, plant: Plant) -> None:
         """One control period.
 
         Args:
@@ -93,7 +93,7 @@ class Recorder:
             self._rows[name].append(value)
 
     def _row(
-        self, state: RobotState, command: JointCommand, followed: Followed, plant: MujocoPlant
+        self, state: RobotState, command: JointCommand, followed: Followed, plant: Plant
     ) -> dict[str, np.ndarray | float | str]:
         """Values by column."""
         status = followed.status
@@ -123,7 +123,7 @@ class Recorder:
         pin.framesForwardKinematics(self._model, self._data, state.q)
         return {"T_world_palms_measured": np.stack([self._data.oMf[palm].homogeneous for palm in self._palms])}
 
-    def _balance(self, state: RobotState, plant: MujocoPlant) -> dict[str, np.ndarray | float]:
+    def _balance(self, state: RobotState, plant: Plant) -> dict[str, np.ndarray | float]:
         """Centre of mass, capture point, pressure, and their distances from the edge of the support."""
         if self._support is None:
             self._support = convex_polygon(plant.contact_points()[:, :2])

@@ -7,8 +7,8 @@ import pytest
 
 from policy.executor.executor import ExecutorConfig
 from policy.scripted.library import scripted_policy
+from policy.targets.dragged_hands import DraggedHands
 from wholebody.live.glance import Wish
-from wholebody.live.hands import DraggedHands
 from wholebody.live.person import BOUNDS, Person
 
 POSES = np.tile(np.eye(4), (2, 1, 1))

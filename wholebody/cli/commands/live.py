@@ -65,14 +65,14 @@ def live(
     """
     from policy.executor.executor import ExecutorConfig
     from policy.scripted.library import SCRIPTS
+    from policy.targets.dragged_hands import DraggedHands
     from wholebody.cli.simulated import check_times
     from wholebody.cli.sources import length, opened
     from wholebody.config import ControllerConfig
     from wholebody.config.file import load_config
     from wholebody.live.glance import HANDS
-    from wholebody.live.hands import DraggedHands
     from wholebody.live.page_process import PageProcess
-    from wholebody.live.robot_process import World
+    from wholebody.live.robot_process import RobotProcess, World
     from wholebody.live.session import Session, SessionConfig
     from wholebody.verdict.gate import gate_of
 
@@ -92,8 +92,8 @@ def live(
             page = PageProcess(world, list(policies), shown.host, shown.port)
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
         free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}
-        gate = partial(gate_of, settings, free, around.scene)
-        session = Session(settings, world, about, page, gate if around.gate else None)
+        gate = partial(gate_of, settings, free, around.scene) if around.gate else None
+        session = Session(settings, RobotProcess(world, settings.dt), about, page, gate)
     if page is not None:
         say(f"http://{shown.host}:{page.port} shows the robot; Ctrl-C ends it", to_errors=True)
     try:

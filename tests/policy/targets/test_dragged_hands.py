@@ -5,7 +5,7 @@ import pytest
 
 from policy.observation import Observation
 from policy.scripted.policy import palm_offset
-from wholebody.live.hands import FPS, RESTING_HORIZON, SPEED_MAX, DraggedHands
+from policy.targets.dragged_hands import FPS, RESTING_HORIZON, SPEED_MAX, DraggedHands
 
 PALMS = {"left": np.eye(4), "right": np.eye(4)}
 PALMS["left"][:3, 3], PALMS["right"][:3, 3] = (0.25, 0.2, 0.85), (0.25, -0.2, 0.85)

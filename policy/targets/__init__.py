@@ -1,0 +1,1 @@
+"""Targets of the palms that come one at a time: how they become action chunks."""

@@ -1,0 +1,60 @@
+"""Strategy: a session on a robot that is handed to it, in the test's own process: it is started, told to go, commanded
+and closed, and what it says at its end is handed on.
+"""
+
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from models import g1
+from models.pinocchio_model import load_pinocchio, stance_q
+from policy.executor.executor import ExecutorConfig
+from policy.scripted.library import scripted_policy
+from wholebody.config import ControllerConfig
+from wholebody.live.loop import Statue
+from wholebody.live.session import Session, SessionConfig
+from wholebody.types import RobotState
+
+pytestmark = pytest.mark.alone
+SPEC = g1()
+
+
+class Watched(Statue):
+    """A robot that stands like a statue and takes note of what is done with it."""
+
+    def __init__(self):
+        model = load_pinocchio(SPEC)
+        super().__init__(RobotState(0.0, stance_q(SPEC, model), np.zeros(model.nv)))
+        self.told, self.commands = [], []
+
+    def start(self, page=None):
+        self.told.append("start")
+        self.origin = monotonic()
+        return self._state
+
+    def go(self, origin):
+        self.told.append("go")
+        self.origin = origin
+
+    def send(self, command):
+        self.commands.append(command)
+
+    def order(self, order):
+        self.told.append(order.what)
+
+    def close(self):
+        self.told.append("close")
+        return {"fall": ""}
+
+
+def test_a_session_runs_the_robot_that_it_is_given():
+    robot = Watched()
+    session = Session(ControllerConfig(), robot, SessionConfig(duration=0.5, settle=0.2, hold=0.1))
+    assert robot.told == ["start"]
+    session.run({"wave": scripted_policy("wave")}, lambda now: None, ExecutorConfig())
+    assert session.close() == {"fall": ""}
+    assert robot.told == ["start", "go", "close"]
+    assert len(robot.commands) > 200
+    assert all(np.isfinite(command.tau).all() for command in robot.commands)
+    assert session.summary()["chunks"]["accepted"] >= 1
