@@ -17,7 +17,7 @@ MAGNITUDE_MAX = 1e6
 """Largest number of a target that is taken at all [m, rad, m/s]; beyond it no arithmetic is safe."""
 _POSES = ("T_world_lhand", "T_world_rhand")
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
-_OPTIONAL = {"q_larm": 7, "q_rarm": 7, "q_waist": 3, "base_height": 0, "base_velocity": 3}
+_OPTIONAL = {"q_larm": 7, "q_rarm": 7, "q_waist": 3, "q_legs": 12, "base_height": 0, "base_velocity": 3}
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class ActionChunk:
         q_lhand, q_rhand: Dex3 joints, shape (H, 7), [rad]; the right hand lists index before middle.
         q_larm, q_rarm: Arm joints that the source had in mind, shape (H, 7), [rad]; a hint, the poses rule.
         q_waist: Waist yaw, roll, pitch as in motor order, shape (H, 3), [rad]; a hint.
+        q_legs: Left and right leg joints that the source had in mind, shape (H, 12), [rad]; a hint.
         base_height: Pelvis height above the floor, shape (H,), [m]; a hint.
         base_velocity: Planar velocity of the pelvis x, y [m/s] and yaw rate [rad/s], shape (H, 3).
         notes: What decoding changed, one sentence each (values clipped to the spec's limits).
@@ -52,6 +53,7 @@ class ActionChunk:
     q_larm: np.ndarray | None = None
     q_rarm: np.ndarray | None = None
     q_waist: np.ndarray | None = None
+    q_legs: np.ndarray | None = None
     base_height: np.ndarray | None = None
     base_velocity: np.ndarray | None = None
     notes: tuple[str, ...] = ()

@@ -16,6 +16,8 @@ from policy.errors import SpecError
 
 BODY_JOINTS = tuple(name for names in GROUPS.values() for name in names)
 """The 29 body joints."""
+LEFT_LEG_JOINTS = GROUPS["left_leg"]
+RIGHT_LEG_JOINTS = GROUPS["right_leg"]
 WAIST_JOINTS = GROUPS["waist"]
 LEFT_ARM_JOINTS = GROUPS["left_arm"]
 RIGHT_ARM_JOINTS = GROUPS["right_arm"]
@@ -25,6 +27,8 @@ RIGHT_HAND_JOINTS = HAND_GROUPS["right_hand"]
 WAIST = slice(BODY_JOINTS.index(WAIST_JOINTS[0]), BODY_JOINTS.index(WAIST_JOINTS[-1]) + 1)
 """The waist within the 29 body joints."""
 LEFT_ARM = slice(BODY_JOINTS.index(LEFT_ARM_JOINTS[0]), BODY_JOINTS.index(LEFT_ARM_JOINTS[-1]) + 1)
+LEFT_LEG = slice(BODY_JOINTS.index(LEFT_LEG_JOINTS[0]), BODY_JOINTS.index(LEFT_LEG_JOINTS[-1]) + 1)
+RIGHT_LEG = slice(BODY_JOINTS.index(RIGHT_LEG_JOINTS[0]), BODY_JOINTS.index(RIGHT_LEG_JOINTS[-1]) + 1)
 RIGHT_ARM = slice(BODY_JOINTS.index(RIGHT_ARM_JOINTS[0]), BODY_JOINTS.index(RIGHT_ARM_JOINTS[-1]) + 1)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from policy.action_spec.slot import Slot
+from policy.action_spec import public
+from policy.action_spec.parts import joints, scalar, stack, velocity, wrist
 from policy.action_spec.spec import ActionSpec
 from policy.errors import SpecError, did_you_mean
 from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST_JOINTS
@@ -121,46 +122,11 @@ def gr00t_g1() -> ActionSpec:
     )
 
 
-def wrist(side: str, **settings: object) -> tuple[dict, dict]:
-    """Position and rot6d (columns) of a wrist; settings such as ``mode`` or ``rot6d_layout`` replace the defaults."""
-    shared = {key: value for key, value in settings.items() if key not in ("rot6d_layout", "tcp_offset")}
-    tool = {"tcp_offset": settings["tcp_offset"]} if "tcp_offset" in settings else {}
-    layout = settings.get("rot6d_layout", "cols")
-    return (
-        {"name": f"{side}_wrist_position", "kind": "position", "size": 3, "unit": "m", **shared, **tool},
-        {"name": f"{side}_wrist_rotation", "kind": "rot6d", "size": 6, "unit": "1", "rot6d_layout": layout, **shared},
-    )
-
-
-def joints(name: str, names: tuple[str, ...], **settings: object) -> dict:
-    """A joint slot in radians."""
-    return {"name": name, "kind": "joint", "size": len(names), "unit": "rad", "joint_names": tuple(names), **settings}
-
-
-def scalar(name: str, unit: str, **settings: object) -> dict:
-    """A single number."""
-    return {"name": name, "kind": "scalar", "size": 1, "unit": unit, **settings}
-
-
-def velocity() -> dict:
-    """Planar velocity x, y and yaw rate of the base."""
-    return {"name": "base_velocity", "kind": "velocity", "size": 3, "unit": "m/s, rad/s"}
-
-
-def stack(*parts: dict) -> tuple[Slot, ...]:
-    """Slots one after the other."""
-    slots, at = [], 0
-    for part in parts:
-        slots.append(Slot(start=at, **part))
-        at += part["size"]
-    return tuple(slots)
-
-
-LAYOUTS = {layout.__name__: layout for layout in (wbc32, wbc27, unifolm23, joint28, joint16, gr00t_g1)}
+LAYOUTS = {layout.__name__: layout for layout in (wbc32, wbc27, unifolm23, joint28, joint16, gr00t_g1, *public.LAYOUTS)}
 """Built-in layouts by name."""
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)
 def builtin(name: str) -> ActionSpec:
     """A built-in layout.
 

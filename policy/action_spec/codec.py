@@ -10,10 +10,12 @@ absolute        p = v                                   R = R(v)                
 relative_se3    p = p_ref + R_ref v                     R = R_ref R(v)                      --
 relative_add    p = p_ref + v                           R = R(numbers of R_ref + v)         x = x_ref + v
 delta           p[k] = p[k-1] + v                       R[k] = R(v) R[k-1]                  x[k] = x[k-1] + v
+delta_se3       p[k] = p[k-1] + R[k-1] v                R[k] = R[k-1] R(v)                  --
 ==============  ======================================  ==================================  ======================
 
-with ``p[-1] = p_ref``, ``R[-1] = R_ref``. relative_se3 is GR00T's and UMI's ``T_ref @ T_rel``, with both slots of a
-wrist; relative_add is LeRobot's ``use_relative_actions``; in delta both are along the axes of F.
+with ``p[-1] = p_ref``, ``R[-1] = R_ref``. relative_se3 is GR00T's, UMI's and UnifoLM-WLA's ``T_ref @ T_rel``, with both
+slots of a wrist; relative_add is LeRobot's ``use_relative_actions``; in delta both are along the axes of F, in
+delta_se3 along those of the hand at the step before.
 """
 
 from __future__ import annotations
@@ -22,15 +24,18 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.frame_guess import unit_guess, world_guess
-from policy.action_spec.hands import closing_of, finger_range, grasp_posture
-from policy.action_spec.slot import TARGETS, Slot
+from policy.action_spec.hands import closing_of, finger_closings
+from policy.action_spec.mask import unmasked
+from policy.action_spec.pelvis_path import PelvisPath, pelvis_path, tilt_of
+from policy.action_spec.slot import SHORT_ARM, Slot
+from policy.action_spec.slot_values import ARMS, LEGS, decode_fingers, joint_values, ordered_as, resolved, to_mode
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.wrist_codec import decode_wrist, encode_wrist
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.geometry.rotations import angle_between
 from policy.geometry.se3 import inverse
-from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST, permutation
+from policy.joints import WAIST
 from policy.kinematics.forward import kinematics
 from policy.kinematics.inverse import arm_joints
 
@@ -39,21 +44,18 @@ NUMBER_MAX = 1e6
 HINT_TOLERANCE = 1e-4
 """Metres and radians within which given arm joints must reach the given pose to be used in `encode`."""
 
-FINGER_TOLERANCE = 1e-3
-"""How far a finger may be asked past its range without a word: the rounding of files and networks [rad, 1]."""
-
 WALK, RISE = 0.05, 0.05
 """Speed of the base [m/s, rad/s] and difference of its height from the pelvis's [m] from which a chunk has a note that
 nobody walks or rises for it; chosen: above what networks scatter by."""
 
 _SIDES = (("left", "lhand"), ("right", "rhand"))
-_ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
 
 
 def decode(
-    spec: ActionSpec, actions: np.ndarray, anchor: Anchor, *, seq: int = 0, t_obs: float = 0.0, fps: float | None = None
-) -> ActionChunk:
-    """Chunk from raw actions.
+    spec: ActionSpec, actions: np.ndarray, anchor: Anchor, *, seq: int = 0, t_obs: float = 0.0,
+    fps: float | None = None, mask: np.ndarray | None = None,
+) -> ActionChunk:  # fmt: skip
+    """Chunk from raw actions, anchored in time and world.
 
     Args:
         spec: What the numbers mean.
@@ -62,29 +64,33 @@ def decode(
         seq: Number of the chunk within the episode.
         t_obs: Time of step 0 [s].
         fps: Rate if it is not the spec's [Hz].
+        mask: Which numbers are there, shape (A,), (H,) or (H, A), bool; needed by a masked spec, of no other.
 
     Raises:
-        ChunkError: If the shape is wrong, or a number is not finite or no rotation; names step and slot.
+        ChunkError: If the shape is wrong, or a number is not finite or no rotation, or legs ask for a step; names step
+            and slot.
     """
-    actions, notes = _clip(spec, _checked(spec, actions))
+    given, (spec, actions) = spec, unmasked(spec, _checked(spec, actions), mask)
+    actions, notes = _clip(spec, actions)
+    notes += given.said_ignored
     notes += world_guess(spec, actions, anchor)
-    steps = len(actions)
-    waist = _joint_values(spec.slot("waist"), actions, anchor)
-    arms = {side: _joint_values(spec.slot(f"{side}_arm"), actions, anchor) for side, _ in _SIDES}
+    waist, pelvis = joint_values(spec.slot("waist"), actions, anchor), pelvis_path(spec, actions, anchor)
+    notes += pelvis.notes
+    arms = {side: joint_values(spec.slot(f"{side}_arm"), actions, anchor) for side, _ in _SIDES}
     wrists, fingers = {}, {}
     for side, hand in _SIDES:
-        if spec.slot(f"{side}_wrist_position"):
-            wrists[hand] = decode_wrist(spec, side, actions, anchor)
-        else:
-            wrists[hand] = anchor.T_world_base @ _reached(anchor, side, hand, arms[side], waist)
-        fingers[hand], said = _decode_fingers(spec, side, actions, anchor)
+        wrists[hand] = (
+            decode_wrist(spec, side, actions, anchor)
+            if spec.slot(f"{side}_wrist_position")
+            else pelvis.T_world_base @ _reached(anchor, side, hand, arms[side], waist)
+        )
+        fingers[hand], said = decode_fingers(spec, side, actions, anchor)
         notes += said
     notes += unit_guess(wrists, anchor)
-    slots = [spec.slot(name) for name in ("base_height", "base_velocity")]
-    height, velocity = (_resolved(slot, actions, anchor) if slot else None for slot in slots)
-    notes += _not_followed(height, velocity, anchor)
+    height, velocity = _height(spec, actions, anchor, pelvis), _velocity(spec, actions, anchor)
+    notes += _not_followed(height, velocity, anchor, pelvis)
     chunk = ActionChunk(
-        spec_id=spec.id,
+        spec_id=given.id,
         seq=seq,
         t_obs=float(t_obs),
         fps=float(spec.fps if fps is None else fps),
@@ -95,18 +101,41 @@ def decode(
         q_larm=arms["left"],
         q_rarm=arms["right"],
         q_waist=waist,
-        base_height=None if height is None else height[:, 0],
-        base_velocity=None if velocity is None else velocity.reshape(steps, 3),
+        q_legs=pelvis.q_legs,
+        base_height=height,
+        base_velocity=velocity,
         notes=notes,
     )
-    # Every pose above is a product of rotations that were made orthonormal.
-    chunk.validate(rotations=False)
+    chunk.validate(rotations=False)  # every pose is a product of rotations that were made orthonormal
     return chunk
 
 
-def _not_followed(height: np.ndarray | None, velocity: np.ndarray | None, anchor: Anchor) -> tuple[str, ...]:
+def _height(spec: ActionSpec, actions: np.ndarray, anchor: Anchor, pelvis: PelvisPath) -> np.ndarray | None:
+    """Height of the pelvis (H,) [m], as asked for or as the legs put it; None where neither says it."""
+    slot = spec.slot("base_height")
+    if slot is not None:
+        return resolved(slot, actions, anchor)[:, 0]
+    return pelvis.T_world_base[:, 2, 3].copy() if pelvis.q_legs is not None else None
+
+
+def _velocity(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> np.ndarray | None:
+    """Planar velocity and yaw rate (H, 3) [m/s, rad/s]; None where neither is asked for."""
+    planar, rate = spec.slot("base_velocity"), spec.slot("base_yaw_rate")
+    if planar is None and rate is None:
+        return None
+    velocity = np.zeros((len(actions), 3))
+    for slot, where in ((planar, slice(0, planar.size if planar else 0)), (rate, slice(2, 3))):
+        if slot is not None:
+            velocity[:, where] = resolved(slot, actions, anchor)
+    return velocity
+
+
+def _not_followed(
+    height: np.ndarray | None, velocity: np.ndarray | None, anchor: Anchor, pelvis: PelvisPath
+) -> tuple[str, ...]:
     """Notes on a base that is to move: the feet stay, and pelvis and waist go where hands and balance need them."""
-    away = 0.0 if height is None else float(np.abs(height - anchor.T_world_base[2, 3]).max())
+    here = pelvis.T_world_base[:, 2, 3] if pelvis.q_legs is not None else anchor.T_world_base[2, 3]
+    away = 0.0 if height is None else float(np.abs(height - here).max())
     speed = 0.0 if velocity is None else float(np.abs(velocity).max())
     notes = ()
     if speed > WALK:
@@ -119,26 +148,42 @@ def _not_followed(height: np.ndarray | None, velocity: np.ndarray | None, anchor
 def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     """Raw actions (H, A) that `decode` turns into the chunk, with the same anchor.
 
-    What a layout asks for and the chunk lacks is filled in: waist and base height from the anchor, zero velocity, arm
-    joints by inverse kinematics. A layout with one number a hand keeps only the closing of the fingers.
+    What a layout asks for and the chunk lacks is filled in: waist, legs, tilt and base height from the anchor, zero
+    velocity, arm joints by inverse kinematics, 0 for what is ignored. A layout with a number a hand or a finger keeps
+    only how closed they are.
 
     Raises:
         ChunkError: If the chunk is malformed, or the arms of a joint layout cannot reach a pose.
     """
     chunk.validate()
-    return encode_valid(spec, chunk, anchor)
+    short = [slot.name for slot in spec.slots if slot.name.endswith("_arm") and slot.size == SHORT_ARM]
+    actions = encode_valid(spec, chunk, anchor)
+    for name in short:
+        side, hand = name.removesuffix("_arm"), {"left_arm": "lhand", "right_arm": "rhand"}[name]
+        arm, waist = (joint_values(spec.slot(part), actions, anchor) for part in (name, "waist"))
+        T = anchor.T_world_base @ _reached(anchor, side, hand, arm, waist)
+        off = np.linalg.norm(T[:, :3, 3] - getattr(chunk, f"T_world_{hand}")[:, :3, 3], axis=1)
+        if off.max() > HINT_TOLERANCE:
+            k = int(off.argmax())
+            raise ChunkError(
+                f"the {side} hand of '{spec.name}' would be {off[k]:.3g} m from its pose at step {k}: its wrist lacks "
+                "pitch and yaw",
+                step=k,
+                slot=name,
+            )
+    return actions
 
 
 def encode_valid(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     """`encode` for a chunk that was validated or made from something that was."""
-    actions = np.empty((len(chunk), spec.dim))
+    actions = np.zeros((len(chunk), spec.dim))
     for side, hand in _SIDES:
         for slot, numbers in encode_wrist(spec, side, getattr(chunk, f"T_world_{hand}"), anchor):
             actions[:, slot.indices] = numbers
     for slot in spec.slots:
-        if not slot.name.endswith(("_wrist_position", "_wrist_rotation")):
+        if slot.kind != "ignored" and not slot.name.endswith(("_wrist_position", "_wrist_rotation")):
             numbers = slot.from_si(_values_for(slot, spec, chunk, anchor))
-            actions[:, slot.indices] = _to_mode(slot, numbers, anchor)
+            actions[:, slot.indices] = to_mode(slot, numbers, anchor)
     return actions
 
 
@@ -178,79 +223,10 @@ def _clip(spec: ActionSpec, actions: np.ndarray) -> tuple[np.ndarray, tuple[str,
     return actions, tuple(notes)
 
 
-def _resolved(slot: Slot, actions: np.ndarray, anchor: Anchor) -> np.ndarray:
-    """SI values (H, size) of a joint, scalar or velocity slot, in its own order, whatever its mode."""
-    numbers = actions[:, slot.indices]
-    if slot.mode == "relative_add":
-        numbers = numbers + _reference_numbers(slot, anchor)
-    elif slot.mode == "delta":
-        numbers = np.cumsum(numbers, axis=0) + _reference_numbers(slot, anchor)
-    return slot.to_si(numbers)
-
-
-def _to_mode(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> np.ndarray:
-    """Inverse of the modes in `_resolved`, in the slot's numbers."""
-    if slot.mode == "relative_add":
-        return numbers - _reference_numbers(slot, anchor)
-    if slot.mode == "delta":
-        return np.diff(numbers, axis=0, prepend=_reference_numbers(slot, anchor)[None])
-    return numbers
-
-
-def _reference_numbers(slot: Slot, anchor: Anchor) -> np.ndarray:
-    """The anchor's own state in the numbers of a slot, shape (size,)."""
-    side = slot.name.split("_", maxsplit=1)[0]
-    if slot.name.endswith("_grasp"):
-        q = anchor.q_lhand if side == "left" else anchor.q_rhand
-        return slot.from_si(np.atleast_1d(closing_of(side, q)))
-    if slot.name == "base_height":
-        return slot.from_si(anchor.T_world_base[2:3, 3])
-    values = {"left_hand": anchor.q_lhand, "right_hand": anchor.q_rhand, "waist": anchor.q_body[WAIST]}
-    values |= {f"{name}_arm": anchor.q_body[where] for name, where in _ARMS.items()}
-    return slot.from_si(_ordered_as(slot, values[slot.name]))
-
-
-def _joint_values(slot: Slot | None, actions: np.ndarray, anchor: Anchor) -> np.ndarray | None:
-    """Joints of a slot in motor order (H, n) [rad], None without a slot."""
-    if slot is None:
-        return None
-    return _resolved(slot, actions, anchor)[:, permutation(slot.joint_names, TARGETS[slot.name][1])]
-
-
-def _ordered_as(slot: Slot, q: np.ndarray) -> np.ndarray:
-    """Joints in motor order (..., n) in the order of a slot."""
-    return q[..., permutation(TARGETS[slot.name][1], slot.joint_names)]
-
-
-def _decode_fingers(
-    spec: ActionSpec, side: str, actions: np.ndarray, anchor: Anchor
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Finger joints (H, 7) in motor order [rad] as they were given, and a note on those out of range."""
-    grasp, hand = spec.slot(f"{side}_grasp"), spec.slot(f"{side}_hand")
-    if grasp:
-        closing = _resolved(grasp, actions, anchor)[:, 0]
-        return grasp_posture(side, closing), _beyond(grasp, closing, (0.0, 1.0), "of 0 open to 1 closed")
-    fingers = _joint_values(hand, actions, anchor)
-    if fingers is None:
-        return np.tile(anchor.q_lhand if side == "left" else anchor.q_rhand, (len(actions), 1)), ()
-    return fingers, _beyond(hand, fingers, finger_range(side), "rad")
-
-
-def _beyond(
-    slot: Slot, values: np.ndarray, bounds: tuple[np.ndarray | float, np.ndarray | float], unit: str
-) -> tuple[str, ...]:
-    """What to say of values past what fingers can do, if any are; the end of the range is commanded for them."""
-    excess = np.abs(values - np.clip(values, *bounds))
-    count = int((excess > FINGER_TOLERANCE).sum())
-    if not count:
-        return ()
-    return (f"{slot.name}: {count} numbers out of the fingers' range, by up to {excess.max():.3g} {unit}",)
-
-
 def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray, waist: np.ndarray | None) -> np.ndarray:
     """``T_base_hand`` (H, 4, 4) of arm joints, with the given waist or the anchor's."""
     q_body = np.tile(anchor.q_body, (len(arm), 1))
-    q_body[:, _ARMS[side]] = arm
+    q_body[:, ARMS[side]] = arm
     if waist is not None:
         q_body[:, WAIST] = waist
     return kinematics().poses(q_body)[hand]
@@ -259,18 +235,32 @@ def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray, waist: np.nd
 def _values_for(slot: Slot, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     """SI values (H, size) that a chunk has for a joint, scalar or velocity slot, in the slot's order."""
     steps, side = len(chunk), slot.name.split("_", maxsplit=1)[0]
-    if slot.name == "base_velocity":
-        return np.zeros((steps, 3)) if chunk.base_velocity is None else chunk.base_velocity
+    q_hand = chunk.q_lhand if side == "left" else chunk.q_rhand
+    if slot.name.startswith("base_"):
+        return _base_values(slot, chunk, anchor)
+    if slot.kind == "fingers":
+        return finger_closings(side, slot.joint_names, q_hand)
+    if slot.kind == "scalar":
+        return closing_of(side, q_hand)[:, None]
+    if slot.name == "waist":
+        q = _waist_of(chunk, anchor)
+    elif slot.name.endswith("_arm"):
+        q = _arm_of(side, spec, chunk, anchor)
+    else:
+        q = np.tile(anchor.q_body[LEGS[side]], (steps, 1)) if slot.name.endswith("_leg") else q_hand
+    return ordered_as(slot, q)
+
+
+def _base_values(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
+    """SI values (H, size) of a slot of the base."""
+    steps = len(chunk)
+    if slot.name == "base_tilt":
+        return np.tile(tilt_of(anchor.T_world_base), (steps, 1))
     if slot.name == "base_height":
         filled = np.full(steps, anchor.T_world_base[2, 3])
         return (filled if chunk.base_height is None else chunk.base_height)[:, None]
-    if slot.name.endswith("_grasp"):
-        return closing_of(side, chunk.q_lhand if side == "left" else chunk.q_rhand)[:, None]
-    if slot.name == "waist":
-        return _ordered_as(slot, _waist_of(chunk, anchor))
-    if slot.name.endswith("_arm"):
-        return _ordered_as(slot, _arm_of(side, spec, chunk, anchor))
-    return _ordered_as(slot, chunk.q_lhand if side == "left" else chunk.q_rhand)
+    velocity = np.zeros((steps, 3)) if chunk.base_velocity is None else chunk.base_velocity
+    return velocity[:, 2:] if slot.name == "base_yaw_rate" else velocity[:, : slot.size]
 
 
 def _waist_of(chunk: ActionChunk, anchor: Anchor) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 
 import numpy as np
@@ -23,10 +24,12 @@ MODES = {
     "relative_se3": "relative to the state, T_frame_wrist @ T_number",
     "relative_add": "relative to the state, added to it",
     "delta": "each step added to the one before, the first to the state",
+    "delta_se3": "each step in the hand as it was at the one before, T_frame_wrist @ T_number",
 }
 ELEMENTS = {
     "cols": tuple(f"R[{row}, {col}]" for col in (0, 1) for row in range(3)),
     "rows": tuple(f"R[{row}, {col}]" for row in (0, 1) for col in range(3)),
+    "interleaved": tuple(f"R[{row}, {col}]" for row in range(3) for col in (0, 1)),
 }
 """What each number of a rot6d is, R the rotation of the wrist in its frame."""
 COLUMNS = f"  {'':<4}{'':<28}{'stance':>9}{'least':>9}{'largest':>9}"
@@ -39,7 +42,7 @@ def summary(name: str) -> str:
         SpecError: If there is none of that name.
     """
     builtin(name)
-    return f"{name:<11}{(LAYOUTS[name].__doc__ or '').strip().splitlines()[0].replace('``', '')}"
+    return f"{name:<20}{(LAYOUTS[name].__doc__ or '').strip().splitlines()[0].replace('``', '')}"
 
 
 def lines(spec: ActionSpec) -> list[str]:
@@ -50,14 +53,27 @@ def lines(spec: ActionSpec) -> list[str]:
         f"stance: the numbers of the robot standing still, its pelvis {height:.3f} m above the floor",
         "least, largest: of the layout, which clips to them; else the range of the joint",
     ]
+    if spec.masked:
+        said.append(f"a mask of {spec.dim} comes with each chunk; what it leaves out is not there")
+    if spec.name in LAYOUTS and builtin(spec.name) == spec and (source := _source(spec.name)):
+        said += textwrap.wrap(f"source: {source}", 100)
     poses = [slot for slot in spec.slots if slot.kind == "position" or slot.kind in ROTATIONS]
     said += [f"{frame}: {FRAMES[frame]}" for frame in dict.fromkeys(slot.frame for slot in poses)]
     for slot in spec.slots:
-        said += ["", _heading(slot), COLUMNS]
+        said += ["", _heading(slot)]
+        if slot.kind == "ignored":
+            continue
+        said.append(COLUMNS)
         for i, name, (low, high) in zip(range(slot.size), _names(slot), _limits(slot), strict=True):
             at = slot.start + i
             said.append(f"  {at:<4}{name:<28}{_number(stance[at])}{_number(low)}{_number(high)}".rstrip())
     return said
+
+
+def _source(name: str) -> str:
+    """Where a built-in layout is from, as its description says."""
+    text = (LAYOUTS[name].__doc__ or "").partition("Source:")[2]
+    return " ".join(text.replace("``", "").split())
 
 
 def stance_numbers(spec: ActionSpec) -> np.ndarray:
@@ -73,8 +89,14 @@ def _heading(slot: Slot) -> str:
         wrist = g1().tool(slot.name.split("_", maxsplit=1)[0]).wrist_frame
         offset = f" moved by {slot.tcp_offset} m" if any(slot.tcp_offset) else ""
         parts.append(f"{wrist}{offset} in the {slot.frame}")
-    if slot.name.endswith("_grasp"):
+    if slot.kind == "ignored":
+        return f"{slot.name}: {slot.size} ignored: {slot.reason}"
+    if slot.closing is not None:
+        parts.append(f"{slot.closing[0]:g} open, {slot.closing[1]:g} closed")
+    elif slot.name.endswith("_grasp"):
         parts.append("motor of a Dex1 gripper, 0 closed" if slot.unit == "dex1 rad" else "0 open, 1 closed")
+    if slot.name.endswith("_leg"):
+        parts.append("where the pelvis is over feet that stay; what asks for a step is refused")
     if slot.mode in MODES:
         parts.append(MODES[slot.mode])
     if slot.orientation == "free":

@@ -9,12 +9,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from policy.action_spec.slot import TARGETS, Slot, one_of
+from policy.action_spec.slot import SLOTS_MAX, Slot, one_of
 from policy.errors import SpecError, printable
 from policy.reading import FPS_MAX, FPS_MIN, HORIZON_MAX, ReadingError, parse_json, require_depth
 
@@ -32,7 +32,8 @@ class ActionSpec:
         version: Version of the layout.
         fps: Steps per second of a chunk [Hz].
         horizon: Steps of a chunk.
-        slots: In the order of the numbers, without gap or overlap.
+        slots: In the order of the numbers, without gap or overlap; what is not used is a slot of the kind ``ignored``.
+        masked: Whether a mask comes with each chunk that says which of the numbers are there, as UnifoLM-WLA has it.
     """
 
     name: str
@@ -40,6 +41,7 @@ class ActionSpec:
     fps: float = 30.0
     horizon: int = 50
     slots: tuple[Slot, ...]
+    masked: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or len(self.name) > NAME_MAX or not self.name.isprintable():
@@ -51,6 +53,8 @@ class ActionSpec:
             if type(getattr(self, name)) is not int or not 1 <= getattr(self, name) <= most:
                 said = f"{name} {getattr(self, name)!r:.40} must be at least 1 and at most {most}, a whole number"
                 raise SpecError(f"spec '{self.name}': {said}")
+        if not isinstance(self.masked, bool):
+            raise SpecError(f"spec '{self.name}': masked is {self.masked!r:.40}; true or false is expected")
         names = [slot.name for slot in self.slots]
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:
@@ -58,7 +62,10 @@ class ActionSpec:
         at = 0
         for slot in self.slots:
             if slot.start != at:
-                raise SpecError(f"spec '{self.name}': slot '{slot.name}' starts at {slot.start}; {at} is next")
+                raise SpecError(
+                    f"spec '{self.name}': slot '{slot.name}' starts at {slot.start}; {at} is next. Numbers that are "
+                    'not used are a slot of the kind "ignored", with a "reason"'
+                )
             at += slot.size
         self._check_sides()
 
@@ -89,6 +96,29 @@ class ActionSpec:
         return next((slot for slot in self.slots if slot.name == name), None)
 
     @property
+    def said_ignored(self) -> tuple[str, ...]:
+        """A sentence for each slot whose numbers are not used."""
+        ignored = (slot for slot in self.slots if slot.kind == "ignored")
+        return tuple(f"{slot.name.removeprefix('no_')} is ignored: {slot.reason}" for slot in ignored)
+
+    def without(self, names: Iterable[str], reason: str) -> ActionSpec:
+        """The same layout with some slots ignored, for a reason.
+
+        Raises:
+            SpecError: If there is no such slot, or a hand would have no place to go.
+        """
+        names = set(names)
+        for name in names:
+            one_of(f"spec '{self.name}': slot", name, [slot.name for slot in self.slots])
+        slots = tuple(
+            Slot(name=f"no_{slot.name}", kind="ignored", start=slot.start, size=slot.size, unit="", reason=reason)
+            if slot.name in names
+            else slot
+            for slot in self.slots
+        )
+        return dataclasses.replace(self, slots=slots)
+
+    @property
     def orientation_free(self) -> tuple[bool, bool]:
         """Whether the left and the right wrist may be turned as is convenient; also where no slot says how."""
         sides = ("left", "right")
@@ -108,9 +138,12 @@ class ActionSpec:
         """Plain data for JSON; `from_dict` gives the same spec back."""
         data = json.loads(json.dumps(dataclasses.asdict(self)))
         for slot in data["slots"]:
-            # Specs from before there were free orientations keep their JSON and their hash.
-            if slot["orientation"] == "given":
-                del slot["orientation"]
+            # Specs from before there were such fields keep their JSON and their hash.
+            for key, default in (("orientation", "given"), ("closing", None), ("reason", "")):
+                if slot[key] == default:
+                    del slot[key]
+        if not data["masked"]:
+            del data["masked"]
         return data
 
     def to_json(self) -> str:
@@ -129,8 +162,8 @@ class ActionSpec:
         slots = data.pop("slots", None)
         if not isinstance(slots, list) or not all(isinstance(slot, Mapping) for slot in slots):
             raise SpecError("a spec needs 'slots', a list of objects")
-        if len(slots) > len(TARGETS):
-            raise SpecError(f"a spec has {len(slots)} slots; at most {len(TARGETS)} can drive something")
+        if len(slots) > SLOTS_MAX:
+            raise SpecError(f"a spec has {len(slots)} slots; at most {SLOTS_MAX} are read")
         try:
             require_depth([*slots, data])
         except ReadingError as error:
@@ -160,6 +193,8 @@ class ActionSpec:
 
     def _check_sides(self) -> None:
         for side in ("left", "right"):
+            if self.masked:
+                continue  # which of a side's slots are there, the mask of each chunk says
             if self.slot(f"{side}_wrist_position") is None and self.slot(f"{side}_arm") is None:
                 raise SpecError(
                     f"spec '{self.name}' does not say where the {side} hand goes: it needs a slot "

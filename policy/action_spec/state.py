@@ -8,10 +8,12 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode, encode_valid
+from policy.action_spec.pelvis_path import pelvis_path
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError, ObservationError
-from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST
+from policy.geometry.rotations import matrix_to_rpy, rpy_to_matrix
+from policy.joints import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, WAIST
 from policy.kinematics.inverse import arm_joints, upper_body_joints
 from policy.observation import Observation
 
@@ -23,7 +25,9 @@ def state_layout(spec: ActionSpec) -> ActionSpec:
     state fits a prompt of 200 tokens.
     """
     slots = tuple(dataclasses.replace(slot, mode="absolute", limits=None) for slot in spec.slots)
-    return spec if slots == spec.slots else dataclasses.replace(spec, name=f"{spec.name}_state", slots=slots)
+    if slots == spec.slots and not spec.masked:
+        return spec
+    return dataclasses.replace(spec, name=f"{spec.name}_state", slots=slots, masked=False)
 
 
 def observation_of(layout: ActionSpec, numbers: np.ndarray, time: float = 0.0) -> Observation:
@@ -45,7 +49,10 @@ def observation_of(layout: ActionSpec, numbers: np.ndarray, time: float = 0.0) -
         q = _posture(now, anchor)
     except ChunkError as error:
         raise ObservationError(f"the state is none of '{layout.name}': {error}") from error
-    T = anchor.T_world_base.copy()
+    T = pelvis_path(layout, np.atleast_2d(numbers), anchor).T_world_base[0].copy()
+    if tilt := layout.slot("base_tilt"):
+        # Measured, while that of the legs is as good as their joints.
+        T[:3, :3] = rpy_to_matrix(np.append(tilt.to_si(numbers[tilt.indices]), matrix_to_rpy(T[:3, :3])[2]))
     if now.base_height is not None:
         T[2, 3] = now.base_height[0]
     return Observation(time, q, now.q_lhand[0], now.q_rhand[0], T)
@@ -56,6 +63,8 @@ def _posture(now: ActionChunk, anchor: Anchor) -> np.ndarray:
     q = anchor.q_body.copy()
     if now.q_waist is not None:
         q[WAIST] = now.q_waist[0]
+    if now.q_legs is not None:
+        q[LEFT_LEG], q[RIGHT_LEG] = np.split(now.q_legs[0], 2)
     T = {hand: anchor.T_base_world @ getattr(now, f"T_world_{hand}") for hand in ("lhand", "rhand")}
     if now.q_larm is None and now.q_rarm is None and now.q_waist is None:
         return upper_body_joints(T["lhand"], T["rhand"], q)[0]

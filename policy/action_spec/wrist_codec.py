@@ -40,7 +40,6 @@ def decode_wrist(spec: ActionSpec, side: str, actions: np.ndarray, anchor: Ancho
     """
     position, rotation = spec.slot(f"{side}_wrist_position"), spec.slot(f"{side}_wrist_rotation")
     reference = _Reference(position, anchor)
-    p = _decode_position(position, position.to_si(actions[:, position.indices]), reference)
     if rotation is None:
         R = reference.T[:3, :3]
     else:
@@ -50,6 +49,7 @@ def decode_wrist(spec: ActionSpec, side: str, actions: np.ndarray, anchor: Ancho
             raise ChunkError(
                 f"{rotation.name} at step {error.index}: {error}", step=error.index, slot=rotation.name
             ) from error
+    p = _decode_position(position, position.to_si(actions[:, position.indices]), reference, R)
     return reference.T_world_frame @ _moved(make_transform(R, p), [-x for x in position.tcp_offset])
 
 
@@ -62,7 +62,7 @@ def encode_wrist(
         return
     reference = _Reference(position, anchor)
     T = _moved(reference.T_frame_world @ T_world_hand, position.tcp_offset)
-    yield position, position.from_si(_encode_position(position, T[:, :3, 3], reference))
+    yield position, position.from_si(_encode_position(position, T, reference))
     if rotation is not None:
         yield rotation, _encode_rotation(rotation, T[:, :3, :3], reference)
 
@@ -106,21 +106,28 @@ def frame_pose(slot: Slot, anchor: Anchor) -> np.ndarray:
     return anchor.T_world_base
 
 
-def _decode_position(slot: Slot, v: np.ndarray, reference: _Reference) -> np.ndarray:
+def _decode_position(slot: Slot, v: np.ndarray, reference: _Reference, R: np.ndarray) -> np.ndarray:
     if slot.mode == "absolute":
         return v
     p_ref, R_ref = reference.T[:3, 3], reference.T[:3, :3]
     if slot.mode == "relative_se3":
         return p_ref + v @ R_ref.T
+    if slot.mode == "delta_se3":
+        R_before = np.concatenate([R_ref[None], np.broadcast_to(R, (len(v), 3, 3))[:-1]])
+        return p_ref + np.cumsum((R_before @ v[..., None])[..., 0], axis=0)
     return p_ref + (v if slot.mode == "relative_add" else np.cumsum(v, axis=0))
 
 
-def _encode_position(slot: Slot, p: np.ndarray, reference: _Reference) -> np.ndarray:
+def _encode_position(slot: Slot, T: np.ndarray, reference: _Reference) -> np.ndarray:
+    p = T[:, :3, 3]
     if slot.mode == "absolute":
         return p
     p_ref, R_ref = reference.T[:3, 3], reference.T[:3, :3]
     if slot.mode == "relative_se3":
         return (p - p_ref) @ R_ref
+    if slot.mode == "delta_se3":
+        R_before = np.concatenate([R_ref[None], T[:-1, :3, :3]])
+        return (np.diff(p, axis=0, prepend=p_ref[None])[:, None] @ R_before)[:, 0]
     return p - p_ref if slot.mode == "relative_add" else np.diff(p, axis=0, prepend=p_ref[None])
 
 
@@ -136,7 +143,7 @@ def _decode_rotation(slot: Slot, numbers: np.ndarray, reference: _Reference) -> 
     turned = np.empty_like(R)
     before = R_ref
     for k, step in enumerate(R):
-        before = turned[k] = step @ before
+        before = turned[k] = before @ step if slot.mode == "delta_se3" else step @ before
     # A long product of rotations drifts off SO(3); a unit quaternion brings it back.
     return quaternion_to_matrix(matrix_to_quaternion(turned, "xyzw"), "xyzw")
 
@@ -149,8 +156,8 @@ def _encode_rotation(slot: Slot, R: np.ndarray, reference: _Reference) -> np.nda
         return _to_numbers(slot, R_ref.T @ R)
     if slot.mode == "relative_add":
         return _to_numbers(slot, R) - _to_numbers(slot, R_ref)
-    before = np.concatenate([R_ref[None], R[:-1]])
-    return _to_numbers(slot, R @ np.swapaxes(before, -1, -2))
+    inverse_before = np.swapaxes(np.concatenate([R_ref[None], R[:-1]]), -1, -2)
+    return _to_numbers(slot, inverse_before @ R if slot.mode == "delta_se3" else R @ inverse_before)
 
 
 def _to_matrix(slot: Slot, numbers: np.ndarray) -> np.ndarray:

@@ -1,7 +1,8 @@
 """Rotations between the forms that policies speak and 3x3 matrices, vectorised over leading axes.
 
 Conventions, once: ``rot6d`` ``cols`` is the first column followed by the second, ``rows`` the first row followed by
-the second (a transpose, that is the inverse rotation); ``rpy`` is roll, pitch, yaw about fixed x, y, z axes, so
+the second (a transpose, that is the inverse rotation), ``interleaved`` the first two columns read row by row (r00 r01
+r10 r11 r20 r21: what flattening ``R[:, :2]`` gives); ``rpy`` is roll, pitch, yaw about fixed x, y, z axes, so
 ``R = Rz(yaw) Ry(pitch) Rx(roll)`` as in URDF; quaternions always name their order.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from policy.errors import RotationError
 
-Rot6dLayout = Literal["rows", "cols"]
+Rot6dLayout = Literal["rows", "cols", "interleaved"]
 QuaternionOrder = Literal["xyzw", "wxyz"]
 
 ROT6D_NORM_MIN = 0.1
@@ -31,7 +32,7 @@ def rot6d_to_matrix(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
 
     Args:
         rot6d: Shape ``(..., 6)``.
-        layout: ``cols`` or ``rows``; there is no default because guessing it wrong is silent.
+        layout: ``cols``, ``rows`` or ``interleaved``; there is no default because guessing it wrong is silent.
 
     Returns:
         Rotation matrices, shape ``(..., 3, 3)``.
@@ -44,7 +45,7 @@ def rot6d_to_matrix(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
     """
     _check_layout(layout)
     rot6d = _finite(rot6d, 6, "rot6d")
-    pair = rot6d.reshape(*rot6d.shape[:-1], 2, 3)
+    pair = rot6d_vectors(rot6d, layout)
     norms = _norm(pair)
     if norms.min(initial=np.inf) < ROT6D_NORM_MIN:
         raise _refusal(
@@ -69,10 +70,19 @@ def rot6d_to_matrix(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
     return rows if layout == "rows" else np.swapaxes(rows, -1, -2)
 
 
+def rot6d_vectors(rot6d: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
+    """Both vectors of rot6d numbers ``(..., 6)`` in a layout, shape ``(..., 2, 3)``."""
+    if layout == "interleaved":
+        return np.swapaxes(rot6d.reshape(*rot6d.shape[:-1], 3, 2), -1, -2)
+    return rot6d.reshape(*rot6d.shape[:-1], 2, 3)
+
+
 def matrix_to_rot6d(R: np.ndarray, layout: Rot6dLayout) -> np.ndarray:
     """First two columns or rows of rotation matrices ``(..., 3, 3)``, shape ``(..., 6)``."""
     _check_layout(layout)
     R = np.asarray(R, dtype=float)
+    if layout == "interleaved":
+        return R[..., :, :2].reshape(*R.shape[:-2], 6)
     pair = R[..., :2, :] if layout == "rows" else np.swapaxes(R, -1, -2)[..., :2, :]
     return pair.reshape(*R.shape[:-2], 6)
 
@@ -216,7 +226,7 @@ def angle_between(R_a: np.ndarray, R_b: np.ndarray) -> np.ndarray:
 
 def _check_layout(layout: str) -> None:
     if layout not in get_args(Rot6dLayout):
-        raise RotationError(f"unknown rot6d layout {layout!r}; it is 'rows' or 'cols'")
+        raise RotationError(f"unknown rot6d layout {layout!r}; it is 'rows', 'cols' or 'interleaved'")
 
 
 def _check_order(order: str) -> None:

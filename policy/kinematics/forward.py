@@ -45,6 +45,7 @@ class Kinematics:
             "rhand": frame_id(self.model, spec.tool("right").wrist_frame),
             "torso": frame_id(self.model, spec.torso_body),
         }
+        self._soles = {foot.side: (frame_id(self.model, foot.frame), foot.sole_center) for foot in spec.feet}
         self._neutral = pin.neutral(self.model)
         self.idx_q = np.array([self.model.joints[self.model.getJointId(name)].idx_q for name in BODY_JOINTS])
         """Entry of each body joint (motor order) in Pinocchio's configuration."""
@@ -73,6 +74,24 @@ class Kinematics:
             for name, frame in self.frames.items():
                 found[name][i] = self._pin.updateFramePlacement(self.model, self.data, frame).homogeneous
         return {name: T.reshape(*q_body.shape[:-1], 4, 4) for name, T in found.items()}
+
+    def soles(self, q_body: np.ndarray) -> dict[str, np.ndarray]:
+        """Soles in the pelvis, at the middle of their contact points with the axes of the foot.
+
+        Args:
+            q_body: Body joints in motor order, shape (n, 29), [rad].
+
+        Returns:
+            Arrays of shape (n, 4, 4) under the keys left and right.
+        """
+        found = {side: np.empty((len(q_body), 4, 4)) for side in self._soles}
+        for i, row in enumerate(q_body):
+            self._forward(row)
+            for side, (frame, center) in self._soles.items():
+                T = self._pin.updateFramePlacement(self.model, self.data, frame)
+                found[side][i] = T.homogeneous
+                found[side][i, :3, 3] = T.act(center)
+        return found
 
     def solve(self, goals: dict[str, np.ndarray], joints: np.ndarray, q_body: np.ndarray) -> tuple[np.ndarray, float]:
         """Posture in which frames are at their goals, by moving some of the joints.

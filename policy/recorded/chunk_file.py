@@ -8,6 +8,7 @@
 ``q0_base``    optional  pelvis that the actions are relative to: x y z [m], quaternion x y z w
 ``q0_names``   optional  joint names of ``q0_joints``
 ``q0_joints``  optional  joint angles at step 0 [rad]
+``mask``       optional  numbers (A,), steps (H,) or both (H, A) that are there, bool; needed by a layout with a mask
 =============  ========  ==================================================================================
 
 Without ``q0_base`` the actions are anchored at the nominal stance; joints that are not given are the stance's.
@@ -33,7 +34,7 @@ from policy.geometry.se3 import make_transform
 from policy.joints import BODY_JOINTS
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
 
-KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints")
+KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints", "mask")
 UPRIGHT_MIN, BASE_FAR = 0.5, 0.5
 """Least cosine of a standing pelvis's tilt [no unit], and its distance from the midpoint of the soles along an axis
 from which a chunk has a note [m]; chosen: past what balance allows."""
@@ -52,6 +53,7 @@ class ChunkFile:
         t_obs: Time of step 0 [s].
         q0_base: Pelvis at step 0, ``[x y z qx qy qz qw]``, or None.
         q0_joints: Joint angles at step 0 by name [rad]; may be empty.
+        mask: Which numbers are there, as `policy.action_spec.mask.unmasked` takes it, or None.
     """
 
     spec: ActionSpec
@@ -60,6 +62,7 @@ class ChunkFile:
     t_obs: float = 0.0
     q0_base: np.ndarray | None = None
     q0_joints: dict[str, float] | None = None
+    mask: np.ndarray | None = None
 
     def anchor(self) -> Anchor:
         """Pelvis and state that the actions refer to; what the file does not say is the nominal stance.
@@ -91,7 +94,7 @@ class ChunkFile:
             SpecError: If a joint does not exist.
             RotationError: If ``q0_base`` has no unit quaternion.
         """
-        chunk = decode(self.spec, self.actions, self.anchor(), t_obs=self.t_obs, fps=self.fps)
+        chunk = decode(self.spec, self.actions, self.anchor(), t_obs=self.t_obs, fps=self.fps, mask=self.mask)
         if self.q0_base is None or np.abs(self.q0_base[:2]).max() <= BASE_FAR:
             return chunk
         x, y = self.q0_base[:2]
@@ -145,6 +148,7 @@ def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None) 
         t_obs=t_obs,
         q0_base=_base(arrays, path),
         q0_joints=_joints(arrays, path),
+        mask=arrays.get("mask"),
     )
     try:
         file.anchor()
@@ -166,6 +170,8 @@ def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
     if file.q0_joints:
         arrays["q0_names"] = np.array(list(file.q0_joints))
         arrays["q0_joints"] = np.array(list(file.q0_joints.values()), dtype=float)
+    if file.mask is not None:
+        arrays["mask"] = np.asarray(file.mask)
     # np.savez would append ".npz" to another name.
     with Path(path).open("wb") as stream:
         np.savez_compressed(stream, **arrays)

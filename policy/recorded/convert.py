@@ -9,6 +9,7 @@ import numpy as np
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import as_spec
 from policy.action_spec.codec import encode
+from policy.action_spec.mask import full_mask
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.errors import FileFormatError
@@ -98,6 +99,7 @@ def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS
 
 def _write(path: Path, chunk: ActionChunk, to: str | ActionSpec, anchor: Anchor, start: dict) -> None:
     spec = as_spec(to)
+    start["mask"] = full_mask(spec)
     write_chunk_file(path, ChunkFile(spec, encode(spec, chunk, anchor), chunk.fps, chunk.t_obs, **start))
 
 

@@ -171,7 +171,7 @@ def slowed(chunk: ActionChunk, factor: float) -> ActionChunk:
         for T, q in ((chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand))
     ]
     # Hints of the source are about its own times.
-    hints = dict.fromkeys(("q_larm", "q_rarm", "q_waist", "base_height", "base_velocity"))
+    hints = dict.fromkeys(("q_larm", "q_rarm", "q_waist", "q_legs", "base_height", "base_velocity"))
     left, right = hands
     return replace(
         chunk,

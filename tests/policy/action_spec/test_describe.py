@@ -8,6 +8,7 @@ import pytest
 
 from policy import LAYOUTS, Anchor, builtin, decode
 from policy.action_spec.describe import lines, stance_numbers, summary
+from policy.action_spec.mask import full_mask
 from policy.geometry.rotations import matrix_to_rot6d, rotvec_to_matrix
 
 
@@ -19,21 +20,24 @@ def rows(spec):
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_layouts_print_every_number_once_in_its_order_with_its_slot_unit_and_frame(name):
     spec = builtin(name)
-    assert [(int(row[0]), row[1]) for row in rows(spec)] == list(enumerate(spec.feature_names))
+    used = [i for slot in spec.slots if slot.kind != "ignored" for i in range(slot.start, slot.start + slot.size)]
+    assert [(int(row[0]), row[1]) for row in rows(spec)] == [(i, spec.feature_names[i]) for i in used]
     text = "\n".join(lines(spec))
     assert spec.id in text
     assert f"{spec.horizon} steps a chunk at {spec.fps:g} Hz" in text
     for slot in spec.slots:
         heading = next(line for line in lines(spec) if line.startswith(f"{slot.name}: "))
-        assert slot.unit == "1" or f"[{slot.unit}]" in heading
+        assert slot.unit in ("1", "") or f"[{slot.unit}]" in heading
+        assert slot.reason in heading
+        assert slot.closing is None or f"{slot.closing[0]:g} open, {slot.closing[1]:g} closed" in heading
         assert "wrist" not in slot.name or f"in the {slot.frame}" in heading
     assert max(map(len, lines(spec))) <= 120
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
+@pytest.mark.parametrize("name", [name for name in LAYOUTS if name != "joint23"])  # it lacks six joints of the stance
 def test_the_stances_values_are_those_of_a_robot_that_stays_where_it_is(name):
     spec, anchor = builtin(name), Anchor.nominal()
-    chunk = decode(spec, stance_numbers(spec)[None], anchor)
+    chunk = decode(spec, stance_numbers(spec)[None], anchor, mask=full_mask(spec))
     for hand in ("lhand", "rhand"):
         np.testing.assert_allclose(
             getattr(chunk, f"T_world_{hand}")[0], anchor.T_world_base @ anchor.poses[hand], atol=1e-9
@@ -69,7 +73,7 @@ def test_a_tool_point_is_said():
 
 
 def test_a_summary_is_one_line():
-    assert summary("wbc32").startswith("wbc32      Two wrist poses and all fingers: 32 numbers")
+    assert summary("wbc32").startswith("wbc32               Two wrist poses and all fingers: 32 numbers")
 
 
 def test_an_orientation_that_is_free_is_said():
