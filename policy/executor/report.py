@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from policy.errors import printable
+from policy.sparing_log import SparingLog
 
 logger = logging.getLogger("policy.executor.executor")
 
@@ -71,6 +72,7 @@ class ExecutionReport:
     starved: float = 0.0
     starvations: int = 0
     _told: set[str] = field(default_factory=set, repr=False)
+    _log: SparingLog = field(default_factory=lambda: SparingLog(logger), repr=False, compare=False)
 
     def add(self, time: float, code: str, detail: str) -> None:
         """Note an event; logged once until `recovered`, then counted."""
@@ -79,7 +81,7 @@ class ExecutionReport:
         self.counts[code] += 1
         if code not in self._told:
             self._told.add(code)
-            logger.warning("%.3f s: %s: %s", time, code, detail)
+            self._log.warning("%.3f s: %s: %s", time, code, detail)
 
     def recovered(self) -> None:
         """From here on the next event of every code is logged again."""

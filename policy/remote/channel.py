@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from policy.errors import PolicyError, printable
 from policy.remote.msgpack_numpy import pack, unpack
+from policy.sparing_log import SparingLog
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -91,7 +92,7 @@ class Channel:
         self._headers = {"Authorization": f"Api-Key {api_key}"} if api_key else None
         self._connection: ClientConnection | None = None
         self._held = ExitStack()
-        self._told = ""
+        self._told, self._log = "", SparingLog(logger)
 
     @property
     def is_open(self) -> bool:
@@ -249,7 +250,7 @@ class Channel:
         return data
 
     def _tell(self, traceback: str) -> None:
-        """Log a server's traceback, once: a client that asks again and again gets the same one.
+        """Log a server's traceback, once: a client that asks again and again gets the same one; others come sparingly.
 
         A refusal of our own server is no bug, and its last line, which is in the exception too, says all.
         """
@@ -257,7 +258,7 @@ class Channel:
         refused = text.rpartition("\n")[2].startswith("| policy.errors.")
         if text != self._told and not refused:
             self._told = text
-            logger.error("%s failed:\n%s", self.uri, text)
+            self._log.error("%s failed:\n%s", self.uri, text)
 
 
 def quoted(text: str) -> str:

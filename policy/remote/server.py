@@ -22,6 +22,7 @@ from policy.remote.openpi import LIBERO, KeyMap
 from policy.remote.openpi_request import OpenpiRequests
 from policy.remote.wire import OWN_KEY, PROTOCOL, chunk_to_map, observation_from_map, prefix_from_map
 from policy.remote.worker import PolicyFailure, PolicyWorker
+from policy.sparing_log import SparingLog
 
 if TYPE_CHECKING:
     from websockets.http11 import Request, Response
@@ -83,6 +84,7 @@ class PolicyServer:
         self._client: ServerConnection | None = None
         self._since, self._asked = 0.0, False
         self._thread: threading.Thread | None = None
+        self._logger = SparingLog(logger)
         self._server = serve(
             self._handle,
             host,
@@ -94,6 +96,7 @@ class PolicyServer:
             ping_timeout=PING_TIMEOUT,
             close_timeout=CLOSE_TIMEOUT,
             max_size=FRAME_MAX,
+            logger=self._logger,
         )
         self._worker = PolicyWorker()
 
@@ -136,10 +139,10 @@ class PolicyServer:
 
         if not _is_there(client):
             # Who does not answer would take the place of who does.
-            logger.warning("a client at %s does not answer", _address(client))
+            self._logger.warning("a client at %s does not answer", _address(client))
             return
         if not self._let_in(client):
-            logger.warning("turned a client at %s away: another one is connected", _address(client))
+            self._logger.warning("turned a client at %s away: another one is connected", _address(client))
             with suppress(ConnectionClosed):
                 client.send("the policy server is busy: it serves one robot at a time, and one is connected")
                 client.close(CloseCode.TRY_AGAIN_LATER, "busy")
@@ -175,7 +178,7 @@ class PolicyServer:
 
     def _log(self, client: ServerConnection, error: Exception) -> None:
         text = error.text.rstrip().rpartition("\n")[2] if isinstance(error, PolicyFailure) else str(error)
-        logger.warning("refused a request of %s: %s", _address(client), printable(text, 300))
+        self._logger.warning("refused a request of %s: %s", _address(client), printable(text, 300))
 
     def _answer(self, frame: bytes | str, client: ServerConnection) -> bytes:
         """Answer to a request."""

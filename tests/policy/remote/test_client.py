@@ -14,7 +14,7 @@ import time
 import numpy as np
 import pytest
 
-from policy import Anchor, Observation, ObservationError, SpecError, builtin, decode
+from policy import Anchor, Observation, ObservationError, SpecError, builtin, decode, sparing_log
 from policy.errors import ChunkError
 from policy.remote.channel import (
     Channel,
@@ -35,9 +35,14 @@ from tests.support.policy_cases import observation
 pytestmark = pytest.mark.alone
 
 WBC32 = builtin("wbc32")
-OPTIONS = {"assume_spec": "wbc32", "connect_timeout": 2.0, "timeout": 0.4, "first_timeout": 0.4}
-SLACK = 1.6
-"""What a call may take beyond its time-out: a closing handshake, and a busy machine [s]."""
+LONG = 60.0
+"""A time-out that is not what ends a wait, on a slow and busy machine neither [s]."""
+OPTIONS = {"assume_spec": "wbc32", "connect_timeout": LONG, "timeout": LONG, "first_timeout": LONG}
+BRIEF = {"timeout": 0.4, "first_timeout": 0.4}
+"""Time-outs that do end waits [s]."""
+MANY = 40
+"""Most time-outs that giving up may take: a closing handshake takes two, a busy machine what it wants. The peers wait
+for the end of the test, so that who waited for them would wait for ever."""
 
 
 def seen(time=0.0, *, images=None, task="pick up the can"):
@@ -74,7 +79,7 @@ def actions_frame(actions, **more):
 
 
 def assert_within(begin, timeout):
-    assert time.monotonic() - begin < timeout + SLACK
+    assert timeout <= time.monotonic() - begin < MANY * timeout
 
 
 def test_openpis_server_gets_images_state_and_prompt_without_a_key_map_and_its_answer_becomes_a_chunk():
@@ -118,6 +123,19 @@ def test_a_servers_traceback_is_logged_once_however_often_it_comes(caplog):
     (record,) = (record for record in caplog.records if record.name == "policy.remote.client")
     assert record.levelname == "ERROR"
     assert 'raise ValueError("the state is not finite")' in record.getMessage()
+
+
+def test_a_server_that_says_something_else_every_time_cannot_fill_the_log(caplog):
+    """Sixty lines twice a second were 35,000 lines in five minutes."""
+    said = [frame("".join(f"line {k} of {n}\n" for k in range(5)).encode(), text=True) for n in range(60)]
+    with Peer(*[play(text) for text in said]) as peer:
+        policy = connect(peer)
+        for n in range(len(said)):
+            with pytest.raises(RemoteServerError, match=f"line 4 of {n}"):
+                policy.infer(seen(0.1 * n))
+    told = [record for record in caplog.records if record.name == "policy.remote.client"]
+    assert len(told) == sparing_log.BURST
+    assert "line 4 of 0" in told[0].getMessage()
 
 
 def test_a_refusal_of_our_own_server_is_an_exception_and_no_traceback_in_the_log(caplog):
@@ -248,22 +266,23 @@ def test_a_server_that_thinks_for_ever_is_given_up_in_time_and_its_late_answer_i
     def slow(wire):
         wire.send(SERVER["metadata"])
         wire.receive()
-        late.wait(5.0)
+        late.wait()
         wire.send(actions_frame(np.tile(STATE, (9, 1))))
 
     with Peer(slow, play(SERVER["answer"])) as peer:
-        policy, begin = connect(peer), time.monotonic()
+        policy, begin = connect(peer, **BRIEF), time.monotonic()
         with pytest.raises(RemoteTimeoutError, match=r"ws://127.0.0.1:\d+: no answer within 0.4 s"):
             policy.infer(seen())
         assert_within(begin, 0.4)
         late.set()
+        policy.options = dataclasses.replace(policy.options, first_timeout=LONG)
         assert len(policy.infer(seen(0.1))) == 2
 
 
 def test_a_server_that_stops_reading_is_given_up_in_time():
     big = np.zeros((2000, 2000, 3), dtype=np.uint8)  # 12 MB: more than any socket's buffers
     with Peer(lambda wire: (wire.send(SERVER["metadata"]), wire.stall())) as peer:
-        policy, begin = connect(peer), time.monotonic()
+        policy, begin = connect(peer, **BRIEF), time.monotonic()
         with pytest.raises(RemoteTimeoutError, match=r"no answer within 0.4 s"):
             policy.infer(seen(images={"head": big, "left_wrist": big}))
         assert_within(begin, 0.4)
@@ -278,7 +297,7 @@ def test_a_server_that_drips_an_endless_frame_is_given_up_in_time():
             wire.send(b"\x00")
 
     with Peer(drip) as peer:
-        policy, begin = connect(peer), time.monotonic()
+        policy, begin = connect(peer, **BRIEF), time.monotonic()
         with pytest.raises(RemoteTimeoutError):
             policy.infer(seen())
         assert_within(begin, 0.4)
@@ -293,7 +312,7 @@ def test_the_first_answer_of_a_connection_has_its_own_time_out():
             wire.send(SERVER["answer"])
 
     with Peer(compiling) as peer:
-        policy = connect(peer, first_timeout=5.0)
+        policy = connect(peer, timeout=0.4)
         assert len(policy.infer(seen())) == 2
         with pytest.raises(RemoteTimeoutError, match=r"within 0.4 s"):
             policy.infer(seen(0.1))
@@ -342,7 +361,7 @@ def test_where_nobody_listens_the_client_waits_and_then_says_so():
     begin = time.monotonic()
     with pytest.raises(RemoteConnectionError, match="no server listens there; start the server"):
         RemotePolicy.connect(f"ws://127.0.0.1:{free_port()}", **OPTIONS | {"connect_timeout": 0.5})
-    assert 0.1 < time.monotonic() - begin < 0.5 + SLACK
+    assert 0.1 < time.monotonic() - begin < MANY * 0.5
 
 
 def test_a_server_that_still_loads_is_waited_for():
@@ -354,7 +373,7 @@ def test_a_server_that_still_loads_is_waited_for():
 
     thread = threading.Thread(target=start)
     thread.start()
-    policy = RemotePolicy.connect(f"127.0.0.1:{port}", **OPTIONS | {"connect_timeout": 5.0})
+    policy = RemotePolicy.connect(f"127.0.0.1:{port}", **OPTIONS)
     assert len(policy.infer(seen())) == 2
     thread.join()
     peers[0].__exit__()
@@ -367,7 +386,7 @@ def test_a_server_that_is_gone_is_not_waited_for_in_mid_run():
     begin = time.monotonic()
     with pytest.raises(RemoteConnectionError, match="no server listens"):
         policy.infer(seen())
-    assert_within(begin, 0.1)
+    assert time.monotonic() - begin < 0.1 * LONG
 
 
 def test_a_server_that_hangs_up_in_mid_run_costs_no_answer_when_it_is_back():

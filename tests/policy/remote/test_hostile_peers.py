@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from websockets.sync.client import connect as raw_connect
 
+from policy import sparing_log
 from policy.chunk import ActionChunk
 from policy.reading import HORIZON_MAX
 from policy.remote import server as server_module
@@ -25,7 +26,9 @@ from tests.support.openpi_peer import SERVER, Peer, frame
 from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
-OPTIONS = {"connect_timeout": 6.0, "timeout": 6.0, "first_timeout": 60.0}
+LONG = 60.0
+"""A time-out that is not what ends a wait, on a slow and busy machine neither [s]."""
+OPTIONS = {"connect_timeout": LONG, "timeout": LONG, "first_timeout": LONG}
 HANDSHAKE = (
     b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
     b"Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
@@ -52,14 +55,14 @@ def test_b5_two_hundred_silent_clients_do_not_keep_the_robot_out():
         begin = time.monotonic()
         policy = RemotePolicy.connect(server.uri, **OPTIONS)
         assert policy.infer(observation(0.0)).seq == 0
-        assert time.monotonic() - begin < 5.0
+        assert time.monotonic() - begin < 0.1 * 200 * server_module.PONG_TIMEOUT
         policy.close()
 
 
 def test_a_client_that_never_asks_gives_way(monkeypatch):
     monkeypatch.setattr(server_module, "IDLE_MAX", 0.2)
     with PolicyServer(scripted_policy("wave"), port=0) as server, raw(server) as idle:
-        idle.recv(3.0)
+        idle.recv(LONG)
         time.sleep(0.4)
         policy = RemotePolicy.connect(server.uri, **OPTIONS)
         policy.infer(observation(0.0))
@@ -73,15 +76,25 @@ def test_a_client_that_never_asks_gives_way(monkeypatch):
 def test_b5_refused_requests_and_clients_are_logged_on_one_line(caplog):
     caplog.set_level(logging.WARNING, "policy.remote.server")
     with PolicyServer(scripted_policy("wave"), port=0) as server, raw(server) as client:
-        client.recv(3.0)
+        client.recv(LONG)
         with pytest.raises(RemoteServerError, match="busy"):
             RemotePolicy.connect(server.uri, **OPTIONS)
         client.send(pack({"session": "a", "\x1b[2J\nFEASIBLE": 1}))
-        client.recv(3.0)
+        client.recv(LONG)
     said = [record.getMessage() for record in caplog.records if record.name == "policy.remote.server"]
     assert any("turned a client at 127.0.0.1" in line for line in said)
     assert any("refused a request of 127.0.0.1" in line and "\\x1b[2J" in line for line in said)
     assert all(line.isprintable() for line in said)
+
+
+def test_strangers_who_shake_hands_badly_cannot_fill_the_servers_log(caplog):
+    with PolicyServer(scripted_policy("wave"), port=0) as server:
+        for _ in range(40):
+            with socket.create_connection(("127.0.0.1", int(server.uri.rpartition(":")[2]))) as stranger:
+                stranger.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nOrigin: http://x\r\n\r\n")
+                while stranger.recv(4096):
+                    pass
+    assert 0 < len(caplog.records) <= 2 * sparing_log.BURST
 
 
 def answer():
@@ -110,7 +123,8 @@ def test_b5_a_broken_frame_is_told_at_once(broken):
         policy, begin = connect(peer), time.monotonic()
         with pytest.raises(RemoteConnectionError, match="the connection broke before the answer"):
             policy.infer(seen())
-        assert time.monotonic() - begin < 3.0
+        # The peer stays silent until the test is over.
+        assert time.monotonic() - begin < 0.1 * LONG
 
 
 def test_b5_an_answer_that_nobody_asked_for_is_not_taken_for_the_next():
@@ -212,7 +226,7 @@ def test_threads_of_silent_clients_end_with_the_server():
         clients = [silent_client(server) for _ in range(5)]
     for client in clients:
         client.close()
-    deadline = time.monotonic() + 6.0
+    deadline = time.monotonic() + LONG
     while threading.active_count() > before and time.monotonic() < deadline:
         time.sleep(0.05)
     assert threading.active_count() <= before + 1
