@@ -1,59 +1,71 @@
-"""Strategy: the one test with a real thread and real time. Everything else about executors runs on simulated clocks."""
+"""Strategy: a real thread, which waits where the test says so, on a simulated clock: nothing depends on the machine."""
 
 import threading
-from time import perf_counter, sleep
 
 import pytest
 
-from policy.clock import MonotonicClock
+from policy.clock import SimulatedClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.scripted.library import scripted_policy
 from tests.support.faulty_policies import FaultyPolicy
 from tests.support.policy_cases import observation
 
-pytestmark = pytest.mark.alone
-
 THINKS, HANGS = 0.3, 1.0
 """How long a call takes, and how long the one takes that hangs [s]."""
+PERIOD = 0.002
+"""Between two polls [s]."""
 
 
 class Thinking(FaultyPolicy):
-    """Sleeps in every call, long in the second one; dies in the fifth."""
+    """Computes in every call until it is let go; dies in the fifth."""
 
     def reset(self, task=""):
         super().reset(task)
         self.calls, self.threads = 0, set()
+        self.asked, self.go = threading.Semaphore(0), threading.Semaphore(0)
 
     def infer(self, observation):
         self.calls += 1
         self.threads.add(threading.current_thread().name)
-        sleep(HANGS if self.calls == 2 else THINKS)
+        self.asked.release()
+        self.go.acquire()
         if self.calls == 5:
             raise SystemExit
         return self.policy.infer(observation)
 
 
 def test_a_policy_thinks_in_a_thread_of_its_own_and_the_control_loop_never_waits():
-    clock, policy = MonotonicClock(), Thinking(scripted_policy("wave"), "", float("inf"))
+    clock, policy = SimulatedClock(), Thinking(scripted_policy("wave"), "", float("inf"))
+    policy.reset()
+    policy.reset = lambda task="": None
     executor = Executor(policy, clock, config=ExecutorConfig(replace_every=5, hang_after=0.6))
-    observation()  # imports what the first one needs
     executor.reset()
-    polls, got = [], []
-    while clock.now() < 10.0 and not executor.report.counts["policy_dead"]:
-        before = perf_counter()
-        chunk = executor.poll(lambda: observation(clock.now()))
-        polls.append(perf_counter() - before)
-        if chunk is not None:
-            got.append(chunk)
-        sleep(0.002)
+    got, observed = [], []
+
+    def look():
+        observed.append(clock.now())
+        return observation(clock.now())
+
+    def passed(seconds):
+        """Poll for so long; a poll that waited for the policy would never come back: nobody lets it go."""
+        for _ in range(round(seconds / PERIOD)):
+            clock.set(clock.now() + PERIOD)
+            assert executor.poll(look) is None
+
+    for call in range(1, 6):
+        while len(observed) < call:
+            clock.set(clock.now() + PERIOD)
+            assert executor.poll(look) is None
+        policy.asked.acquire()
+        passed(HANGS if call == 2 else THINKS)
+        policy.go.release()
+        chunk = None
+        while chunk is None and not executor.report.counts["policy_dead"]:
+            chunk = executor.poll(look)
+        got.append(chunk)
     executor.close()
     assert policy.threads == {"policy"}
-    # Five polls that waited for an answer would have taken `THINKS`; one is let off for a busy machine.
-    assert sum(duration > 0.5 * THINKS for duration in polls) <= 1
-    assert len(polls) > 100
-    assert [chunk.seq for chunk in got] == [0, 1, 2, 3]
-    latencies = executor.report.latencies
-    assert latencies.min() >= THINKS
-    assert latencies[1] >= HANGS
+    assert [None if chunk is None else chunk.seq for chunk in got] == [0, 1, 2, 3, None]
+    assert executor.report.latencies == pytest.approx([THINKS, HANGS, THINKS, THINKS], abs=PERIOD)
     assert executor.report.counts["policy_hung"] == 1
     assert executor.report.events[-1].detail.startswith("SystemExit")

@@ -14,6 +14,7 @@ from policy.action_spec.state import state_numbers
 from policy.clock import MonotonicClock
 from policy.executor.executor import Executor, ExecutorConfig
 from policy.prefix import Prefix, PrefixPolicy
+from policy.remote import server as server_module
 from policy.remote.channel import RemoteError, RemoteServerError, RemoteTimeoutError
 from policy.remote.client import RemotePolicy
 from policy.remote.msgpack_numpy import pack, unpack
@@ -28,7 +29,9 @@ from tests.support.watching_policy import Reaching, Watching
 
 pytestmark = pytest.mark.alone
 
-OPTIONS = {"connect_timeout": 3.0, "timeout": 3.0, "first_timeout": 3.0}
+LONG = 60.0
+"""A time-out that is not what ends a wait, on a slow and busy machine neither [s]."""
+OPTIONS = {"connect_timeout": LONG, "timeout": LONG, "first_timeout": LONG}
 IMAGES = {"head": np.arange(27, dtype=np.uint8).reshape(3, 3, 3)}
 
 
@@ -49,7 +52,7 @@ def connect(server, **changes):
 def raw(server):
     """A connection of another library's user, metadata already read."""
     connection = raw_connect(server.uri, compression=None, max_size=None, proxy=None).__enter__()
-    connection.recv(3.0)
+    connection.recv(LONG)
     return connection
 
 
@@ -114,9 +117,9 @@ def test_openpis_client_gets_raw_actions_for_its_images_state_and_prompt_without
     served, layout = Watching(), builtin("wbc32")
     stock = {"compression": None, "max_size": None, "proxy": None}
     with PolicyServer(served, port=0) as server, raw_connect(server.uri, **stock) as connection:
-        metadata = unpack(connection.recv(3.0))
+        metadata = unpack(connection.recv(LONG))
         connection.send(REQUEST)
-        answer = unpack(connection.recv(3.0))
+        answer = unpack(connection.recv(LONG))
     assert metadata["action_spec"]["hash"] == layout.hash
     assert list(metadata["request"]) == list(unpack(REQUEST))
     (seen,) = served.asked
@@ -158,14 +161,14 @@ def test_a_camera_that_libero_lacks_goes_by_its_own_name_and_other_keys_are_told
     with PolicyServer(served, port=0) as server:
         connection = raw(server)
         connection.send(REQUEST)
-        said = connection.recv(3.0).strip().splitlines()[-1]
+        said = connection.recv(LONG).strip().splitlines()[-1]
         assert "the request lacks 'observation/torso'" in said
         assert "it has observation/state, observation/image, observation/wrist_image, prompt" in said
     keys = KeyMap.named('{"torso": "observation/wrist_image"}')
     with PolicyServer(served, port=0, keys=keys) as server:
         connection = raw(server)
         connection.send(REQUEST)
-        assert "actions" in unpack(connection.recv(3.0))
+        assert "actions" in unpack(connection.recv(LONG))
     assert sorted(served.asked[-1].images) == ["head", "torso"]
 
 
@@ -173,7 +176,7 @@ def test_a_policy_that_does_not_see_the_robot_is_served_to_openpis_client_withou
     with PolicyServer(scripted_policy("wave"), port=0) as server:
         connection = raw(server)
         connection.send(pack({"prompt": "wave"}))
-        answer = unpack(connection.recv(3.0))
+        answer = unpack(connection.recv(LONG))
     expected = encode(builtin("wbc32"), scripted_policy("wave").infer(observation()), Anchor.nominal())
     np.testing.assert_allclose(answer["actions"], expected, atol=1e-9)
 
@@ -196,7 +199,7 @@ def test_web_pages_cannot_reach_the_policy_and_health_checks_can():
     with PolicyServer(scripted_policy("wave"), port=0) as server:
         with pytest.raises(InvalidStatus, match="403"):
             raw_connect(server.uri, origin="http://evil.example", proxy=None).__enter__()
-        with urllib.request.urlopen(server.uri.replace("ws", "http") + "/healthz", timeout=3.0) as answer:
+        with urllib.request.urlopen(server.uri.replace("ws", "http") + "/healthz", timeout=LONG) as answer:
             assert (answer.status, answer.read()) == (200, b"OK\n")
 
 
@@ -210,18 +213,18 @@ def test_a_second_robot_is_turned_away_with_a_sentence_and_gets_in_when_the_firs
         assert connect(server).infer(seen()).seq == 0
 
 
-def test_a_robot_whose_network_broke_makes_room_for_the_next():
+def test_a_robot_whose_network_broke_makes_room_for_the_next(monkeypatch):
+    """As soon as another one asks, not when its next ping is due."""
+    monkeypatch.setattr(server_module, "PING_INTERVAL", 10.0 * LONG)
     with PolicyServer(Reaching(), port=0) as server:
         deaf = raw(server)
         # Its socket stays open, but nothing is read from it any longer, so no ping is answered.
         deaf.recv_flow_control.acquire()
         deaf.ping()
-        begin = time.monotonic()
         try:
-            assert connect(server, connect_timeout=6.0).infer(seen()).seq == 0
+            assert connect(server).infer(seen()).seq == 0
         finally:
             deaf.recv_flow_control.release()
-        assert time.monotonic() - begin < 5.0
 
 
 def test_what_a_policy_raises_reaches_the_client_with_its_traceback_and_the_server_goes_on():
@@ -243,12 +246,12 @@ def test_a_traceback_is_a_text_frame_and_the_connection_is_closed_as_openpi_clos
     with PolicyServer(Reaching(), port=0) as server:
         connection = raw(server)
         connection.send(pack({"prompt": "go"}))
-        text = connection.recv(3.0)
+        text = connection.recv(LONG)
         assert isinstance(text, str)
         assert text.startswith("Traceback (most recent call last):")
         assert text.rstrip().endswith("other keys are named with --rename-map")
         with pytest.raises(ConnectionClosed):
-            connection.recv(3.0)
+            connection.recv(LONG)
         assert (connection.close_code, connection.close_reason) == (1011, CLOSE_REASON)
 
 
@@ -287,7 +290,7 @@ def test_a_hostile_request_is_answered_with_a_sentence_and_never_reaches_the_pol
     with PolicyServer(served, port=0) as server:
         connection = raw(server)
         connection.send(frame)
-        assert complaint in connection.recv(3.0).strip().splitlines()[-1]
+        assert complaint in connection.recv(LONG).strip().splitlines()[-1]
         connection.close()
         assert served.asked == []
         assert connect(server).infer(seen()).seq == 0
@@ -299,7 +302,7 @@ def test_a_prefix_for_a_policy_that_takes_none_is_refused():
     with PolicyServer(Reaching(), port=0) as server:
         connection = raw(server)
         connection.send(pack(request(prefix=prefix)))
-        assert "Reaching takes no prefix" in connection.recv(3.0)
+        assert "Reaching takes no prefix" in connection.recv(LONG)
 
 
 def test_a_request_that_is_too_large_closes_the_connection_and_not_the_server():
@@ -308,7 +311,7 @@ def test_a_request_that_is_too_large_closes_the_connection_and_not_the_server():
         # The header of a frame of a terabyte.
         connection.socket.sendall(b"\x82\xff" + (2**40).to_bytes(8, "big") + b"\0\0\0\0")
         with pytest.raises(ConnectionClosed):
-            connection.recv(3.0)
+            connection.recv(LONG)
         assert connection.close_code == 1009
         assert connect(server).infer(seen()).seq == 0
 
@@ -316,7 +319,7 @@ def test_a_request_that_is_too_large_closes_the_connection_and_not_the_server():
 def test_while_a_policy_hangs_clients_are_given_up_and_told_and_afterwards_served():
     served = Reaching()
     with PolicyServer(served, port=0) as server:
-        policy = connect(server, timeout=0.3, first_timeout=0.3)
+        policy = connect(server, timeout=0.3)
         policy.infer(seen())
         served.gate.clear()
         with pytest.raises(RemoteTimeoutError, match=r"no answer within 0.3 s"):
@@ -324,7 +327,7 @@ def test_while_a_policy_hangs_clients_are_given_up_and_told_and_afterwards_serve
         with pytest.raises(RemoteServerError, match="the policy is busy: it computes since"):
             policy.infer(seen(2.0))
         served.gate.set()
-        time.sleep(0.2)
+        server._worker._running[0].result(LONG)
         assert policy.infer(seen(3.0)).seq == 3
     assert len(served.asked) == 3
 
@@ -334,11 +337,11 @@ def test_a_server_whose_policy_hangs_can_be_closed():
     served.gate.clear()
     server = PolicyServer(served, port=0)
     with server:
-        policy = connect(server, timeout=0.2, first_timeout=0.2)
+        policy = connect(server, first_timeout=0.2)
         with pytest.raises(RemoteTimeoutError):
             policy.infer(seen())
-        begin = time.monotonic()
-    assert time.monotonic() - begin < 2.0
+    # Closed, and the policy still waits: closing one that is waited for would not end.
+    assert not served.gate.is_set()
     served.gate.set()
 
 

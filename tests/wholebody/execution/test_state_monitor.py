@@ -9,7 +9,7 @@ from models import g1
 from models.pinocchio_model import stance_q
 from policy.scripted.library import reach, scripted_policy
 from tests.support.faulty_loops import DroppedTicks, FaultyStates, bent, frozen, not_a_number, pitched, stale, zeros
-from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.state_monitor import BRIDGED_MAX, CONSISTENT, StateMonitor
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.standing import has_lost_standing
@@ -100,6 +100,20 @@ def test_a_jump_that_lasts_is_believed_in_the_end_and_one_that_does_not_agree_wi
     assert believed[1] == 0
 
 
+def test_a_jump_is_believed_when_five_states_in_a_row_follow_from_the_one_before(monitored):
+    """After 0.3 s in which nothing could be used, so that half a radian is possible, and only agreement is missing."""
+    monitor, state = monitored
+    for k in range(1, 151):
+        now = later(state, k)
+        monitor.usable(pitched(0.5 * (1, -1)[k % 2])(now, state), now.time, 0.002, None)
+    answers = []
+    for k in range(151, 160):
+        now = later(state, k)
+        answers.append(monitor.usable(pitched(0.3)(now, state), now.time, 0.002, None)[1])
+    # The first of them follows from none; the fifth that does is the sixth of all.
+    assert [report is None for report in answers] == [False] * 5 + [True] * 4
+
+
 def test_standing_is_lost_when_several_states_in_a_row_say_so(monitored):
     monitor, state = monitored
     lying = pitched(1.2)(state, state)
@@ -147,6 +161,22 @@ def test_a_state_that_freezes_in_mid_motion_costs_little(plant, fault, reason):
     assert reasons[reason] == pytest.approx(0.1 - 0.01, abs=0.005)
 
 
+def test_a_plan_is_brought_to_a_stop_when_nothing_was_seen_for_a_tenth_of_a_second(plant):
+    policy, supervisor = reach(0.45, 0.9), FaultyStates(SPEC)
+    policy.reset()
+    state = plant.reset()
+    supervisor.reset(state)
+    supervisor.accept(policy.infer(observe(SPEC, supervisor, state)))
+    supervisor.times, supervisor.seconds, supervisor.fault = (0.7,), 0.4, stale
+    rates = {}
+    while state.time < 1.1:
+        state = plant.step(supervisor.step(state))
+        rates[round(state.time - 0.7, 3)] = supervisor.rate
+    assert rates[0.1] == pytest.approx(1.0, abs=1e-3)
+    assert rates[0.12] < 1.0
+    assert rates[0.4] < 0.5, rates
+
+
 def test_states_that_are_not_finite_for_100_ticks_leave_it_standing(plant):
     supervisor = FaultyStates(SPEC)
     supervisor.times, supervisor.seconds, supervisor.fault = (1.3,), 0.2, not_a_number
@@ -192,6 +222,16 @@ def test_a_robot_that_is_knocked_over_is_damped(plant):
         state = pushed.step(supervisor.step(state))
         fallen.append(has_lost_standing(state))
     assert CONSISTENT <= sum(fallen) <= CONSISTENT + 1
+    # It is not to move by itself again when somebody lifts it: not before a reset.
+    standing = plant.reset()
+    for _ in range(1000):
+        state = replace(standing, time=state.time + 0.002)
+        supervisor.step(state)
+        assert supervisor.status.status is Status.DAMPING
+    assert not supervisor.monitor.standing_lost
+    supervisor.reset(state)
+    supervisor.step(replace(standing, time=state.time + 0.002))
+    assert supervisor.status.status is not Status.DAMPING
 
 
 def test_a_known_delay_of_the_state_costs_little_and_a_misjudged_one_is_stable(plant):

@@ -153,8 +153,11 @@ def test_a_chunk_with_nan_is_refused_and_the_robot_holds(loop):
 
 def test_a_chunk_that_is_over_is_refused(loop):
     supervisor, _, state = start(loop)
-    status = supervisor.accept(replace(chunk_at(supervisor, state), t_obs=state.time - 10.0))
+    chunk = chunk_at(supervisor, state)
+    length = chunk.times[-1] - chunk.t_obs
+    status = supervisor.accept(replace(chunk, t_obs=state.time - length - 0.01))
     assert status.reason == "chunk_stale"
+    assert supervisor.accept(replace(chunk, t_obs=state.time - length + 0.1)).reason != "chunk_stale"
 
 
 def test_a_chunk_from_the_future_is_refused(loop):

@@ -70,6 +70,13 @@ def test_what_is_beyond_the_bounds_is_done_at_the_bound(person, what):
     assert order.numbers == BOUNDS[what][::-1]
 
 
+def test_no_page_can_do_more_to_the_robot_than_a_person_could(person):
+    """What a push, a mass and friction may be at most is said here once more: [N], [kg], [1]."""
+    for what, most in ((Wish.PUSH, 500.0), (Wish.PAYLOAD, 10.0), (Wish.FRICTION, 2.0)):
+        wish(person, what, 1e300)
+        assert person.test.robot.orders[-1].numbers == (most,)
+
+
 def test_a_source_that_there_is_not_is_the_last_one(person):
     wish(person, Wish.SOURCE, 1e9)
     assert person.test.loop.executor.policy is person.test.sources["hands"]
