@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from threading import local
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from models import g1
 from policy.errors import PolicyError
 from policy.joints import BODY_JOINTS
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 IK_TOLERANCE = 1e-6
 """Largest pose error of a solved arm, metres and radians in one norm."""
@@ -26,7 +31,7 @@ _RETREAT = 0.3
 
 
 class Kinematics:
-    """Forward kinematics of the G1 with its pelvis at the origin.
+    """Forward kinematics of the G1 with its pelvis at the origin; any number of threads may ask.
 
     Use `kinematics()`, which shares one instance: making one parses the URDF (about 0.1 s).
     """
@@ -39,7 +44,7 @@ class Kinematics:
         spec = g1()
         self._pin = pin
         self.model = load_pinocchio(spec)
-        self.data = self.model.createData()
+        self._own = local()
         self.frames = {
             "lhand": frame_id(self.model, spec.tool("left").wrist_frame),
             "rhand": frame_id(self.model, spec.tool("right").wrist_frame),
@@ -51,6 +56,13 @@ class Kinematics:
         """Entry of each body joint (motor order) in Pinocchio's configuration."""
         self.idx_v = np.array([self.model.joints[self.model.getJointId(name)].idx_v for name in BODY_JOINTS])
         """Entry of each body joint (motor order) in Pinocchio's velocity."""
+
+    @property
+    def data(self) -> pin.Data:
+        """What Pinocchio computes in, one a thread."""
+        if not hasattr(self._own, "data"):
+            self._own.data = self.model.createData()
+        return self._own.data
 
     def poses(self, q_body: np.ndarray) -> dict[str, np.ndarray]:
         """``T_base_lhand``, ``T_base_rhand`` and ``T_base_torso`` under the keys lhand, rhand, torso.

@@ -21,7 +21,7 @@ PACKAGES = ("models", "policy", "wholebody")
 # Rooms from the ground up. A room imports from earlier floors only; on one floor none imports another.
 FLOORS = (
     {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
-    {"policy", "wholebody.types", "wholebody.collision"},
+    {"policy", "wholebody.types", "wholebody.collision", "wholebody.lending"},
     {"wholebody.config", "wholebody.robot"},
     {
         "wholebody.estimation",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -23,6 +23,7 @@ from policy.scripted.policy import minimum_jerk
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.errors import InputError
+from wholebody.lending import Lending
 from wholebody.planning.posture_path import PosturePath, PosturePaths
 from wholebody.planning.still_postures import (  # fmt: skip
     ORIENTATION_REACHED,
@@ -274,7 +275,8 @@ def solve(T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, config: Controll
     Raises:
         InputError: If a pose is not finite or no rigid transform.
     """
-    return _solver(config or ControllerConfig()).solve(T_world_lhand, T_world_rhand)
+    with _solvers.lend(config or ControllerConfig()) as solver:
+        return solver.solve(T_world_lhand, T_world_rhand)
 
 
 def path_to(
@@ -301,9 +303,8 @@ def path_to(
     Raises:
         InputError: If the posture is none, the start no state of this robot, or the duration or rate is out of range.
     """
-    return _solver(config or ControllerConfig()).path_to(posture, start, duration=duration, fps=fps, seq=seq)
+    with _solvers.lend(config or ControllerConfig()) as solver:
+        return solver.path_to(posture, start, duration=duration, fps=fps, seq=seq)
 
 
-@lru_cache(maxsize=1)
-def _solver(config: ControllerConfig) -> PostureSolver:
-    return PostureSolver(describe(config.robot), config)
+_solvers = Lending(lambda config: PostureSolver(describe(config.robot), config))

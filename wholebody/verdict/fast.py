@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from wholebody.episode.observation import observation_of
 from wholebody.episode.result import Note
 from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
+from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.chunk_program import STARTS
 from wholebody.planning.judgement.limits import Surroundings
@@ -43,7 +44,7 @@ Start = Literal["first", "stance"]
 
 
 class FastChecker:
-    """Judges by plans; nothing is simulated.
+    """Judges by plans; nothing is simulated. One thread at a time.
 
     Args:
         config: Of the robot and its controller. scene: What stands around it: a name of `models.scenes`, or a file.
@@ -212,7 +213,7 @@ def judge(
     orientation_free: tuple[bool, bool] = (False, False),
     ask_why: bool = False,
 ) -> Verdict:
-    """Judge one chunk without simulating it: a function of its arguments alone.
+    """Judge one chunk without simulating it: a function of its arguments alone, in as many threads as there are.
 
     Args:
         chunk: What the hands are to do.
@@ -231,17 +232,15 @@ def judge(
             f"a {type(chunk).__name__} is no ActionChunk; `policy.decode` makes one of actions, and "
             "`policy.ReplayPolicy.from_npz(path).episode` is that of a file"
         )
-    checker = shared_checker(config or ControllerConfig(), scene)
     chunk.validate()
-    checker.stand(None if state is None else check_state(state, checker.spec.n_joints))
-    if state is None:
-        begin, notes = checker.judge.first_pose(chunk), far_from_stance(chunk, checker.spec, orientation_free)
-    else:
-        begin, notes = checker.judge.present(state), ()
-    return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, notes=notes, ask_why=ask_why)
+    with checkers.lend(config or ControllerConfig(), scene) as checker:
+        checker.stand(None if state is None else check_state(state, checker.spec.n_joints))
+        if state is None:
+            begin, notes = checker.judge.first_pose(chunk), far_from_stance(chunk, checker.spec, orientation_free)
+        else:
+            begin, notes = checker.judge.present(state), ()
+        return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, notes=notes, ask_why=ask_why)
 
 
-@lru_cache(maxsize=1)
-def shared_checker(config: ControllerConfig, scene: str = "floor") -> FastChecker:
-    """The same one for the same settings, as long as no others are asked for."""
-    return FastChecker(config, scene)
+checkers = Lending(FastChecker)
+"""One for settings and a scene, lent to a thread at a time."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.episode.tracking_error import TrackingError
+from wholebody.lending import Lending
 from wholebody.sim.fall import detect_fall
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.check import Checker
-from wholebody.verdict.fast import shared_checker
+from wholebody.verdict.fast import checkers
 
 HOLD = 4.0
 """Time for which the robot has to stand after the last step [s]; definition, that of an episode."""
@@ -98,13 +98,13 @@ def as_given(chunk: ActionChunk, state: RobotState | None = None, config: Contro
     """
     chunk.validate()
     config = config or ControllerConfig()
-    checker = _checker(config)
     if state is None:
-        body = shared_checker(config).judge.first_pose(chunk).body
+        with checkers.lend(config, "floor") as fast:
+            fast.stand()
+            body = fast.judge.first_pose(chunk).body
         state = RobotState(0.0, body.q, body.v)
-    return run_chunk(checker, chunk, check_state(state, checker.supervisor.robot.n_joints))
+    with _as_given.lend(config) as checker:
+        return run_chunk(checker, chunk, check_state(state, checker.supervisor.robot.n_joints))
 
 
-@lru_cache(maxsize=1)
-def _checker(config: ControllerConfig) -> Checker:
-    return Checker(config=config, follow="as_given")
+_as_given = Lending(lambda config: Checker(config=config, follow="as_given"))

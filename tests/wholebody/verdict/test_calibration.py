@@ -21,7 +21,7 @@ from wholebody.verdict.calibration.quantities import quantities
 from wholebody.verdict.calibration.rollout import STANDS, Rollout
 from wholebody.verdict.calibration.trees import Trees
 from wholebody.verdict.check import Checker
-from wholebody.verdict.fast import FastChecker, shared_checker
+from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.report import lines
 
 CHUNKS = 2400
@@ -164,7 +164,7 @@ def test_the_file_that_is_shipped_is_small_and_tells_what_its_card_tells_of_a_ha
 
 
 def test_a_handful_of_cases_has_the_quantities_that_were_written():
-    fast = shared_checker(ControllerConfig())
+    fast = FastChecker()
     for one in json.loads(HANDFUL.read_text())[:3]:
         case = outcome_case(one["case"])
         if case.family != one["family"]:
@@ -176,7 +176,7 @@ def test_a_handful_of_cases_has_the_quantities_that_were_written():
 
 
 def test_the_fast_check_tells_the_odds_of_what_stands_and_of_what_falls():
-    checker = shared_checker(ControllerConfig())
+    checker = FastChecker()
     plain, begin = sent(to=(0.05, 0.0, 0.05), jump=(0.0, 0.0, 0.0)), checker.judge.stance()
     calm = checker.of_chunk(plain, begin, "calm", (False, False))
     wild = checker.of_chunk(hostile_chunk("box", np.random.default_rng(6), 0, 0.0), begin, "wild", (False, False))
@@ -199,7 +199,7 @@ def test_chunks_that_are_begun_in_motion_are_told_where_none_of_those_fitted_to_
         model.names, model.scale, model.trees, model.shape, model.card | {"covers": ["a start in motion"]}
     )
     assert model.odds(found, ["a start in motion"], "true").unlike == ()
-    told = shared_checker(ControllerConfig()).check(scripted_policy("wave"), "wave", 4.0).odds
+    told = FastChecker().check(scripted_policy("wave"), "wave", 4.0).odds
     assert told.chunks > 1
     assert ("a start in motion" in told.unlike) == ("a start in motion" not in shipped().card.get("covers", ()))
 
@@ -213,7 +213,7 @@ def test_loads_that_nobody_fitted_are_told():
 
 
 def test_a_chunk_of_one_step_has_all_its_quantities():
-    judge, chunk = shared_checker(ControllerConfig()).judge, sent(to=(0.05, 0.0, 0.05))
+    judge, chunk = FastChecker().judge, sent(to=(0.05, 0.0, 0.05))
     one = hostile_chunk("offset", np.random.default_rng(0), 0, 0.0)
     one = type(one)(one.spec_id, 0, 0.0, 30.0, *(value[:1] for value in chunk.arrays().values()))
     begin = judge.stance()
@@ -223,7 +223,7 @@ def test_a_chunk_of_one_step_has_all_its_quantities():
 
 
 def test_a_case_that_is_decided_early_has_the_answer_of_one_that_is_not():
-    begin = shared_checker(ControllerConfig()).judge.stance().body
+    begin = FastChecker().judge.stance().body
     checker, state = Checker(follow="as_given"), RobotState(0.0, begin.q, begin.v)
     hostile = hostile_chunk("box", np.random.default_rng(6), 0, 0.0)
     for chunk, falls in ((sent(to=(0.1, 0.0, 0.1)), False), (hostile, True)):
@@ -238,7 +238,7 @@ def test_a_chunk_that_comes_in_the_midst_of_another_is_judged_by_what_happens_af
     case = outcome_case(MOVING)
     assert case.before is not None
     assert case.chunk.t_obs == case.begins > 0.0
-    begin = shared_checker(ControllerConfig()).judge.stance().body
+    begin = FastChecker().judge.stance().body
     far = Case(0, "", "", "stance", "true", sent(to=(0.05, 0.0, 0.05)), case.before, 0.5)
     found = run_case(Checker(), far, RobotState(0.0, begin.q, begin.v))
     assert not found.fell
@@ -246,7 +246,7 @@ def test_a_chunk_that_comes_in_the_midst_of_another_is_judged_by_what_happens_af
 
 
 def test_a_rollout_tells_what_falls_from_what_stands_before_anything_is_simulated():
-    judge, rollout = shared_checker(ControllerConfig()).judge, Rollout(ControllerConfig())
+    judge, rollout = FastChecker().judge, Rollout(ControllerConfig())
     begin, hostile = judge.stance(), hostile_chunk("box", np.random.default_rng(6), 0, 0.0)
     calm, wild = (rollout.quantities(one, begin, (0.0, 0.0)) for one in (sent(to=(0.05, 0.0, 0.05)), hostile))
     assert calm.keys() == wild.keys() == STANDS.keys()

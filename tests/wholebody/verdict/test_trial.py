@@ -10,7 +10,7 @@ from wholebody.episode.run import EpisodeConfig
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState
 from wholebody.verdict.check import Checker
-from wholebody.verdict.fast import shared_checker
+from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.trial import as_given, run_chunk
 
 
@@ -25,7 +25,7 @@ def test_what_falls_as_given_does_not_fall_as_it_is_planned():
     assert 0.0 < fallen.time < 5.0
     assert fallen.cause
     checker = Checker(episode=EpisodeConfig(settle=0.0))
-    begin = shared_checker(checker.supervisor.config).judge.first_pose(chunk).body
+    begin = FastChecker(checker.supervisor.config).judge.first_pose(chunk).body
     planned = run_chunk(checker, chunk, RobotState(0.0, begin.q, begin.v))
     assert not planned.fell
     assert planned.time is None

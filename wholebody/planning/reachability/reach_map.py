@@ -13,6 +13,7 @@ from functools import lru_cache
 from hashlib import sha256
 from math import inf, isfinite
 from pathlib import Path
+from threading import local
 from zipfile import BadZipFile
 
 import numpy as np
@@ -46,6 +47,14 @@ _rooms = Entry(kernel.rooms)
 _NUMBERS = {turn: i for i, turn in enumerate(TURNS)}
 
 
+class _Buffers(local):
+    """What a question is put into and computed in, a set a thread."""
+
+    def __init__(self) -> None:
+        points, turns, loads, out = _blank(1)
+        self.one = points, turns, loads, _scratch(), out
+
+
 class ReachabilityMap:
     """Where both palms can be held at once, standing still with the feet of the stance.
 
@@ -55,10 +64,9 @@ class ReachabilityMap:
 
     def __init__(self, network: Network, card: dict) -> None:
         self.network, self.card = network, card
-        self._weights, self._scratch = network, _scratch()
-        self._points, self._turns, self._loads, self._out = _blank(1)
-        one = self._points, self._turns, self._loads, BODY, self._weights, self._scratch, self._out
-        self._native = _rooms.native(*one)
+        points, turns, loads, out = _blank(1)
+        self._native = _rooms.native(points, turns, loads, BODY, network, _scratch(), out)
+        self._own = _Buffers()
 
     @staticmethod
     def read(path: Path) -> ReachabilityMap:
@@ -91,7 +99,7 @@ class ReachabilityMap:
     ) -> float:
         """Logarithm of the odds that two palm points can be held: positive inside, 0 at the border.
 
-        A map is asked by one thread at a time. Outside the box that it knows, the answer is a guess; see `knows`.
+        Any number of threads may ask. Outside the box that it knows, the answer is a guess; see `knows`.
 
         Args:
             left: Palm point in world, midpoint of the soles, x forward, z up [m].
@@ -102,7 +110,7 @@ class ReachabilityMap:
         Raises:
             InputError: If there is no such turn, or these are no points and masses.
         """
-        points, carried = self._points, self._loads
+        points, turns, carried, scratch, out = self._own.one
         try:
             points[0, 0, 0], points[0, 0, 1], points[0, 0, 2] = a, b, c = left
             points[0, 1, 0], points[0, 1, 1], points[0, 1, 2] = d, e, f = right
@@ -112,11 +120,11 @@ class ReachabilityMap:
         if not (isfinite(a + b + c + d + e + f) and 0.0 <= m < inf and 0.0 <= n < inf):
             raise InputError(f"points {left} and {right} [m] are to be finite, and masses {loads} [kg] not negative")
         try:
-            self._turns[0] = _NUMBERS[turn]
+            turns[0] = _NUMBERS[turn]
         except KeyError as error:
             raise InputError(f"palms are not turned '{turn}' in the map; there are: {', '.join(TURNS)}") from error
-        self._native(points, self._turns, carried, BODY, self._weights, self._scratch, self._out)
-        return float(self._out[0])
+        self._native(points, turns, carried, BODY, self.network, scratch, out)
+        return float(out[0])
 
     def rooms(self, pairs: Pairs) -> np.ndarray:
         """`room` of many pairs, shape (n,); any number of threads may ask.
@@ -128,7 +136,7 @@ class ReachabilityMap:
             raise InputError("points [m] and masses [kg] are to be finite, and masses not negative")
         points, turns, loads, out = _blank(len(pairs))
         points[:], turns[:], loads[:] = pairs.points, pairs.turns, pairs.loads
-        self._native(points, turns, loads, BODY, self._weights, _scratch(), out)
+        self._native(points, turns, loads, BODY, self.network, _scratch(), out)
         return out
 
     @staticmethod

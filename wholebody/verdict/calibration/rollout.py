@@ -7,7 +7,6 @@ says so much sooner than a simulation.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +17,7 @@ from wholebody.config.description import describe
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.execution import statuses
 from wholebody.execution.as_given import AsGiven
+from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
@@ -161,7 +161,5 @@ class Rollout:
         )
 
 
-@lru_cache(maxsize=1)
-def shared_rollout(config: ControllerConfig) -> Rollout:
-    """The same one for the same settings, as long as no others are asked for."""
-    return Rollout(config)
+rollouts = Lending(Rollout)
+"""One for some settings, lent to a thread at a time."""
