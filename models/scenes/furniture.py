@@ -6,16 +6,12 @@ from collections.abc import Callable
 
 import mujoco
 
+from models.places import BOARD, ON_TABLE, SHELF_HEIGHTS, TABLE_EDGE, TABLE_HEIGHT
+
 Place = tuple[float, float, float]
 """Point on a surface in world [m], where the middle of an object's underside goes."""
 
-TABLE_HEIGHT = 0.75
-"""Height of the table top [m]."""
-
-SHELF_HEIGHTS = (0.35, 0.80, 1.20)
-"""Heights of the shelf boards' upper sides [m]."""
-
-_TOP = 0.02  # half thickness of a board [m]
+_TOP = 0.5 * BOARD
 _WOOD = (0.72, 0.58, 0.42, 1.0)
 _FRICTION = (0.6, 0.005, 0.0001)  # wood on plastic or metal
 
@@ -51,7 +47,7 @@ def add_floor(mj: mujoco.MjSpec, friction: float) -> None:
 
 def add_table(mj: mujoco.MjSpec) -> Place:
     """A table 0.75 m high whose near edge is 0.20 m ahead of the world origin."""
-    _board(mj, "table", center=(0.45, 0.0), half_size=(0.25, 0.5), height=TABLE_HEIGHT)
+    _board(mj, "table", center=(TABLE_EDGE + 0.25, 0.0), half_size=(0.25, 0.5), height=TABLE_HEIGHT)
     for i, (x, y) in enumerate([(0.66, 0.46), (0.66, -0.46), (0.24, 0.46), (0.24, -0.46)]):
         half = 0.5 * (TABLE_HEIGHT - 2 * _TOP)
         mj.worldbody.add_geom(
@@ -62,7 +58,7 @@ def add_table(mj: mujoco.MjSpec) -> Place:
             rgba=_WOOD,
             friction=_FRICTION,
         )
-    return (0.42, 0.15, TABLE_HEIGHT)
+    return ON_TABLE
 
 
 def add_shelf(mj: mujoco.MjSpec) -> Place:

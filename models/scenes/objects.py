@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import mujoco
 
+from models.places import CRATE_WIDTH
+
 Place = tuple[float, float, float]
 
 OBJECT_BODY = "object"
@@ -33,10 +35,30 @@ def add_can(mj: mujoco.MjSpec, place: Place) -> list[float]:
     return _add(mj, place, mujoco.mjtGeom.mjGEOM_CYLINDER, (0.033, 0.0575, 0.0), 0.35, (0.75, 0.75, 0.78, 1.0))
 
 
+def add_flask(mj: mujoco.MjSpec, place: Place) -> list[float]:
+    """A full steel flask: 1 kg, as large as the cylinder."""
+    return _add(mj, place, mujoco.mjtGeom.mjGEOM_CYLINDER, (0.03, 0.08, 0.0), 1.0, (0.45, 0.55, 0.50, 1.0))
+
+
+def add_carton(mj: mujoco.MjSpec, place: Place) -> list[float]:
+    """A carton in the middle, to be brushed by both thumbs: 1 kg, 160 x 200 x 160 mm."""
+    at, brown = (place[0], 0.0, place[2]), (0.70, 0.55, 0.35, 1.0)
+    return _add(mj, at, mujoco.mjtGeom.mjGEOM_BOX, (0.08, 0.10, 0.08), 1.0, brown)
+
+
+def add_crate(mj: mujoco.MjSpec, place: Place) -> list[float]:
+    """A crate in the middle, for two hands: 2 kg, 200 x 300 x 180 mm."""
+    at, green = (place[0], 0.0, place[2]), (0.25, 0.55, 0.35, 1.0)
+    return _add(mj, at, mujoco.mjtGeom.mjGEOM_BOX, (0.10, 0.5 * CRATE_WIDTH, 0.09), 2.0, green)
+
+
 OBJECTS: dict[str, Callable[[mujoco.MjSpec, Place], list[float]]] = {
     "cylinder": add_cylinder,
     "box": add_box,
     "can": add_can,
+    "flask": add_flask,
+    "carton": add_carton,
+    "crate": add_crate,
 }
 """Builders by name."""
 

@@ -1,4 +1,4 @@
-"""Scenes by name. A scene is what stands around the robot: ``<furniture>`` or ``<furniture>_<object>``."""
+"""Scenes by name: what stands around the robot. A fixture, or ``<furniture>`` or ``<furniture>_<object>``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from models.scenes.file import SceneFile, attach_file
+from models.scenes.fixtures import FIXTURES
 from models.scenes.furniture import FURNITURE, add_floor
 from models.scenes.objects import OBJECTS
 from models.spec import RobotSpecError
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
 
 
 def scene_names() -> tuple[str, ...]:
-    """Names of all scenes that the present furniture and objects make."""
-    return ("floor", *FURNITURE, *(f"{furniture}_{thing}" for furniture in FURNITURE for thing in OBJECTS))
+    """Names of all scenes that the present furniture, objects and fixtures make."""
+    held = (f"{furniture}_{thing}" for furniture in FURNITURE for thing in OBJECTS)
+    return ("floor", *FURNITURE, *held, *FIXTURES)
 
 
 SCENES = scene_names()
@@ -47,6 +49,8 @@ def add_scene(mj: mujoco.MjSpec, scene: str | SceneFile, friction: float) -> lis
         hint = f"did you mean '{near[0]}'? " if near else ""
         raise RobotSpecError(f"no scene '{scene}'; {hint}there are: {', '.join(names)}, and MuJoCo files (.xml)")
     add_floor(mj, friction)
+    if scene in FIXTURES:
+        return FIXTURES[scene](mj)
     furniture, _, thing = scene.partition("_")
     if furniture in FURNITURE:
         build: Callable[[mujoco.MjSpec], tuple[float, float, float]] = FURNITURE[furniture]

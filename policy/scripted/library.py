@@ -7,11 +7,13 @@ from typing import Literal
 
 import numpy as np
 
+from models.places import ON_TABLE
 from policy.action_spec.hands import Side, grasp_posture
 from policy.errors import PolicyError, did_you_mean
 from policy.geometry.rotations import rpy_to_matrix
+from policy.scripted.contact import lift_box, press, pull_drawer, touch, turn_handle, wipe
 from policy.scripted.policy import ScriptedMotion, ScriptedPolicy, minimum_jerk, stance_pose
-from policy.scripted.waypoints import Waypoint, waypoint_policy
+from policy.scripted.waypoints import Waypoint, one_hand, waypoint_policy
 
 MIRROR_Y = np.array([1.0, -1.0, 1.0])
 
@@ -124,12 +126,12 @@ def pick(level: Literal["low", "high"] = "low", *, side: Side = "right") -> Scri
     return waypoint_policy(
         f"pick_{level}",
         [
-            _one(side, 2.5, before, 0.0),
-            _one(side, 3.5, there, 0.0),
-            _one(side, 4.5, None, 1.0),
-            _one(side, 5.5, before, 1.0),
-            _one(side, 8.0, _home()[side == "right"], 1.0),
-            _one(side, 9.0, None, 1.0),
+            one_hand(side, 2.5, before, 0.0),
+            one_hand(side, 3.5, there, 0.0),
+            one_hand(side, 4.5, None, 1.0),
+            one_hand(side, 5.5, before, 1.0),
+            one_hand(side, 8.0, _home()[side == "right"], 1.0),
+            one_hand(side, 9.0, None, 1.0),
         ],
         orientation_free=level == "high",
     )
@@ -146,10 +148,10 @@ def wave(*, side: Side = "right", swings: int = 4) -> ScriptedPolicy:
     middle, swing = np.array([0.25, 0.28 * sign, 1.20]), np.array([0.0, 0.08, 0.0])
     # 60 degrees of pitch: with 90 the elbow would have to leave its range.
     turn = np.array([0.0, -np.pi / 3.0, 0.0])
-    points = [_one(side, 2.5, middle, None, turn)]
-    points += [_one(side, 3.0 + 0.5 * i, middle + swing * (-1.0) ** i, None) for i in range(2 * swings)]
+    points = [one_hand(side, 2.5, middle, turn=turn)]
+    points += [one_hand(side, 3.0 + 0.5 * i, middle + swing * (-1.0) ** i) for i in range(2 * swings)]
     end = points[-1].time
-    return waypoint_policy("wave", [*points, _one(side, end + 2.5, _home()[side == "right"], None, np.zeros(3))])
+    return waypoint_policy("wave", [*points, one_hand(side, end + 2.5, _home()[side == "right"], turn=np.zeros(3))])
 
 
 def grasp(
@@ -178,23 +180,42 @@ def grasp(
     return waypoint_policy(
         "grasp",
         [
-            _one(side, 2.5, aside, 0.0),
-            _one(side, 4.5, at_object, 0.0),
-            _one(side, 6.0, None, 1.0),
-            _one(side, 8.0, at_object + up, 1.0),
-            _one(side, 13.0, None, 1.0),
+            one_hand(side, 2.5, aside, 0.0),
+            one_hand(side, 4.5, at_object, 0.0),
+            one_hand(side, 6.0, None, 1.0),
+            one_hand(side, 8.0, at_object + up, 1.0),
+            one_hand(side, 13.0, None, 1.0),
         ],
     )
 
 
-def _one(
-    side: Side, time: float, palm: np.ndarray | None, closing: float | None, turn: np.ndarray | None = None
-) -> Waypoint:
-    if side == "left":
-        return Waypoint(time, lpalm=palm, turn_lhand=turn, lgrasp=closing)
-    if side == "right":
-        return Waypoint(time, rpalm=palm, turn_rhand=turn, rgrasp=closing)
-    raise PolicyError(f"side {side!r} is unknown; it is 'left' or 'right'")
+def hand_over(*, mass: float = 1.0, side: Side = "left") -> ScriptedPolicy:
+    """One hand takes the flask from the table, holds it out, and puts it back.
+
+    Args:
+        mass: Expected of the flask [kg].
+        side: Which hand.
+    """
+    sign = 1.0 if side == "left" else -1.0
+    at = np.array(ON_TABLE) * [1.0, sign, 1.0] + [0.0, 0.0, 0.08] - OBJECT_IN_PALM * [1.0, sign, 1.0]
+    aside, up, out = np.array([0.0, 0.12 * sign, 0.0]), np.array([0.0, 0.0, 0.12]), np.array([0.03, 0.05 * sign, 0.20])
+    weight = np.array([0.0, 0.0, -9.81 * mass])
+    return waypoint_policy(
+        "hand_over",
+        [
+            one_hand(side, 2.5, at + aside, 0.0),
+            one_hand(side, 4.5, at),
+            one_hand(side, 6.0, None, 1.0),
+            one_hand(side, 7.5, at + up, force=weight),
+            one_hand(side, 9.0, at + out),
+            one_hand(side, 12.0, None),
+            one_hand(side, 13.5, at + up),
+            one_hand(side, 15.5, at, force=np.zeros(3)),
+            one_hand(side, 17.0, None, 0.0),
+            one_hand(side, 18.5, at + aside),
+            one_hand(side, 19.5, None),
+        ],
+    )
 
 
 def _home() -> tuple[np.ndarray, np.ndarray]:
@@ -210,6 +231,13 @@ SCRIPTS: dict[str, Callable[..., ScriptedPolicy]] = {
     "pick_high": lambda **settings: pick("high", **settings),
     "wave": wave,
     "grasp": grasp,
+    "touch": touch,
+    "wipe": wipe,
+    "press": press,
+    "pull_drawer": pull_drawer,
+    "turn_handle": turn_handle,
+    "lift_box": lift_box,
+    "hand_over": hand_over,
 }
 """Scripted policies by the name that the CLI takes."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -25,6 +25,8 @@ class ScriptedMotion:
         p_world_lpalm, p_world_rpalm: Palm points, shape (H, 3), [m].
         R_world_lhand, R_world_rhand: Hand rotations, shape (H, 3, 3) or (3, 3) if constant.
         q_lhand, q_rhand: Fingers in motor order, shape (H, 7) or (7,) if constant, [rad].
+        f_world_lpalm, f_world_rpalm: Force that the world is expected to put on each palm, shape (H, 3) or (3,) if
+            constant, [N].
     """
 
     p_world_lpalm: np.ndarray
@@ -33,6 +35,8 @@ class ScriptedMotion:
     R_world_rhand: np.ndarray
     q_lhand: np.ndarray
     q_rhand: np.ndarray
+    f_world_lpalm: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    f_world_rpalm: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 Script = Callable[[np.ndarray], ScriptedMotion]

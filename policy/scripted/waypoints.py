@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policy.action_spec.hands import grasp_posture
+from policy.action_spec.hands import Side, grasp_posture
 from policy.errors import PolicyError
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
 from policy.geometry.se3 import bracket
@@ -23,6 +23,7 @@ class Waypoint:
         lpalm, rpalm: Palm points in world, shape (3,), [m].
         turn_lhand, turn_rhand: Rotation from the stance in world axes, as a rotation vector (3,), [rad].
         lgrasp, rgrasp: Closing of the fingers, 0 open to 1 closed.
+        lforce, rforce: Force that the world is expected to put on the palm, shape (3,), world axes, [N].
     """
 
     time: float
@@ -32,6 +33,29 @@ class Waypoint:
     turn_rhand: np.ndarray | None = None
     lgrasp: float | None = None
     rgrasp: float | None = None
+    lforce: np.ndarray | None = None
+    rforce: np.ndarray | None = None
+
+
+def one_hand(
+    side: Side,
+    time: float,
+    palm: np.ndarray | None = None,
+    closing: float | None = None,
+    *,
+    turn: np.ndarray | None = None,
+    force: np.ndarray | None = None,
+) -> Waypoint:
+    """A waypoint of one hand; the other stays.
+
+    Raises:
+        PolicyError: If there is no such hand.
+    """
+    if side == "left":
+        return Waypoint(time, lpalm=palm, turn_lhand=turn, lgrasp=closing, lforce=force)
+    if side == "right":
+        return Waypoint(time, rpalm=palm, turn_rhand=turn, rgrasp=closing, rforce=force)
+    raise PolicyError(f"side {side!r} is unknown; it is 'left' or 'right'")
 
 
 def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_free: bool = False) -> ScriptedPolicy:
@@ -55,7 +79,7 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_fre
         blend = minimum_jerk(share)[:, None]
         straight = {
             field: knots[field][low] + blend * (knots[field][low + 1] - knots[field][low])
-            for field in ("p_world_lpalm", "p_world_rpalm", "q_lhand", "q_rhand")
+            for field in ("p_world_lpalm", "p_world_rpalm", "q_lhand", "q_rhand", "f_world_lpalm", "f_world_rpalm")
         }
         turned = {}
         for field in ("R_world_lhand", "R_world_rhand"):
@@ -73,12 +97,15 @@ def _knots(waypoints: Sequence[Waypoint], stance: ScriptedMotion) -> dict[str, n
     for waypoint in waypoints:
         row = dict(rows[-1])
         for hand, side in (("l", "left"), ("r", "right")):
-            palm, turn, closing = (getattr(waypoint, f) for f in (f"{hand}palm", f"turn_{hand}hand", f"{hand}grasp"))
+            names = f"{hand}palm", f"turn_{hand}hand", f"{hand}grasp", f"{hand}force"
+            palm, turn, closing, force = (getattr(waypoint, name) for name in names)
             if palm is not None:
                 row[f"p_world_{hand}palm"] = np.asarray(palm, dtype=float)
             if turn is not None:
                 row[f"R_world_{hand}hand"] = rotvec_to_matrix(turn) @ getattr(stance, f"R_world_{hand}hand")
             if closing is not None:
                 row[f"q_{hand}hand"] = grasp_posture(side, closing)
+            if force is not None:
+                row[f"f_world_{hand}palm"] = np.asarray(force, dtype=float)
         rows.append(row)
     return {field: np.stack([row[field] for row in rows]) for field in rows[0]}

@@ -23,7 +23,16 @@ if TYPE_CHECKING:
     from wholebody.verdict.verdict import Follow
 
 UNSEEN = "the planner sees the robot and the floor alone: what the robot touches of the scene is in the verdict"
-SCENE_OF = {"grasp": "table_cylinder"}
+SCENE_OF = {
+    "grasp": "table_cylinder",
+    "touch": "table",
+    "wipe": "table",
+    "press": "button",
+    "pull_drawer": "drawer",
+    "turn_handle": "door",
+    "lift_box": "table_crate",
+    "hand_over": "table_flask",
+}
 """Scenes of scripted policies that need more than the floor."""
 
 

@@ -1,0 +1,32 @@
+"""Where things in the scenes are, as numbers in world [m]: the scenes are built from them, scripts reach for them."""
+
+from __future__ import annotations
+
+TABLE_HEIGHT = 0.75
+"""Height of the table top [m]."""
+TABLE_EDGE = 0.20
+"""How far ahead of the world origin the table begins [m]."""
+SHELF_HEIGHTS = (0.35, 0.80, 1.20)
+"""Heights of the shelf boards' upper sides [m]."""
+BOARD = 0.04
+"""Thickness of the boards of table and shelf [m]."""
+WALL_AHEAD = 0.45
+"""How far ahead of the world origin the face of the wall is [m]."""
+WALL_BESIDE = 0.45
+"""How far to either side of the world origin the faces of the corridor are [m]."""
+BAR = (0.45, -0.12, 0.88)
+"""Middle of the upright bar that drawer and locked door are pulled by [m]."""
+LEVER = (0.45, -0.12, 0.95)
+"""Axis of the door's lever at the height of its bar [m]; the bar points to the left (+y)."""
+LEVER_LENGTH, LEVER_RADIUS = 0.13, 0.01
+"""Of the lever's bar [m]; chosen: as of common doors."""
+LEVER_TURN = 0.7
+"""Angle at which the lever has unlatched the door [rad]; chosen: 40 degrees, as of common doors."""
+BUTTON = (0.42, -0.16, 1.05)
+"""Middle of the button's cap, out [m]."""
+BUTTON_TRAVEL = 0.010
+"""How far in the button clicks [m]; chosen: as of an emergency stop."""
+ON_TABLE = (0.42, 0.15, TABLE_HEIGHT)
+"""Where on the table an object stands, the middle of its underside [m]; one for two hands: the same at y = 0."""
+CRATE_WIDTH = 0.30
+"""From palm to palm of the crate [m]."""
