@@ -94,10 +94,16 @@ def robot(
     return (RealisticGround if on else RealisticPlant)(SPEC, drawn, encoders=sensors, **world), sensors
 
 
-def ran(policy: object, made: tuple[MujocoPlant, Sensors | None], duration: float, settle: float = 1.0) -> Numbers:
+def ran(
+    policy: object,
+    made: tuple[MujocoPlant, Sensors | None],
+    duration: float,
+    settle: float = 1.0,
+    hold: float = EpisodeConfig.hold,
+) -> Numbers:
     """Numbers of an episode: whether it fell, the root mean square after 2 s and the last errors of the palms."""
     plant, sensors = made
-    config = EpisodeConfig(settle=settle)
+    config = EpisodeConfig(settle=settle, hold=hold)
     result = run_episode(policy, supervisor(), plant, duration=duration, config=config, sensors=sensors)
     late = result.errors[result.times >= settle + 2.0]
     numbers = {"falls": float(result.fall is not None)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from models.spec import RobotSpec
 from models.unitree_g1 import JOINT_FRICTION
 from wholebody.config.bounds import require_run
+from wholebody.errors import InputError
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.sensors import Sensors
 from wholebody.types import RobotState
@@ -28,8 +29,18 @@ class RobotErrors:
     """Damping and dry friction of the joints, times those of Unitree's model (`models.unitree_g1.JOINT_FRICTION`)."""
     torque_lag: float = 0.0
     """Time constant of the motors' torques [s]."""
+    motor_bandwidth: float = 0.0
+    """Natural frequency of torques that answer as a second-order system does; 0 for at once [Hz]."""
+    motor_damping: float = 0.5
+    """Damping ratio of that system."""
     command_delay: tuple[float, float] = (0.0, 0.0)
     """Least and longest time from a command to the motors [s]."""
+    feed_forward: float = 1.0
+    """Share of the commanded torques that the motors add to their position loops."""
+    delivered: tuple[tuple[str, float], ...] = ()
+    """Patterns of joint names, each with the share of its torque that such a joint delivers; 1 for all others."""
+    loss_told: bool = True
+    """Whether the torques that the motors tell show what `delivered` takes away: a current does not."""
     mass_error: float = 0.0
     """Largest error of the mass and inertia of each body, a share."""
     torso_error: float = 0.0
@@ -42,7 +53,8 @@ class RobotErrors:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            for number in value if isinstance(value, tuple) else (value,):
+            values = [share for _, share in value] if name == "delivered" else value
+            for number in values if isinstance(values, (list, tuple)) else (values,):
                 if number is not None:
                     require_run(name, number, f"robot error {name}")
 
@@ -92,12 +104,11 @@ class RealisticPlant(MujocoPlant):
         if errors.floor_friction is not None:
             world["friction"] = errors.floor_friction
         self._encoders, self._sent = encoders, deque(maxlen=1)
-        self._share, self._given = 1.0, np.zeros(spec.n_joints)
+        self._answer: MotorAnswer | None = None
         super().__init__(spec, payload_kg=self.payload_kg, **world)
         step = self.model.opt.timestep
         self._sent = deque(maxlen=round(self.command_delay / step) + 1)
-        if errors.torque_lag > 0.0:
-            self._share = 1.0 - float(np.exp(-step / errors.torque_lag))
+        self._answer = MotorAnswer(spec, errors, step)
         self._change(errors, rng)
         self.reset()
 
@@ -118,17 +129,94 @@ class RealisticPlant(MujocoPlant):
     def reset(self, begin: RobotState | None = None) -> RobotState:
         """As of `MujocoPlant`; commands on their way are forgotten."""
         self._sent.clear()
-        self._given[:] = 0.0
+        if self._answer is not None:
+            self._answer.reset()
         return super().reset(begin)
 
+    def state(self) -> RobotState:
+        """As of `MujocoPlant`; torques are those that the motors tell."""
+        state = super().state()
+        if self._answer is None or self._answer.told is None:
+            return state
+        return replace(state, tau=self._answer.told[self._conversion.motor_to_pin])
+
     def _torques(self, asked: tuple[np.ndarray, ...], anew: bool) -> bool:
-        """The command that has arrived by now, on the angles that the encoders read, as slowly as the motors are."""
+        """The command that has arrived by now, on the angles that the encoders read, as the motors answer it."""
         self._sent.append(asked)
-        q, *others = self._sent[0]
+        q, dq, tau, *gains = self._sent[0]
         if self._encoders is not None:
             q = q - self._encoders.encoder_error[self._conversion.pin_to_motor]
-        sound = super()._torques((q, *others), anew)
-        self._given += self._share * (self.torque - self._given)
-        self.torque[:] = self._given
-        self._ctrl[self._motors[2]] = self._given
+        sound = super()._torques((q, dq, self._answer.feed_forward * tau, *gains), anew)
+        self._answer.answer(self.torque)
+        self._ctrl[self._motors[2]] = self.torque
         return sound
+
+
+class MotorAnswer:
+    """What motors make of the torques that their loops ask for: late, with an overshoot, less.
+
+    Args:
+        spec: The robot.
+        errors: How its motors differ from the model's.
+        step: Physics step [s].
+
+    Attributes:
+        feed_forward: Share of commanded torques that is added to the position loops.
+        told: Torques that the motors tell, (n,), [N m]; None if it is what they deliver.
+    """
+
+    def __init__(self, spec: RobotSpec, errors: RobotErrors, step: float) -> None:
+        self.feed_forward, self.told = errors.feed_forward, None if errors.loss_told else np.zeros(spec.n_joints)
+        self._delivered = np.ones(spec.n_joints)
+        for pattern, share in errors.delivered:
+            self._delivered[_matched(spec, pattern)] = share
+        self._lag = 1.0 - float(np.exp(-step / errors.torque_lag)) if errors.torque_lag > 0.0 else 1.0
+        self._lagged, self._moving = np.zeros(spec.n_joints), np.zeros((2, spec.n_joints))
+        self._step = None
+        if errors.motor_bandwidth > 0.0:
+            self._step = second_order_step(2.0 * np.pi * errors.motor_bandwidth, errors.motor_damping, step)
+
+    def reset(self) -> None:
+        """Motors at rest that deliver nothing."""
+        self._lagged[:], self._moving[:] = 0.0, 0.0
+
+    def answer(self, torque: np.ndarray) -> None:
+        """Torques (n,) that were asked for become those that are delivered after a physics step [N m]."""
+        self._lagged += self._lag * (torque - self._lagged)
+        torque[:] = self._lagged
+        if self._step is not None:
+            A, b = self._step
+            self._moving = A @ self._moving + b[:, None] * torque
+            torque[:] = self._moving[0]
+        if self.told is not None:
+            self.told[:] = torque
+        torque *= self._delivered
+
+
+def second_order_step(omega: float, zeta: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Value and rate of ``y'' = omega^2 (u - y) - 2 zeta omega y'`` after a step with constant ``u``: ``A x + b u``.
+
+    Args:
+        omega: Natural frequency [rad/s].
+        zeta: Damping ratio.
+        step: [s]
+
+    Returns:
+        ``A`` (2, 2) and ``b`` (2,), exact. With the system matrix ``-zeta omega I + N``, ``N N = (zeta^2 - 1) omega^2
+        I``; at rest ``y = u``.
+    """
+    N = omega * np.array([[zeta, 1.0 / omega], [-omega, -zeta]])
+    root = omega * np.sqrt(complex(zeta**2 - 1.0))
+    ramp = step if abs(root) * step < 1e-9 else (np.sinh(root * step) / root).real
+    A = np.exp(-zeta * omega * step) * (np.cosh(root * step).real * np.eye(2) + ramp * N)
+    return A, np.array([1.0, 0.0]) - A[:, 0]
+
+
+def _matched(spec: RobotSpec, pattern: str) -> list[int]:
+    """Joints whose whole name matches; an `InputError` if there is none."""
+    found = [i for i, name in enumerate(spec.joint_names) if re.fullmatch(pattern, name)]
+    if not found:
+        raise InputError(
+            f"robot error delivered: no joint is called '{pattern}'; there are {', '.join(spec.joint_names)}"
+        )
+    return found

@@ -12,7 +12,7 @@ from wholebody.errors import InputError
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
-from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant, RobotErrors
+from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant, RobotErrors, second_order_step
 from wholebody.sim.sensors import REALISTIC_READINGS, SensorConfig, Sensors
 from wholebody.types import JointCommand
 
@@ -46,6 +46,46 @@ def test_torques_lag_and_commands_are_late():
     assert push(late, 2.0) == [0.0, 0.0, 2.0, 2.0, 2.0]
 
 
+def test_second_order_motors_overshoot_by_what_their_damping_says_and_settle():
+    plant, peak = RealisticPlant(SPEC, RobotErrors(motor_bandwidth=25.0, motor_damping=0.5)), []
+    for _ in range(30):
+        peak += push(plant, 1.0)
+    assert peak[0] < 0.1
+    # exp(-pi zeta / sqrt(1 - zeta^2)) after half a damped period.
+    assert max(peak) == pytest.approx(1.0 + np.exp(-np.pi * 0.5 / np.sqrt(0.75)), abs=0.005)
+    assert 0.002 * (1 + int(np.argmax(peak))) == pytest.approx(np.pi / (2 * np.pi * 25.0 * np.sqrt(0.75)), abs=0.002)
+    assert peak[-1] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("damping", [0.3, 1.0, 3.0])
+def test_a_step_of_second_order_is_that_of_its_differential_equation(damping):
+    A, b = second_order_step(100.0, damping, 0.002)
+    x, fine = np.zeros(2), 1e-6
+    for _ in range(2000):
+        x = x + fine * np.array([x[1], 100.0**2 * (1.0 - x[0]) - 2.0 * damping * 100.0 * x[1]])
+    np.testing.assert_allclose(b, x, rtol=1e-3)
+    np.testing.assert_allclose(A @ [1.0, 0.0] + b, [1.0, 0.0], atol=1e-12)
+
+
+def test_motors_deliver_a_share_and_tell_it_or_not():
+    weak = {"delivered": ((".*_elbow_joint", 0.5),)}
+    plant = RealisticPlant(SPEC, RobotErrors(**weak))
+    assert push(plant, 2.0) == [1.0] * 5
+    assert plant.state().tau[plant._conversion.pin_to_motor[SPEC.index("left_elbow_joint")]] == 1.0
+    plant = RealisticPlant(SPEC, RobotErrors(**weak, loss_told=False))
+    assert push(plant, 2.0) == [1.0] * 5
+    assert plant.state().tau[plant._conversion.pin_to_motor[SPEC.index("left_elbow_joint")]] == 2.0
+    with pytest.raises(InputError, match="no joint is called 'elbow'"):
+        RealisticPlant(SPEC, RobotErrors(delivered=(("elbow", 0.5),)))
+
+
+def test_deaf_motors_leave_torques_out_and_keep_their_position_loops():
+    plant = RealisticPlant(SPEC, RobotErrors(feed_forward=0.0))
+    assert push(plant, 2.0) == [0.0] * 5
+    plant.step(JointCommand(0.0, plant.joint_positions() + 0.01, ZERO, ZERO, SPEC.kp, ZERO))
+    np.testing.assert_allclose(plant.torque, 0.01 * SPEC.kp, atol=1e-9)
+
+
 def test_masses_friction_and_loads_are_those_drawn_and_the_same_for_the_same_seed():
     plant, again = (RealisticPlant(SPEC, REALISTIC_ROBOT) for _ in range(2))
     model = MujocoPlant(SPEC).model
@@ -70,7 +110,10 @@ def test_motors_close_their_loops_on_what_the_encoders_read():
     np.testing.assert_allclose(plant.torque, np.clip(wanted, -SPEC.effort_max, SPEC.effort_max), atol=1e-9)
 
 
-@pytest.mark.parametrize("changed", [{"mass_error": -0.1}, {"torque_lag": np.nan}, {"command_delay": (0.0, 1.0)}])
+@pytest.mark.parametrize(
+    "changed",
+    [{"mass_error": -0.1}, {"torque_lag": np.nan}, {"command_delay": (0.0, 1.0)}, {"delivered": (("x", -1.0),)}],
+)
 def test_senseless_errors_are_refused(changed):
     with pytest.raises(InputError, match=next(iter(changed))):
         RobotErrors(**changed)
