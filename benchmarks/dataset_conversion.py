@@ -24,7 +24,6 @@ from policy.dataset.format import INDICES, Episode
 from policy.dataset.joint_layout import UNITREE_DEX3, joint_layout
 from policy.dataset.report import ConvertedDataset
 from policy.dataset.writer import DatasetWriter, set_column
-from policy.joints import BODY_JOINTS
 from policy.kinematics.forward import IK_TOLERANCE, kinematics
 from policy.kinematics.inverse import ARMS, reach
 from policy.recorded.motion_csv import read_motion_csv
@@ -56,7 +55,7 @@ def main() -> None:
 
 def anywhere(name: str, *, edge: bool, poses: int = 1500) -> None:
     """Search for poses of one arm at random, and print how many are missed and how many a second are found."""
-    rng, q0, n = np.random.default_rng(5), Anchor.nominal().q_body, len(BODY_JOINTS)
+    rng, q0, n = np.random.default_rng(5), Anchor.nominal().q_body, len(g1().body_joints)
     low, high = g1().position_min[:n], g1().position_max[:n]
     began, missed = time.process_time(), 0
     for number in range(poses):
@@ -64,7 +63,7 @@ def anywhere(name: str, *, edge: bool, poses: int = 1500) -> None:
         if edge:
             share = np.where(share < 0.5, 0.1 * share, 1.0 - 0.1 * share)
         hand = ("rhand", "lhand")[number % 2]
-        q, arm = q0.copy(), ARMS[hand]
+        q, arm = q0.copy(), g1().limbs[ARMS[hand]]
         q[arm] = (low + share * (high - low))[arm]
         _, error = reach({hand: kinematics().poses(q)[hand]}, arm, q0, q0)
         missed += not error <= IK_TOLERANCE
@@ -81,7 +80,7 @@ def sines(share: float, seed: int) -> np.ndarray:
 def recorded(file: Path) -> np.ndarray:
     """Joint vectors (n, 28) [rad] with the hands at rest."""
     motion, nominal = read_motion_csv(file), Anchor.nominal()
-    arms = [BODY_JOINTS.index(name) for name in LAYOUT.names[:14]]
+    arms = [g1().body_joints.index(name) for name in LAYOUT.names[:14]]
     hands = np.concatenate([nominal.q_lhand, nominal.q_rhand])
     q = np.hstack([motion.q_body[:, arms], np.tile(hands, (len(motion), 1))])[::2]
     return np.clip(q, LOW, HIGH)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import xml.etree.ElementTree as ET
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -13,7 +14,7 @@ import pinocchio as pin
 
 from models.cache import whole_file
 from models.spec import PAYLOAD_AHEAD, PAYLOAD_RADIUS, RobotSpec, RobotSpecError, ToolSpec
-from models.urdf import light_urdf
+from models.urdf import light_urdf, read_urdf
 
 # Position and speed limits of the free flyer are this in Pinocchio: neither infinite nor usable.
 _HUGE = 1e300
@@ -31,7 +32,10 @@ def load_pinocchio(spec: RobotSpec, *, payload_kg: tuple[float, float] = (0.0, 0
     Raises:
         RobotSpecError: If the URDF lacks a joint or frame of the spec, or has a joint more, or a payload is negative.
     """
-    model = pin.buildModelFromUrdf(str(spec.urdf), pin.JointModelFreeFlyer())
+    if spec.locked:
+        model = pin.buildModelFromXML(ET.tostring(read_urdf(spec), encoding="unicode"), pin.JointModelFreeFlyer())
+    else:
+        model = pin.buildModelFromUrdf(str(spec.urdf), pin.JointModelFreeFlyer())
     model.name = spec.name
     _check_joints(spec, model)
     _set_joint_numbers(spec, model)

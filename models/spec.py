@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-Vector3 = tuple[float, float, float]
+from models.members import FootSpec, JointSpec, RobotSpecError, Stance, ToolSpec, frozen
 
 FLOOR_FRICTION = 0.8
 """Coulomb coefficient of rubber on a dry floor: what simulated floors have unless told otherwise."""
@@ -27,115 +27,8 @@ PAYLOAD_RADIUS = 0.04
 """Radius of the payload ball, for its inertia only [m]."""
 
 
-class RobotSpecError(ValueError):
-    """A robot description was asked for something it does not contain, or was given values that make no sense."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointSpec:
-    """One actuated revolute joint."""
-
-    name: str
-    """Name in the URDF."""
-    group: str
-    """Limb it belongs to, such as ``left_leg``; see `RobotSpec.group_indices`."""
-    position_min: float
-    """Lower bound [rad]."""
-    position_max: float
-    """Upper bound [rad]."""
-    velocity_max: float
-    """Practical speed bound [rad/s]."""
-    acceleration_max: float
-    """Practical acceleration bound [rad/s^2]."""
-    effort_max: float
-    """Torque bound [N m]."""
-    armature: float
-    """Rotor inertia reflected to the joint [kg m^2]."""
-    kp: float
-    """Position gain of the motor driver [N m/rad]."""
-    kd: float
-    """Velocity gain of the motor driver [N m s/rad]."""
-    damping: float = 0.0
-    """Viscous friction [N m s/rad]."""
-    friction_loss: float = 0.0
-    """Dry friction [N m]."""
-
-    def __post_init__(self) -> None:
-        if not self.position_min < self.position_max:
-            raise RobotSpecError(
-                f"joint '{self.name}': position_min {self.position_min} rad is not below "
-                f"position_max {self.position_max} rad; swap them or widen the range"
-            )
-        for field in ("velocity_max", "acceleration_max", "effort_max"):
-            if not 0.0 < getattr(self, field) < np.inf:
-                raise RobotSpecError(f"joint '{self.name}': {field} is {getattr(self, field)}, must be finite and > 0")
-        for field in ("armature", "kp", "kd", "damping", "friction_loss"):
-            if not 0.0 <= getattr(self, field) < np.inf:
-                raise RobotSpecError(f"joint '{self.name}': {field} is {getattr(self, field)}, must be finite and >= 0")
-
-
-@dataclass(frozen=True, kw_only=True)
-class FootSpec:
-    """A foot: the points where it may touch the floor."""
-
-    side: str
-    """``left`` or ``right``."""
-    frame: str
-    """Body the foot is part of; its axes are parallel to the sole."""
-    contact_points: tuple[Vector3, ...]
-    """Points on the sole in `frame` [m], in order around the sole."""
-
-    @cached_property
-    def points(self) -> np.ndarray:
-        """Contact points in `frame`, shape (n_points, 3), [m]."""
-        return _frozen(self.contact_points)
-
-    @cached_property
-    def sole_center(self) -> np.ndarray:
-        """Middle of the contact points in `frame`, shape (3,), [m]."""
-        return _frozen(0.5 * (self.points.min(axis=0) + self.points.max(axis=0)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ToolSpec:
-    """A hand: the frame that policies command and the point that is judged."""
-
-    side: str
-    """``left`` or ``right``."""
-    wrist_frame: str
-    """Body whose pose an action chunk commands."""
-    palm_body: str
-    """Body of the palm, fixed to the wrist."""
-    palm_frame: str
-    """Name of the frame at the palm point, axes parallel to the wrist's."""
-    palm_body_offset: Vector3
-    """Origin of `palm_body` in `wrist_frame` [m]."""
-    palm_offset: Vector3
-    """Palm point in `wrist_frame` [m]."""
-    finger_joints: tuple[str, ...]
-    """Finger joints in motor order; empty for a rubber hand."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stance:
-    """A posture with the base pose that puts the soles on the floor."""
-
-    base_position: Vector3
-    """Base origin in world [m]; world: midpoint of the soles, x forward, z up."""
-    base_quat_xyzw: tuple[float, float, float, float]
-    """Orientation of the base in world."""
-    joint_positions: tuple[float, ...]
-    """Joint angles in motor order [rad]."""
-
-    @cached_property
-    def joints(self) -> np.ndarray:
-        """Joint angles in motor order, shape (n_joints,), [rad]."""
-        return _frozen(self.joint_positions)
-
-    @cached_property
-    def base(self) -> np.ndarray:
-        """``[x y z qx qy qz qw]`` of the base in world, shape (7,)."""
-        return _frozen((*self.base_position, *self.base_quat_xyzw))
+LIMBS = ("left_leg", "right_leg", "waist", "left_arm", "right_arm")
+"""Groups of joints that a humanoid may have; a robot whose waist is locked has no joints in that one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,6 +55,8 @@ class RobotSpec:
     """Default stance."""
     hand_neutral: tuple[float, ...]
     """Relaxed fingers, left then right, in motor order [rad]; empty without fingers."""
+    locked: tuple[str, ...] = ()
+    """Joints of the URDF that are fixed at zero, and so are not among `joints`."""
     hand_open: tuple[float, ...] = ()
     """Fingers spread to receive an object, like `hand_neutral`."""
     hand_closed: tuple[float, ...] = ()
@@ -177,6 +72,29 @@ class RobotSpec:
                 f"robot '{self.name}': the stance has {len(self.stance.joint_positions)} joint angles, "
                 f"the robot {len(names)} joints"
             )
+        fingers = tuple(name for tool in self.tools for name in tool.finger_joints)
+        if tuple(names[len(names) - len(fingers) :]) != fingers:
+            raise RobotSpecError(
+                f"robot '{self.name}': its joints must end with the fingers of its tools, in order: {list(fingers)}"
+            )
+        for what in ("hand_neutral", "hand_open", "hand_closed"):
+            angles = getattr(self, what)
+            if len(angles) not in {len(fingers), 0 if what != "hand_neutral" else len(fingers)}:
+                raise RobotSpecError(
+                    f"robot '{self.name}': {what} has {len(angles)} angles, the tools have {len(fingers)} fingers"
+                )
+
+    def __hash__(self) -> int:
+        """Computed once: a robot is a key of many caches."""
+        return self._hash
+
+    def __getstate__(self) -> dict[str, object]:
+        """What was computed from the fields stays behind: hashes are those of one process."""
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(tuple(getattr(self, field.name) for field in dataclasses.fields(self)))
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -187,6 +105,36 @@ class RobotSpec:
     def n_joints(self) -> int:
         """Number of actuated joints."""
         return len(self.joints)
+
+    @cached_property
+    def body_joints(self) -> tuple[str, ...]:
+        """Names of the joints that are no fingers, in motor order, in which they come first."""
+        return self.joint_names[: self.n_joints - sum(self.fingers)]
+
+    @cached_property
+    def fingers(self) -> tuple[int, ...]:
+        """Number of finger joints of each tool, left then right."""
+        return tuple(len(tool.finger_joints) for tool in self.tools)
+
+    @cached_property
+    def limbs(self) -> dict[str, np.ndarray]:
+        """Positions of the joints of each of `LIMBS` in motor order; empty where the robot has no such joints."""
+        found = {name: [i for i, joint in enumerate(self.joints) if joint.group == name] for name in LIMBS}
+        return {name: np.array(indices, dtype=int) for name, indices in found.items()}
+
+    @cached_property
+    def is_finger(self) -> np.ndarray:
+        """Which joints are fingers, shape (n_joints,), motor order."""
+        return np.arange(self.n_joints) >= len(self.body_joints)
+
+    def parts(self, part: str) -> np.ndarray:
+        """Which joints are such a part of a limb, one of `PARTS`, shape (n_joints,), motor order."""
+        return np.array([joint.part == part for joint in self.joints])
+
+    def by_hand(self, fingers: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Angles of all fingers, such as `hand_neutral`, as those of the left and of the right hand [rad]."""
+        both = np.array(fingers, dtype=float)
+        return both[: self.fingers[0]], both[self.fingers[0] :]
 
     @cached_property
     def position_min(self) -> np.ndarray:
@@ -286,7 +234,7 @@ class RobotSpec:
         Raises:
             RobotSpecError: If a pattern matches no joint, or a field does not exist or may not change.
         """
-        fields = {field.name for field in dataclasses.fields(JointSpec)} - {"name", "group"}
+        fields = {field.name for field in dataclasses.fields(JointSpec)} - {"name", "group", "part"}
         joints = list(self.joints)
         for pattern, values in changes.items():
             unknown = sorted(set(values) - fields)
@@ -302,13 +250,7 @@ class RobotSpec:
         return dataclasses.replace(self, joints=tuple(joints))
 
     def _array(self, field: str) -> np.ndarray:
-        return _frozen([getattr(joint, field) for joint in self.joints])
-
-
-def _frozen(values: Sequence) -> np.ndarray:
-    array = np.array(values, dtype=float)
-    array.flags.writeable = False
-    return array
+        return frozen([getattr(joint, field) for joint in self.joints])
 
 
 def _by_side[T: (FootSpec, ToolSpec)](items: tuple[T, ...], side: str, what: str) -> T:

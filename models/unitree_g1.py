@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from models.spec import FootSpec, JointSpec, RobotSpec, RobotSpecError, Stance, ToolSpec
+from models.members import PARTS, FootSpec, JointSpec, RobotSpecError, Stance, ToolSpec
+from models.spec import RobotSpec
+from models.urdf import package
 
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
@@ -96,6 +98,14 @@ ACCELERATION: dict[str, float] = {
     r".*_hand_.*": 500.0,
 }
 
+LOCKED: dict[str, tuple[str, ...]] = {
+    "29": (),
+    "27": (r"waist_(roll|pitch)_joint",),
+    "23": (r"waist_(roll|pitch)_joint", r".*_wrist_(pitch|yaw)_joint"),
+}
+"""Joints that a G1 of so many body joints lacks (Unitree's ``mode_machine`` tells which one it is). The links of the 23
+are those of the 29 here, wrists straight: their own URDF is not in ``example-robot-data``."""
+
 LINKAGE_JOINTS = r".*_ankle_(pitch|roll)_joint|waist_(roll|pitch)_joint"
 """Joints driven by two motors through a linkage: the URDF allows 35 N m, Unitree's MJCF and mjlab 50 N m."""
 
@@ -129,23 +139,33 @@ _OPEN = {"thumb_0": 0.0, "thumb_1": -0.55, "thumb_2": 0.05, "proximal": -0.3, "d
 _CLOSED = {"thumb_0": 0.0, "thumb_1": 0.6, "thumb_2": 1.7, "proximal": -1.5, "distal": -1.7}
 
 
-@lru_cache(maxsize=4)
-def g1(hands: bool = True, *, linkage_effort: float = 35.0) -> RobotSpec:
+@lru_cache(maxsize=8)
+def g1(hands: bool = True, *, linkage_effort: float = 35.0, locked: tuple[str, ...] = ()) -> RobotSpec:
     """The Unitree G1.
 
     Args:
         hands: With Dex3-1 hands (43 joints) or with rubber hands (29 joints).
         linkage_effort: Torque bound of ankles and waist roll and pitch [N m]: 35 in the URDF, 50 in Unitree's MJCF.
+        locked: Patterns of joints that this G1 does not have, in its waist and arms: they are fixed at zero. `LOCKED`
+            has those of Unitree's variants. Its stance is that of the others, and not balanced to the millimetre.
 
     Raises:
-        RobotSpecError: If ``example-robot-data`` is not installed or its G1 lacks a joint.
+        RobotSpecError: If ``example-robot-data`` is not installed, its G1 lacks a joint, or a pattern matches none that
+            can be locked.
     """
     urdf = _urdf_path("g1_29dof_with_hand_rev_1_0.urdf" if hands else "g1_29dof_rev_1_0.urdf")
     groups = GROUPS | HAND_GROUPS if hands else GROUPS
     limits = _urdf_limits(urdf)
-    joints = tuple(_joint(name, group, limits, linkage_effort) for group, names in groups.items() for name in names)
+    fixed = _locked(locked)
+    joints = tuple(
+        _joint(name, group, limits, linkage_effort)
+        for group, names in groups.items()
+        for name in names
+        if name not in fixed
+    )
+    whole = mirrored_stance(**(STANCE_DEX3 if hands else STANCE_RUBBER), hands=hands)
     return RobotSpec(
-        name="g1_dex3" if hands else "g1",
+        name=("g1_dex3" if hands else "g1") + (f"_{29 - len(fixed)}" if fixed else ""),
         urdf=urdf,
         base_body="pelvis",
         torso_body="torso_link",
@@ -153,21 +173,37 @@ def g1(hands: bool = True, *, linkage_effort: float = 35.0) -> RobotSpec:
         joints=joints,
         feet=tuple(_foot(side) for side in ("left", "right")),
         tools=tuple(_tool(side, hands) for side in ("left", "right")),
-        stance=mirrored_stance(**(STANCE_DEX3 if hands else STANCE_RUBBER), hands=hands),
+        stance=without(whole, fixed, hands=hands),
+        locked=fixed,
         hand_neutral=_both_hands(_NEUTRAL) if hands else (),
         hand_open=_both_hands(_OPEN) if hands else (),
         hand_closed=_both_hands(_CLOSED) if hands else (),
     )
 
 
+def _locked(patterns: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the joints that some patterns lock."""
+    names = [name for group in ("waist", "left_arm", "right_arm") for name in GROUPS[group]]
+    for pattern in patterns:
+        if not any(re.fullmatch(pattern, name) for name in names):
+            raise RobotSpecError(
+                f"'{pattern}' matches no joint of waist and arms that can be locked: {', '.join(names)}"
+            )
+    return tuple(name for name in names if any(re.fullmatch(pattern, name) for pattern in patterns))
+
+
+def without(stance: Stance, fixed: tuple[str, ...], *, hands: bool) -> Stance:
+    """A stance of the whole G1 as that of one that lacks some joints."""
+    groups = GROUPS | HAND_GROUPS if hands else GROUPS
+    names = (name for group in groups.values() for name in group)
+    kept = zip(names, stance.joint_positions, strict=True)
+    return replace(stance, joint_positions=tuple(angle for name, angle in kept if name not in fixed))
+
+
 def _urdf_path(name: str) -> Path:
-    try:
-        package = distribution("example-robot-data")
-    except PackageNotFoundError:
-        raise RobotSpecError("package 'example-robot-data' is missing; pip install 'example-robot-data>=6.0'") from None
-    path = Path(package.locate_file("cmeel.prefix/share/example-robot-data/robots/g1_description/urdf")) / name
+    path = package() / "robots/g1_description/urdf" / name
     if not path.is_file():
-        raise RobotSpecError(f"example-robot-data {package.version} has no {name}; version 6.0 or newer has it")
+        raise RobotSpecError(f"example-robot-data has no {name}; version 6.0 or newer has it")
     return path.resolve()
 
 
@@ -188,6 +224,7 @@ def _joint(name: str, group: str, limits: dict[str, dict[str, float]], linkage_e
     return JointSpec(
         name=name,
         group=group,
+        part=next((part for part in PARTS if f"_{part}_" in name), ""),
         position_min=limit["lower"],
         position_max=limit["upper"],
         velocity_max=_match(VELOCITY_SHARE, name) * limit["velocity"],

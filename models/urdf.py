@@ -11,6 +11,8 @@ import hashlib
 import json
 import xml.etree.ElementTree as ET
 from copy import deepcopy
+from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from itertools import combinations
 from pathlib import Path
 
@@ -34,12 +36,12 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
     Raises:
         RobotSpecError: If a mesh is missing or the cache cannot be written.
     """
-    source = spec.urdf.read_bytes()
-    root = ET.fromstring(source)
+    source, root = spec.urdf.read_bytes(), read_urdf(spec)
     hulls = {mesh: hull_file(_mesh_path(spec, mesh)) for mesh in _collision_meshes(spec, root)}
     digest = hashlib.sha256(source)
     tools = [dataclasses.astuple(tool) for tool in spec.tools]
     described = [_LAYOUT, visuals, str(spec.urdf), tools, {mesh: str(hull) for mesh, hull in hulls.items()}]
+    described += [spec.locked] if spec.locked else []
     digest.update(json.dumps(described).encode())
     folder = cache_dir() / "urdf" / f"{spec.name}{'_visual' if visuals else ''}-{digest.hexdigest()[:16]}"
     path = folder / "robot.urdf"
@@ -50,6 +52,35 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
     _rewrite(spec, root, hulls, visuals)
     write_whole(folder / "collisions.json", json.dumps(collision_pairs(spec, root), indent=0).encode())
     return write_whole(path, ET.tostring(root))
+
+
+@cache
+def package() -> Path:
+    """Folder of the robot descriptions that are installed.
+
+    Raises:
+        RobotSpecError: If there is none.
+    """
+    try:
+        found = distribution("example-robot-data")
+    except PackageNotFoundError:
+        raise RobotSpecError("package 'example-robot-data' is missing; pip install 'example-robot-data>=6.0'") from None
+    return Path(found.locate_file("cmeel.prefix/share/example-robot-data")).resolve()
+
+
+def read_urdf(spec: RobotSpec) -> ET.Element:
+    """Root element of a robot's URDF, its locked joints fixed.
+
+    Raises:
+        RobotSpecError: If it lacks one of those.
+    """
+    root = parse(spec.urdf)
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    for name in spec.locked:
+        if name not in joints:
+            raise RobotSpecError(f"{spec.urdf.name} has no joint '{name}' that spec '{spec.name}' locks")
+        joints[name].set("type", "fixed")
+    return root
 
 
 def parse(path: Path) -> ET.Element:
@@ -113,8 +144,7 @@ class JointTree:
 def _mesh_path(spec: RobotSpec, name: str) -> Path:
     if not name.startswith(_PACKAGE):
         raise RobotSpecError(f"mesh '{name}' of {spec.urdf.name} is outside {_PACKAGE}; only that package is known")
-    # <package>/robots/<robot>/urdf/<file>
-    return spec.urdf.parents[3] / name.removeprefix(_PACKAGE)
+    return package() / name.removeprefix(_PACKAGE)
 
 
 def _collision_meshes(spec: RobotSpec, root: ET.Element) -> list[str]:

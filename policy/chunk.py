@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models import g1
+from models.spec import RobotSpec
 from policy.errors import ChunkError
 from policy.geometry.rotations import rotation_residual
 from policy.reading import FPS_MAX, FPS_MIN
@@ -17,15 +19,16 @@ MAGNITUDE_MAX = 1e6
 """Largest number of a target that is taken at all [m, rad, m/s]; beyond it no arithmetic is safe."""
 _POSES = ("T_world_lhand", "T_world_rhand")
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
-_OPTIONAL = {"q_larm": 7, "q_rarm": 7, "q_waist": 3, "q_legs": 12, "base_height": 0, "base_velocity": 3}
+_OPTIONAL = ("q_larm", "q_rarm", "q_waist", "q_legs", "base_height", "base_velocity")
 
 
 @dataclass(frozen=True)
 class ActionChunk:
     """``H`` steps of targets at ``times``, anchored in time and in world.
 
-    Legend: lhand and rhand are the frames ``left_wrist_yaw_link`` and ``right_wrist_yaw_link`` (a tool offset of the
-    spec is already taken off), joints are in motor order (`policy.joints`), H is the number of steps.
+    Legend: lhand and rhand are the wrist frames of the robot's tools (``left_wrist_yaw_link`` and
+    ``right_wrist_yaw_link`` of the G1; a tool offset of the spec is already taken off), joints are in motor order, H is
+    the number of steps, m the number of fingers of a hand (7 of a Dex3), n the joints of an arm (7 of the G1).
 
     Attributes:
         spec_id: `ActionSpec.id` of the layout that it was decoded from.
@@ -33,10 +36,10 @@ class ActionChunk:
         t_obs: Time of the observation that it answers; step 0 is meant for this time [s].
         fps: Steps per second [Hz].
         T_world_lhand, T_world_rhand: Wrist poses, shape (H, 4, 4).
-        q_lhand, q_rhand: Dex3 joints, shape (H, 7), [rad]; the right hand lists index before middle.
-        q_larm, q_rarm: Arm joints that the source had in mind, shape (H, 7), [rad]; a hint, the poses rule.
-        q_waist: Waist yaw, roll, pitch as in motor order, shape (H, 3), [rad]; a hint.
-        q_legs: Left and right leg joints that the source had in mind, shape (H, 12), [rad]; a hint.
+        q_lhand, q_rhand: Finger joints, shape (H, m), [rad]; a right Dex3 hand lists index before middle.
+        q_larm, q_rarm: Arm joints that the source had in mind, shape (H, n), [rad]; a hint, the poses rule.
+        q_waist: Waist joints, shape (H, 3) of the G1 (yaw, roll, pitch), [rad]; a hint.
+        q_legs: Left and right leg joints that the source had in mind, shape (H, 12) of the G1, [rad]; a hint.
         base_height: Pelvis height above the floor, shape (H,), [m]; a hint.
         base_velocity: Planar velocity of the pelvis x, y [m/s] and yaw rate [rad/s], shape (H, 3).
         notes: What decoding changed, one sentence each (values clipped to the spec's limits).
@@ -72,12 +75,15 @@ class ActionChunk:
         names = (*_POSES, "q_lhand", "q_rhand", *_OPTIONAL)
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
-    def validate(self, *, after: ActionChunk | None = None, rotations: bool = True) -> None:
-        """Check everything that can be checked without a robot.
+    def validate(
+        self, *, after: ActionChunk | None = None, rotations: bool = True, robot: RobotSpec | None = None
+    ) -> None:
+        """Check everything that can be checked without knowing what the robot does.
 
         Args:
             after: The chunk before it in the same episode: number and time must increase from it.
             rotations: Check the poses too; they need it unless they were just made from rotations.
+            robot: Says how many joints each part has; the G1 with Dex3 hands if None.
 
         Raises:
             ChunkError: With the offending step and field.
@@ -90,11 +96,9 @@ class ActionChunk:
             self._check_array(name, (steps, 4, 4))
         if rotations:
             self._check_poses()
-        for name in ("q_lhand", "q_rhand"):
-            self._check_array(name, (steps, 7))
-        for name, width in _OPTIONAL.items():
-            if getattr(self, name) is not None:
-                self._check_array(name, (steps, width) if width else (steps,))
+        for name, shape in _shapes(robot or g1()).items():
+            if name not in _OPTIONAL or getattr(self, name) is not None:
+                self._check_array(name, (steps, *shape))
         if after is not None:
             self._check_order(after)
 
@@ -144,3 +148,12 @@ class ActionChunk:
             )
         if self.seq <= before.seq:
             raise ChunkError(f"seq {self.seq} is not after {before.seq}: a chunk from before a reset?", slot="seq")
+
+
+def _shapes(robot: RobotSpec) -> dict[str, tuple[int, ...]]:
+    """Shape of a step of each array of joints and of the base, by name."""
+    left, right = robot.fingers
+    arms = {f"q_{side[0]}arm": (len(robot.limbs[f"{side}_arm"]),) for side in ("left", "right")}
+    joints = {"q_lhand": (left,), "q_rhand": (right,), **arms, "q_waist": (len(robot.limbs["waist"]),)}
+    joints["q_legs"] = (len(robot.limbs["left_leg"]) + len(robot.limbs["right_leg"]),)
+    return {**joints, "base_height": (), "base_velocity": (3,)}

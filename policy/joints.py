@@ -1,7 +1,7 @@
-"""Names of the joints that chunks and observations carry, in motor order.
+"""Joints that chunks and observations carry, by the part of the robot that they move.
 
-Motor order is Unitree's: G1 DDS for the body, Dex3 DDS for the hands. The right Dex3 hand lists its index finger
-before its middle finger, the left one after it, so hands are always mapped by name (`permutation`).
+Motor order of the G1 is Unitree's: G1 DDS for the body, Dex3 DDS for the hands. The right Dex3 hand lists its index
+finger before its middle finger, the left one after it, so hands are always mapped by name (`permutation`).
 """
 
 from __future__ import annotations
@@ -11,25 +11,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.unitree_g1 import GROUPS, HAND_GROUPS
+from models.spec import RobotSpec
 from policy.errors import SpecError
 
-BODY_JOINTS = tuple(name for names in GROUPS.values() for name in names)
-"""The 29 body joints."""
-LEFT_LEG_JOINTS = GROUPS["left_leg"]
-RIGHT_LEG_JOINTS = GROUPS["right_leg"]
-WAIST_JOINTS = GROUPS["waist"]
-LEFT_ARM_JOINTS = GROUPS["left_arm"]
-RIGHT_ARM_JOINTS = GROUPS["right_arm"]
-LEFT_HAND_JOINTS = HAND_GROUPS["left_hand"]
-RIGHT_HAND_JOINTS = HAND_GROUPS["right_hand"]
+PARTS = ("left_leg", "right_leg", "waist", "left_arm", "right_arm", "left_hand", "right_hand")
+"""Parts of a robot whose joints a layout can have."""
 
-WAIST = slice(BODY_JOINTS.index(WAIST_JOINTS[0]), BODY_JOINTS.index(WAIST_JOINTS[-1]) + 1)
-"""The waist within the 29 body joints."""
-LEFT_ARM = slice(BODY_JOINTS.index(LEFT_ARM_JOINTS[0]), BODY_JOINTS.index(LEFT_ARM_JOINTS[-1]) + 1)
-LEFT_LEG = slice(BODY_JOINTS.index(LEFT_LEG_JOINTS[0]), BODY_JOINTS.index(LEFT_LEG_JOINTS[-1]) + 1)
-RIGHT_LEG = slice(BODY_JOINTS.index(RIGHT_LEG_JOINTS[0]), BODY_JOINTS.index(RIGHT_LEG_JOINTS[-1]) + 1)
-RIGHT_ARM = slice(BODY_JOINTS.index(RIGHT_ARM_JOINTS[0]), BODY_JOINTS.index(RIGHT_ARM_JOINTS[-1]) + 1)
+
+def joints_of(robot: RobotSpec, part: str) -> tuple[str, ...]:
+    """Names of the joints of one of `PARTS` in motor order; none if the robot lacks it."""
+    side, _, what = part.partition("_")
+    if what == "hand":
+        return robot.tool(side).finger_joints
+    return tuple(robot.joint_names[i] for i in robot.limbs[part])
 
 
 def permutation(source: Sequence[str], target: Sequence[str]) -> np.ndarray:

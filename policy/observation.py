@@ -8,6 +8,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from models import g1
+from models.spec import RobotSpec
 from policy.errors import ObservationError
 from policy.geometry.rotations import rotation_residual
 
@@ -18,9 +20,9 @@ class Observation:
 
     Attributes:
         time: Time of the measurement on the robot's clock [s].
-        q_body: The 29 body joints in motor order (`policy.joints.BODY_JOINTS`), shape (29,), [rad].
-        q_lhand: Left Dex3 joints (`LEFT_HAND_JOINTS`), shape (7,), [rad].
-        q_rhand: Right Dex3 joints (`RIGHT_HAND_JOINTS`: index before middle), shape (7,), [rad].
+        q_body: Body joints in motor order (`RobotSpec.body_joints`), shape (n,), [rad]; 29 of the G1.
+        q_lhand: Left finger joints in motor order, shape (m,), [rad]; 7 of a Dex3 hand.
+        q_rhand: Right ones, likewise; a Dex3 hand has index before middle there.
         T_world_base: Measured pelvis in world, shape (4, 4).
         images: Camera name to image, uint8, shape (height, width, 3), RGB.
         task: What to do, in words.
@@ -34,15 +36,18 @@ class Observation:
     images: Mapping[str, np.ndarray] = field(default_factory=lambda: MappingProxyType({}))
     task: str = ""
 
-    def validate(self) -> None:
-        """Check shapes, finiteness and the pelvis rotation.
+    def validate(self, robot: RobotSpec | None = None) -> None:
+        """Check shapes, those of a robot (of the G1 with Dex3 hands if None), finiteness and the pelvis rotation.
 
         Raises:
             ObservationError: Naming the field.
         """
         if not np.isfinite(self.time):
             raise ObservationError(f"time is {self.time}; a finite number of seconds is expected")
-        for name, shape in {"q_body": (29,), "q_lhand": (7,), "q_rhand": (7,), "T_world_base": (4, 4)}.items():
+        robot = robot or g1()
+        left, right = robot.fingers
+        joints = {"q_body": (len(robot.body_joints),), "q_lhand": (left,), "q_rhand": (right,)}
+        for name, shape in {**joints, "T_world_base": (4, 4)}.items():
             value = np.asarray(getattr(self, name))
             if value.shape != shape:
                 raise ObservationError(f"{name} has shape {value.shape}; {shape} is expected")

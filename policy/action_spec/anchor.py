@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from models import g1
+from models.spec import RobotSpec
 from policy.geometry.rotations import nearest_rotation, quaternion_to_matrix
 from policy.geometry.se3 import inverse, make_transform, yaw_frame
-from policy.joints import BODY_JOINTS
 from policy.kinematics.forward import kinematics
 from policy.observation import Observation
 
@@ -25,23 +25,26 @@ class Anchor:
 
     Attributes:
         T_world_base: Pelvis in world, shape (4, 4).
-        q_body: Body joints in motor order, shape (29,), [rad].
-        q_lhand, q_rhand: Dex3 joints in motor order, shape (7,), [rad].
+        q_body: Body joints in motor order, shape (n,), [rad]; 29 of the G1.
+        q_lhand, q_rhand: Finger joints in motor order, shape (m,), [rad]; 7 of a Dex3 hand.
+        robot: The robot that these joints are of; the G1 with Dex3 hands if not given.
     """
 
     T_world_base: np.ndarray
     q_body: np.ndarray
     q_lhand: np.ndarray
     q_rhand: np.ndarray
+    robot: RobotSpec = field(default_factory=g1, repr=False)
 
     @classmethod
-    def measured(cls, observation: Observation) -> Anchor:
-        """At the pelvis and joints of an observation.
+    def measured(cls, observation: Observation, robot: RobotSpec | None = None) -> Anchor:
+        """At the pelvis and joints of an observation of a robot, the G1 with Dex3 hands if not given.
 
         Raises:
             ObservationError: If the observation is malformed.
         """
-        observation.validate()
+        robot = robot or g1()
+        observation.validate(robot)
         T = np.asarray(observation.T_world_base, dtype=float)
         # The measured rotation may carry rounding that a chunk must not inherit.
         return cls(
@@ -49,22 +52,24 @@ class Anchor:
             np.asarray(observation.q_body, dtype=float),
             np.asarray(observation.q_lhand, dtype=float),
             np.asarray(observation.q_rhand, dtype=float),
+            robot,
         )
 
     @classmethod
-    def nominal(cls, T_world_feet: np.ndarray | None = None) -> Anchor:
+    def nominal(cls, T_world_feet: np.ndarray | None = None, robot: RobotSpec | None = None) -> Anchor:
         """At the pelvis of the default stance, upright and heading along the feet.
 
         Args:
             T_world_feet: Midpoint of the soles on the floor, x forward, shape (4, 4); the world frame if None.
+            robot: The robot; the G1 with Dex3 hands if None.
         """
-        spec = g1()
-        stance = spec.stance
+        robot = robot or g1()
+        stance = robot.stance
         R = quaternion_to_matrix(np.array(stance.base_quat_xyzw), "xyzw")
         T_feet_base = yaw_frame(make_transform(R, np.array(stance.base_position)))
         T_world_feet = np.eye(4) if T_world_feet is None else yaw_frame(np.asarray(T_world_feet, dtype=float))
-        n, fingers = len(BODY_JOINTS), np.array(spec.hand_neutral)
-        return cls(T_world_feet @ T_feet_base, stance.joints[:n].copy(), fingers[:7], fingers[7:])
+        q_body = stance.joints[: len(robot.body_joints)].copy()
+        return cls(T_world_feet @ T_feet_base, q_body, *robot.by_hand(robot.hand_neutral), robot)
 
     def observation(self, time: float = 0.0) -> Observation:
         """What a robot senses that stands so, without images and task."""
@@ -78,4 +83,4 @@ class Anchor:
     @cached_property
     def poses(self) -> dict[str, np.ndarray]:
         """``T_base_lhand``, ``T_base_rhand``, ``T_base_torso`` (4, 4) at these joints, keys lhand, rhand, torso."""
-        return kinematics().poses(self.q_body)
+        return kinematics(self.robot).poses(self.q_body)

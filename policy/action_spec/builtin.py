@@ -4,46 +4,52 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from models import g1
+from models.spec import RobotSpec
 from policy.action_spec import public
 from policy.action_spec.parts import joints, scalar, stack, velocity, wrist
 from policy.action_spec.spec import ActionSpec
 from policy.errors import SpecError, did_you_mean
-from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST_JOINTS
+
+_ROLL_PITCH_YAW = ("waist_roll_joint", "waist_pitch_joint", "waist_yaw_joint")
+"""Order of the waist in `wbc27`."""
 
 
-def wbc32() -> ActionSpec:
+def wbc32(robot: RobotSpec) -> ActionSpec:
     """Two wrist poses and all fingers: 32 numbers, which is exactly ``max_action_dim`` of π0 and π0.5 weights.
 
     Left wrist xyz and rot6d, right wrist likewise, left Dex3, right Dex3; absolute, in the measured pelvis.
     """
     return ActionSpec(
         name="wbc32",
+        robot=robot,
         slots=stack(
             *wrist("left"),
             *wrist("right"),
-            joints("left_hand", LEFT_HAND_JOINTS),
-            joints("right_hand", RIGHT_HAND_JOINTS),
+            joints(robot, "left_hand"),
+            joints(robot, "right_hand"),
         ),
     )
 
 
-def wbc27() -> ActionSpec:
+def wbc27(robot: RobotSpec) -> ActionSpec:
     """Wrist poses, one closing number a hand, waist roll, pitch, yaw, base height and planar velocity: 27 numbers."""
     return ActionSpec(
         name="wbc27",
+        robot=robot,
         slots=stack(
             *wrist("left"),
             *wrist("right"),
             scalar("left_grasp", "1", limits=((0.0, 1.0),)),
             scalar("right_grasp", "1", limits=((0.0, 1.0),)),
-            joints("waist", ("waist_roll_joint", "waist_pitch_joint", "waist_yaw_joint")),
+            joints(robot, "waist", order=_ROLL_PITCH_YAW),
             scalar("base_height", "m"),
             velocity(),
         ),
     )
 
 
-def unifolm23() -> ActionSpec:
+def unifolm23(robot: RobotSpec) -> ActionSpec:
     """UnifoLM-VLA-0 ``EE_R6_G1``: wrist poses, Dex1 grippers right before left, waist yaw, roll, pitch.
 
     Source:
@@ -52,18 +58,19 @@ def unifolm23() -> ActionSpec:
     """
     return ActionSpec(
         name="unifolm23",
+        robot=robot,
         horizon=25,
         slots=stack(
             *wrist("left"),
             *wrist("right"),
             scalar("right_grasp", "dex1 rad"),
             scalar("left_grasp", "dex1 rad"),
-            joints("waist", WAIST_JOINTS),
+            joints(robot, "waist"),
         ),
     )
 
 
-def joint28() -> ActionSpec:
+def joint28(robot: RobotSpec) -> ActionSpec:
     """Both arms and both Dex3 hands as joint targets, as in the datasets ``unitreerobotics/G1_Dex3_*``.
 
     Waist and pelvis are not in it: wrist poses follow with the anchor's.
@@ -73,29 +80,31 @@ def joint28() -> ActionSpec:
     """
     return ActionSpec(
         name="joint28",
+        robot=robot,
         slots=stack(
-            joints("left_arm", LEFT_ARM_JOINTS),
-            joints("right_arm", RIGHT_ARM_JOINTS),
-            joints("left_hand", LEFT_HAND_JOINTS),
-            joints("right_hand", RIGHT_HAND_JOINTS),
+            joints(robot, "left_arm"),
+            joints(robot, "right_arm"),
+            joints(robot, "left_hand"),
+            joints(robot, "right_hand"),
         ),
     )
 
 
-def joint16() -> ActionSpec:
+def joint16(robot: RobotSpec) -> ActionSpec:
     """Both arms as joint targets and two Dex1 grippers, as in the datasets ``unitreerobotics/G1_Dex1_*``."""
     return ActionSpec(
         name="joint16",
+        robot=robot,
         slots=stack(
-            joints("left_arm", LEFT_ARM_JOINTS),
-            joints("right_arm", RIGHT_ARM_JOINTS),
+            joints(robot, "left_arm"),
+            joints(robot, "right_arm"),
             scalar("left_grasp", "dex1 rad"),
             scalar("right_grasp", "dex1 rad"),
         ),
     )
 
 
-def gr00t_g1() -> ActionSpec:
+def gr00t_g1(robot: RobotSpec) -> ActionSpec:
     """GR00T N1.7 ``REAL_G1``: wrists relative to the state (``T_ref @ T_rel``, rot6d by rows), then joints; 53 numbers.
 
     Hands and arms are relative joints, waist, height and velocity absolute. Upstream states neither the rate (30 Hz is
@@ -107,15 +116,16 @@ def gr00t_g1() -> ActionSpec:
     """
     return ActionSpec(
         name="gr00t_g1",
+        robot=robot,
         horizon=40,
         slots=stack(
             *wrist("left", mode="relative_se3", rot6d_layout="rows"),
             *wrist("right", mode="relative_se3", rot6d_layout="rows"),
-            joints("left_hand", LEFT_HAND_JOINTS, mode="relative_add"),
-            joints("right_hand", RIGHT_HAND_JOINTS, mode="relative_add"),
-            joints("left_arm", LEFT_ARM_JOINTS, mode="relative_add"),
-            joints("right_arm", RIGHT_ARM_JOINTS, mode="relative_add"),
-            joints("waist", WAIST_JOINTS),
+            joints(robot, "left_hand", mode="relative_add"),
+            joints(robot, "right_hand", mode="relative_add"),
+            joints(robot, "left_arm", mode="relative_add"),
+            joints(robot, "right_arm", mode="relative_add"),
+            joints(robot, "waist"),
             scalar("base_height", "m"),
             velocity(),
         ),
@@ -126,18 +136,22 @@ LAYOUTS = {layout.__name__: layout for layout in (wbc32, wbc27, unifolm23, joint
 """Built-in layouts by name."""
 
 
-@lru_cache(maxsize=64)
-def builtin(name: str) -> ActionSpec:
-    """A built-in layout.
+def builtin(name: str, robot: RobotSpec | None = None) -> ActionSpec:
+    """A built-in layout of a robot, the G1 with Dex3 hands if not given.
 
     Raises:
         SpecError: If there is none of that name.
     """
     if name not in LAYOUTS:
         raise SpecError(f"no layout is called '{name}'; {did_you_mean(name, LAYOUTS)}built in: {', '.join(LAYOUTS)}")
-    return LAYOUTS[name]()
+    return _made(name, robot or g1())
 
 
-def as_spec(spec: ActionSpec | str | None) -> ActionSpec | None:
-    """A layout that may be given by its built-in name."""
-    return builtin(spec) if isinstance(spec, str) else spec
+@lru_cache(maxsize=128)
+def _made(name: str, robot: RobotSpec) -> ActionSpec:
+    return LAYOUTS[name](robot)
+
+
+def as_spec(spec: ActionSpec | str | None, robot: RobotSpec | None = None) -> ActionSpec | None:
+    """A layout that may be given by its built-in name, then of that robot."""
+    return builtin(spec, robot) if isinstance(spec, str) else spec

@@ -27,15 +27,15 @@ from policy.action_spec.frame_guess import unit_guess, world_guess
 from policy.action_spec.hands import closing_of, finger_closings
 from policy.action_spec.mask import unmasked
 from policy.action_spec.pelvis_path import PelvisPath, pelvis_path, tilt_of
-from policy.action_spec.slot import SHORT_ARM, Slot
-from policy.action_spec.slot_values import ARMS, LEGS, decode_fingers, joint_values, ordered_as, resolved, to_mode
+from policy.action_spec.slot import Slot
+from policy.action_spec.slot_values import decode_fingers, joint_values, ordered_as, resolved, to_mode
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.wrist_codec import decode_wrist, encode_wrist
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.geometry.rotations import angle_between
 from policy.geometry.se3 import inverse
-from policy.joints import WAIST
+from policy.joints import joints_of
 from policy.kinematics.forward import kinematics
 from policy.kinematics.inverse import arm_joints
 
@@ -106,7 +106,9 @@ def decode(
         base_velocity=velocity,
         notes=notes,
     )
-    chunk.validate(rotations=False)  # every pose is a product of rotations that were made orthonormal
+    chunk.validate(
+        rotations=False, robot=anchor.robot
+    )  # every pose is a product of rotations that were made orthonormal
     return chunk
 
 
@@ -155,8 +157,9 @@ def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     Raises:
         ChunkError: If the chunk is malformed, or the arms of a joint layout cannot reach a pose.
     """
-    chunk.validate()
-    short = [slot.name for slot in spec.slots if slot.name.endswith("_arm") and slot.size == SHORT_ARM]
+    chunk.validate(robot=anchor.robot)
+    arms = [slot for slot in spec.slots if slot.name.endswith("_arm")]
+    short = [slot.name for slot in arms if slot.size < len(joints_of(anchor.robot, slot.name))]
     actions = encode_valid(spec, chunk, anchor)
     for name in short:
         side, hand = name.removesuffix("_arm"), {"left_arm": "lhand", "right_arm": "rhand"}[name]
@@ -226,10 +229,10 @@ def _clip(spec: ActionSpec, actions: np.ndarray) -> tuple[np.ndarray, tuple[str,
 def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray, waist: np.ndarray | None) -> np.ndarray:
     """``T_base_hand`` (H, 4, 4) of arm joints, with the given waist or the anchor's."""
     q_body = np.tile(anchor.q_body, (len(arm), 1))
-    q_body[:, ARMS[side]] = arm
+    q_body[:, anchor.robot.limbs[f"{side}_arm"]] = arm
     if waist is not None:
-        q_body[:, WAIST] = waist
-    return kinematics().poses(q_body)[hand]
+        q_body[:, anchor.robot.limbs["waist"]] = waist
+    return kinematics(anchor.robot).poses(q_body)[hand]
 
 
 def _values_for(slot: Slot, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
@@ -239,16 +242,17 @@ def _values_for(slot: Slot, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor
     if slot.name.startswith("base_"):
         return _base_values(slot, chunk, anchor)
     if slot.kind == "fingers":
-        return finger_closings(side, slot.joint_names, q_hand)
+        return finger_closings(side, slot.joint_names, q_hand, anchor.robot)
     if slot.kind == "scalar":
-        return closing_of(side, q_hand)[:, None]
+        return closing_of(side, q_hand, anchor.robot)[:, None]
     if slot.name == "waist":
         q = _waist_of(chunk, anchor)
     elif slot.name.endswith("_arm"):
         q = _arm_of(side, spec, chunk, anchor)
     else:
-        q = np.tile(anchor.q_body[LEGS[side]], (steps, 1)) if slot.name.endswith("_leg") else q_hand
-    return ordered_as(slot, q)
+        leg = anchor.robot.limbs.get(slot.name)
+        q = q_hand if leg is None else np.tile(anchor.q_body[leg], (steps, 1))
+    return ordered_as(slot, q, anchor)
 
 
 def _base_values(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
@@ -264,11 +268,13 @@ def _base_values(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
 
 
 def _waist_of(chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
-    return np.tile(anchor.q_body[WAIST], (len(chunk), 1)) if chunk.q_waist is None else chunk.q_waist
+    if chunk.q_waist is not None:
+        return chunk.q_waist
+    return np.tile(anchor.q_body[anchor.robot.limbs["waist"]], (len(chunk), 1))
 
 
 def _arm_of(side: str, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
-    """Arm joints (H, 7) that reach the chunk's poses: its own where they do, else by inverse kinematics."""
+    """Arm joints (H, n) that reach the chunk's poses: its own where they do, else by inverse kinematics."""
     hand = "lhand" if side == "left" else "rhand"
     waist = _waist_of(chunk, anchor) if spec.slot("waist") else None
     T_base_hand = inverse(anchor.T_world_base) @ getattr(chunk, f"T_world_{hand}")
@@ -279,4 +285,4 @@ def _arm_of(side: str, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> 
         angle = angle_between(T[:, :3, :3], T_base_hand[:, :3, :3])
         if max(distance.max(), angle.max()) <= HINT_TOLERANCE:
             return hint
-    return arm_joints(hand, T_base_hand, anchor.q_body, q_waist=waist)
+    return arm_joints(hand, T_base_hand, anchor.q_body, q_waist=waist, robot=anchor.robot)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from models import g1
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.slot import ROTATIONS, Slot
@@ -47,7 +47,7 @@ def summary(name: str) -> str:
 
 def lines(spec: ActionSpec) -> list[str]:
     """Every slot and number of a layout, for people."""
-    stance, height = stance_numbers(spec), Anchor.nominal().T_world_base[2, 3]
+    stance, height = stance_numbers(spec), Anchor.nominal(robot=spec.robot).T_world_base[2, 3]
     said = [
         f"{spec.id}: {spec.dim} numbers a step, {spec.horizon} steps a chunk at {spec.fps:g} Hz",
         f"stance: the numbers of the robot standing still, its pelvis {height:.3f} m above the floor",
@@ -55,16 +55,16 @@ def lines(spec: ActionSpec) -> list[str]:
     ]
     if spec.masked:
         said.append(f"a mask of {spec.dim} comes with each chunk; what it leaves out is not there")
-    if spec.name in LAYOUTS and builtin(spec.name) == spec and (source := _source(spec.name)):
+    if spec.name in LAYOUTS and builtin(spec.name, spec.robot) == spec and (source := _source(spec.name)):
         said += textwrap.wrap(f"source: {source}", 100)
     poses = [slot for slot in spec.slots if slot.kind == "position" or slot.kind in ROTATIONS]
     said += [f"{frame}: {FRAMES[frame]}" for frame in dict.fromkeys(slot.frame for slot in poses)]
     for slot in spec.slots:
-        said += ["", _heading(slot)]
+        said += ["", _heading(slot, spec.robot)]
         if slot.kind == "ignored":
             continue
         said.append(COLUMNS)
-        for i, name, (low, high) in zip(range(slot.size), _names(slot), _limits(slot), strict=True):
+        for i, name, (low, high) in zip(range(slot.size), _names(slot), _limits(slot, spec.robot), strict=True):
             at = slot.start + i
             said.append(f"  {at:<4}{name:<28}{_number(stance[at])}{_number(low)}{_number(high)}".rstrip())
     return said
@@ -78,15 +78,15 @@ def _source(name: str) -> str:
 
 def stance_numbers(spec: ActionSpec) -> np.ndarray:
     """The numbers of a step that leaves the robot where it stands, shape (dim,)."""
-    anchor = Anchor.nominal()
+    anchor = Anchor.nominal(robot=spec.robot)
     return state_numbers(spec, anchor.observation(), anchor)
 
 
-def _heading(slot: Slot) -> str:
+def _heading(slot: Slot, robot: RobotSpec) -> str:
     unit = "" if slot.unit == "1" else f" [{slot.unit}]"
     parts = [f"{slot.name}: {slot.kind}{unit}"]
     if slot.kind == "position" or slot.kind in ROTATIONS:
-        wrist = g1().tool(slot.name.split("_", maxsplit=1)[0]).wrist_frame
+        wrist = robot.tool(slot.name.split("_", maxsplit=1)[0]).wrist_frame
         offset = f" moved by {slot.tcp_offset} m" if any(slot.tcp_offset) else ""
         parts.append(f"{wrist}{offset} in the {slot.frame}")
     if slot.kind == "ignored":
@@ -112,13 +112,12 @@ def _names(slot: Slot) -> Iterator[str]:
         yield f"{name:<20} {element}"
 
 
-def _limits(slot: Slot) -> Iterator[tuple[float | None, float | None]]:
+def _limits(slot: Slot, robot: RobotSpec) -> Iterator[tuple[float | None, float | None]]:
     """The slot's own limits, else the joints' ranges; none where numbers are free, or relative."""
-    spec = g1()
     if slot.limits is not None:
         yield from slot.limits
     elif slot.kind == "joint" and slot.mode == "absolute":
-        for joint in (spec.joints[spec.index(name)] for name in slot.joint_names):
+        for joint in (robot.joints[robot.index(name)] for name in slot.joint_names):
             low, high = slot.from_si(np.array([joint.position_min, joint.position_max]))
             yield float(low), float(high)
     else:

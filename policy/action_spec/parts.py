@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from models.spec import RobotSpec
 from policy.action_spec.slot import CLOSING, FOREIGN_HANDS, Slot
+from policy.joints import joints_of
 
 
 def wrist(side: str, **settings: object) -> tuple[dict, dict]:
@@ -16,9 +18,21 @@ def wrist(side: str, **settings: object) -> tuple[dict, dict]:
     )
 
 
-def joints(name: str, names: tuple[str, ...], **settings: object) -> dict:
-    """A joint slot in radians."""
-    return {"name": name, "kind": "joint", "size": len(names), "unit": "rad", "joint_names": tuple(names), **settings}
+def joints(
+    robot: RobotSpec, part: str, *, order: tuple[str, ...] = (), first: int | None = None, **settings: object
+) -> dict:
+    """A slot of the joints of a part of a robot [rad].
+
+    Args:
+        robot: The robot.
+        part: One of `policy.joints.PARTS`.
+        order: Names of those that come first, in this order; the others follow in motor order.
+        first: Number of joints from the beginning of the motor order; all if None.
+        **settings: Further fields of the slot.
+    """
+    names = joints_of(robot, part)[:first]
+    names = (*(name for name in order if name in names), *(name for name in names if name not in order))
+    return {"name": part, "kind": "joint", "size": len(names), "unit": "rad", "joint_names": names, **settings}
 
 
 def scalar(name: str, unit: str, **settings: object) -> dict:
@@ -32,9 +46,11 @@ def velocity() -> dict:
 
 
 def stack(*parts: dict) -> tuple[Slot, ...]:
-    """Slots one after the other."""
+    """Slots one after the other; what the robot has no joints for is left out."""
     slots, at = [], 0
     for part in parts:
+        if not part["size"]:
+            continue
         slots.append(Slot(start=at, **part))
         at += part["size"]
     return tuple(slots)

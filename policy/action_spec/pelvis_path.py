@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
-from policy.action_spec.slot_values import LEGS, joint_values, resolved
+from policy.action_spec.slot_values import joint_values, resolved
 from policy.action_spec.spec import ActionSpec
 from policy.errors import ChunkError
 from policy.geometry.rotations import angle_between, matrix_to_rpy, rpy_to_matrix
@@ -21,6 +21,8 @@ from policy.kinematics.forward import kinematics
 STEP, TURN = 0.03, 0.15
 """How far one foot may move [m], and turn [rad], against the other in a chunk of a robot whose feet stay; chosen: what
 compliance and calibration of a standing robot's legs show, well below any step."""
+LEGS = {"left": "left_leg", "right": "right_leg"}
+"""Limb of each side (`models.spec.RobotSpec.limbs`)."""
 APART = 0.05
 """Difference from how the feet stand here, from which a chunk has a note [m]; chosen: past it balance is another."""
 TILTED = 0.1
@@ -33,7 +35,7 @@ class PelvisPath:
 
     Attributes:
         T_world_base: Shape (H, 4, 4), or (1, 4, 4) where it stays.
-        q_legs: Leg joints, left then right, shape (H, 12), [rad]; None where they are not given.
+        q_legs: Leg joints, left then right, shape (H, 12) of the G1, [rad]; None where they are not given.
         notes: What is odd.
     """
 
@@ -48,7 +50,7 @@ def pelvis_path(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> Pelvis
     Raises:
         ChunkError: If the legs ask for a step; names it.
     """
-    legs = {side: joint_values(spec.slot(f"{side}_leg"), actions, anchor) for side in LEGS}
+    legs = {side: joint_values(spec.slot(limb), actions, anchor) for side, limb in LEGS.items()}
     tilt = spec.slot("base_tilt")
     asked = None if tilt is None else resolved(tilt, actions, anchor)
     if any(q is not None for q in legs.values()):
@@ -75,10 +77,11 @@ def _over_feet(
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Pelvis (H, 4, 4) whose soles stay where the anchor has them: the mean of what both legs say; and the legs."""
     q = np.tile(anchor.q_body, (steps + 1, 1))
-    for side, where in LEGS.items():
-        if legs[side] is not None:
-            q[1:, where] = legs[side]
-    T_base = kinematics().soles(q)
+    where = {side: anchor.robot.limbs[limb] for side, limb in LEGS.items()}
+    for side, given in legs.items():
+        if given is not None:
+            q[1:, where[side]] = given
+    T_base = kinematics(anchor.robot).soles(q)
     between = inverse(T_base["left"]) @ T_base["right"]
     first = between[1]
     moved = np.linalg.norm(between[1:, :3, 3] - first[:3, 3], axis=1)
@@ -98,7 +101,7 @@ def _over_feet(
             f"the feet stand {np.linalg.norm(first[:3, 3]):.2f} m apart by the legs of the first step, "
             f"{np.linalg.norm(between[0, :3, 3]):.2f} m here: the pelvis is over the middle of both",
         )
-    T_base_mid, q_legs = _midpoint(T_base), np.hstack([q[1:, where] for where in LEGS.values()])
+    T_base_mid, q_legs = _midpoint(T_base), np.hstack([q[1:, leg] for leg in where.values()])
     return anchor.T_world_base @ T_base_mid[0] @ inverse(T_base_mid[1:]), q_legs, notes
 
 

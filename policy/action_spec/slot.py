@@ -10,15 +10,6 @@ import numpy as np
 
 from policy.errors import SpecError, did_you_mean
 from policy.geometry.rotations import QuaternionOrder, Rot6dLayout
-from policy.joints import (
-    LEFT_ARM_JOINTS,
-    LEFT_HAND_JOINTS,
-    LEFT_LEG_JOINTS,
-    RIGHT_ARM_JOINTS,
-    RIGHT_HAND_JOINTS,
-    RIGHT_LEG_JOINTS,
-    WAIST_JOINTS,
-)
 
 Kind = Literal[
     *("position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "fingers"),
@@ -83,26 +74,26 @@ TCP_OFFSET_MAX = 2.0
 _SCALAR_UNITS = {"base_height": ("m", "cm", "mm"), "base_yaw_rate": ("rad/s", "deg/s")}
 _GRASP_UNITS = ("1", "percent", "dex1 rad", CLOSING)
 
-TARGETS: dict[str, tuple[tuple[Kind, ...], tuple[str, ...]]] = {
-    "left_wrist_position": (("position",), ()),
-    "left_wrist_rotation": (ROTATIONS, ()),
-    "right_wrist_position": (("position",), ()),
-    "right_wrist_rotation": (ROTATIONS, ()),
-    "left_arm": (("joint",), LEFT_ARM_JOINTS),
-    "right_arm": (("joint",), RIGHT_ARM_JOINTS),
-    "left_hand": (("joint", "fingers"), LEFT_HAND_JOINTS),
-    "right_hand": (("joint", "fingers"), RIGHT_HAND_JOINTS),
-    "left_grasp": (("scalar",), ()),
-    "right_grasp": (("scalar",), ()),
-    "waist": (("joint",), WAIST_JOINTS),
-    "base_height": (("scalar",), ()),
-    "base_velocity": (("velocity", "planar"), ()),
-    "base_yaw_rate": (("scalar",), ()),
-    "base_tilt": (("tilt",), ()),
-    "left_leg": (("joint",), LEFT_LEG_JOINTS),
-    "right_leg": (("joint",), RIGHT_LEG_JOINTS),
+TARGETS: dict[str, tuple[Kind, ...]] = {
+    "left_wrist_position": ("position",),
+    "left_wrist_rotation": ROTATIONS,
+    "right_wrist_position": ("position",),
+    "right_wrist_rotation": ROTATIONS,
+    "left_arm": ("joint",),
+    "right_arm": ("joint",),
+    "left_hand": ("joint", "fingers"),
+    "right_hand": ("joint", "fingers"),
+    "left_grasp": ("scalar",),
+    "right_grasp": ("scalar",),
+    "waist": ("joint",),
+    "base_height": ("scalar",),
+    "base_velocity": ("velocity", "planar"),
+    "base_yaw_rate": ("scalar",),
+    "base_tilt": ("tilt",),
+    "left_leg": ("joint",),
+    "right_leg": ("joint",),
 }
-"""What a slot may drive, with the kinds it may have and the joints it must list (in any order)."""
+"""What a slot may drive, with the kinds it may have; joints are those of that part of the robot, in any order."""
 SLOTS_MAX = 200
 """Most slots of a spec: every number of the widest known one by itself."""
 
@@ -170,11 +161,10 @@ class Slot:
             raise SpecError(f"slot '{self.name}': a reason only goes with the kind 'ignored', not '{self.kind}'")
         one_of(f"slot '{self.name}': mode", self.mode, get_args(Mode))
         one_of(f"slot '{self.name}': orientation", self.orientation, get_args(Orientation))
-        kinds, joints = TARGETS[self.name]
-        one_of(f"slot '{self.name}': kind", self.kind, kinds)
+        one_of(f"slot '{self.name}': kind", self.kind, TARGETS[self.name])
         units = _SCALAR_UNITS.get(self.name, _GRASP_UNITS) if self.kind == "scalar" else UNITS[self.kind]
         one_of(f"slot '{self.name}': unit", self.unit, units)
-        self._check_size(joints)
+        self._check_size()
         self._check_convention("rot6d_layout", "rot6d", get_args(Rot6dLayout))
         self._check_convention("quaternion_order", "quaternion", get_args(QuaternionOrder))
         self._check_closing()
@@ -218,10 +208,17 @@ class Slot:
         suffixes = [f"q{c}" for c in self.quaternion_order] if self.quaternion_order else _SUFFIXES[self.kind]
         return tuple(f"{owner}_{suffix}.{ending}" for suffix in suffixes)
 
-    def _check_size(self, joints: tuple[str, ...]) -> None:
+    def check_joints(self, joints: tuple[str, ...]) -> None:
+        """Refuse a slot of joints, or of fingers, that does not list these, or those of a known hand, once each.
+
+        Raises:
+            SpecError: If it does not.
+        """
         if self.kind in ("joint", "fingers"):
             self._check_names(joints)
-        elif self.joint_names:
+
+    def _check_size(self) -> None:
+        if self.kind not in ("joint", "fingers") and self.joint_names:
             raise SpecError(f"slot '{self.name}': joint_names only go with the kind 'joint', not '{self.kind}'")
         expected = len(self.joint_names) if self.kind in ("joint", "fingers") else SIZES[self.kind]
         if self.size != expected:

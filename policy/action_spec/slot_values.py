@@ -6,14 +6,12 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.hands import closing_of, finger_closings, finger_range, fingers_closed, grasp_posture
-from policy.action_spec.slot import TARGETS, Slot
+from policy.action_spec.slot import Slot
 from policy.action_spec.spec import ActionSpec
-from policy.joints import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, WAIST
+from policy.joints import joints_of
 
 FINGER_TOLERANCE = 1e-3
 """How far a finger may be asked past its range without a word: the rounding of files and networks [rad, 1]."""
-ARMS = {"left": LEFT_ARM, "right": RIGHT_ARM}
-LEGS = {"left": LEFT_LEG, "right": RIGHT_LEG}
 
 
 def resolved(slot: Slot, actions: np.ndarray, anchor: Anchor) -> np.ndarray:
@@ -40,49 +38,49 @@ def _reference_numbers(slot: Slot, anchor: Anchor) -> np.ndarray:
     side = slot.name.split("_", maxsplit=1)[0]
     q_hand = anchor.q_lhand if side == "left" else anchor.q_rhand
     if slot.name.endswith("_grasp"):
-        return slot.from_si(np.atleast_1d(closing_of(side, q_hand)))
+        return slot.from_si(np.atleast_1d(closing_of(side, q_hand, anchor.robot)))
     if slot.kind == "fingers":
-        return slot.from_si(finger_closings(side, slot.joint_names, q_hand))
+        return slot.from_si(finger_closings(side, slot.joint_names, q_hand, anchor.robot))
     if slot.name == "base_height":
         return slot.from_si(anchor.T_world_base[2:3, 3])
-    values = {"left_hand": anchor.q_lhand, "right_hand": anchor.q_rhand, "waist": anchor.q_body[WAIST]}
-    values |= {f"{name}_arm": anchor.q_body[where] for name, where in ARMS.items()}
-    values |= {f"{name}_leg": anchor.q_body[where] for name, where in LEGS.items()}
-    return slot.from_si(ordered_as(slot, values[slot.name]))
+    values = {"left_hand": anchor.q_lhand, "right_hand": anchor.q_rhand}
+    values |= {limb: anchor.q_body[where] for limb, where in anchor.robot.limbs.items()}
+    return slot.from_si(ordered_as(slot, values[slot.name], anchor))
 
 
 def joint_values(slot: Slot | None, actions: np.ndarray, anchor: Anchor) -> np.ndarray | None:
     """Joints of a slot in motor order (H, n) [rad], None without a slot; joints that a short group lacks are 0."""
     if slot is None:
         return None
-    names, given = TARGETS[slot.name][1], resolved(slot, actions, anchor)
+    names, given = joints_of(anchor.robot, slot.name), resolved(slot, actions, anchor)
     values = np.zeros((len(given), len(names)))
     values[:, [names.index(name) for name in slot.joint_names]] = given
     return values
 
 
-def ordered_as(slot: Slot, q: np.ndarray) -> np.ndarray:
+def ordered_as(slot: Slot, q: np.ndarray, anchor: Anchor) -> np.ndarray:
     """Joints in motor order (..., n) in the order of a slot."""
-    names = TARGETS[slot.name][1]
+    names = joints_of(anchor.robot, slot.name)
     return q[..., [names.index(name) for name in slot.joint_names]]
 
 
 def decode_fingers(
     spec: ActionSpec, side: str, actions: np.ndarray, anchor: Anchor
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Finger joints (H, 7) in motor order [rad] as they were given, and a note on those out of range."""
+    """Finger joints (H, m) in motor order [rad] as they were given, and a note on those out of range."""
     grasp, hand = spec.slot(f"{side}_grasp"), spec.slot(f"{side}_hand")
     if grasp:
         closing = resolved(grasp, actions, anchor)[:, 0]
-        return grasp_posture(side, closing), _beyond(grasp, closing, (0.0, 1.0), "of 0 open to 1 closed")
+        posture = grasp_posture(side, closing, anchor.robot)
+        return posture, _beyond(grasp, closing, (0.0, 1.0), "of 0 open to 1 closed")
     if hand is not None and hand.kind == "fingers":
         closings = resolved(hand, actions, anchor)
-        fingers = fingers_closed(side, hand.joint_names, closings)
+        fingers = fingers_closed(side, hand.joint_names, closings, anchor.robot)
         return fingers, _beyond(hand, closings, (0.0, 1.0), "of 0 open to 1 closed")
     fingers = joint_values(hand, actions, anchor)
     if fingers is None:
         return np.tile(anchor.q_lhand if side == "left" else anchor.q_rhand, (len(actions), 1)), ()
-    return fingers, _beyond(hand, fingers, finger_range(side), "rad")
+    return fingers, _beyond(hand, fingers, finger_range(side, anchor.robot), "rad")
 
 
 def _beyond(

@@ -10,17 +10,21 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from models import g1
+from models.spec import RobotSpec
 from policy.action_spec.slot import SLOTS_MAX, Slot, one_of
 from policy.errors import SpecError, printable
+from policy.joints import joints_of
 from policy.reading import FPS_MAX, FPS_MIN, HORIZON_MAX, ReadingError, parse_json, require_depth
 
 NAME_MAX = 100
 """Most characters of a name."""
 VERSION_MAX = 1_000_000
+_KEYS = ("name", "version", "fps", "horizon", "masked")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,8 @@ class ActionSpec:
         horizon: Steps of a chunk.
         slots: In the order of the numbers, without gap or overlap; what is not used is a slot of the kind ``ignored``.
         masked: Whether a mask comes with each chunk that says which of the numbers are there, as UnifoLM-WLA has it.
+        robot: The robot whose joints they are, the G1 with Dex3 hands if not given; not part of JSON and hash, which
+            have the joints by name.
     """
 
     name: str
@@ -42,6 +48,7 @@ class ActionSpec:
     horizon: int = 50
     slots: tuple[Slot, ...]
     masked: bool = False
+    robot: RobotSpec = field(default_factory=g1, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or len(self.name) > NAME_MAX or not self.name.isprintable():
@@ -67,6 +74,8 @@ class ActionSpec:
                     'not used are a slot of the kind "ignored", with a "reason"'
                 )
             at += slot.size
+            if slot.kind in ("joint", "fingers"):
+                slot.check_joints(joints_of(self.robot, slot.name))
         self._check_sides()
 
     @property
@@ -136,7 +145,8 @@ class ActionSpec:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON; `from_dict` gives the same spec back."""
-        data = json.loads(json.dumps(dataclasses.asdict(self)))
+        data = {name: getattr(self, name) for name in _KEYS} | {"slots": [dataclasses.asdict(s) for s in self.slots]}
+        data = json.loads(json.dumps(data))
         for slot in data["slots"]:
             # Specs from before there were such fields keep their JSON and their hash.
             for key, default in (("orientation", "given"), ("closing", None), ("reason", "")):
@@ -151,8 +161,8 @@ class ActionSpec:
         return json.dumps({**self.to_dict(), "hash": self.hash}, indent=2)
 
     @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> ActionSpec:
-        """Spec from plain data.
+    def from_dict(cls, data: Mapping[str, Any], robot: RobotSpec | None = None) -> ActionSpec:
+        """Spec of a robot, the G1 with Dex3 hands if not given, from plain data.
 
         Raises:
             SpecError: If a key is unknown or missing, a value impossible, or the hash beside it another.
@@ -168,7 +178,8 @@ class ActionSpec:
             require_depth([*slots, data])
         except ReadingError as error:
             raise SpecError(f"the spec {error}") from error
-        spec = _build(cls, {**data, "slots": tuple(_build(Slot, slot) for slot in slots)}, "spec")
+        slots = tuple(_build(Slot, slot, [known.name for known in dataclasses.fields(Slot)]) for slot in slots)
+        spec = _build(cls, {**data, "slots": slots}, [*_KEYS, "slots"], "spec", robot=robot or g1())
         if stated is not None and stated != spec.hash:
             raise SpecError(
                 f"spec '{spec.name}' says hash {stated}, its content has {spec.hash}: it was edited; "
@@ -177,8 +188,8 @@ class ActionSpec:
         return spec
 
     @classmethod
-    def from_json(cls, text: str) -> ActionSpec:
-        """Spec from JSON text.
+    def from_json(cls, text: str, robot: RobotSpec | None = None) -> ActionSpec:
+        """Spec of a robot, the G1 with Dex3 hands if not given, from JSON text.
 
         Raises:
             SpecError: If the text is no JSON object, or as in `from_dict`.
@@ -189,7 +200,7 @@ class ActionSpec:
             raise SpecError(f"the spec {error}") from error
         if not isinstance(data, dict):
             raise SpecError(f"the spec is a JSON {type(data).__name__}; an object is expected")
-        return cls.from_dict(data)
+        return cls.from_dict(data, robot)
 
     def _check_sides(self) -> None:
         for side in ("left", "right"):
@@ -250,24 +261,26 @@ def differences(expected: ActionSpec, found: ActionSpec) -> list[str]:
         if other is None:
             said.append(f"slot '{slot.name}' is missing")
             continue
-        for field in dataclasses.fields(Slot):
-            mine, theirs = getattr(slot, field.name), getattr(other, field.name)
+        for key in [known.name for known in dataclasses.fields(Slot)]:
+            mine, theirs = getattr(slot, key), getattr(other, key)
             if mine != theirs:
-                said.append(f"slot '{slot.name}' has {field.name} {theirs}, expected {mine}")
+                said.append(f"slot '{slot.name}' has {key} {theirs}, expected {mine}")
     known = [slot.name for slot in expected.slots]
     said += [f"slot '{slot.name}' is not expected" for slot in found.slots if slot.name not in known]
     return said
 
 
-def _build[T: (ActionSpec, Slot)](kind: type[T], data: Mapping[str, Any], what: str = "slot") -> T:
-    fields = {field.name: field for field in dataclasses.fields(kind)}
+def _build[T: (ActionSpec, Slot)](
+    kind: type[T], data: Mapping[str, Any], keys: list[str], what: str = "slot", **more: object
+) -> T:
+    fields = {known.name: known for known in dataclasses.fields(kind) if known.name in keys}
     for key in data:
         one_of(f"{what}: key", key, fields)
-    missing = [name for name, field in fields.items() if field.default is dataclasses.MISSING and name not in data]
+    missing = [name for name, known in fields.items() if known.default is dataclasses.MISSING and name not in data]
     if missing:
         raise SpecError(f"{what}: keys {missing} are missing")
     try:
-        return kind(**{key: _tuples(value) for key, value in data.items()})
+        return kind(**{key: _tuples(value) for key, value in data.items()}, **more)
     except SpecError:
         raise
     except (TypeError, ValueError, OverflowError) as error:

@@ -13,7 +13,6 @@ from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError, ObservationError
 from policy.geometry.rotations import matrix_to_rpy, rpy_to_matrix
-from policy.joints import LEFT_ARM, LEFT_LEG, RIGHT_ARM, RIGHT_LEG, WAIST
 from policy.kinematics.inverse import arm_joints, upper_body_joints
 from policy.observation import Observation
 
@@ -43,7 +42,7 @@ def observation_of(layout: ActionSpec, numbers: np.ndarray, time: float = 0.0) -
     Raises:
         ObservationError: If the numbers are not of the layout, no state, or no posture of the robot.
     """
-    anchor = Anchor.nominal()
+    anchor = Anchor.nominal(robot=layout.robot)
     try:
         now = decode(layout, np.atleast_2d(numbers), anchor)
         q = _posture(now, anchor)
@@ -59,17 +58,17 @@ def observation_of(layout: ActionSpec, numbers: np.ndarray, time: float = 0.0) -
 
 
 def _posture(now: ActionChunk, anchor: Anchor) -> np.ndarray:
-    """Body joints (29,) of a chunk of one step [rad]."""
-    q = anchor.q_body.copy()
+    """Body joints (n,) of a chunk of one step [rad]."""
+    q, robot, limbs = anchor.q_body.copy(), anchor.robot, anchor.robot.limbs
     if now.q_waist is not None:
-        q[WAIST] = now.q_waist[0]
+        q[limbs["waist"]] = now.q_waist[0]
     if now.q_legs is not None:
-        q[LEFT_LEG], q[RIGHT_LEG] = np.split(now.q_legs[0], 2)
+        q[limbs["left_leg"]], q[limbs["right_leg"]] = np.split(now.q_legs[0], 2)
     T = {hand: anchor.T_base_world @ getattr(now, f"T_world_{hand}") for hand in ("lhand", "rhand")}
     if now.q_larm is None and now.q_rarm is None and now.q_waist is None:
-        return upper_body_joints(T["lhand"], T["rhand"], q)[0]
-    for hand, arm, given in (("lhand", LEFT_ARM, now.q_larm), ("rhand", RIGHT_ARM, now.q_rarm)):
-        q[arm] = given[0] if given is not None else arm_joints(hand, T[hand], q)[0]
+        return upper_body_joints(T["lhand"], T["rhand"], q, robot=robot)[0]
+    for hand, arm, given in (("lhand", "left_arm", now.q_larm), ("rhand", "right_arm", now.q_rarm)):
+        q[limbs[arm]] = given[0] if given is not None else arm_joints(hand, T[hand], q, robot=robot)[0]
     return q
 
 
@@ -81,9 +80,10 @@ def state_numbers(layout: ActionSpec, observation: Observation, anchor: Anchor |
     Args:
         layout: A state is absolute in every slot; slots that are relative say that nothing moves.
         observation: Measured joints and pelvis.
-        anchor: ``Anchor.measured(observation)`` if there is one already.
+        anchor: Where the robot was measured to be, if that is known already.
     """
-    anchor = Anchor.measured(observation) if anchor is None else anchor
+    anchor = Anchor.measured(observation, layout.robot) if anchor is None else anchor
+    limbs = anchor.robot.limbs
     now = ActionChunk(
         spec_id=layout.id,
         seq=0,
@@ -93,9 +93,9 @@ def state_numbers(layout: ActionSpec, observation: Observation, anchor: Anchor |
         T_world_rhand=(anchor.T_world_base @ anchor.poses["rhand"])[None],
         q_lhand=anchor.q_lhand[None],
         q_rhand=anchor.q_rhand[None],
-        q_larm=anchor.q_body[None, LEFT_ARM],
-        q_rarm=anchor.q_body[None, RIGHT_ARM],
-        q_waist=anchor.q_body[None, WAIST],
+        q_larm=anchor.q_body[None, limbs["left_arm"]],
+        q_rarm=anchor.q_body[None, limbs["right_arm"]],
+        q_waist=anchor.q_body[None, limbs["waist"]],
         base_height=anchor.T_world_base[2:3, 3],
     )
     return encode_valid(layout, now, anchor)[0]

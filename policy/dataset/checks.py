@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset, Episode
@@ -23,7 +24,14 @@ RATE_TOLERANCE = 0.01
 RECOMPUTE = "lerobot-edit-dataset --operation.type recompute_stats --operation.skip_image_video false"
 
 
-def column_layout(dataset: Dataset, key: str, *, assume: ActionSpec | None = None, unit: str = "rad") -> JointLayout:
+def column_layout(
+    dataset: Dataset,
+    key: str,
+    *,
+    assume: ActionSpec | None = None,
+    unit: str = "rad",
+    robot: RobotSpec | None = None,
+) -> JointLayout:
     """What the columns of a feature are.
 
     Args:
@@ -31,6 +39,7 @@ def column_layout(dataset: Dataset, key: str, *, assume: ActionSpec | None = Non
         key: Its name.
         assume: Joint layout that the user vouches for.
         unit: Unit of the joints, ``rad`` or ``deg``.
+        robot: The robot; the G1 with Dex3 hands if None.
 
     Raises:
         DatasetError: If they are no joints, or it is not known which.
@@ -38,13 +47,14 @@ def column_layout(dataset: Dataset, key: str, *, assume: ActionSpec | None = Non
     feature = dataset.feature(key)
     names = feature.get("names")
     for name in LAYOUTS:
-        if flat_names(names) == builtin(name).feature_names and builtin(name).slot("left_wrist_position"):
+        layout = builtin(name, robot)
+        if flat_names(names) == layout.feature_names and layout.slot("left_wrist_position"):
             raise DatasetError(
                 f"'{key}' of {dataset.folder} is in the layout {name} already, by the names of its columns; there are "
                 "no joints to convert",
                 feature=key,
             )
-    return joint_layout(names, int(feature["shape"][0]), feature=key, assume=assume, unit=unit)
+    return joint_layout(names, int(feature["shape"][0]), feature=key, assume=assume, unit=unit, robot=robot)
 
 
 def check_joints(dataset: Dataset, layouts: Mapping[str, JointLayout]) -> list[str]:

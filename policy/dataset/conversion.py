@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.builtin import as_spec
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_layout
@@ -54,7 +55,7 @@ class DatasetSettings:
 
     Attributes:
         to: Layout of the result, a built-in name or a spec; its rate becomes the dataset's.
-        waist: Yaw, roll and pitch [rad] where they were not recorded.
+        waist: Joints of the waist, yaw, roll and pitch of the G1, [rad] where they were not recorded; zero if None.
         unit: Unit of the recorded joints, ``rad`` or ``deg``.
         synergy: Map between one closing number and fingers, where only one side has fingers.
         assume: Joint layout that the user vouches for, where names do not say it.
@@ -64,10 +65,11 @@ class DatasetSettings:
         least_range: Floor under the ranges that normalisers divide by, in SI; 0 for none.
         link_videos: Hard-link videos instead of copying them.
         without_camera_stats: Accept cameras without statistics.
+        robot: The recorded robot; the G1 with Dex3 hands if None.
     """
 
     to: str | ActionSpec = "wbc32"
-    waist: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    waist: tuple[float, ...] | None = None
     unit: str = "rad"
     synergy: str | None = None
     assume: ActionSpec | None = None
@@ -77,6 +79,7 @@ class DatasetSettings:
     least_range: float = 0.0
     link_videos: bool = False
     without_camera_stats: bool = False
+    robot: RobotSpec | None = None
 
 
 def convert_dataset(
@@ -98,16 +101,16 @@ def convert_dataset(
         DatasetError: If the dataset cannot be read or is not in joints that are understood; nothing is written.
         SpecError: If the layout cannot be filled from joints.
     """
-    kinematics()  # reading the robot's description once is no part of the rate
-    began = time.process_time()
     settings = settings or DatasetSettings()
+    kinematics(settings.robot)  # reading the robot's description once is no part of the rate
+    began = time.process_time()
     if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):
         raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
     dataset = _selected(open_dataset(source), settings.episodes)
-    spec = dataclasses.replace(as_spec(settings.to), fps=dataset.fps)
+    spec = dataclasses.replace(as_spec(settings.to, settings.robot), fps=dataset.fps)
     conversions = {}
     for key, layout in {ACTION: spec, STATE: state_layout(spec)}.items():
-        columns = column_layout(dataset, key, assume=settings.assume, unit=settings.unit)
+        columns = column_layout(dataset, key, assume=settings.assume, unit=settings.unit, robot=settings.robot)
         conversions[key] = JointConversion(columns, layout, settings.waist, settings.synergy)
     notes = [
         *check_cameras(dataset, without_stats=settings.without_camera_stats),

@@ -13,6 +13,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode, encode
 from policy.action_spec.hands import closing_of
@@ -22,9 +23,9 @@ from policy.dataset.joint_layout import JointLayout
 from policy.errors import ChunkError, DatasetError, SpecError, did_you_mean
 from policy.geometry.rotations import angle_between
 from policy.geometry.se3 import inverse
-from policy.joints import BODY_JOINTS, LEFT_ARM, RIGHT_ARM, WAIST, WAIST_JOINTS
+from policy.joints import joints_of
 from policy.kinematics.forward import IK_TOLERANCE
-from policy.kinematics.inverse import ARMS, UPPER_BODY, reach
+from policy.kinematics.inverse import ARMS, reach, upper_body
 
 SYNERGIES = ("dex3_open_close",)
 """Named maps between one closing number and the seven Dex3 joints: `policy.action_spec.hands.grasp_posture`, a
@@ -41,7 +42,7 @@ class JointConversion:
     Attributes:
         source: What the columns of the joint-space vector are.
         target: Wrist layout, every slot absolute and in the pelvis.
-        waist: Yaw, roll, pitch [rad] where the source has no waist.
+        waist: Joints of the waist [rad] where the source has none, yaw, roll, pitch of the G1; zero if None.
         synergy: Map between a closing number and fingers, a name of `SYNERGIES`; where only one side has fingers.
         moving: What inverse kinematics may move.
 
@@ -52,14 +53,17 @@ class JointConversion:
 
     source: JointLayout
     target: ActionSpec
-    waist: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    waist: tuple[float, ...] | None = None
     synergy: str | None = None
     moving: Moving = "arms"
 
     def __post_init__(self) -> None:
         _check_target(self.target)
-        if len(self.waist) != 3 or not np.isfinite(self.waist).all():
-            raise DatasetError(f"waist is {self.waist}; yaw, roll and pitch in rad are expected")
+        waist = joints_of(self.robot, "waist")
+        if self.waist is None:
+            object.__setattr__(self, "waist", (0.0,) * len(waist))
+        if len(self.waist) != len(waist) or not np.isfinite(self.waist).all():
+            raise DatasetError(f"waist is {self.waist}; the angles of {', '.join(waist)} in rad are expected")
         if self.moving not in get_args(Moving):
             raise SpecError(f"moving '{self.moving}' is unknown; it is {' or '.join(get_args(Moving))}")
         if self.moving == "upper_body" and not self.source.has_waist:
@@ -75,14 +79,20 @@ class JointConversion:
                 f"--synergy {SYNERGIES[0]}, or keep the hands as they are with --to {'wbc27' if fingers else 'wbc32'}"
             )
 
+    @property
+    def robot(self) -> RobotSpec:
+        """The robot of both layouts."""
+        return self.source.robot
+
     @cached_property
     def assumptions(self) -> dict[str, float | str]:
         """What the result has in it that the source does not say."""
         assumed: dict[str, float | str] = {}
         if not self.source.has_waist:
-            assumed |= {f"{name} [rad]": float(q) for name, q in zip(WAIST_JOINTS, self.waist, strict=True)}
+            waist = joints_of(self.robot, "waist")
+            assumed |= {f"{name} [rad]": float(q) for name, q in zip(waist, self.waist, strict=True)}
         if self.target.slot("base_height"):
-            assumed["base_height [m]"] = float(Anchor.nominal().T_world_base[2, 3])
+            assumed["base_height [m]"] = float(Anchor.nominal(robot=self.robot).T_world_base[2, 3])
         if self.target.slot("base_velocity"):
             assumed["base_velocity [m/s, rad/s]"] = 0.0
         if self.synergy is not None:
@@ -108,9 +118,7 @@ class JointConversion:
         first = self.anchor if start is None else self._anchor_at(start)
         q_body, errors = self._follow(self._in_base(chunk), chunk.q_waist, first.q_body)
         parts = {
-            "left_arm": q_body[:, LEFT_ARM],
-            "right_arm": q_body[:, RIGHT_ARM],
-            "waist": q_body[:, WAIST],
+            **{part: q_body[:, where] for part, where in self.robot.limbs.items()},
             "left_hand": chunk.q_lhand,
             "right_hand": chunk.q_rhand,
         }
@@ -121,18 +129,19 @@ class JointConversion:
     @cached_property
     def anchor(self) -> Anchor:
         """The stance with the stated waist."""
-        nominal = Anchor.nominal()
+        nominal = Anchor.nominal(robot=self.robot)
         q_body = nominal.q_body.copy()
-        q_body[WAIST] = self.waist
+        q_body[self.robot.limbs["waist"]] = self.waist
         return dataclasses.replace(nominal, q_body=q_body)
 
     def posture(self, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Body (n, 29), left and right fingers (n, 7) of joint vectors (n, D) [rad]; what is not in them is assumed."""
+        """Body, left and right fingers of joint vectors (n, D) [rad], a row each; what is not in them is assumed."""
         chunk = self._chunk(joints)
         q_body = np.tile(self.anchor.q_body, (len(chunk), 1))
-        q_body[:, LEFT_ARM], q_body[:, RIGHT_ARM] = chunk.q_larm, chunk.q_rarm
+        limbs = self.robot.limbs
+        q_body[:, limbs["left_arm"]], q_body[:, limbs["right_arm"]] = chunk.q_larm, chunk.q_rarm
         if chunk.q_waist is not None:
-            q_body[:, WAIST] = chunk.q_waist
+            q_body[:, limbs["waist"]] = chunk.q_waist
         return q_body, chunk.q_lhand, chunk.q_rhand
 
     def wrists(self, joints: np.ndarray) -> dict[str, np.ndarray]:
@@ -148,7 +157,7 @@ class JointConversion:
     def _at_rest(self) -> np.ndarray:
         """Joint vector (D,) of the stance; hands 0, they are always given."""
         scale = 180.0 / np.pi if self.source.unit == "deg" else 1.0
-        stance = dict(zip(BODY_JOINTS, scale * self.anchor.q_body, strict=True))
+        stance = dict(zip(self.robot.body_joints, scale * self.anchor.q_body, strict=True))
         return np.array([stance.get(name, 0.0) for name in self.source.names])
 
     def _in_base(self, chunk: ActionChunk) -> dict[str, np.ndarray]:
@@ -157,25 +166,26 @@ class JointConversion:
 
     def _anchor_at(self, start: np.ndarray) -> Anchor:
         q_body, q_l, q_r = self.posture(np.asarray(start, dtype=float)[None])
-        return Anchor(self.anchor.T_world_base, q_body[0], q_l[0], q_r[0])
+        return Anchor(self.anchor.T_world_base, q_body[0], q_l[0], q_r[0], self.robot)
 
     def _follow(
         self, T: dict[str, np.ndarray], q_waist: np.ndarray | None, q_first: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        steps = len(T["lhand"])
+        steps, robot = len(T["lhand"]), self.robot
         q, solved, errors = q_first.copy(), np.empty((steps, len(q_first))), np.zeros(steps)
         for step in range(steps):
             if q_waist is not None:
-                q[WAIST] = q_waist[step]
+                q[robot.limbs["waist"]] = q_waist[step]
             goals = {hand: T[hand][step] for hand in ARMS}
             before, worst = q, 0.0
-            for hand, arm in ARMS.items():
+            for hand, limb in ARMS.items():
+                arm = robot.limbs[limb]
                 # After a pose out of reach the next ones are likely so too: they are searched for in fewer places.
                 thorough = not (step and errors[step - 1] > IK_TOLERANCE)
-                q, error = reach({hand: goals[hand]}, arm, q, q_first, thorough=thorough)
+                q, error = reach({hand: goals[hand]}, arm, q, q_first, thorough=thorough, robot=robot)
                 worst = max(worst, error)
             if not worst <= IK_TOLERANCE and self.moving == "upper_body" and q_waist is None:
-                q, worst = reach(goals, UPPER_BODY, before, q_first)
+                q, worst = reach(goals, upper_body(robot), before, q_first, robot=robot)
             solved[step], errors[step] = q, worst
         return solved, errors
 
@@ -224,7 +234,7 @@ def round_trip(conversion: JointConversion, joints: np.ndarray, numbers: np.ndar
         position = max(position, float(np.linalg.norm(gap, axis=1).max()))
         rotation = max(rotation, float(angle_between(before[hand][:, :3, :3], after[hand][:, :3, :3]).max()))
     gaps = np.abs(np.asarray(back, dtype=float) - np.asarray(joints, dtype=float)).max(axis=0)
-    is_hand = np.array(["_hand_" in name or name.endswith("_grasp") for name in conversion.source.names])
+    is_hand = np.array([name not in conversion.robot.body_joints for name in conversion.source.names])
     scale = np.pi / 180.0 if conversion.source.unit == "deg" else 1.0
     named = zip(conversion.source.names, scale * gaps, is_hand, strict=True)
     return RoundTrip(
@@ -253,6 +263,7 @@ def _from_parts(spec: ActionSpec, parts: dict[str, np.ndarray]) -> np.ndarray:
     columns = []
     for slot in spec.slots:
         side = slot.name.split("_", maxsplit=1)[0]
-        values = closing_of(side, parts[f"{side}_hand"])[:, None] if slot.kind == "scalar" else parts[slot.name]
+        closing = slot.kind == "scalar"
+        values = closing_of(side, parts[f"{side}_hand"], spec.robot)[:, None] if closing else parts[slot.name]
         columns.append(slot.from_si(values))
     return np.hstack(columns)

@@ -11,28 +11,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from models import g1
+from models.spec import RobotSpec
 from policy.action_spec.builtin import joints, scalar, stack
 from policy.action_spec.slot import DEX1_OPEN
 from policy.action_spec.spec import ActionSpec
 from policy.errors import DatasetError, did_you_mean
-from policy.joints import (
-    BODY_JOINTS,
-    LEFT_ARM_JOINTS,
-    LEFT_HAND_JOINTS,
-    RIGHT_ARM_JOINTS,
-    RIGHT_HAND_JOINTS,
-    WAIST_JOINTS,
-)
+from policy.joints import joints_of
 
 GRASPS = ("left_grasp", "right_grasp")
 """Canonical names of the two gripper columns."""
-ARMS = (*LEFT_ARM_JOINTS, *RIGHT_ARM_JOINTS)
-FINGERS = (*LEFT_HAND_JOINTS, *RIGHT_HAND_JOINTS)
 
 _UNITREE_ARM = ("ShoulderPitch", "ShoulderRoll", "ShoulderYaw", "Elbow", "WristRoll", "WristPitch", "WristYaw")
 _UNITREE_ARMS = tuple(f"k{side}{joint}" for side in ("Left", "Right") for joint in _UNITREE_ARM)
@@ -60,14 +52,16 @@ class JointLayout:
     """Columns of a joint-space vector, each a joint or a gripper.
 
     Attributes:
-        names: Canonical name of each column: a joint of the G1, ``left_grasp`` or ``right_grasp``.
+        names: Canonical name of each column: a joint of the robot, ``left_grasp`` or ``right_grasp``.
         given: Names as the source spells them.
         unit: Unit of the joint columns, ``rad`` or ``deg``; grippers are Dex1 motor angles [rad].
+        robot: The robot; the G1 with Dex3 hands if not given.
     """
 
     names: tuple[str, ...]
     given: tuple[str, ...]
     unit: str = "rad"
+    robot: RobotSpec = field(default_factory=g1, repr=False)
 
     @property
     def dim(self) -> int:
@@ -76,8 +70,9 @@ class JointLayout:
 
     @property
     def has_waist(self) -> bool:
-        """Whether all three waist joints are there."""
-        return all(name in self.names for name in WAIST_JOINTS)
+        """Whether all joints of the waist are there; a robot whose waist is locked has none."""
+        waist = joints_of(self.robot, "waist")
+        return bool(waist) and all(name in self.names for name in waist)
 
     @property
     def dex1(self) -> bool:
@@ -90,23 +85,42 @@ class JointLayout:
         hands = (
             (scalar("left_grasp", "dex1 rad"), scalar("right_grasp", "dex1 rad"))
             if self.dex1
-            else (joints("left_hand", LEFT_HAND_JOINTS), joints("right_hand", RIGHT_HAND_JOINTS))
+            else (joints(self.robot, "left_hand"), joints(self.robot, "right_hand"))
         )
-        parts = [joints("left_arm", LEFT_ARM_JOINTS), joints("right_arm", RIGHT_ARM_JOINTS), *hands]
+        parts = [joints(self.robot, "left_arm"), joints(self.robot, "right_arm"), *hands]
         if self.has_waist:
-            parts.append(joints("waist", WAIST_JOINTS))
+            parts.append(joints(self.robot, "waist"))
         parts = [part | {"unit": self.unit} if part["kind"] == "joint" else part for part in parts]
-        return ActionSpec(name=f"joint{sum(part['size'] for part in parts)}", slots=stack(*parts))
+        name = f"joint{sum(part['size'] for part in parts)}"
+        return ActionSpec(name=name, slots=stack(*parts), robot=self.robot)
 
     @property
     def columns(self) -> np.ndarray:
         """Indices such that ``x_spec = x_source[..., columns]``, shape (spec.dim,)."""
-        wanted = [*ARMS, *(GRASPS if self.dex1 else FINGERS), *(WAIST_JOINTS if self.has_waist else ())]
+        robot = self.robot
+        waist = joints_of(robot, "waist") if self.has_waist else ()
+        wanted = [*arms_of(robot), *(GRASPS if self.dex1 else fingers_of(robot)), *waist]
         return np.array([self.names.index(name) for name in wanted], dtype=int)
 
 
+def arms_of(robot: RobotSpec) -> tuple[str, ...]:
+    """Names of the joints of both arms."""
+    return (*joints_of(robot, "left_arm"), *joints_of(robot, "right_arm"))
+
+
+def fingers_of(robot: RobotSpec) -> tuple[str, ...]:
+    """Names of the joints of both hands."""
+    return (*joints_of(robot, "left_hand"), *joints_of(robot, "right_hand"))
+
+
 def joint_layout(
-    names: object, dim: int, *, feature: str = "action", assume: ActionSpec | None = None, unit: str = "rad"
+    names: object,
+    dim: int,
+    *,
+    feature: str = "action",
+    assume: ActionSpec | None = None,
+    unit: str = "rad",
+    robot: RobotSpec | None = None,
 ) -> JointLayout:
     """Layout of a feature from its names.
 
@@ -116,15 +130,16 @@ def joint_layout(
         feature: Its name, for messages.
         assume: Joint layout that the user vouches for (``--assume-spec joint28``); needed where there are no names.
         unit: Unit of the joint columns, ``rad`` or ``deg``.
+        robot: The robot; the G1 with Dex3 hands if None.
 
     Raises:
         DatasetError: If a name is unknown, missing or occurs twice, or the order or number contradicts what is said.
     """
     if unit not in ("rad", "deg"):
         raise DatasetError(f"unit '{unit}' is unknown; it is 'rad' or 'deg'")
-    given = flat_names(names)
+    given, robot = flat_names(names), robot or g1()
     if assume is not None:
-        return _assumed(given, dim, feature, assume, unit)
+        return _assumed(given, dim, feature, assume, unit, robot)
     if not given:
         raise DatasetError(
             f"'{feature}' has {dim} columns without names; equal size does not say which joints they are. "
@@ -135,7 +150,7 @@ def joint_layout(
         raise DatasetError(
             f"'{feature}' has {dim} columns but {len(given)} names; there must be one name a column", feature=feature
         )
-    layout = JointLayout(tuple(_canonical(name, feature) for name in given), given, unit)
+    layout = JointLayout(tuple(_canonical(name, feature, robot) for name in given), given, unit, robot)
     _check_complete(layout, feature)
     return layout
 
@@ -196,8 +211,8 @@ def _check_column(layout: JointLayout, values: np.ndarray, column: int, feature:
             feature=feature,
             frame=frame,
         )
-    index = g1().index(name)
-    low, high = g1().position_min[index], g1().position_max[index]
+    index = layout.robot.index(name)
+    low, high = layout.robot.position_min[index], layout.robot.position_max[index]
     excess = np.maximum(low - q, q - high)
     if np.mean(excess > ORDER_MARGIN) > ORDER_SHARE:
         raise DatasetError(
@@ -228,13 +243,13 @@ def _check_gripper(values: np.ndarray, column: int, spelt: str, feature: str) ->
     return [f"{feature}: {spelt} is outside [0, {DEX1_OPEN}] rad in {int(outside.sum())} frames and was clipped"]
 
 
-def _canonical(name: str, feature: str) -> str:
-    known = {_key(joint): joint for joint in (*BODY_JOINTS, *FINGERS)}
+def _canonical(name: str, feature: str, robot: RobotSpec) -> str:
+    known = {_key(joint): joint for joint in robot.joint_names}
     known |= {"leftgripper": "left_grasp", "rightgripper": "right_grasp"}
     known |= {"leftgrasp": "left_grasp", "rightgrasp": "right_grasp"}
     found = known.get(_key(name))
     if found is None:
-        near = did_you_mean(name, (*UNITREE_DEX3, "kLeftGripper", "kRightGripper", *BODY_JOINTS, *FINGERS))
+        near = did_you_mean(name, (*UNITREE_DEX3, "kLeftGripper", "kRightGripper", *robot.joint_names))
         raise DatasetError(
             f"'{feature}' has a column '{name}', which is no joint of the G1 with Dex3 hands or Dex1 grippers; "
             f"{near}if the names say nothing, --assume-spec joint28 or joint16 does",
@@ -255,21 +270,26 @@ def _check_complete(layout: JointLayout, feature: str) -> None:
     doubled = sorted({name for name in layout.names if layout.names.count(name) > 1})
     if doubled:
         raise DatasetError(f"'{feature}' has two columns for {', '.join(doubled)}", feature=feature)
-    if any(grasp in layout.names for grasp in GRASPS) and any(finger in layout.names for finger in FINGERS):
+    if any(grasp in layout.names for grasp in GRASPS) and any(
+        finger in layout.names for finger in fingers_of(layout.robot)
+    ):
         raise DatasetError(f"'{feature}' has both Dex3 fingers and grippers; one of them is expected", feature=feature)
-    wanted = (*ARMS, *(GRASPS if any(grasp in layout.names for grasp in GRASPS) else FINGERS))
+    arms, fingers = arms_of(layout.robot), fingers_of(layout.robot)
+    wanted = (*arms, *(GRASPS if any(grasp in layout.names for grasp in GRASPS) else fingers))
     missing = [name for name in wanted if name not in layout.names]
     if missing:
         raise DatasetError(
-            f"'{feature}' has {layout.dim} columns, but none for {', '.join(missing)}; both arms (14) and either "
-            "both Dex3 hands (14) or two Dex1 grippers are needed",
+            f"'{feature}' has {layout.dim} columns, but none for {', '.join(missing)}; both arms ({len(arms)}) "
+            f"and either both hands ({len(fingers)}) or two Dex1 grippers are needed",
             feature=feature,
         )
 
 
-def _assumed(given: tuple[str, ...], dim: int, feature: str, assume: ActionSpec, unit: str) -> JointLayout:
+def _assumed(
+    given: tuple[str, ...], dim: int, feature: str, assume: ActionSpec, unit: str, robot: RobotSpec
+) -> JointLayout:
     names = tuple(name for slot in assume.slots for name in (slot.joint_names or (slot.name,)))
-    wrong = [name for name in names if name not in (*BODY_JOINTS, *FINGERS, *GRASPS)]
+    wrong = [name for name in names if name not in (*robot.joint_names, *GRASPS)]
     if wrong:
         raise DatasetError(
             f"--assume-spec {assume.name} is no joint layout: it has {', '.join(wrong)}; joint28 and joint16 are",
@@ -277,11 +297,11 @@ def _assumed(given: tuple[str, ...], dim: int, feature: str, assume: ActionSpec,
         )
     if dim != len(names):
         raise DatasetError(f"'{feature}' has {dim} columns; '{assume.name}' has {len(names)}", feature=feature)
-    layout = JointLayout(names, given if len(given) == dim else names, unit)
+    layout = JointLayout(names, given if len(given) == dim else names, unit, robot)
     _check_complete(layout, feature)
     for column, (name, spelt) in enumerate(zip(names, layout.given, strict=True)):
         try:
-            said = _canonical(spelt, feature)
+            said = _canonical(spelt, feature, robot)
         except DatasetError:
             continue  # the name says nothing, the user does
         if said != name:

@@ -229,7 +229,7 @@ class Executor:
         if chunk.spec_id != self._spec_id:
             return "chunk_wrong_spec", f"the chunk has layout '{chunk.spec_id}'; '{self._spec_id}' is expected"
         try:
-            chunk.validate()
+            chunk.validate(robot=self.policy.spec.robot)
         except (ChunkError, ValueError, TypeError) as error:
             return "chunk_invalid", str(error)
         return self._fault_of_time(chunk, observation, now)
@@ -240,7 +240,7 @@ class Executor:
             said = f"the chunk begins at {chunk.t_obs:.4f} s, its observation is of {observation.time:.4f} s"
             return "chunk_wrong_time", f"{said}; at most one step earlier is expected"
         try:
-            chunk.validate(after=self._last)
+            chunk.validate(after=self._last, robot=self.policy.spec.robot)
         except ChunkError as error:
             return "chunk_out_of_order", str(error)
         age = now - chunk.t_obs

@@ -1,4 +1,4 @@
-"""Wrists and torso of the G1 from joint angles, relative to the pelvis. Pinocchio loads at the first use."""
+"""Wrists, torso and soles of a robot from joint angles, relative to the pelvis. Pinocchio loads at the first use."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models import g1
+from models.spec import RobotSpec
 from policy.errors import PolicyError
-from policy.joints import BODY_JOINTS
 
 if TYPE_CHECKING:
     import pinocchio as pin
@@ -31,30 +31,29 @@ _RETREAT = 0.3
 
 
 class Kinematics:
-    """Forward kinematics of the G1 with its pelvis at the origin; any number of threads may ask.
+    """Forward kinematics of a robot with its pelvis at the origin; any number of threads may ask.
 
     Use `kinematics()`, which shares one instance: making one parses the URDF (about 0.1 s).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, robot: RobotSpec) -> None:
         import pinocchio as pin
 
         from models.pinocchio_model import frame_id, load_pinocchio
 
-        spec = g1()
-        self._pin = pin
-        self.model = load_pinocchio(spec)
+        self._pin, self._n = pin, len(robot.body_joints)
+        self.model = load_pinocchio(robot)
         self._own = local()
         self.frames = {
-            "lhand": frame_id(self.model, spec.tool("left").wrist_frame),
-            "rhand": frame_id(self.model, spec.tool("right").wrist_frame),
-            "torso": frame_id(self.model, spec.torso_body),
+            "lhand": frame_id(self.model, robot.tool("left").wrist_frame),
+            "rhand": frame_id(self.model, robot.tool("right").wrist_frame),
+            "torso": frame_id(self.model, robot.torso_body),
         }
-        self._soles = {foot.side: (frame_id(self.model, foot.frame), foot.sole_center) for foot in spec.feet}
+        self._soles = {foot.side: (frame_id(self.model, foot.frame), foot.sole_center) for foot in robot.feet}
         self._neutral = pin.neutral(self.model)
-        self.idx_q = np.array([self.model.joints[self.model.getJointId(name)].idx_q for name in BODY_JOINTS])
+        self.idx_q = np.array([self.model.joints[self.model.getJointId(name)].idx_q for name in robot.body_joints])
         """Entry of each body joint (motor order) in Pinocchio's configuration."""
-        self.idx_v = np.array([self.model.joints[self.model.getJointId(name)].idx_v for name in BODY_JOINTS])
+        self.idx_v = np.array([self.model.joints[self.model.getJointId(name)].idx_v for name in robot.body_joints])
         """Entry of each body joint (motor order) in Pinocchio's velocity."""
 
     @property
@@ -68,18 +67,18 @@ class Kinematics:
         """``T_base_lhand``, ``T_base_rhand`` and ``T_base_torso`` under the keys lhand, rhand, torso.
 
         Args:
-            q_body: Body joints in motor order, shape (29,) or (n, 29), [rad].
+            q_body: Body joints in motor order, shape (m,) or (n, m), [rad].
 
         Returns:
             Arrays of shape (4, 4) or (n, 4, 4).
 
         Raises:
-            PolicyError: If the last axis is not 29.
+            PolicyError: If the last axis is not that of the body joints.
         """
         q_body = np.asarray(q_body, dtype=float)
-        if q_body.shape[-1:] != (29,):
-            raise PolicyError(f"q_body has shape {q_body.shape}; its last axis must be the 29 body joints")
-        rows = q_body.reshape(-1, 29)
+        if q_body.shape[-1:] != (self._n,):
+            raise PolicyError(f"q_body has shape {q_body.shape}; its last axis must be the {self._n} body joints")
+        rows = q_body.reshape(-1, self._n)
         found = {name: np.empty((len(rows), 4, 4)) for name in self.frames}
         for i, row in enumerate(rows):
             self._forward(row)
@@ -91,7 +90,7 @@ class Kinematics:
         """Soles in the pelvis, at the middle of their contact points with the axes of the foot.
 
         Args:
-            q_body: Body joints in motor order, shape (n, 29), [rad].
+            q_body: Body joints in motor order, shape (n, m), [rad].
 
         Returns:
             Arrays of shape (n, 4, 4) under the keys left and right.
@@ -112,11 +111,11 @@ class Kinematics:
 
         Args:
             goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
-            joints: Which of the 29 body joints may move.
-            q_body: Posture to start from, shape (29,), [rad].
+            joints: Which of the body joints may move.
+            q_body: Posture to start from, shape (m,), [rad].
 
         Returns:
-            Posture, shape (29,), [rad], and the norm of the remaining error [m and rad].
+            Posture, shape (m,), [rad], and the norm of the remaining error [m and rad].
         """
         pin = self._pin
         wanted = [(self.frames[name], pin.SE3(T)) for name, T in goals.items()]
@@ -202,7 +201,11 @@ def _retreat(q: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return _RETREAT * (np.maximum(low + margin - q, 0.0) - np.maximum(q - high + margin, 0.0))
 
 
-@lru_cache(maxsize=1)
-def kinematics() -> Kinematics:
-    """The shared instance."""
-    return Kinematics()
+def kinematics(robot: RobotSpec | None = None) -> Kinematics:
+    """The shared instance of a robot, the G1 with Dex3 hands if not given."""
+    return _shared(robot or g1())
+
+
+@lru_cache(maxsize=8)
+def _shared(robot: RobotSpec) -> Kinematics:
+    return Kinematics(robot)

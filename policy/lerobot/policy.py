@@ -103,7 +103,9 @@ class LeRobotPolicy:
         Raises:
             ObservationError: If it is not what the policy was trained with.
         """
-        batch, _ = self.inputs.batch(observation, Anchor.measured(observation), self._task_of(observation))
+        batch, _ = self.inputs.batch(
+            observation, Anchor.measured(observation, self.spec.robot), self._task_of(observation)
+        )
         self.inputs.remember(observation.time, batch)
 
     def infer(self, observation: Observation) -> ActionChunk:
@@ -127,10 +129,10 @@ class LeRobotPolicy:
             ObservationError: If the observation is not what the policy was trained with.
             PolicyError: If the noise does not fit, or the network returns another shape than a chunk.
         """
-        return self._predict(observation, Anchor.measured(observation), noise=noise, seq=0)[0]
+        return self._predict(observation, Anchor.measured(observation, self.spec.robot), noise=noise, seq=0)[0]
 
     def _chunk(self, observation: Observation, prefix: Prefix | None = None) -> ActionChunk:
-        anchor = Anchor.measured(observation)
+        anchor = Anchor.measured(observation, self.spec.robot)
         seq, _ = self._clock.tick(observation.time)
         actions, notes = self._predict(observation, anchor, prefix=prefix, seq=seq)
         chunk = decode(self.spec, actions, anchor, seq=seq, t_obs=observation.time)

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from models import g1
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
@@ -31,7 +31,6 @@ from policy.chunk import ActionChunk
 from policy.errors import FileFormatError, RotationError, SpecError, did_you_mean
 from policy.geometry.rotations import quaternion_to_matrix
 from policy.geometry.se3 import make_transform
-from policy.joints import BODY_JOINTS
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
 
 KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints", "mask")
@@ -71,20 +70,21 @@ class ChunkFile:
             SpecError: If a joint does not exist.
             RotationError: If the quaternion is not a unit quaternion.
         """
-        nominal, spec, n = Anchor.nominal(), g1(), len(BODY_JOINTS)
+        robot = self.spec.robot
+        nominal, n = Anchor.nominal(robot=robot), len(robot.body_joints)
         q = np.concatenate([nominal.q_body, nominal.q_lhand, nominal.q_rhand])
         for name, angle in (self.q0_joints or {}).items():
-            if name not in spec.joint_names:
-                known = ", ".join(spec.joint_names)
+            if name not in robot.joint_names:
+                known = ", ".join(robot.joint_names)
                 raise SpecError(
-                    f"q0_names has the joint '{name}', which the G1 lacks; "
-                    f"{did_you_mean(name, spec.joint_names)}joints: {known}"
+                    f"q0_names has the joint '{name}', which the robot lacks; "
+                    f"{did_you_mean(name, robot.joint_names)}joints: {known}"
                 )
-            q[spec.joint_names.index(name)] = angle
+            q[robot.joint_names.index(name)] = angle
         T = nominal.T_world_base
         if self.q0_base is not None:
             T = make_transform(quaternion_to_matrix(self.q0_base[3:], "xyzw"), self.q0_base[:3])
-        return Anchor(T, q[:n], q[n : n + 7], q[n + 7 :])
+        return Anchor(T, q[:n], *robot.by_hand(q[n:]), robot)
 
     def chunk(self) -> ActionChunk:
         """The actions in world.
@@ -102,26 +102,27 @@ class ChunkFile:
         return replace(chunk, notes=(*chunk.notes, f"{far}, not that in a room"))
 
 
-def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None) -> ChunkFile:
+def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None, robot: RobotSpec | None = None) -> ChunkFile:
     """Read a chunk file.
 
     Args:
         path: The file.
         assume: Spec that the user vouches for (``--assume-spec``); replaces what the file says.
+        robot: The robot that it is for; the G1 with Dex3 hands if None.
 
     Raises:
         FileFormatError: If the file is malformed; says what would work.
     """
     path = Path(path)
     try:
-        return _read(path, read_arrays(path, KEYS), assume)
+        return _read(path, read_arrays(path, KEYS), assume, robot)
     except OSError as error:
         raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
     except ReadingError as error:
         raise FileFormatError(str(error), path=str(path)) from error
 
 
-def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None) -> ChunkFile:
+def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None, robot: RobotSpec | None) -> ChunkFile:
     needed = ("actions", "fps") if assume else ("actions", "fps", "spec")
     missing = [key for key in needed if key not in arrays]
     if missing:
@@ -130,7 +131,7 @@ def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None) 
             + ("; say --assume-spec NAME if you know the layout" if missing == ["spec"] else ""),
             path=str(path),
         )
-    spec = assume or _spec(arrays["spec"], path)
+    spec = assume or _spec(arrays["spec"], path, robot)
     actions = _numbers(arrays, "actions", path)
     if actions.ndim != 2 or actions.shape[1] != spec.dim or not 1 <= len(actions) <= STEPS_MAX:
         text = f"actions has shape {actions.shape}; '{spec.name}' needs (steps, {spec.dim}), at most {STEPS_MAX} steps"
@@ -177,7 +178,7 @@ def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
         np.savez_compressed(stream, **arrays)
 
 
-def _spec(value: np.ndarray, path: Path) -> ActionSpec:
+def _spec(value: np.ndarray, path: Path, robot: RobotSpec | None) -> ActionSpec:
     if value.shape != () or value.dtype.kind not in "US":
         raise FileFormatError("spec must be one string: the name of a built-in layout, or JSON", path=str(path))
     item = value.item()
@@ -185,7 +186,8 @@ def _spec(value: np.ndarray, path: Path) -> ActionSpec:
     if len(text) > SPEC_MAX:
         raise FileFormatError(f"spec has {len(text)} characters; at most {SPEC_MAX} are read", path=str(path))
     try:
-        return ActionSpec.from_json(text) if text.lstrip().startswith("{") else builtin(text.strip())
+        named = not text.lstrip().startswith("{")
+        return builtin(text.strip(), robot) if named else ActionSpec.from_json(text, robot)
     except SpecError as error:
         raise FileFormatError(str(error), path=str(path)) from error
 

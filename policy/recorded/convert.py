@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import as_spec
 from policy.action_spec.codec import encode
@@ -15,7 +16,6 @@ from policy.chunk import ActionChunk
 from policy.errors import FileFormatError
 from policy.geometry.rotations import matrix_to_quaternion
 from policy.geometry.se3 import interpolate, inverse
-from policy.joints import BODY_JOINTS, LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS
 from policy.kinematics.inverse import upper_body_joints
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
@@ -29,6 +29,7 @@ def convert(
     to: str | ActionSpec = "wbc32",
     csv_fps: float = DEFAULT_FPS,
     assume: ActionSpec | None = None,
+    robot: RobotSpec | None = None,
 ) -> ActionChunk:
     """Convert a recording; the formats follow from the file names.
 
@@ -42,6 +43,7 @@ def convert(
         to: Layout of a written chunk file, built-in name or spec.
         csv_fps: Frame rate of the CSV file, read or written [Hz].
         assume: Spec of a chunk file that does not say it (``--assume-spec``).
+        robot: The robot that is recorded; the G1 with Dex3 hands if None.
 
     Returns:
         What was converted, in world.
@@ -53,14 +55,14 @@ def convert(
     source, target = Path(source), Path(target)
     formats = (source.suffix.lower(), target.suffix.lower())
     if formats == (".csv", ".npz"):
-        chunk = motion_chunk(read_motion_csv(source, csv_fps))
-        _write(target, chunk, to, Anchor.nominal(), {})
+        chunk = motion_chunk(read_motion_csv(source, csv_fps, robot))
+        _write(target, chunk, to, Anchor.nominal(robot=robot), {})
     elif formats == (".npz", ".npz"):
-        file = read_chunk_file(source, assume=assume)
+        file = read_chunk_file(source, assume=assume, robot=robot)
         chunk = file.chunk()
         _write(target, chunk, to, file.anchor(), _start_of(file))
     elif formats == (".npz", ".csv"):
-        file = read_chunk_file(source, assume=assume)
+        file = read_chunk_file(source, assume=assume, robot=robot)
         chunk = file.chunk()
         write_motion_csv(target, chunk_motion(chunk, file.anchor(), fps=csv_fps))
     else:
@@ -93,12 +95,12 @@ def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS
     T_l, T_r = (
         inverse(anchor.T_world_base) @ interpolate(T, times, at) for T in (chunk.T_world_lhand, chunk.T_world_rhand)
     )
-    q_body = upper_body_joints(T_l, T_r, anchor.q_body)
-    return Motion(float(fps), np.tile(anchor.T_world_base, (len(at), 1, 1)), q_body)
+    q_body = upper_body_joints(T_l, T_r, anchor.q_body, robot=anchor.robot)
+    return Motion(float(fps), np.tile(anchor.T_world_base, (len(at), 1, 1)), q_body, anchor.robot)
 
 
 def _write(path: Path, chunk: ActionChunk, to: str | ActionSpec, anchor: Anchor, start: dict) -> None:
-    spec = as_spec(to)
+    spec = as_spec(to, anchor.robot)
     start["mask"] = full_mask(spec)
     write_chunk_file(path, ChunkFile(spec, encode(spec, chunk, anchor), chunk.fps, chunk.t_obs, **start))
 
@@ -109,9 +111,8 @@ def _start_of(file: ChunkFile) -> dict:
         return {}
     anchor = file.anchor()
     quat = matrix_to_quaternion(anchor.T_world_base[:3, :3], "xyzw")
-    names = (*BODY_JOINTS, *LEFT_HAND_JOINTS, *RIGHT_HAND_JOINTS)
     angles = np.concatenate([anchor.q_body, anchor.q_lhand, anchor.q_rhand])
     return {
         "q0_base": np.concatenate([anchor.T_world_base[:3, 3], quat]),
-        "q0_joints": dict(zip(names, angles.tolist(), strict=True)),
+        "q0_joints": dict(zip(anchor.robot.joint_names, angles.tolist(), strict=True)),
     }

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
@@ -19,13 +20,16 @@ from policy.reading import SPEC_MAX, ReadingError, read_text
 from policy.recorded.replay import ReplayPolicy
 
 
-def open_episode(folder: str | Path, number: int, *, assume: ActionSpec | None = None) -> ReplayPolicy:
+def open_episode(
+    folder: str | Path, number: int, *, assume: ActionSpec | None = None, robot: RobotSpec | None = None
+) -> ReplayPolicy:
     """Policy that plays an episode's actions: wrists whose layout the dataset names, or joints.
 
     Args:
         folder: Dataset (v3.0, v2.1, v2.0).
         number: Which episode.
         assume: Layout of the actions that the user vouches for; replaces what the dataset says.
+        robot: The robot that it is of; the G1 with Dex3 hands if None.
 
     Raises:
         DatasetError: If the dataset cannot be read, has no such episode, or does not say what its actions are.
@@ -37,25 +41,25 @@ def open_episode(folder: str | Path, number: int, *, assume: ActionSpec | None =
     check_times(dataset, [dataset.episodes[number]])
     episode, width = dataset.episodes[number], int(dataset.feature(ACTION)["shape"][0])
     actions = vectors(dataset.table(episode, [ACTION]).column(ACTION), width, ACTION, episode)
-    spec = _layout(dataset) if assume is None else assume
+    spec = _layout(dataset, robot) if assume is None else assume
     if spec is None:
-        joints = column_layout(dataset, ACTION)
+        joints = column_layout(dataset, ACTION, robot=robot)
         check_values(joints, actions, feature=ACTION)
         spec, actions = joints.spec, actions[:, joints.columns]
     if spec.dim != actions.shape[1]:
         raise DatasetError(f"'{ACTION}' of {folder} has {actions.shape[1]} numbers; '{spec.name}' has {spec.dim}")
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
     spec = dataclasses.replace(spec, fps=dataset.fps)
-    chunk = decode(spec, np.asarray(actions, dtype=float), Anchor.nominal())
+    chunk = decode(spec, np.asarray(actions, dtype=float), Anchor.nominal(robot=spec.robot))
     return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec)
 
 
-def _layout(dataset: Dataset) -> ActionSpec | None:
+def _layout(dataset: Dataset, robot: RobotSpec | None) -> ActionSpec | None:
     """What ``meta/action_spec.json`` says, None without it."""
     file = dataset.folder / "meta" / "action_spec.json"
     if not file.exists():
         return None
     try:
-        return ActionSpec.from_json(read_text(file, SPEC_MAX))
+        return ActionSpec.from_json(read_text(file, SPEC_MAX), robot)
     except (OSError, ReadingError, SpecError) as error:
         raise DatasetError(f"{file}: {error}") from error

@@ -23,7 +23,7 @@ def example_file(spec: ActionSpec) -> ChunkFile:
 
     A layout whose arms cannot do that, as those of a G1 with 23 joints, has the stance instead.
     """
-    anchor, up = Anchor.nominal(), np.zeros((spec.horizon, 3))
+    anchor, up = Anchor.nominal(robot=spec.robot), np.zeros((spec.horizon, 3))
     up[:, 2] = RISE * minimum_jerk(np.linspace(0.0, 1.0, spec.horizon))
     poses = {}
     for hand in ("lhand", "rhand"):

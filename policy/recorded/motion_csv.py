@@ -6,23 +6,24 @@ public retargeted LAFAN1 and AMASS files for the G1. There are no hands in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from models import g1
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError, FileFormatError, RotationError
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from policy.geometry.se3 import interpolate, make_transform
-from policy.joints import BODY_JOINTS
 from policy.kinematics.forward import kinematics
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX, ReadingError, read_text
 
-COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw", *BODY_JOINTS)
-"""The 36 columns."""
+ROOT_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of the root; those of the body joints follow, 36 in all of the G1."""
 DEFAULT_FPS = 60.0
 CHUNK_FPS = 30.0
 CSV_QUATERNION_TOLERANCE = 1e-2
@@ -40,12 +41,14 @@ class Motion:
     Attributes:
         fps: Frames per second [Hz].
         T_world_base: Pelvis, shape (n, 4, 4).
-        q_body: Body joints in motor order, shape (n, 29), [rad].
+        q_body: Body joints in motor order, shape (n, m), [rad]; 29 of the G1.
+        robot: The robot that moves; the G1 with Dex3 hands if not given.
     """
 
     fps: float
     T_world_base: np.ndarray
     q_body: np.ndarray
+    robot: RobotSpec = field(default_factory=g1, repr=False)
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -57,26 +60,28 @@ class Motion:
         return (len(self) - 1) / self.fps
 
 
-def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS) -> Motion:
+def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS, robot: RobotSpec | None = None) -> Motion:
     """Read a motion.
 
     Args:
         path: The file.
         fps: Its frame rate [Hz]; the file does not say it.
+        robot: The robot that moves; the G1 with Dex3 hands if None.
 
     Raises:
         FileFormatError: Naming row and column of what is wrong.
     """
-    path = Path(path)
+    path, robot = Path(path), robot or g1()
+    columns = (*ROOT_COLUMNS, *robot.body_joints)
     if not FPS_MIN <= fps <= FPS_MAX:
         text = f"fps is {fps}; a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}, such as {DEFAULT_FPS:g}"
         raise FileFormatError(text, path=str(path))
-    table = _read_table(path)
+    table = _read_table(path, columns)
     bad = ~np.isfinite(table) | (np.abs(table) > _MAGNITUDE_MAX)
     if bad.any():
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise FileFormatError(
-            f"row {row + 1}, column {column + 1} ({COLUMNS[column]}) is {table[row, column]:g}; "
+            f"row {row + 1}, column {column + 1} ({columns[column]}) is {table[row, column]:g}; "
             f"a finite number of metres or radians below {_MAGNITUDE_MAX:g} is expected",
             path=str(path),
         )
@@ -90,7 +95,7 @@ def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS) -> Motion:
             "in the order x y z w",
             path=str(path),
         ) from error
-    return Motion(float(fps), make_transform(R, table[:, :3]), table[:, 7:])
+    return Motion(float(fps), make_transform(R, table[:, :3]), table[:, 7:], robot)
 
 
 def write_motion_csv(path: str | Path, motion: Motion) -> None:
@@ -113,24 +118,24 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
     Raises:
         ChunkError: If that is more than `STEPS_MAX` steps.
     """
-    anchor = Anchor.nominal()
+    anchor = Anchor.nominal(robot=motion.robot)
     if not motion.duration * fps < STEPS_MAX:
         raise ChunkError(
             f"the motion lasts {motion.duration:.6g} s, {motion.duration * fps:.6g} steps at {fps:g} Hz; at most "
             f"{STEPS_MAX} are taken: is its frame rate {motion.fps:g} Hz?"
         )
-    poses = kinematics().poses(motion.q_body)
+    poses = kinematics(motion.robot).poses(motion.q_body)
     times = np.arange(len(motion)) / motion.fps
     # A rounding error must not cost the last step.
     at = np.arange(int(np.floor(motion.duration * fps + 1e-9)) + 1) / fps
     T_l, T_r = (anchor.T_world_base @ interpolate(poses[hand], times, at) for hand in ("lhand", "rhand"))
     fingers = [np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand)]
-    chunk = ActionChunk(builtin("wbc32").id, 0, 0.0, float(fps), T_l, T_r, *fingers)
-    chunk.validate()
+    chunk = ActionChunk(builtin("wbc32", motion.robot).id, 0, 0.0, float(fps), T_l, T_r, *fingers)
+    chunk.validate(robot=motion.robot)
     return chunk
 
 
-def _read_table(path: Path) -> np.ndarray:
+def _read_table(path: Path, columns: tuple[str, ...]) -> np.ndarray:
     try:
         text = read_text(path, FILE_MAX)
     except OSError as error:
@@ -140,27 +145,27 @@ def _read_table(path: Path) -> np.ndarray:
     rows = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not 1 <= len(rows) <= STEPS_MAX:
         text = f"has {len(rows)} rows" if rows else "is empty"
-        text += f"; rows of {len(COLUMNS)} numbers are expected, at most {STEPS_MAX}"
+        text += f"; rows of {len(columns)} numbers are expected, at most {STEPS_MAX}"
         raise FileFormatError(text, path=str(path))
     for number, line in rows:
-        if line.count(",") != len(COLUMNS) - 1:
+        if line.count(",") != len(columns) - 1:
             raise FileFormatError(
-                f"row {number} has {line.count(',') + 1} columns; {len(COLUMNS)} are expected: root x y z, "
-                "root quaternion x y z w, 29 joints in G1 motor order",
+                f"row {number} has {line.count(',') + 1} columns; {len(columns)} are expected: root x y z, "
+                f"root quaternion x y z w, {len(columns) - len(ROOT_COLUMNS)} joints in motor order",
                 path=str(path),
             )
-    table = np.empty((len(rows), len(COLUMNS)))
+    table = np.empty((len(rows), len(columns)))
     for i, (number, line) in enumerate(rows):
-        table[i] = [_number(field, number, j, path) for j, field in enumerate(line.split(","))]
+        table[i] = [_number(field, number, j, columns, path) for j, field in enumerate(line.split(","))]
     return table
 
 
-def _number(field: str, row: int, column: int, path: Path) -> float:
+def _number(field: str, row: int, column: int, columns: tuple[str, ...], path: Path) -> float:
     try:
         return float(field)
     except ValueError as error:
         raise FileFormatError(
-            f"row {row}, column {column + 1} ({COLUMNS[column]}) is {field.strip()[:60]!r}, no number; "
+            f"row {row}, column {column + 1} ({columns[column]}) is {field.strip()[:60]!r}, no number; "
             "a file without a header is expected",
             path=str(path),
         ) from error

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
@@ -36,9 +37,9 @@ class ReplayPolicy:
     def __init__(
         self, episode: ActionChunk, *, name: str = "replay", spec: ActionSpec | None = None, horizon: int = 50
     ) -> None:
-        episode.validate()
-        self.name, self.episode, self.horizon = name, episode, horizon
         self.spec = builtin("wbc32") if spec is None else spec
+        episode.validate(robot=self.spec.robot)
+        self.name, self.episode, self.horizon = name, episode, horizon
         self.duration = (len(episode) - 1) / episode.fps
         self._clock = EpisodeClock()
 
@@ -51,14 +52,21 @@ class ReplayPolicy:
         return ReplayPolicy(episode, name=self.name, spec=self.spec, horizon=self.horizon)
 
     @classmethod
-    def from_npz(cls, path: str | Path, *, assume: ActionSpec | None = None, horizon: int = 50) -> ReplayPolicy:
-        """Play a chunk file, anchored once where the file says, or at the nominal stance.
+    def from_npz(
+        cls,
+        path: str | Path,
+        *,
+        assume: ActionSpec | None = None,
+        horizon: int = 50,
+        robot: RobotSpec | None = None,
+    ) -> ReplayPolicy:
+        """Play a chunk file, anchored once where the file says, or at the nominal stance of the robot (g1() if None).
 
         Raises:
             FileFormatError: If the file is malformed.
             ChunkError: If its actions are.
         """
-        file = read_chunk_file(path, assume=assume)
+        file = read_chunk_file(path, assume=assume, robot=robot)
         return cls(file.chunk(), name=Path(path).stem, spec=file.spec, horizon=horizon)
 
     def reset(self, task: str = "") -> None:
@@ -81,15 +89,24 @@ class ReplayPolicy:
         return dataclasses.replace(self.episode, seq=seq, t_obs=t_obs, notes=notes, **window)
 
 
-def open_recording(path: str | Path, *, csv_fps: float = DEFAULT_FPS, assume: ActionSpec | None = None) -> ReplayPolicy:
+def open_recording(
+    path: str | Path,
+    *,
+    csv_fps: float = DEFAULT_FPS,
+    assume: ActionSpec | None = None,
+    robot: RobotSpec | None = None,
+) -> ReplayPolicy:
     """Policy that plays a file, by its suffix: chunk ``.npz``, or motion ``.csv`` anchored at the nominal stance.
+
+    The robot is the G1 with Dex3 hands if none is given.
 
     Raises:
         FileFormatError: If the suffix is another, or the file is malformed.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".csv":
-        return ReplayPolicy(motion_chunk(read_motion_csv(path, csv_fps)), name=Path(path).stem)
+        motion = read_motion_csv(path, csv_fps, robot)
+        return ReplayPolicy(motion_chunk(motion), name=Path(path).stem, spec=builtin("wbc32", robot))
     if suffix == ".npz":
-        return ReplayPolicy.from_npz(path, assume=assume)
+        return ReplayPolicy.from_npz(path, assume=assume, robot=robot)
     raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))

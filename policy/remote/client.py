@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any
 from uuid import uuid4
 
+from models.spec import RobotSpec
 from policy.action_spec.builtin import as_spec
 from policy.action_spec.spec import ActionSpec, require_same
 from policy.action_spec.state import state_layout
@@ -103,7 +104,9 @@ class RemotePolicy:
         self.reset()
 
     @classmethod
-    def connect(cls, uri: str, *, spec: ActionSpec | str | None = None, **settings: Any) -> RemotePolicy:
+    def connect(
+        cls, uri: str, *, spec: ActionSpec | str | None = None, robot: RobotSpec | None = None, **settings: Any
+    ) -> RemotePolicy:
         """Connect to a server and agree on the layout.
 
         openpi's server says no layout unless its metadata has one (``policy_metadata={"action_spec": {...}}`` in the
@@ -112,6 +115,7 @@ class RemotePolicy:
         Args:
             uri: ``ws://host:port``; the port is 8000 if none is given.
             spec: Layout that the caller decodes, built-in name or spec; what the server says if None.
+            robot: The robot that it is for; the G1 with Dex3 hands if None.
             **settings: As in `RemoteOptions`, for example ``assume_spec``, ``keys``, ``timeout``.
 
         Raises:
@@ -124,12 +128,12 @@ class RemotePolicy:
         channel = Channel(uri, connect_timeout=options.connect_timeout, api_key=options.api_key)
         try:
             metadata = channel.open(patient=True)
-            layout = _agree(metadata, as_spec(spec), as_spec(options.assume_spec))
+            layout = _agree(metadata, as_spec(spec, robot), as_spec(options.assume_spec, robot), robot)
             if metadata.get("protocol") != PROTOCOL:
-                state = as_spec(options.assume_state) or state_layout(layout)
+                state = as_spec(options.assume_state, robot) or state_layout(layout)
                 return cls(channel, layout, OpenpiDialect(layout, state, options.keys), metadata, options)
             kind = RemotePrefixPolicy if metadata.get("takes_prefix") is True else cls
-            return kind(channel, layout, OwnDialect(), metadata, options)
+            return kind(channel, layout, OwnDialect(layout.robot), metadata, options)
         except BaseException:
             channel.close()
             raise
@@ -163,7 +167,7 @@ class RemotePolicy:
     def _ask(self, observation: Observation, prefix: Prefix | None) -> ActionChunk:
         if self.options.placeholder_cameras:
             observation = with_grey(observation, self.cameras)
-        observation.validate()
+        observation.validate(self.spec.robot)
         seq, _ = self._clock.tick(observation.time)
         request = self._dialect.request(observation, observation.task or self._task or self.options.task, prefix)
         if not self._channel.is_open:
@@ -204,11 +208,14 @@ class RemotePrefixPolicy(RemotePolicy):
         return self._ask(observation, prefix)
 
 
-def _agree(metadata: Mapping[str, Any], spec: ActionSpec | None, assumed: ActionSpec | None) -> ActionSpec:
+def _agree(
+    metadata: Mapping[str, Any], spec: ActionSpec | None, assumed: ActionSpec | None, robot: RobotSpec | None
+) -> ActionSpec:
     """Layout of a server's actions."""
     stated = metadata.get("action_spec") if assumed is None else assumed
     if isinstance(stated, str | dict):
-        stated = ActionSpec.from_json(stated) if isinstance(stated, str) else ActionSpec.from_dict(stated)
+        read = ActionSpec.from_json if isinstance(stated, str) else ActionSpec.from_dict
+        stated = read(stated, robot)
     known = stated if isinstance(stated, ActionSpec) else None
     if spec is not None:
         require_same(spec, known)

@@ -148,7 +148,9 @@ class OpenpiDialect:
             raise RemoteAnswerError(f"the answer has no array '{self.keys.actions}'; {found}")
         if len(actions) > HORIZON_MAX:
             raise RemoteAnswerError(f"the answer has {len(actions)} steps; at most {HORIZON_MAX} are taken")
-        return decode(self.spec, actions, Anchor.measured(observation), seq=seq, t_obs=observation.time)
+        return decode(
+            self.spec, actions, Anchor.measured(observation, self.spec.robot), seq=seq, t_obs=observation.time
+        )
 
 
 def _path(key: Key) -> tuple[str, ...]:

@@ -194,15 +194,15 @@ class PolicyServer:
 
     def _infer(self, request: dict[str, Any], connection: str) -> dict[str, Any]:
         """Call the policy; in the worker's thread."""
-        own = "session" in request
+        own, robot = "session" in request, self.policy.spec.robot
         if own and not (isinstance(request["session"], str) and len(request["session"]) <= SESSION_MAX):
             raise PolicyError(f"'session' of the request is no text of at most {SESSION_MAX} characters")
         session, continues, prefix = (request.pop(key, None) for key in ("session", "continues", "prefix"))
         if own or OWN_KEY in request:
-            observation = observation_from_map(request)
+            observation = observation_from_map(request, robot)
         else:
             observation = self._openpi.observation(request, monotonic())
-        prefix = None if prefix is None else prefix_from_map(prefix)
+        prefix = None if prefix is None else prefix_from_map(prefix, robot)
         self._begin(session if own else connection, continues is True, observation.task)
         begin = perf_counter()
         if prefix is None:
@@ -214,7 +214,7 @@ class PolicyServer:
         timing = {"infer_ms": 1e3 * (perf_counter() - begin)}
         if own:
             return {"chunk": chunk_to_map(chunk), "server_timing": timing}
-        actions = encode(self.policy.spec, chunk, Anchor.measured(observation))
+        actions = encode(self.policy.spec, chunk, Anchor.measured(observation, robot))
         return {self._openpi.keys.actions: actions, "server_timing": timing}
 
     def _begin(self, session: str, continues: bool, task: str) -> None:

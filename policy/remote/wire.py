@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import did_you_mean, printable
 from policy.observation import Observation
@@ -57,8 +58,8 @@ def observation_to_map(observation: Observation, task: str) -> dict[str, Any]:
     return {"time": float(observation.time), **arrays, "images": dict(observation.images), "prompt": task}
 
 
-def observation_from_map(data: Mapping[str, Any]) -> Observation:
-    """Observation of a request, checked.
+def observation_from_map(data: Mapping[str, Any], robot: RobotSpec | None = None) -> Observation:
+    """Observation of a request, checked to be of a robot, the G1 with Dex3 hands if not given.
 
     Raises:
         WireError: If an entry is missing, unknown, or of the wrong type.
@@ -76,7 +77,7 @@ def observation_from_map(data: Mapping[str, Any]) -> Observation:
     if len(task) > PROMPT_MAX:
         raise WireError(f"'prompt' of the request has {len(task)} characters; at most {PROMPT_MAX} are taken")
     observation = Observation(_plain("the request", data, "time", float), **arrays, images=images, task=task)
-    observation.validate()
+    observation.validate(robot)
     return observation
 
 
@@ -86,8 +87,8 @@ def chunk_to_map(chunk: ActionChunk) -> dict[str, Any]:
     return {**plain, **chunk.arrays(), "notes": list(chunk.notes)}
 
 
-def chunk_from_map(data: Any) -> ActionChunk:
-    """Chunk of an answer, checked.
+def chunk_from_map(data: Any, robot: RobotSpec | None = None) -> ActionChunk:
+    """Chunk of an answer, checked to be of a robot, the G1 with Dex3 hands if not given.
 
     Raises:
         WireError: If an entry is missing, unknown, or of the wrong type.
@@ -107,7 +108,7 @@ def chunk_from_map(data: Any) -> ActionChunk:
     # Notes go into reports.
     notes = tuple(printable(note, NOTE_MAX) for note in notes[:NOTES_MAX])
     chunk = ActionChunk(**plain, **arrays, notes=notes)
-    chunk.validate()
+    chunk.validate(robot=robot)
     return chunk
 
 
@@ -116,8 +117,8 @@ def prefix_to_map(prefix: Prefix) -> dict[str, Any]:
     return {"executed": chunk_to_map(prefix.executed), **{name: int(getattr(prefix, name)) for name in _PREFIX}}
 
 
-def prefix_from_map(data: Any) -> Prefix:
-    """Prefix of a request, checked.
+def prefix_from_map(data: Any, robot: RobotSpec | None = None) -> Prefix:
+    """Prefix of a request, checked to be of a robot, the G1 with Dex3 hands if not given.
 
     Raises:
         WireError: If an entry is missing, unknown, or of the wrong type.
@@ -127,14 +128,14 @@ def prefix_from_map(data: Any) -> Prefix:
         raise WireError(f"the prefix is {type(data).__name__}; a map is expected")
     _check_keys("the prefix", data, ("executed", *_PREFIX))
     counts = {name: _plain("the prefix", data, name, int) for name in _PREFIX}
-    return Prefix(chunk_from_map(data["executed"]), **counts)
+    return Prefix(chunk_from_map(data["executed"], robot), **counts)
 
 
 class OwnDialect:
-    """Talks to our own server."""
+    """Talks to our own server; its chunks are of a robot, the G1 with Dex3 hands if not given."""
 
-    def __init__(self) -> None:
-        self.session, self.continues = "", False
+    def __init__(self, robot: RobotSpec | None = None) -> None:
+        self.session, self.continues, self._robot = "", False, robot
 
     def request(self, observation: Observation, task: str, prefix: Prefix | None) -> dict[str, Any]:
         """What is sent for an observation."""
@@ -149,7 +150,7 @@ class OwnDialect:
             ChunkError: If it is wrong.
         """
         try:
-            chunk = chunk_from_map(answer.get("chunk"))
+            chunk = chunk_from_map(answer.get("chunk"), self._robot)
         except WireError as error:
             raise RemoteAnswerError(str(error)) from error
         # A server that was started anew counts from 0 again.

@@ -7,7 +7,9 @@ from typing import Literal
 
 import numpy as np
 
+from models import g1
 from models.places import ON_TABLE
+from models.spec import RobotSpec
 from policy.action_spec.hands import Side, grasp_posture
 from policy.errors import PolicyError, did_you_mean
 from policy.geometry.rotations import rpy_to_matrix
@@ -35,7 +37,7 @@ OBJECT_IN_PALM = np.array([-0.025, -0.055, 0.0])
 hand axes [m]; right: mirrored in y. Found by closing the hand on it in MuJoCo."""
 
 
-def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
+def lissajous(*, scored: float = LISSAJOUS_SCORED, robot: RobotSpec | None = None) -> ScriptedPolicy:
     """Both palms on a Lissajous curve, orientation and fingers constant.
 
     The left palm is at ``[0.24, 0.21, 0.86] + 0.15 [sin 2t, sin 4t, sin 6t]``, t being episode time, from 2 s on; the
@@ -43,12 +45,15 @@ def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
 
     Args:
         scored: Time on the curve [s].
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
-    stance = stance_pose()
+    robot = robot or g1()
+    stance = stance_pose(robot)
     end = LISSAJOUS_START + scored
-    fingers = [grasp_posture(side, 1.0) for side in ("left", "right")]
-    # The thumb's first joint turns the same way on both sides, the others are mirrored.
-    fingers[0][:3], fingers[1][:3] = LISSAJOUS_THUMB, LISSAJOUS_THUMB * [1.0, -1.0, -1.0]
+    fingers = [grasp_posture(side, 1.0, robot) for side in ("left", "right")]
+    if robot.fingers == g1().fingers:
+        # The thumb's first joint turns the same way on both sides, the others are mirrored.
+        fingers[0][:3], fingers[1][:3] = LISSAJOUS_THUMB, LISSAJOUS_THUMB * [1.0, -1.0, -1.0]
 
     def script(t: np.ndarray) -> ScriptedMotion:
         fade = 1.0 - minimum_jerk((t - end) / LISSAJOUS_END)
@@ -65,23 +70,26 @@ def lissajous(*, scored: float = LISSAJOUS_SCORED) -> ScriptedPolicy:
             stance.q_rhand + share * (fingers[1] - stance.q_rhand),
         )
 
-    return ScriptedPolicy("lissajous", script, end + LISSAJOUS_END)
+    return ScriptedPolicy("lissajous", script, end + LISSAJOUS_END, robot=robot)
 
 
-def reach(x: float = 0.45, z: float = 0.60, *, y: float = 0.16) -> ScriptedPolicy:
+def reach(x: float = 0.45, z: float = 0.60, *, y: float = 0.16, robot: RobotSpec | None = None) -> ScriptedPolicy:
     """Both palms to (x, ±y, z): 3 s minimum-jerk from the stance, 4 s hold, orientation of the stance, but free.
 
     Args:
         x: Ahead of the sole midpoint [m].
         z: Above the floor [m].
         y: To either side [m].
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
     left = np.array([x, y, z])
     points = [Waypoint(3.0, left, left * MIRROR_Y), Waypoint(7.0)]
-    return waypoint_policy("reach", points, orientation_free=True)
+    return waypoint_policy("reach", points, orientation_free=True, robot=robot)
 
 
-def two_hand_lift(*, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift: float = 0.25) -> ScriptedPolicy:
+def two_hand_lift(
+    *, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift: float = 0.25, robot: RobotSpec | None = None
+) -> ScriptedPolicy:
     """Both palms close on a box from the sides, lift it, put it back and let go.
 
     Args:
@@ -89,6 +97,7 @@ def two_hand_lift(*, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift
         z: Height of the palms on the box [m].
         width: Distance of the palm points when they touch the box [m].
         lift: How far up [m].
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
 
     def both(half_width: float, height: float) -> tuple[np.ndarray, np.ndarray]:
@@ -105,18 +114,22 @@ def two_hand_lift(*, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift
             Waypoint(7.5),
             Waypoint(9.5, *both(touching, z)),
             Waypoint(10.5, *both(apart, z)),
-            Waypoint(13.0, *_home()),
+            Waypoint(13.0, *_home(robot)),
         ],
+        robot=robot,
     )
 
 
-def pick(level: Literal["low", "high"] = "low", *, side: Side = "right") -> ScriptedPolicy:
+def pick(
+    level: Literal["low", "high"] = "low", *, side: Side = "right", robot: RobotSpec | None = None
+) -> ScriptedPolicy:
     """One hand fetches something from knee height or from above the head; the other stays.
 
     Args:
         level: ``low`` is palm height 0.40 m, ``high`` is 1.40 m, orientation free: well inside the measured reach of
             0.10 to 1.50 m.
         side: Which hand.
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
     if level not in ("low", "high"):
         raise PolicyError(f"pick level {level!r} is unknown; it is 'low' or 'high'")
@@ -130,19 +143,21 @@ def pick(level: Literal["low", "high"] = "low", *, side: Side = "right") -> Scri
             one_hand(side, 3.5, there, 0.0),
             one_hand(side, 4.5, None, 1.0),
             one_hand(side, 5.5, before, 1.0),
-            one_hand(side, 8.0, _home()[side == "right"], 1.0),
+            one_hand(side, 8.0, _home(robot)[side == "right"], 1.0),
             one_hand(side, 9.0, None, 1.0),
         ],
         orientation_free=level == "high",
+        robot=robot,
     )
 
 
-def wave(*, side: Side = "right", swings: int = 4) -> ScriptedPolicy:
+def wave(*, side: Side = "right", swings: int = 4, robot: RobotSpec | None = None) -> ScriptedPolicy:
     """One hand goes up, fingers upwards, and swings from side to side at 1 Hz.
 
     Args:
         side: Which hand.
         swings: Number of full swings.
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
     sign = 1.0 if side == "left" else -1.0
     middle, swing = np.array([0.25, 0.28 * sign, 1.20]), np.array([0.0, 0.08, 0.0])
@@ -151,7 +166,8 @@ def wave(*, side: Side = "right", swings: int = 4) -> ScriptedPolicy:
     points = [one_hand(side, 2.5, middle, turn=turn)]
     points += [one_hand(side, 3.0 + 0.5 * i, middle + swing * (-1.0) ** i) for i in range(2 * swings)]
     end = points[-1].time
-    return waypoint_policy("wave", [*points, one_hand(side, end + 2.5, _home()[side == "right"], turn=np.zeros(3))])
+    points.append(one_hand(side, end + 2.5, _home(robot)[side == "right"], turn=np.zeros(3)))
+    return waypoint_policy("wave", points, robot=robot)
 
 
 def grasp(
@@ -160,6 +176,7 @@ def grasp(
     side: Side = "left",
     lift: float = 0.10,
     p_palm_object: np.ndarray = OBJECT_IN_PALM,
+    robot: RobotSpec | None = None,
 ) -> ScriptedPolicy:
     """One hand closes on an upright cylinder from its side, lifts it and holds it for 5 s.
 
@@ -169,8 +186,9 @@ def grasp(
         side: Which hand.
         lift: How far up [m].
         p_palm_object: Object centre from the left palm point in hand axes, (3,), [m]; mirrored for the right hand.
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
-    stance = stance_pose()
+    stance = stance_pose(robot)
     R = stance.R_world_lhand if side == "left" else stance.R_world_rhand
     offset = np.asarray(p_palm_object) * (1.0 if side == "left" else MIRROR_Y)
     at_object = np.asarray(p_world_object, dtype=float) - R @ offset
@@ -186,15 +204,17 @@ def grasp(
             one_hand(side, 8.0, at_object + up, 1.0),
             one_hand(side, 13.0, None, 1.0),
         ],
+        robot=robot,
     )
 
 
-def hand_over(*, mass: float = 1.0, side: Side = "left") -> ScriptedPolicy:
+def hand_over(*, mass: float = 1.0, side: Side = "left", robot: RobotSpec | None = None) -> ScriptedPolicy:
     """One hand takes the flask from the table, holds it out, and puts it back.
 
     Args:
         mass: Expected of the flask [kg].
         side: Which hand.
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
     sign = 1.0 if side == "left" else -1.0
     at = np.array(ON_TABLE) * [1.0, sign, 1.0] + [0.0, 0.0, 0.08] - OBJECT_IN_PALM * [1.0, sign, 1.0]
@@ -215,11 +235,12 @@ def hand_over(*, mass: float = 1.0, side: Side = "left") -> ScriptedPolicy:
             one_hand(side, 18.5, at + aside),
             one_hand(side, 19.5, None),
         ],
+        robot=robot,
     )
 
 
-def _home() -> tuple[np.ndarray, np.ndarray]:
-    stance = stance_pose()
+def _home(robot: RobotSpec | None) -> tuple[np.ndarray, np.ndarray]:
+    stance = stance_pose(robot)
     return stance.p_world_lpalm, stance.p_world_rpalm
 
 

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from models import g1
+from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
@@ -24,7 +25,7 @@ class ScriptedMotion:
     Attributes:
         p_world_lpalm, p_world_rpalm: Palm points, shape (H, 3), [m].
         R_world_lhand, R_world_rhand: Hand rotations, shape (H, 3, 3) or (3, 3) if constant.
-        q_lhand, q_rhand: Fingers in motor order, shape (H, 7) or (7,) if constant, [rad].
+        q_lhand, q_rhand: Fingers in motor order, shape (H, m) or (m,) if constant, [rad].
         f_world_lpalm, f_world_rpalm: Force that the world is expected to put on each palm, shape (H, 3) or (3,) if
             constant, [N].
     """
@@ -56,6 +57,7 @@ class ScriptedPolicy:
         fps: Steps per second of the chunks [Hz].
         horizon: Steps per chunk.
         orientation_free: Whether the task does not depend on how the hands are turned.
+        robot: Whose hands; the G1's with Dex3 hands if None.
     """
 
     sees_robot = False
@@ -69,9 +71,11 @@ class ScriptedPolicy:
         fps: float = 30.0,
         horizon: int = 50,
         orientation_free: bool = False,
+        robot: RobotSpec | None = None,
     ) -> None:
         self.name, self.script, self.duration = name, script, duration
-        self.spec = builtin("wbc32").with_free_orientation() if orientation_free else builtin("wbc32")
+        spec = builtin("wbc32", robot)
+        self.spec = spec.with_free_orientation() if orientation_free else spec
         self.fps, self.horizon = fps, horizon
         self._clock = EpisodeClock()
 
@@ -87,14 +91,24 @@ class ScriptedPolicy:
         """
         seq, elapsed = self._clock.tick(observation.time)
         motion = self.script(elapsed + np.arange(self.horizon) / self.fps)
-        chunk = to_chunk(motion, self.spec.id, seq, observation.time, self.fps, self.horizon)
-        chunk.validate()
+        chunk = to_chunk(motion, self.spec.id, seq, observation.time, self.fps, self.horizon, robot=self.spec.robot)
+        chunk.validate(robot=self.spec.robot)
         return chunk
 
 
-def to_chunk(motion: ScriptedMotion, spec_id: str, seq: int, t_obs: float, fps: float, steps: int) -> ActionChunk:
-    """Wrist poses from palm points."""
-    T_palm = {"lhand": palm_offset("left"), "rhand": palm_offset("right")}
+def to_chunk(
+    motion: ScriptedMotion,
+    spec_id: str,
+    seq: int,
+    t_obs: float,
+    fps: float,
+    steps: int,
+    *,
+    robot: RobotSpec | None = None,
+) -> ActionChunk:
+    """Chunk of a robot, the G1 with Dex3 hands if not given: wrist poses from palm points."""
+    robot = robot or g1()
+    T_palm = {"lhand": palm_offset("left", robot), "rhand": palm_offset("right", robot)}
     wrists = {
         hand: make_transform(R, p - R @ T_palm[hand])
         for hand, R, p in (
@@ -102,22 +116,27 @@ def to_chunk(motion: ScriptedMotion, spec_id: str, seq: int, t_obs: float, fps: 
             ("rhand", motion.R_world_rhand, motion.p_world_rpalm),
         )
     }
-    fingers = [np.broadcast_to(q, (steps, 7)).copy() for q in (motion.q_lhand, motion.q_rhand)]
+    hands = zip((motion.q_lhand, motion.q_rhand), robot.fingers, strict=True)
+    fingers = [np.broadcast_to(q, (steps, n)).copy() for q, n in hands]
     return ActionChunk(spec_id, seq, t_obs, fps, wrists["lhand"], wrists["rhand"], *fingers)
 
 
-def palm_offset(side: str) -> np.ndarray:
-    """Palm point in the wrist frame, shape (3,), [m]."""
-    return np.array(g1().tool(side).palm_offset)
+def palm_offset(side: str, robot: RobotSpec | None = None) -> np.ndarray:
+    """Palm point of a robot, the G1 if not given, in the wrist frame, shape (3,), [m]."""
+    return np.array((robot or g1()).tool(side).palm_offset)
 
 
-@lru_cache(maxsize=1)
-def stance_pose() -> ScriptedMotion:
-    """Where the hands are in the default stance, by forward kinematics; palm points of shape (3,)."""
-    anchor = Anchor.nominal()
+def stance_pose(robot: RobotSpec | None = None) -> ScriptedMotion:
+    """Where the hands of a robot, the G1 with Dex3 hands if not given, are in its stance; palm points of shape (3,)."""
+    return _stance_pose(robot or g1())
+
+
+@lru_cache(maxsize=8)
+def _stance_pose(robot: RobotSpec) -> ScriptedMotion:
+    anchor = Anchor.nominal(robot=robot)
     T = {hand: anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")}
     palms = {
-        hand: T[hand][:3, 3] + T[hand][:3, :3] @ palm_offset(side)
+        hand: T[hand][:3, 3] + T[hand][:3, :3] @ palm_offset(side, robot)
         for hand, side in (("lhand", "left"), ("rhand", "right"))
     }
     return ScriptedMotion(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.hands import Side, grasp_posture
 from policy.errors import PolicyError
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
@@ -58,13 +59,16 @@ def one_hand(
     raise PolicyError(f"side {side!r} is unknown; it is 'left' or 'right'")
 
 
-def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_free: bool = False) -> ScriptedPolicy:
+def waypoint_policy(
+    name: str, waypoints: Sequence[Waypoint], *, orientation_free: bool = False, robot: RobotSpec | None = None
+) -> ScriptedPolicy:
     """A scripted policy from the stance through waypoints; it stays at the last one.
 
     Args:
         name: What it is called.
         waypoints: In order.
         orientation_free: Whether the task does not depend on how the hands are turned.
+        robot: Whose hands; the G1's with Dex3 hands if None.
 
     Raises:
         PolicyError: If the times do not increase from above 0.
@@ -72,7 +76,7 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_fre
     times = np.array([0.0, *(waypoint.time for waypoint in waypoints)])
     if not (np.diff(times) > 0.0).all():
         raise PolicyError(f"{name}: waypoint times {times[1:].tolist()} s must increase from above 0")
-    knots = _knots(waypoints, stance_pose())
+    knots = _knots(waypoints, robot)
 
     def script(t: np.ndarray) -> ScriptedMotion:
         low, share = bracket(times, t)
@@ -88,11 +92,12 @@ def waypoint_policy(name: str, waypoints: Sequence[Waypoint], *, orientation_fre
             turned[field] = R[low] @ rotvec_to_matrix(blend * turns[low])
         return ScriptedMotion(**straight, **turned)
 
-    return ScriptedPolicy(name, script, float(times[-1]), orientation_free=orientation_free)
+    return ScriptedPolicy(name, script, float(times[-1]), orientation_free=orientation_free, robot=robot)
 
 
-def _knots(waypoints: Sequence[Waypoint], stance: ScriptedMotion) -> dict[str, np.ndarray]:
+def _knots(waypoints: Sequence[Waypoint], robot: RobotSpec | None) -> dict[str, np.ndarray]:
     """Every field of `ScriptedMotion` at the stance and at each waypoint."""
+    stance = stance_pose(robot)
     rows = [vars(stance)]
     for waypoint in waypoints:
         row = dict(rows[-1])
@@ -104,7 +109,7 @@ def _knots(waypoints: Sequence[Waypoint], stance: ScriptedMotion) -> dict[str, n
             if turn is not None:
                 row[f"R_world_{hand}hand"] = rotvec_to_matrix(turn) @ getattr(stance, f"R_world_{hand}hand")
             if closing is not None:
-                row[f"q_{hand}hand"] = grasp_posture(side, closing)
+                row[f"q_{hand}hand"] = grasp_posture(side, closing, robot)
             if force is not None:
                 row[f"f_world_{hand}palm"] = np.asarray(force, dtype=float)
         rows.append(row)

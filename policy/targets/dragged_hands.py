@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
@@ -67,12 +68,15 @@ class DraggedHands:
     Attributes:
         palms: Answers the commanded palm poses (4, 4) by side: where an episode begins.
         targets: Palm poses in world that are wanted, shape (2, 4, 4), left first; None: stay.
+        spec: Layout of the chunks: wbc32 of the robot, the G1 with Dex3 hands if none is given.
     """
 
     sees_robot = True
 
-    def __init__(self, palms: Callable[[], dict[str, np.ndarray]] | None = None) -> None:
-        self.spec, self.palms = builtin("wbc32"), palms
+    def __init__(
+        self, palms: Callable[[], dict[str, np.ndarray]] | None = None, robot: RobotSpec | None = None
+    ) -> None:
+        self.spec, self.palms = builtin("wbc32", robot), palms
         self.targets: np.ndarray | None = None
         self.reset()
 
@@ -94,8 +98,8 @@ class DraggedHands:
         horizon = RESTING_HORIZON if all(way.rests(time) for way in self._ways) else HORIZON
         times = time + np.arange(horizon) / FPS
         left, right = (way.at(times)[0] for way in self._ways)
-        stance = stance_pose()
+        stance = stance_pose(self.spec.robot)
         motion = ScriptedMotion(
             left[:, :3, 3], right[:, :3, 3], left[:, :3, :3], right[:, :3, :3], stance.q_lhand, stance.q_rhand
         )
-        return to_chunk(motion, self.spec.id, self._seq, time, FPS, horizon)
+        return to_chunk(motion, self.spec.id, self._seq, time, FPS, horizon, robot=self.spec.robot)

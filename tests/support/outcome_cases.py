@@ -13,7 +13,6 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
-from policy.joints import LEFT_ARM, RIGHT_ARM, WAIST
 from policy.kinematics.forward import kinematics
 from policy.recorded.replay import open_recording
 from policy.scripted.library import scripted_policy
@@ -148,8 +147,9 @@ def _joints(rng, number, motions):
     time, share = float(np.exp(rng.uniform(*np.log(SWING_TIME)))), float(np.exp(rng.uniform(*np.log(SWING))))
     anchor, low, high = Anchor.nominal(), g1().position_min[:29], g1().position_max[:29]
     q = np.tile(anchor.observation().q_body, (steps, 1))
-    for joints, scale in ((LEFT_ARM, 1.0), (RIGHT_ARM, 1.0), (WAIST, 0.2)):
-        n, middle = joints.stop - joints.start, 0.5 * (low + high)[joints]
+    limbs = g1().limbs
+    for joints, scale in ((limbs["left_arm"], 1.0), (limbs["right_arm"], 1.0), (limbs["waist"], 0.2)):
+        n, middle = len(joints), 0.5 * (low + high)[joints]
         swing = np.concatenate([alike(rng, steps, time * fps) for _ in range(3)], axis=1)[:, :n]
         centre = q[0, joints] + 0.5 * scale * rng.random() * share * (middle - q[0, joints])
         q[:, joints] = centre + 0.25 * scale * share * (high - low)[joints] * swing

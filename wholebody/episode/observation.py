@@ -9,12 +9,11 @@ import pinocchio as pin
 
 from models import g1
 from models.spec import RobotSpec
-from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from wholebody.robot.state import Robot
 from wholebody.types import RobotState
 
-RELAXED = np.array(g1().hand_neutral).reshape(2, 7)
+RELAXED = g1().by_hand(g1().hand_neutral)
 """What a policy is told of the fingers of a robot that has none, left then right [rad]."""
 
 
@@ -32,7 +31,7 @@ def observation_of(
     T[:3, :3], T[:3, 3] = pin.Quaternion(state.q[3:7]).toRotationMatrix(), state.q[:3]
     return Observation(
         time=state.time,
-        q_body=joints[: len(BODY_JOINTS)],
+        q_body=joints[: len(spec.body_joints)],
         q_lhand=fingers[0],
         q_rhand=fingers[1],
         T_world_base=T,
@@ -42,6 +41,6 @@ def observation_of(
 
 
 def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
-    """Fingers of left and right hand (7,) among joints in motor order [rad]; relaxed ones of a robot without."""
+    """Fingers of left and right hand among joints in motor order [rad]; relaxed ones of a robot without."""
     fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
     return fingers if any(map(len, fingers)) else list(RELAXED)

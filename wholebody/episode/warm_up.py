@@ -12,7 +12,6 @@ from time import perf_counter
 import numpy as np
 
 from models.pinocchio_model import stance_q
-from policy.joints import BODY_JOINTS
 from policy.observation import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
@@ -114,7 +113,7 @@ def compile_plan(robot: RobotConfig) -> None:
     model, joints = Robot(spec), spec.stance.joints
     q = stance_q(spec, model.model)
     model.update(q, np.zeros(model.nv))
-    T_world_base, body = model.pose(spec.base_body).homogeneous, joints[: len(BODY_JOINTS)]
+    T_world_base, body = model.pose(spec.base_body).homogeneous, joints[: len(spec.body_joints)]
     chunk = scripted_policy("wave").infer(Observation(0.0, body, *fingers_of(spec, joints), T_world_base))
     planner = ChunkPlanner(spec, model, ControllerConfig())
     # With a plan before, too: whether its palms are where these are wanted is looked at in compiled code.

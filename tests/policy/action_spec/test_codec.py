@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from models import g1
 from policy import LAYOUTS, ActionSpec, Anchor, ChunkError, builtin, decode, encode
 from policy.action_spec.builtin import joints, stack
 from policy.action_spec.codec import HINT_TOLERANCE
@@ -20,11 +21,12 @@ from policy.action_spec.mask import full_mask
 from policy.action_spec.state import state_numbers
 from policy.geometry.rotations import angle_between, matrix_to_rot6d, rotvec_to_matrix
 from policy.geometry.se3 import inverse, make_transform, yaw_frame
-from policy.joints import LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, WAIST
+from policy.joints import joints_of
 from policy.kinematics.forward import kinematics
 from tests.support.policy_cases import anchor_somewhere, observation, rotation_vectors, wandering_chunk
 
-ANCHOR = anchor_somewhere()
+ANCHOR, G1 = anchor_somewhere(), g1()
+RIGHT_HAND_JOINTS = joints_of(G1, "right_hand")
 ROTATIONS = [
     {"kind": "rot6d", "size": 6, "unit": "1", "rot6d_layout": "rows"},
     {"kind": "rot6d", "size": 6, "unit": "1", "rot6d_layout": "cols"},
@@ -49,7 +51,7 @@ def pose_spec(rotation, mode, frame="pelvis", *, unit="m", tcp_offset=(0.0, 0.0,
             {"name": f"{side}_wrist_position", **position, **shared},
             {"name": f"{side}_wrist_rotation", **rotation, **shared},
         ]
-    hands = [joints("left_hand", LEFT_HAND_JOINTS), joints("right_hand", tuple(sorted(RIGHT_HAND_JOINTS)))]
+    hands = [joints(G1, "left_hand"), joints(G1, "right_hand", order=tuple(sorted(RIGHT_HAND_JOINTS)))]
     return ActionSpec(name="x", slots=stack(*parts, *[{**hand, "mode": hand_mode} for hand in hands]))
 
 
@@ -186,17 +188,17 @@ def test_joint_layouts_decode_by_forward_kinematics_with_the_measured_waist():
     actions = np.concatenate([arms, np.zeros((3, 14))], axis=1)
     chunk = decode(builtin("joint28"), actions, ANCHOR)
     q = ANCHOR.q_body.copy()
-    q[RIGHT_ARM] = arms[2, 7:]
+    q[G1.limbs["right_arm"]] = arms[2, 7:]
     assert np.allclose(chunk.T_world_rhand[2], ANCHOR.T_world_base @ kinematics().poses(q)["rhand"])
-    q[WAIST] = 0.0
+    q[G1.limbs["waist"]] = 0.0
     assert not np.allclose(chunk.T_world_rhand[2], ANCHOR.T_world_base @ kinematics().poses(q)["rhand"])
 
 
 def test_a_waist_in_the_layout_moves_the_arms_with_it():
     parts = [
-        joints("waist", ("waist_pitch_joint", "waist_roll_joint", "waist_yaw_joint")),
-        joints("left_arm", LEFT_ARM_JOINTS),
-        joints("right_arm", RIGHT_ARM_JOINTS),
+        joints(G1, "waist", order=("waist_pitch_joint", "waist_roll_joint", "waist_yaw_joint")),
+        joints(G1, "left_arm"),
+        joints(G1, "right_arm"),
     ]
     spec = ActionSpec(name="x", slots=stack(*parts))
     actions = np.zeros((1, 17))

@@ -15,10 +15,11 @@ from models import g1
 from policy import ActionSpec, Anchor, ChunkError, SpecError, builtin, decode, encode
 from policy.action_spec.parts import grasp, ignored, joints, stack
 from policy.action_spec.public import LAYOUTS
-from policy.joints import BODY_JOINTS, LEFT_ARM_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS
 from tests.support.urdf_chain import link_pose, sole_middle
 
 ANCHOR = Anchor.nominal()
+BODY_JOINTS = g1().body_joints
+LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS = (tool.finger_joints for tool in g1().tools)
 STANCE = dict(zip(BODY_JOINTS, ANCHOR.q_body, strict=True))
 ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
 LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
@@ -221,7 +222,7 @@ def test_fingers_of_other_hands_close_the_finger_in_their_place(name, left, righ
 
 @pytest.mark.parametrize("ends", [(1.0, 0.0), (-1.0, 1.0), (100.0, 0.0), (5.4, 0.0)])
 def test_a_closing_number_is_what_it_is_open_and_closed(ends):
-    arms = joints("left_arm", LEFT_ARM_JOINTS), joints("right_arm", RIGHT_ARM_JOINTS)
+    arms = joints(g1(), "left_arm"), joints(g1(), "right_arm")
     spec = ActionSpec(name="mine", slots=stack(*arms, grasp("left", *ends), grasp("right", *ends)))
     row = np.array([*values(STANCE, named("left", ARM)), *values(STANCE, named("right", ARM)), *ends])
     chunk = decode(spec, row[None], ANCHOR)
@@ -232,7 +233,7 @@ def test_a_closing_number_is_what_it_is_open_and_closed(ends):
 
 
 def test_what_is_ignored_is_said_with_its_reason_and_written_as_zero():
-    arms = joints("left_arm", LEFT_ARM_JOINTS), joints("right_arm", RIGHT_ARM_JOINTS)
+    arms = joints(g1(), "left_arm"), joints(g1(), "right_arm")
     spec = ActionSpec(name="mine", slots=stack(arms[0], ignored("torque", 3, "no motor has it"), arms[1]))
     row = np.array([*values(STANCE, named("left", ARM)), 7.0, 8.0, 9.0, *values(STANCE, named("right", ARM))])
     chunk = decode(spec, row[None], ANCHOR)

@@ -14,7 +14,7 @@ from policy import LAYOUTS, ActionSpec, Slot, SpecError, builtin, require_same
 from policy.action_spec.builtin import joints, scalar, stack, wrist
 from policy.action_spec.slot import TARGETS
 from policy.action_spec.spec import differences
-from policy.joints import BODY_JOINTS, LEFT_HAND_JOINTS, RIGHT_ARM_JOINTS, RIGHT_HAND_JOINTS, permutation
+from policy.joints import joints_of, permutation
 
 # A released layout never changes: whoever has to change these numbers has to make a new version.
 PINNED = {
@@ -34,6 +34,9 @@ PINNED = {
     "joint29": (29, "7a103ba1e65e"),
     "joint23": (23, "dd86896a8d30"),
 }
+
+LEFT, RIGHT = wrist("left"), wrist("right")
+LEFT_HAND_JOINTS, RIGHT_HAND_JOINTS = (joints_of(g1(), f"{side}_hand") for side in ("left", "right"))
 
 
 def changed(spec, name, **changes):
@@ -90,7 +93,7 @@ def test_gr00t_is_relative_and_by_rows():
 
 
 def test_joint_names_are_those_of_the_robot_in_motor_order():
-    assert (*BODY_JOINTS, *LEFT_HAND_JOINTS, *RIGHT_HAND_JOINTS) == g1().joint_names
+    assert (*g1().body_joints, *LEFT_HAND_JOINTS, *RIGHT_HAND_JOINTS) == g1().joint_names
     assert tuple(name.replace("left", "right") for name in LEFT_HAND_JOINTS) != RIGHT_HAND_JOINTS
 
 
@@ -206,14 +209,16 @@ def test_a_malformed_rotation_slot_is_refused(changes, complaint):
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
-        ({"joint_names": LEFT_HAND_JOINTS[:6]}, "each of"),
+        ({"joint_names": LEFT_HAND_JOINTS[:6]}, "has 6 numbers"),
+        ({"joint_names": LEFT_HAND_JOINTS[:6], "size": 6}, "each of"),
         ({"joint_names": (*LEFT_HAND_JOINTS[:6], LEFT_HAND_JOINTS[0])}, "once"),
-        ({"joint_names": LEFT_HAND_JOINTS, "mode": "relative_se3"}, "use relative_add"),
+        ({"joint_names": RIGHT_HAND_JOINTS}, "each of"),
+        ({"mode": "relative_se3"}, "use relative_add"),
     ],
 )
 def test_a_malformed_joint_slot_is_refused(changes, complaint):
     with pytest.raises(SpecError, match=complaint):
-        slot(name="left_hand", kind="joint", size=7, unit="rad", **changes)
+        ActionSpec(name="x", slots=stack(*LEFT, *RIGHT, {**joints(g1(), "left_hand"), **changes}))
 
 
 def test_a_velocity_is_absolute_and_a_height_has_a_length():
@@ -223,16 +228,13 @@ def test_a_velocity_is_absolute_and_a_height_has_a_length():
         slot(name="base_height", kind="scalar", size=1, unit="percent")
 
 
-LEFT, RIGHT = wrist("left"), wrist("right")
-
-
 @pytest.mark.parametrize(
     ("parts", "complaint"),
     [
         ((*LEFT,), "does not say where the right hand goes"),
         ((*LEFT, *RIGHT, RIGHT[0]), "occur twice"),
-        ((*LEFT, RIGHT[1], joints("right_arm", RIGHT_ARM_JOINTS)), "a rotation but no position"),
-        ((*LEFT, *RIGHT, scalar("left_grasp", "1"), joints("left_hand", LEFT_HAND_JOINTS)), "both 'left_hand' and"),
+        ((*LEFT, RIGHT[1], joints(g1(), "right_arm")), "a rotation but no position"),
+        ((*LEFT, *RIGHT, scalar("left_grasp", "1"), joints(g1(), "left_hand")), "both 'left_hand' and"),
         ((*LEFT, RIGHT[0], {**RIGHT[1], "frame": "world"}), "both must be in one"),
     ],
 )

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from models import g1
 from policy import LAYOUTS, Anchor, ObservationError, builtin
 from policy.action_spec.state import observation_of, state_layout, state_numbers
-from policy.joints import WAIST
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -15,7 +15,7 @@ from policy.joints import WAIST
 def test_an_observation_of_some_numbers_has_these_numbers(name, lean):
     layout, rng, anchor = state_layout(builtin(name)), np.random.default_rng(3), Anchor.nominal()
     q = anchor.q_body + rng.uniform(-0.1, 0.1, 29)
-    q[WAIST] = (0.1, 0.0, lean)
+    q[g1().limbs["waist"]] = (0.1, 0.0, lean)
     seen = dataclasses.replace(anchor.observation(1.5), q_body=q)
     numbers = state_numbers(layout, seen)
     again = observation_of(layout, numbers, 1.5)

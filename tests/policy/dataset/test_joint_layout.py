@@ -84,7 +84,7 @@ def test_waist_columns_come_last_in_the_spec_and_legs_are_left_out():
         ([*NAMES[:27], "kRightHandRing0"], 28, "which is no joint of the G1"),
         ([*NAMES[:27], "kRightHandMidle1"], 28, "did you mean"),
         ([*NAMES[:27], "kLeftElbow"], 28, "two columns for left_elbow_joint"),
-        (NAMES[:14], 14, "both Dex3 hands"),
+        (NAMES[:14], 14, "both hands"),
         ([*NAMES, "kLeftGripper", "kRightGripper"], 30, "both Dex3 fingers and grippers"),
         ([f"motor_{i}" for i in range(28)], 28, "--assume-spec joint28 or joint16"),
     ],

@@ -224,7 +224,7 @@ def test_states_that_are_no_joints_in_radians_are_refused(change, says):
         ({"joint_names": list(UNITREE_DEX1)}, "--synergy"),
         ({"joint_names": list(UNITREE_DEX3)[:5]}, "none for"),
         ({"spec": "wbc33"}, "did you mean"),
-        ({"waist": [0.0]}, "yaw, roll and pitch"),
+        ({"waist": [0.0]}, "waist_yaw_joint, waist_roll_joint"),
         ({"on_unreachable": "clamp"}, "'raise' or 'nearest'"),
         ({"joint_step_max": 0.0}, "must be positive"),
         ({"moving": "upper_body"}, "moving='arms'"),

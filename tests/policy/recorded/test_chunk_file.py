@@ -8,8 +8,8 @@ import zipfile
 import numpy as np
 import pytest
 
+from models import g1
 from policy import Anchor, ChunkFile, FileFormatError, builtin, encode, read_chunk_file, write_chunk_file
-from policy.joints import LEFT_ARM
 from tests.support.policy_cases import anchor_somewhere, wandering_chunk
 
 STEPS = 8
@@ -59,7 +59,7 @@ def test_the_start_is_the_anchor(path):
     save(path, q0_base=base, q0_names=np.array(["left_elbow_joint"]), q0_joints=np.array([0.9]))
     anchor = read_chunk_file(path).anchor()
     assert np.allclose(anchor.T_world_base[:3, 3], base[:3])
-    assert anchor.q_body[LEFT_ARM][3] == 0.9
+    assert anchor.q_body[g1().limbs["left_arm"]][3] == 0.9
     assert np.allclose(anchor.q_body[:12], Anchor.nominal().q_body[:12])
 
 

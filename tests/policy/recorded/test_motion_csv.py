@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from models import g1
 from policy import Anchor, FileFormatError, motion_chunk, read_motion_csv, write_motion_csv
 from policy.geometry.rotations import angle_between
 from policy.kinematics.forward import kinematics
-from policy.recorded.motion_csv import COLUMNS
+from policy.recorded.motion_csv import ROOT_COLUMNS
 from tests.support.policy_cases import made_up_motion
 
 
@@ -89,7 +90,7 @@ def edited(file, edit):
         (lambda rows: rows[9].__setitem__(3, ""), "row 10, column 4"),
         (lambda rows: rows[3].__setitem__(slice(3, 7), ["0", "0", "0", "2"]), "row 4: columns 4 to 7 have norm 2"),
         (lambda rows: rows[3].__setitem__(slice(3, 7), ["0"] * 4), "must be the root quaternion in the order x y z w"),
-        (lambda rows: rows.insert(0, list(COLUMNS)), "a file without a header is expected"),
+        (lambda rows: rows.insert(0, [*ROOT_COLUMNS, *g1().body_joints]), "a file without a header is expected"),
         (lambda rows: rows.clear(), "is empty"),
     ],
 )
