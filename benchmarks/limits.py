@@ -30,7 +30,7 @@ from statics import Statics
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from models import g1
+from models import RobotSpec, g1
 from policy.scripted.library import reach, scripted_policy
 from tests.support.carried import still
 from tests.support.grounds import Ground, RealisticGround
@@ -76,22 +76,22 @@ def supervisor() -> Supervisor:
 
 
 def robot(
-    name: str, seed: int, errors: RobotErrors | None = None, **world: object
+    name: str, seed: int, errors: RobotErrors | None = None, spec: RobotSpec = SPEC, **world: object
 ) -> tuple[MujocoPlant, Sensors | None]:
     """A plant with its sensors; what ``errors`` says of the realistic robot's model, or of the true one's."""
     delay = world.pop("delay", 0.0)
     on = ("slope", "direction", "step", "turn") & world.keys()
     if name == "true":
-        sensors = Sensors(SPEC, SensorConfig(delay=delay), DT) if delay else None
+        sensors = Sensors(spec, SensorConfig(delay=delay), DT) if delay else None
         if errors is not None:
-            return RealisticPlant(SPEC, RobotErrors(seed=seed, **errors), **world), sensors
-        return (Ground if on else MujocoPlant)(SPEC, **world), sensors
+            return RealisticPlant(spec, RobotErrors(seed=seed, **errors), **world), sensors
+        return (Ground if on else MujocoPlant)(spec, **world), sensors
     readings = replace(REALISTIC_READINGS, seed=seed, delay=REALISTIC_READINGS.delay + delay)
-    sensors = Sensors(SPEC, readings, DT, StateEstimator(SPEC))
+    sensors = Sensors(spec, readings, DT, StateEstimator(spec))
     drawn = replace(REALISTIC_ROBOT, seed=seed, **(errors or {}))
     if "friction" in world:
         drawn = replace(drawn, floor_friction=world.pop("friction"))
-    return (RealisticGround if on else RealisticPlant)(SPEC, drawn, encoders=sensors, **world), sensors
+    return (RealisticGround if on else RealisticPlant)(spec, drawn, encoders=sensors, **world), sensors
 
 
 def ran(
@@ -100,11 +100,12 @@ def ran(
     duration: float,
     settle: float = 1.0,
     hold: float = EpisodeConfig.hold,
+    chosen: Supervisor | None = None,
 ) -> Numbers:
     """Numbers of an episode: whether it fell, the root mean square after 2 s and the last errors of the palms."""
     plant, sensors = made
     config = EpisodeConfig(settle=settle, hold=hold)
-    result = run_episode(policy, supervisor(), plant, duration=duration, config=config, sensors=sensors)
+    result = run_episode(policy, chosen or supervisor(), plant, duration=duration, config=config, sensors=sensors)
     late = result.errors[result.times >= settle + 2.0]
     numbers = {"falls": float(result.fall is not None)}
     if late.size:

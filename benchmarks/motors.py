@@ -1,31 +1,38 @@
 """What motors the robot stands: slow, late, weak, or deaf to torques; for `docs/limits.md`.
 
     python benchmarks/motors.py margin
-    python benchmarks/motors.py faults [--robot true|realistic] [--seeds FIRST END] [--only PART] [--out FILE]
+    python benchmarks/motors.py faults|shares [--robot true|realistic] [--seeds FIRST END] [--only PART] [--out FILE]
 
 margin   the loop linearised at its motors, at rest in the stance and at a reach: phase margin, and by bandwidth and
          delay the frequency of the mode that grows
 faults   60 s of standing, the five reaches and the lissajous with each fault of the motors, which nobody told
+shares   the same of a robot that is sent a share of its torques, the rest as positions, by the stiffness of its legs
 
-Cases of ``faults`` are lines of JSON in the file, ``motors_faults.jsonl`` if not given; those that it has are not run
-again.
+Cases are lines of JSON in the file, ``motors_TABLE.jsonl`` if not given; those that it has are not run again.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
-from functools import partial
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import cache, partial
+from itertools import product
 from pathlib import Path
 
-from limits import PLACES, SPEC, Case, lissajous, ran, reached, robot, rows, still
+import limits
+from limits import PLACES, SECONDS, SPEC, Case, Numbers, ran, robot, rows, still
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from policy.scripted.library import reach
+from models import RobotSpec
+from policy.scripted.library import reach, scripted_policy
 from tests.support.resumable import finished
 from wholebody.bench.torque_loop import Motors, TorqueLoop, linearised
+from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
+from wholebody.config.robot import LED_BY_POSITION, GainsConfig, RobotConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -43,6 +50,8 @@ FAULTS: dict[str, dict[str, object]] = {
     **{f"waist pitch x {share:g}": {"delivered": ((WAIST, share),)} for share in (0.8, 0.65, 0.5)},
 }
 """Errors of the motors by name, as of `RobotErrors`."""
+SHARES, LEGS = (0.0, 0.25, 0.5, 0.75), (0.0, 150.0, 200.0, 250.0)
+"""Of the torques, and how stiff all joints of the legs are [N m/rad]; 0 for the gains of whole torques."""
 
 
 def loop(place: tuple[float, float] | None = None) -> TorqueLoop:
@@ -68,36 +77,72 @@ def margin() -> None:
             print(f"| {f'{hz:g} Hz' if hz else 'at once'} | " + " | ".join(cells) + " |", flush=True)
 
 
-def faults(name: str, seeds: range, only: str) -> Iterator[Case]:
-    """Standing, reaches and lissajous with each fault."""
-    for (fault, errors), seed in ((one, seed) for one in FAULTS.items() for seed in seeds):
-        if only not in fault:
-            continue
-        given = {"name": name, "seed": seed, "errors": errors}
-        yield f"{name}: {fault}, 60 s", f"seed {seed}", partial(stood, **given)
-        for place in PLACES[:5]:
-            yield f"{name}: {fault}, reaches", f"{place}, seed {seed}", partial(reached, place, **given)
-        yield f"{name}: {fault}, lissajous", f"seed {seed}", partial(lissajous, **given)
+def faults(name: str, seed: int) -> Iterator[Case]:
+    """Each fault."""
+    for fault, errors in FAULTS.items():
+        yield from tried(f"{name}: {fault}", name, seed, errors=errors)
 
 
-def stood(name: str, seed: int, errors: dict[str, object]) -> dict[str, float]:
-    """A minute with the hands where they are."""
-    return ran(still(1.0), robot(name, seed, errors), 1.0, hold=58.0)
+def shares(name: str, seed: int) -> Iterator[Case]:
+    """Each share and stiffness."""
+    for stiffness, share in product(LEGS, SHARES):
+        said = f"{stiffness:g} N m/rad" if stiffness else "gains of whole torques"
+        yield from tried(f"{name}: {share:g}, {said}", name, seed, led=(share, stiffness))
+
+
+def tried(group: str, name: str, seed: int, **given: object) -> Iterator[Case]:
+    """A minute with the hands where they are, the five reaches and the lissajous."""
+    stands = partial(ran, still(1.0), duration=1.0, hold=58.0)
+    yield f"{group}, 60 s", f"seed {seed}", partial(case, stands, name, seed, **given)
+    for place in PLACES[:5]:
+        policy = reach(*place)
+        moves = partial(ran, policy, duration=policy.duration)
+        yield f"{group}, reaches", f"{place}, seed {seed}", partial(case, moves, name, seed, **given)
+    moves = partial(ran, scripted_policy("lissajous"), duration=2.0 + SECONDS)
+    yield f"{group}, lissajous", f"seed {seed}", partial(case, moves, name, seed, **given)
+
+
+def case(
+    moves: Callable[..., Numbers],
+    name: str,
+    seed: int,
+    errors: dict[str, object] | None = None,
+    led: tuple[float, float] | None = None,
+) -> Numbers:
+    """Numbers of a robot that moves, with errors of its motors, or led by a share of torques and legs so stiff."""
+    spec, chosen = (SPEC, limits.supervisor()) if led is None else led_robot(*led)
+    return moves(made=robot(name, seed, errors, spec=spec), chosen=chosen)
+
+
+@cache
+def led_robot(share: float, stiffness: float) -> tuple[RobotSpec, Supervisor]:
+    """A robot that is sent a share of its torques; its legs as stiff as that, or with the gains of whole torques."""
+    gains = GainsConfig()
+    if stiffness:
+        parts = {part: replace(getattr(LED_BY_POSITION, part), kp=stiffness) for part in ("hip", "knee", "ankle")}
+        gains = replace(LED_BY_POSITION, **parts)
+    config = ControllerConfig(robot=RobotConfig(torque=share, position_gains=gains))
+    return describe(config.robot), Supervisor(describe(config.robot), config)
+
+
+TABLES = {"faults": faults, "shares": shares}
 
 
 def main() -> None:
     """Run what is asked for, and print it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("table", choices=("margin", "faults"))
+    parser.add_argument("table", choices=("margin", *TABLES))
     parser.add_argument("--robot", choices=("true", "realistic"), default="true")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 1), help="first, and the one after the last")
     parser.add_argument("--only", default="", help="a part of the faults' names")
-    parser.add_argument("--out", type=Path, help="file with a line a case", default=Path("motors_faults.jsonl"))
+    parser.add_argument("--out", type=Path, help="file with a line a case")
     options = parser.parse_args()
     if options.table == "margin":
         margin()
         return
-    print("\n".join(rows(finished(faults(options.robot, range(*options.seeds), options.only), options.out))))
+    listed = [one for seed in range(*options.seeds) for one in TABLES[options.table](options.robot, seed)]
+    wanted = [one for one in listed if options.only in one[0]]
+    print("\n".join(rows(finished(wanted, options.out or Path(f"motors_{options.table}.jsonl")))))
 
 
 if __name__ == "__main__":

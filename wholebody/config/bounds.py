@@ -43,6 +43,7 @@ OF_NAME: dict[str, Bounds] = {
     "planner.slowdowns": (1.0, 10.0),
     "planner.settle": (0.0, 5.0),
     "robot.linkage_effort": (10.0, 60.0),
+    "robot.torque": (0.0, 1.0),
     "robot.stance.knee": (0.2, 1.6),
     "robot.stance.feet_apart": (0.16, 0.5),
     **{f"robot.stance.{name}": (-3.2, 3.2) for name in ARM},

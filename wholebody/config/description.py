@@ -32,8 +32,9 @@ def describe(config: RobotConfig) -> RobotSpec:
         raise ConfigError(f"robot.model is '{config.model}'; there are: {', '.join(MODELS)}", setting="robot.model")
     hands = MODELS[config.model]
     spec = g1(hands, linkage_effort=config.linkage_effort)
-    if config.gains != GainsConfig():
-        gains = zip(GAINS, (getattr(config.gains, field.name) for field in fields(config.gains)), strict=True)
+    chosen = config.gains if config.torque >= 1.0 else config.position_gains
+    if chosen != GainsConfig():
+        gains = zip(GAINS, (getattr(chosen, field.name) for field in fields(chosen)), strict=True)
         present = {p: vars(gain) for p, gain in gains if hands or "_hand_" not in p}
         spec = spec.with_joints(present)
     if config.stance != StanceConfig():

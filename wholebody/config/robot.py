@@ -39,6 +39,13 @@ class GainsConfig:
     fingers: GainConfig = _OF[_FINGERS]
 
 
+LED_BY_POSITION = GainsConfig(
+    hip=GainConfig(kp=200.0, kd=5.0), knee=GainConfig(kp=250.0, kd=5.0), ankle=GainConfig(kp=200.0, kd=2.0)
+)
+"""Gains for motors that get less than the whole torque [N m/rad, N m s/rad]; chosen: legs of 150 to 250 N m/rad, hips
+and knees damped at a ratio of 0.7 in the stance, an ankle at that of its foot in the air."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class StanceConfig:
     """How the robot stands, both sides alike: angles of the left one.
@@ -80,5 +87,10 @@ class RobotConfig:
     linkage_effort: float = 35.0
     """Torque limit of ankles and waist roll and pitch: 35 in the URDF, 50 in Unitree's MJCF [N m]."""
     gains: GainsConfig = GainsConfig()
+    torque: float = 1.0
+    """Share of the feed-forward torques that motors are sent; the rest is added to their positions, over `kp`. Below 1
+    the gains are `position_gains`."""
+    position_gains: GainsConfig = LED_BY_POSITION
+    """For a `torque` below 1."""
     stance: StanceConfig = StanceConfig()
     """Where it begins, and what the plan prefers. The default of 'g1' has its arms a little otherwise."""

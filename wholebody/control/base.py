@@ -13,6 +13,7 @@ from wholebody.config import ControllerConfig
 from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
 from wholebody.control.task_set import make_feet, make_tasks
 from wholebody.control.tick_report import TickReport
+from wholebody.control.torque_share import TorqueShare
 from wholebody.errors import StateError
 from wholebody.limits.balance import CapturePointLimit
 from wholebody.robot.feet import Feet
@@ -41,6 +42,7 @@ class Controller(ABC):
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled, self._elapsed = None, config.dt
+        self._share = TorqueShare(spec, config.robot.torque) if config.robot.torque < 1.0 else None
 
     def bind_references(self) -> None:
         """Tasks read their references where the program does."""
@@ -76,7 +78,8 @@ class Controller(ABC):
             raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
         self.set_reference(reference)
         self._elapsed = self.config.dt if elapsed is None else min(elapsed, INTEGRATED_MAX)
-        return self._tick(state)
+        command, report = self._tick(state)
+        return command if self._share is None else self._share.of(command), report
 
     def set_down(self, q: np.ndarray, v: np.ndarray) -> None:
         """The feet stay from now on where they are at a configuration (nq,); torques are those of gravity and ``v``."""
