@@ -21,7 +21,8 @@ from models import g1
 from policy.action_spec.anchor import Anchor
 from policy.dataset.conversion import DatasetSettings, convert_dataset
 from policy.dataset.format import INDICES, Episode
-from policy.dataset.joint_layout import UNITREE_DEX3, joint_layout
+from policy.dataset.joint_layout import joint_layout
+from policy.dataset.naming.meaning import UNITREE_DEX3
 from policy.dataset.report import ConvertedDataset
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.kinematics.forward import IK_TOLERANCE, kinematics

@@ -12,7 +12,9 @@ from models.spec import RobotSpec
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset, Episode
-from policy.dataset.joint_layout import JointLayout, check_values, flat_names, joint_layout
+from policy.dataset.joint_layout import JointLayout, joint_layout
+from policy.dataset.joint_values import check_values
+from policy.dataset.naming.sources import Source
 from policy.dataset.video import check_video
 from policy.errors import DatasetError
 
@@ -25,18 +27,14 @@ RECOMPUTE = "lerobot-edit-dataset --operation.type recompute_stats --operation.s
 
 
 def column_layout(
-    dataset: Dataset,
-    key: str,
-    *,
-    assume: ActionSpec | None = None,
-    unit: str = "rad",
+    dataset: Dataset, source: Source, *, assume: ActionSpec | None = None, unit: str = "rad",
     robot: RobotSpec | None = None,
-) -> JointLayout:
-    """What the columns of a feature are.
+) -> JointLayout:  # fmt: skip
+    """What the columns of an action or a state are.
 
     Args:
         dataset: Where it is.
-        key: Its name.
+        source: Its columns, by `policy.dataset.naming.sources.find_source`.
         assume: Joint layout that the user vouches for.
         unit: Unit of the joints, ``rad`` or ``deg``.
         robot: The robot; the G1 with Dex3 hands if None.
@@ -44,25 +42,29 @@ def column_layout(
     Raises:
         DatasetError: If they are no joints, or it is not known which.
     """
-    feature = dataset.feature(key)
-    names = feature.get("names")
-    for name in LAYOUTS:
-        layout = builtin(name, robot)
-        if flat_names(names) == layout.feature_names and layout.slot("left_wrist_position"):
-            raise DatasetError(
-                f"'{key}' of {dataset.folder} is in the layout {name} already, by the names of its columns; there are "
-                "no joints to convert",
-                feature=key,
-            )
-    return joint_layout(names, int(feature["shape"][0]), feature=key, assume=assume, unit=unit, robot=robot)
+    key = source.key
+    if name := wrist_layout(source, robot):
+        raise DatasetError(
+            f"'{key}' of {dataset.folder} is in the layout {name} already, by the names of its columns; there are "
+            "no joints to convert",
+            feature=key,
+        )
+    settings = {"assume": assume, "unit": unit, "robot": robot}
+    return joint_layout(source.names, source.dim, feature=key, parts=source.parts, **settings)
 
 
-def check_joints(dataset: Dataset, layouts: Mapping[str, JointLayout]) -> list[str]:
+def wrist_layout(source: Source, robot: RobotSpec | None = None) -> str:
+    """Name of the built-in layout of a robot's wrists whose features a source is named by; empty if it is none."""
+    named = (name for name in LAYOUTS if source.names == builtin(name, robot).feature_names)
+    return next((name for name in named if builtin(name, robot).slot("left_wrist_position")), "")
+
+
+def check_joints(dataset: Dataset, layouts: Mapping[str, tuple[Source, JointLayout]]) -> list[str]:
     """Read every joint of every episode.
 
     Args:
         dataset: Where they are.
-        layouts: What the columns of each feature are.
+        layouts: Columns of action and state, and what they are.
 
     Returns:
         Notes about joints beyond their limits.
@@ -72,9 +74,9 @@ def check_joints(dataset: Dataset, layouts: Mapping[str, JointLayout]) -> list[s
             called; names episode and frame.
     """
     notes: list[str] = []
-    for key, layout in layouts.items():
+    for key, (source, layout) in layouts.items():
         lengths = [episode.length for episode in dataset.episodes]
-        values = np.concatenate(list(dataset.numbers(key)))
+        values = np.concatenate(list(source.numbers(dataset)))
         try:
             notes += check_values(layout, values, feature=key)
         except DatasetError as error:
@@ -135,8 +137,9 @@ def check_videos(dataset: Dataset) -> list[str]:
 
 def _timestamps(dataset: Dataset, episode: Episode) -> np.ndarray:
     """Times of an episode's frames, shape (n,), [s]."""
+    column = dataset.table(episode, ["timestamp"]).column("timestamp")
     try:
-        times = np.asarray(dataset.table(episode, ["timestamp"]).column("timestamp"), dtype=float)
+        times = np.asarray(column, dtype=float)
     except (ValueError, TypeError) as error:
         raise DatasetError(
             f"{episode.file} has timestamps that are no numbers: {error}", feature="timestamp"

@@ -31,14 +31,16 @@ from policy.dataset.checks import (
     column_layout,
 )
 from policy.dataset.columns import numeric_columns, stored_columns
-from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode, vectors
+from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
+from policy.dataset.naming.sources import Source, find_source
 from policy.dataset.open import open_dataset
 from policy.dataset.report import ConvertedDataset
 from policy.dataset.stats import narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
+from policy.reading import listed
 
 PELVIS_STANDS = "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"
 PROVENANCE = {ACTION: "commanded", STATE: "measured"}
@@ -108,18 +110,21 @@ def convert_dataset(
         raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
     dataset = _selected(open_dataset(source), settings.episodes)
     spec = dataclasses.replace(as_spec(settings.to, settings.robot), fps=dataset.fps)
-    conversions = {}
+    conversions, sources = {}, {}
     for key, layout in {ACTION: spec, STATE: state_layout(spec)}.items():
-        columns = column_layout(dataset, key, assume=settings.assume, unit=settings.unit, robot=settings.robot)
+        sources[key] = find_source(dataset, key)
+        given = {"assume": settings.assume, "unit": settings.unit, "robot": settings.robot}
+        columns = column_layout(dataset, sources[key], **given)
         conversions[key] = JointConversion(columns, layout, settings.waist, settings.synergy)
     notes = [
         *check_cameras(dataset, without_stats=settings.without_camera_stats),
-        *check_joints(dataset, {key: conversion.source for key, conversion in conversions.items()}),
+        *(note for source in sources.values() for note in source.notes),
+        *check_joints(dataset, {key: (sources[key], one.source) for key, one in conversions.items()}),
         *check_times(dataset),
         *check_videos(dataset),
         *_left_out(conversions),
     ]
-    work = _Work(dataset, conversions, settings)
+    work = _Work(dataset, sources, conversions, settings)
     with DatasetWriter(Path(target), work.info(), dataset.tasks, link=settings.link_videos) as writer:
         for episode in dataset.episodes:
             work.convert(episode, writer, progress)
@@ -133,7 +138,7 @@ def convert_dataset(
             trips=dict(work.trips),
             cpu_seconds=time.process_time() - began,
         )
-        writer.finish(stats, _files(result, conversions, settings))
+        writer.finish(stats, _files(result, sources, conversions, settings))
     return result
 
 
@@ -162,8 +167,11 @@ def episode_numbers(text: str) -> tuple[int, ...]:
 class _Work:
     """What is gathered over the episodes."""
 
-    def __init__(self, dataset: Dataset, conversions: Mapping[str, JointConversion], settings: DatasetSettings) -> None:
-        self.dataset, self.conversions, self.settings = dataset, conversions, settings
+    def __init__(
+        self, dataset: Dataset, sources: Mapping[str, Source], conversions: Mapping[str, JointConversion],
+        settings: DatasetSettings,
+    ) -> None:  # fmt: skip
+        self.dataset, self.sources, self.conversions, self.settings = dataset, sources, conversions, settings
         self.trips: dict[str, RoundTrip] = {}
         self._done = 0
         self._columns: dict[str, list[np.ndarray]] = {}
@@ -173,8 +181,10 @@ class _Work:
         """The source's description with the converted features in it."""
         features = {key: dict(feature) for key, feature in self.dataset.features.items()}
         for key, conversion in self.conversions.items():
+            before = {name: features.pop(name) for name in self.sources[key].features}
             if self.settings.keep_joints:
-                features[KEPT + key] = dict(features[key])
+                features |= {KEPT + name: feature for name, feature in before.items()}
+            features[key] = dict(next(iter(before.values())))
             layout = conversion.target
             said = {"provenance": PROVENANCE[key], "layout": layout.id, "hash": layout.hash}
             features[key] |= {"dtype": "float32", "shape": [layout.dim], "names": list(layout.feature_names)}
@@ -187,13 +197,18 @@ class _Work:
         check_images(rows, [key for key in self.dataset.cameras if key in self._stored], episode)
         columns: dict[str, np.ndarray] = {}
         for key, conversion in self.conversions.items():
-            joints = vectors(rows.column(key), conversion.source.dim, key, episode)
+            source = self.sources[key]
+            joints = source.of(rows, episode)
             columns[key] = conversion.forward(joints).astype(np.float32)
             if self.settings.check:
                 trip = round_trip(conversion, joints, columns[key])
                 self.trips[key] = self.trips[key].merged(trip) if key in self.trips else trip
-            if self.settings.keep_joints:
-                rows = set_column(rows, KEPT + key, joints)
+            split = np.split(joints, np.cumsum(source.widths)[:-1], axis=1)
+            for name, part in zip(source.features, split, strict=True):
+                if self.settings.keep_joints:
+                    rows = set_column(rows, KEPT + name, part)
+                if name != key:
+                    rows = rows.drop_columns([name])
             rows = set_column(rows, key, columns[key])
         rows = writer.numbered(rows)
         others = {key: x for key, x in self._described.items() if key not in self.conversions}
@@ -239,7 +254,9 @@ def _left_out(conversions: Mapping[str, JointConversion]) -> list[str]:
     notes = []
     for key, conversion in conversions.items():
         used = {conversion.source.names[i] for i in conversion.source.columns}
-        rest = [name for name in conversion.source.names if name not in used]
+        rest = [name for name in conversion.source.names if name and name not in used]
+        for reason, names in conversion.source.left_out.items():
+            notes.append(f"{key}: {listed(names, 6)} left out: {reason}")
         if rest:
             notes.append(f"{key}: {', '.join(rest)} are left out, '{conversion.target.name}' has no place for them")
     return notes
@@ -255,7 +272,10 @@ def _still_note(key: str, names: list[str], settings: DatasetSettings) -> str:
     )
 
 
-def _files(result: ConvertedDataset, conversions: Mapping[str, JointConversion], settings: DatasetSettings) -> dict:
+def _files(
+    result: ConvertedDataset, sources: Mapping[str, Source], conversions: Mapping[str, JointConversion],
+    settings: DatasetSettings,
+) -> dict:  # fmt: skip
     try:
         release = version("g1-wholebody")
     except PackageNotFoundError:
@@ -267,7 +287,9 @@ def _files(result: ConvertedDataset, conversions: Mapping[str, JointConversion],
             key: {
                 "provenance": PROVENANCE[key],
                 "layout": conversion.target.id,
+                "features": list(sources[key].features),
                 "joints": list(conversion.source.names),
+                "left_out": conversion.source.left_out,
                 "names_in_source": list(conversion.source.given),
                 "unit_in_source": conversion.source.unit,
                 "layout_assumed": settings.assume is not None,

@@ -123,8 +123,7 @@ class Dataset:
             vectors = [name for name in self.features if name not in (*self.cameras, *INDICES)]
             raise DatasetError(
                 f"{self.folder} has no feature '{key}'; {did_you_mean(key, vectors)}there are "
-                f"{', '.join(vectors) or 'none'}. Arms and hands must be in '{ACTION}' and '{STATE}'; put them there "
-                "with lerobot.datasets.dataset_tools.modify_features first",
+                f"{', '.join(vectors) or 'none'}",
                 feature=key,
             )
         feature = self.features[key]
@@ -296,9 +295,9 @@ def in_numbers(pairs: Iterable[tuple[int, str]], file: Path) -> tuple[str, ...]:
 
 
 def vectors(column: pyarrow.ChunkedArray, width: int, key: str, episode: Episode) -> np.ndarray:
-    """Rows of a vector column, shape (n, width), in their own precision."""
+    """Rows of a vector column, or of one of single numbers, shape (n, width), in their own precision."""
     flat = column.combine_chunks()
-    flat = flat.flatten() if hasattr(flat, "flatten") and flat.null_count == 0 else None
+    flat = None if flat.null_count else flat.flatten() if hasattr(flat.type, "value_type") else flat
     values = None if flat is None else flat.to_numpy(zero_copy_only=False)
     if values is None or values.dtype.kind not in "fiu" or values.size != width * len(column):
         raise DatasetError(

@@ -16,7 +16,7 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode, encode
-from policy.action_spec.hands import closing_of
+from policy.action_spec.hands import closing_of, finger_closings
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.dataset.joint_layout import JointLayout
@@ -28,8 +28,8 @@ from policy.kinematics.forward import IK_TOLERANCE
 from policy.kinematics.inverse import ARMS, reach, upper_body
 
 SYNERGIES = ("dex3_open_close",)
-"""Named maps between one closing number and the seven Dex3 joints: `policy.action_spec.hands.grasp_posture`, a
-straight line from the robot description's open hand to its closed hand."""
+"""Named maps between closing numbers and finger joints, a straight line from the robot description's open hand to its
+closed hand: `policy.action_spec.hands.grasp_posture` of one number, `fingers_closed` of one a finger."""
 
 Moving = Literal["arms", "upper_body"]
 """What inverse kinematics may move: the arms, or the waist too where the arms alone do not reach."""
@@ -71,9 +71,11 @@ class JointConversion:
         if self.synergy is not None and self.synergy not in SYNERGIES:
             near = did_you_mean(self.synergy, SYNERGIES)
             raise DatasetError(f"no synergy is called '{self.synergy}'; {near}there is {', '.join(SYNERGIES)}")
-        fingers = self.target.slot("left_hand") is not None
-        if self.synergy is None and fingers == self.source.dex1:
-            have, want = ("one Dex1 gripper number", "seven Dex3 joints") if fingers else ("Dex3 fingers", "one number")
+        fingers, hand = self.target.slot("left_hand") is not None, self.source.hand
+        same = not hand or hand == ("own" if fingers else "dex1")
+        if self.synergy is None and not same:
+            have = {"dex1": "one Dex1 gripper number", "own": "Dex3 fingers"}.get(hand, f"six {hand} fingers")
+            want = "seven Dex3 joints" if fingers else "one number"
             raise DatasetError(
                 f"the source has {have} a hand, '{self.target.name}' has {want}: name the map between them with "
                 f"--synergy {SYNERGIES[0]}, or keep the hands as they are with --to {'wbc27' if fingers else 'wbc32'}"
@@ -87,7 +89,7 @@ class JointConversion:
     @cached_property
     def assumptions(self) -> dict[str, float | str]:
         """What the result has in it that the source does not say."""
-        assumed: dict[str, float | str] = {}
+        assumed: dict[str, float | str] = {} if self.source.hand else {"fingers": "the stance's, none are recorded"}
         if not self.source.has_waist:
             waist = joints_of(self.robot, "waist")
             assumed |= {f"{name} [rad]": float(q) for name, q in zip(waist, self.waist, strict=True)}
@@ -236,12 +238,13 @@ def round_trip(conversion: JointConversion, joints: np.ndarray, numbers: np.ndar
     gaps = np.abs(np.asarray(back, dtype=float) - np.asarray(joints, dtype=float)).max(axis=0)
     is_hand = np.array([name not in conversion.robot.body_joints for name in conversion.source.names])
     scale = np.pi / 180.0 if conversion.source.unit == "deg" else 1.0
+    gaps[np.array([name == "" for name in conversion.source.names])] = 0.0
     named = zip(conversion.source.names, scale * gaps, is_hand, strict=True)
     return RoundTrip(
         len(joints),
         position,
         rotation,
-        float(gaps[is_hand].max()),
+        float(gaps[is_hand].max(initial=0.0)),
         {name: float(gap) for name, gap, hand in named if not hand},
         int((errors > IK_TOLERANCE).sum()),
     )
@@ -259,11 +262,15 @@ def _check_target(target: ActionSpec) -> None:
 
 
 def _from_parts(spec: ActionSpec, parts: dict[str, np.ndarray]) -> np.ndarray:
-    """Numbers of a joint layout (n, A) from body parts in motor order, which is the order of its slots."""
+    """Numbers of a joint layout (n, A) from body parts in motor order."""
     columns = []
     for slot in spec.slots:
-        side = slot.name.split("_", maxsplit=1)[0]
-        closing = slot.kind == "scalar"
-        values = closing_of(side, parts[f"{side}_hand"], spec.robot)[:, None] if closing else parts[slot.name]
+        side, names = slot.name.split("_", maxsplit=1)[0], joints_of(spec.robot, slot.name) if slot.joint_names else ()
+        if slot.kind == "fingers":
+            values = finger_closings(side, slot.joint_names, parts[slot.name], spec.robot)
+        elif slot.kind == "scalar":
+            values = closing_of(side, parts[f"{side}_hand"], spec.robot)[:, None]
+        else:
+            values = parts[slot.name][:, [names.index(name) for name in slot.joint_names]]
         columns.append(slot.from_si(values))
     return np.hstack(columns)

@@ -1,7 +1,7 @@
 """What the columns of a joint-space vector are, from the names that a dataset or a robot gives them.
 
-Columns are mapped by name, never by position: Unitree writes ``kLeftShoulderPitch``, a URDF
-``left_shoulder_pitch_joint``, LeRobot robots ``left_shoulder_pitch.pos`` or ``.q``. A Dex1 gripper is one column.
+Columns are mapped by name, never by position (`policy.dataset.naming.meaning`). A Dex1 gripper is one column, an
+Inspire or BrainCo hand six; what is no joint is left out, and why is said.
 
 Source:
     unitree_lerobot ``utils/constants.py`` (G1_DEX3_CONFIG, G1_DEX1_CONFIG) and ``convert_unitree_json_to_lerobot.py``.
@@ -9,58 +9,54 @@ Source:
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from models import g1
 from models.spec import RobotSpec
-from policy.action_spec.builtin import joints, scalar, stack
-from policy.action_spec.slot import DEX1_OPEN
+from policy.action_spec.builtin import LAYOUTS, builtin
+from policy.action_spec.parts import fingers, joints, scalar, stack
+from policy.action_spec.public import BRAINCO, INSPIRE
+from policy.action_spec.slot import FOREIGN_HANDS, SHORT_ARM, SHORT_WAIST
 from policy.action_spec.spec import ActionSpec
+from policy.dataset.naming.meaning import (
+    FOREIGN_FINGERS,
+    GRASPS,
+    SIDES,
+    UNITREE_DEX3,
+    Meaning,
+    meaning,
+    parted_names,
+    says_nothing,
+)
+from policy.dataset.naming.vouched import column_names, require_same_names
 from policy.errors import DatasetError, did_you_mean
 from policy.joints import joints_of
 
-GRASPS = ("left_grasp", "right_grasp")
-"""Canonical names of the two gripper columns."""
-
-_UNITREE_ARM = ("ShoulderPitch", "ShoulderRoll", "ShoulderYaw", "Elbow", "WristRoll", "WristPitch", "WristYaw")
-_UNITREE_ARMS = tuple(f"k{side}{joint}" for side in ("Left", "Right") for joint in _UNITREE_ARM)
-_UNITREE_LEFT_HAND = ("Thumb0", "Thumb1", "Thumb2", "Middle0", "Middle1", "Index0", "Index1")
-_UNITREE_RIGHT_HAND = ("Thumb0", "Thumb1", "Thumb2", "Index0", "Index1", "Middle0", "Middle1")
-UNITREE_DEX3 = (
-    *_UNITREE_ARMS,
-    *(f"kLeftHand{joint}" for joint in _UNITREE_LEFT_HAND),
-    *(f"kRightHand{joint}" for joint in _UNITREE_RIGHT_HAND),
-)
-"""The 28 columns of the datasets ``unitreerobotics/G1_Dex3_*``: the layout joint28."""
-UNITREE_DEX1 = (*_UNITREE_ARMS, "kLeftGripper", "kRightGripper")
-"""The 16 columns of the datasets ``unitreerobotics/G1_Dex1_*``: the layout joint16."""
-
-DEGREES_FROM = 2.0 * np.pi
-"""No joint of the G1 turns a whole circle [rad]; the widest reaches 3.1."""
-ORDER_MARGIN = 0.3
-"""Commands and encoder offsets overshoot limits by less [rad]; published sets do overshoot (unitree_lerobot #104)."""
-ORDER_SHARE = 0.5
-"""Share of frames beyond the margin from which a column cannot be the joint it is called."""
+LEGS = ("left_leg", "right_leg")
+_CLOSINGS = {"inspire": INSPIRE, "brainco": BRAINCO}
 
 
 @dataclass(frozen=True)
 class JointLayout:
-    """Columns of a joint-space vector, each a joint or a gripper.
+    """Columns of a joint-space vector, each a joint, a gripper, a finger of another hand, or left out.
 
     Attributes:
-        names: Canonical name of each column: a joint of the robot, ``left_grasp`` or ``right_grasp``.
+        names: Canonical name of each column: a joint of the G1, ``left_grasp``, ``left_hand_pinky``; empty if it is
+            left out.
         given: Names as the source spells them.
-        unit: Unit of the joint columns, ``rad`` or ``deg``; grippers are Dex1 motor angles [rad].
+        unit: Unit of the joint columns, ``rad`` or ``deg``; grippers are Dex1 motor angles [rad], fingers of other
+            hands closing numbers.
+        reasons: Why each column is left out; empty texts where it is not, nothing if none is.
         robot: The robot; the G1 with Dex3 hands if not given.
     """
 
     names: tuple[str, ...]
     given: tuple[str, ...]
     unit: str = "rad"
+    reasons: tuple[str, ...] = ()
     robot: RobotSpec = field(default_factory=g1, repr=False)
 
     @property
@@ -70,9 +66,14 @@ class JointLayout:
 
     @property
     def has_waist(self) -> bool:
-        """Whether all joints of the waist are there; a robot whose waist is locked has none."""
+        """Whether the waist is there: all its joints, or the one that a G1 with 23 joints has."""
         waist = joints_of(self.robot, "waist")
-        return bool(waist) and all(name in self.names for name in waist)
+        return bool(waist) and waist[0] in self.names
+
+    @property
+    def has_legs(self) -> bool:
+        """Whether both legs are there."""
+        return all(name in self.names for leg in LEGS for name in joints_of(self.robot, leg))
 
     @property
     def dex1(self) -> bool:
@@ -80,27 +81,68 @@ class JointLayout:
         return GRASPS[0] in self.names
 
     @property
+    def hand(self) -> str:
+        """``own`` of the robot, as Dex3 of the G1, ``dex1``, ``inspire``, ``brainco``, or nothing without hands."""
+        if self.dex1:
+            return "dex1"
+        if any(name in self.names for name in fingers_of(self.robot)):
+            return "own"
+        return next((hand for hand in FOREIGN_HANDS if f"left_hand_{FOREIGN_HANDS[hand][4]}" in self.names), "")
+
+    @property
     def spec(self) -> ActionSpec:
         """The same vector without legs, in the order arms, hands, waist; joints in the layout's unit."""
-        hands = (
-            (scalar("left_grasp", "dex1 rad"), scalar("right_grasp", "dex1 rad"))
-            if self.dex1
-            else (joints(self.robot, "left_hand"), joints(self.robot, "right_hand"))
-        )
-        parts = [joints(self.robot, "left_arm"), joints(self.robot, "right_arm"), *hands]
-        if self.has_waist:
-            parts.append(joints(self.robot, "waist"))
-        parts = [part | {"unit": self.unit} if part["kind"] == "joint" else part for part in parts]
+        parts = self._parts()
+        name = f"joint{sum(part['size'] for part in parts)}"
+        return ActionSpec(name=name, slots=stack(*parts), robot=self.robot)
+
+    @property
+    def whole_spec(self) -> ActionSpec:
+        """The same vector with its legs, if it has them, behind the rest."""
+        legs = [joints(self.robot, leg) | {"unit": self.unit} for leg in LEGS] if self.has_legs else []
+        parts = [*self._parts(), *legs]
         name = f"joint{sum(part['size'] for part in parts)}"
         return ActionSpec(name=name, slots=stack(*parts), robot=self.robot)
 
     @property
     def columns(self) -> np.ndarray:
         """Indices such that ``x_spec = x_source[..., columns]``, shape (spec.dim,)."""
-        robot = self.robot
-        waist = joints_of(robot, "waist") if self.has_waist else ()
-        wanted = [*arms_of(robot), *(GRASPS if self.dex1 else fingers_of(robot)), *waist]
+        return self.columns_of(self.spec)
+
+    def columns_of(self, spec: ActionSpec) -> np.ndarray:
+        """Indices such that ``x_spec = x_source[..., columns]`` for `spec` or `whole_spec`, shape (dim,)."""
+        wanted = []
+        for slot in spec.slots:
+            if slot.kind == "fingers":
+                wanted += [f"{slot.name}_{finger}" for finger in slot.joint_names]
+            else:
+                wanted += slot.joint_names or (slot.name,)
         return np.array([self.names.index(name) for name in wanted], dtype=int)
+
+    @property
+    def left_out(self) -> dict[str, list[str]]:
+        """Names of columns that are left out, as the source spells them, by the reason."""
+        found: dict[str, list[str]] = {}
+        for name, reason in zip(self.given, self.reasons, strict=False):
+            if reason:
+                found.setdefault(reason, []).append(name)
+        return found
+
+    def _parts(self) -> list[dict]:
+        present = {
+            part: sum(name in self.names for name in joints_of(self.robot, part))
+            for part in ("left_arm", "right_arm", "waist")
+        }
+        arms = [joints(self.robot, part, first=present[part]) for part in ("left_arm", "right_arm")]
+        hands: list[dict] = []
+        if self.dex1:
+            hands = [scalar("left_grasp", "dex1 rad"), scalar("right_grasp", "dex1 rad")]
+        elif self.hand == "own":
+            hands = [joints(self.robot, "left_hand"), joints(self.robot, "right_hand")]
+        elif self.hand:
+            hands = [fingers(side, self.hand, *_CLOSINGS[self.hand]) for side in SIDES]
+        parts = [*arms, *hands, *([joints(self.robot, "waist", first=present["waist"])] if self.has_waist else [])]
+        return [part | {"unit": self.unit} if part["kind"] == "joint" else part for part in parts]
 
 
 def arms_of(robot: RobotSpec) -> tuple[str, ...]:
@@ -114,22 +156,18 @@ def fingers_of(robot: RobotSpec) -> tuple[str, ...]:
 
 
 def joint_layout(
-    names: object,
-    dim: int,
-    *,
-    feature: str = "action",
-    assume: ActionSpec | None = None,
-    unit: str = "rad",
-    robot: RobotSpec | None = None,
-) -> JointLayout:
+    names: object, dim: int, *, feature: str = "action", assume: ActionSpec | None = None, unit: str = "rad",
+    parts: Sequence[str] = (), robot: RobotSpec | None = None,
+) -> JointLayout:  # fmt: skip
     """Layout of a feature from its names.
 
     Args:
-        names: As in ``meta/info.json``: a list, a list in a list, or an object with one list (Unitree: ``motors``).
+        names: As in ``meta/info.json``, in any form of `policy.dataset.naming.meaning.flat_names`.
         dim: Number of columns that the feature says it has.
         feature: Its name, for messages.
         assume: Joint layout that the user vouches for (``--assume-spec joint28``); needed where there are no names.
         unit: Unit of the joint columns, ``rad`` or ``deg``.
+        parts: Part of the body that each column is in, where the names are a flat list.
         robot: The robot; the G1 with Dex3 hands if None.
 
     Raises:
@@ -137,177 +175,86 @@ def joint_layout(
     """
     if unit not in ("rad", "deg"):
         raise DatasetError(f"unit '{unit}' is unknown; it is 'rad' or 'deg'")
-    given, robot = flat_names(names), robot or g1()
+    named = tuple(zip(parts, names, strict=True)) if parts else parted_names(names)
+    given, robot = tuple(name for _, name in named), robot or g1()
     if assume is not None:
-        return _assumed(given, dim, feature, assume, unit, robot)
-    if not given:
+        return _assumed(named, dim, feature, assume, unit, robot)
+    if says_nothing(given, dim):
+        fitting = [name for name in LAYOUTS if builtin(name, robot).dim == dim]
+        known = f"layouts with {dim} numbers: {', '.join(fitting)}" if fitting else "`wholebody layouts` has a list"
         raise DatasetError(
             f"'{feature}' has {dim} columns without names; equal size does not say which joints they are. "
-            "If they are as Unitree writes them, say --assume-spec joint28 (Dex3) or joint16 (Dex1)",
+            f"If you know the layout, say --assume-spec {fitting[0] if fitting else 'joint28 or joint16'} or a JSON "
+            f"file of your own ({known})",
             feature=feature,
         )
     if len(given) != dim:
         raise DatasetError(
             f"'{feature}' has {dim} columns but {len(given)} names; there must be one name a column", feature=feature
         )
-    layout = JointLayout(tuple(_canonical(name, feature, robot) for name in given), given, unit, robot)
+    found = [_known(name, part, feature, robot) for part, name in named]
+    layout = JointLayout(tuple(one.name for one in found), given, unit, tuple(one.reason for one in found), robot)
     _check_complete(layout, feature)
     return layout
 
 
-def flat_names(names: object) -> tuple[str, ...]:
-    """Names of columns in any of the forms that LeRobot datasets have; empty if there are none."""
-    while isinstance(names, Mapping) and len(names) == 1:
-        names = next(iter(names.values()))
-    if isinstance(names, Sequence) and len(names) == 1 and not isinstance(names[0], str):
-        return flat_names(names[0])
-    if isinstance(names, Sequence) and not isinstance(names, str) and all(isinstance(name, str) for name in names):
-        return tuple(names)
-    return ()
-
-
-def check_values(layout: JointLayout, values: np.ndarray, *, feature: str = "action") -> tuple[str, ...]:
-    """Refuse joint values that are not finite, no radians, or not of the joints they are called.
-
-    Args:
-        layout: Names of the columns.
-        values: Shape (n, D), in the layout's unit.
-        feature: Name of the feature, for messages.
-
-    Returns:
-        Notes about joints that leave their limits a little; nothing is changed.
-
-    Raises:
-        DatasetError: Naming the feature, column and first frame.
-    """
-    values = np.asarray(values, dtype=float)
-    if values.ndim != 2 or values.shape[1] != layout.dim:
-        raise DatasetError(f"'{feature}' has shape {values.shape}; (frames, {layout.dim}) is expected", feature=feature)
-    bad = ~np.isfinite(values)
-    if bad.any():
-        frame, column = (int(i) for i in np.argwhere(bad)[0])
-        raise DatasetError(
-            f"'{feature}' column {column} ({layout.given[column]}) is {values[frame, column]} at frame {frame}; "
-            f"{int(bad.sum())} of {bad.size} numbers are not finite: leave those episodes out",
-            feature=feature,
-            frame=frame,
-        )
-    return tuple(
-        note for column in range(layout.dim) for note in _check_column(layout, values[:, column], column, feature)
+def _known(name: str, part: str, feature: str, robot: RobotSpec) -> Meaning:
+    found = meaning(name, part, robot)
+    if found.name or found.reason:
+        return found
+    near = did_you_mean(name, (*UNITREE_DEX3, "kLeftGripper", "kRightGripper", *robot.joint_names))
+    raise DatasetError(
+        f"'{feature}' has a column '{name}', which is no joint of the G1 with Dex3 hands or Dex1 grippers, and no "
+        f"finger of an Inspire or BrainCo hand; {near}if the names say nothing, --assume-spec joint28 or joint16 does",
+        feature=feature,
     )
 
 
-def _check_column(layout: JointLayout, values: np.ndarray, column: int, feature: str) -> list[str]:
-    name, spelt = layout.names[column], layout.given[column]
-    if name in GRASPS:
-        return _check_gripper(values, column, spelt, feature)
-    q = np.deg2rad(values) if layout.unit == "deg" else values
-    frame = int(np.argmax(np.abs(q)))
-    if np.abs(q[frame]) > DEGREES_FROM:
-        raise DatasetError(
-            f"'{feature}' column {column} ({spelt}) is {values[frame]:.4g} {layout.unit} at frame {frame}; no joint of "
-            f"the G1 passes {DEGREES_FROM:.3g} rad: "
-            + ("the numbers look like degrees, say --unit deg" if layout.unit == "rad" else "the recording is damaged"),
-            feature=feature,
-            frame=frame,
-        )
-    index = layout.robot.index(name)
-    low, high = layout.robot.position_min[index], layout.robot.position_max[index]
-    excess = np.maximum(low - q, q - high)
-    if np.mean(excess > ORDER_MARGIN) > ORDER_SHARE:
-        raise DatasetError(
-            f"'{feature}' column {column} ({spelt}) is outside the limits [{low:.3g}, {high:.3g}] rad of {name} by "
-            f"more than {ORDER_MARGIN} rad in {np.mean(excess > ORDER_MARGIN):.0%} of the frames: the columns are in "
-            "another order than their names say (the right Dex3 hand is thumb, index, middle), or have another sign",
-            feature=feature,
-            frame=int(np.argmax(excess)),
-        )
-    beyond = excess > 1e-6
-    if not beyond.any():
-        return []
-    return [f"{feature}: {name} is beyond its limits in {int(beyond.sum())} frames, by up to {excess.max():.3g} rad"]
-
-
-def _check_gripper(values: np.ndarray, column: int, spelt: str, feature: str) -> list[str]:
-    frame = int(np.argmax(np.abs(values)))
-    if np.abs(values[frame]) > DEGREES_FROM:
-        raise DatasetError(
-            f"'{feature}' column {column} ({spelt}) is {values[frame]:.4g} at frame {frame}; a Dex1 motor angle is "
-            f"between 0 (closed) and {DEX1_OPEN} rad (open)",
-            feature=feature,
-            frame=frame,
-        )
-    outside = (values < 0.0) | (values > DEX1_OPEN)
-    if not outside.any():
-        return []
-    return [f"{feature}: {spelt} is outside [0, {DEX1_OPEN}] rad in {int(outside.sum())} frames and was clipped"]
-
-
-def _canonical(name: str, feature: str, robot: RobotSpec) -> str:
-    known = {_key(joint): joint for joint in robot.joint_names}
-    known |= {"leftgripper": "left_grasp", "rightgripper": "right_grasp"}
-    known |= {"leftgrasp": "left_grasp", "rightgrasp": "right_grasp"}
-    found = known.get(_key(name))
-    if found is None:
-        near = did_you_mean(name, (*UNITREE_DEX3, "kLeftGripper", "kRightGripper", *robot.joint_names))
-        raise DatasetError(
-            f"'{feature}' has a column '{name}', which is no joint of the G1 with Dex3 hands or Dex1 grippers; "
-            f"{near}if the names say nothing, --assume-spec joint28 or joint16 does",
-            feature=feature,
-        )
-    return found
-
-
-def _key(name: str) -> str:
-    """Letters and digits in lower case, without ``k`` in front, ``_joint`` behind and LeRobot's ending."""
-    name = re.sub(r"\.(pos|q)$", "", name)
-    if re.match(r"k[A-Z]", name):
-        name = name[1:]
-    return re.sub(r"[^a-z0-9]", "", name.lower()).removesuffix("joint")
-
-
 def _check_complete(layout: JointLayout, feature: str) -> None:
-    doubled = sorted({name for name in layout.names if layout.names.count(name) > 1})
+    there = [name for name in layout.names if name]
+    doubled = sorted({name for name in there if there.count(name) > 1})
     if doubled:
         raise DatasetError(f"'{feature}' has two columns for {', '.join(doubled)}", feature=feature)
-    if any(grasp in layout.names for grasp in GRASPS) and any(
-        finger in layout.names for finger in fingers_of(layout.robot)
-    ):
-        raise DatasetError(f"'{feature}' has both Dex3 fingers and grippers; one of them is expected", feature=feature)
-    arms, fingers = arms_of(layout.robot), fingers_of(layout.robot)
-    wanted = (*arms, *(GRASPS if any(grasp in layout.names for grasp in GRASPS) else fingers))
-    missing = [name for name in wanted if name not in layout.names]
+    robot, arms, own = layout.robot, arms_of(layout.robot), fingers_of(layout.robot)
+    kinds = {"Dex3 fingers": own, "grippers": GRASPS, "fingers of another hand": FOREIGN_FINGERS}
+    have = [kind for kind, names in kinds.items() if any(name in there for name in names)]
+    if len(have) > 1:
+        raise DatasetError(f"'{feature}' has both {have[0]} and {have[1]}; one of them is expected", feature=feature)
+    if layout.hand in FOREIGN_HANDS:
+        hands = tuple(f"{side}_hand_{finger}" for side in SIDES for finger in FOREIGN_HANDS[layout.hand])
+    else:
+        hands = kinds[have[0]] if have else ()
+    short = [name for part in ("left_arm", "right_arm") for name in joints_of(robot, part)[SHORT_ARM:]]
+    if not have and not any(name in there for name in short):
+        arms = tuple(name for name in arms if name not in short)
+    waist = [name for name in joints_of(robot, "waist") if name in there]
+    missing = [name for name in (*arms, *hands) if name not in there]
+    if waist not in ([], list(joints_of(robot, "waist")[:SHORT_WAIST])):
+        missing += [name for name in joints_of(robot, "waist") if name not in there]
     if missing:
         raise DatasetError(
-            f"'{feature}' has {layout.dim} columns, but none for {', '.join(missing)}; both arms ({len(arms)}) "
-            f"and either both hands ({len(fingers)}) or two Dex1 grippers are needed",
+            f"'{feature}' has {layout.dim} columns, but none for {', '.join(missing)}; both arms ({len(arms)}) are "
+            f"needed, and of both hands ({len(own)}), two Dex1 grippers or two other hands (12) all or none",
             feature=feature,
         )
 
 
 def _assumed(
-    given: tuple[str, ...], dim: int, feature: str, assume: ActionSpec, unit: str, robot: RobotSpec
+    named: Sequence[tuple[str, str]], dim: int, feature: str, assume: ActionSpec, unit: str, robot: RobotSpec
 ) -> JointLayout:
-    names = tuple(name for slot in assume.slots for name in (slot.joint_names or (slot.name,)))
-    wrong = [name for name in names if name not in (*robot.joint_names, *GRASPS)]
-    if wrong:
+    if any(slot.kind not in ("joint", "fingers", "ignored") and slot.name not in GRASPS for slot in assume.slots):
+        wrong = [
+            slot.name for slot in assume.slots if slot.kind not in ("joint", "ignored") and slot.name not in GRASPS
+        ]
         raise DatasetError(
             f"--assume-spec {assume.name} is no joint layout: it has {', '.join(wrong)}; joint28 and joint16 are",
             feature=feature,
         )
-    if dim != len(names):
-        raise DatasetError(f"'{feature}' has {dim} columns; '{assume.name}' has {len(names)}", feature=feature)
-    layout = JointLayout(names, given if len(given) == dim else names, unit, robot)
+    if dim != assume.dim:
+        raise DatasetError(f"'{feature}' has {dim} columns; '{assume.name}' has {assume.dim}", feature=feature)
+    names, reasons = column_names(assume)
+    given = tuple(name for _, name in named)
+    layout = JointLayout(names, given if len(given) == dim else tuple(assume.feature_names), unit, reasons, robot)
     _check_complete(layout, feature)
-    for column, (name, spelt) in enumerate(zip(names, layout.given, strict=True)):
-        try:
-            said = _canonical(spelt, feature, robot)
-        except DatasetError:
-            continue  # the name says nothing, the user does
-        if said != name:
-            raise DatasetError(
-                f"'{feature}' column {column} is called '{spelt}', '{assume.name}' has {name} there: the order is "
-                "another one; without --assume-spec the columns are mapped by their names",
-                feature=feature,
-            )
+    require_same_names(assume, named, feature)
     return layout

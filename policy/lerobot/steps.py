@@ -32,7 +32,9 @@ from lerobot.utils.constants import ACTION, OBS_STATE
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.joint_conversion import JointConversion
-from policy.dataset.joint_layout import UNITREE_DEX3, check_values, joint_layout
+from policy.dataset.joint_layout import joint_layout
+from policy.dataset.joint_values import check_values
+from policy.dataset.naming.meaning import UNITREE_DEX3
 from policy.errors import ChunkError, SpecError
 from policy.kinematics.forward import IK_TOLERANCE
 

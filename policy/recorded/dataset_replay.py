@@ -9,14 +9,17 @@ import numpy as np
 
 from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
-from policy.dataset.checks import check_times, column_layout
-from policy.dataset.format import ACTION, Dataset, vectors
-from policy.dataset.joint_layout import check_values
+from policy.dataset.checks import check_times, column_layout, wrist_layout
+from policy.dataset.format import ACTION, Dataset
+from policy.dataset.joint_values import check_values
+from policy.dataset.naming.sources import find_source
+from policy.dataset.naming.vouched import require_same_names
 from policy.dataset.open import open_dataset
 from policy.errors import DatasetError, SpecError
-from policy.reading import SPEC_MAX, ReadingError, read_text
+from policy.reading import SPEC_MAX, ReadingError, listed, read_text
 from policy.recorded.replay import ReplayPolicy
 
 
@@ -39,18 +42,26 @@ def open_episode(
     if not 0 <= number < len(dataset.episodes):
         raise DatasetError(f"{folder} has no episode {number}; it has 0 to {len(dataset.episodes) - 1}")
     check_times(dataset, [dataset.episodes[number]])
-    episode, width = dataset.episodes[number], int(dataset.feature(ACTION)["shape"][0])
-    actions = vectors(dataset.table(episode, [ACTION]).column(ACTION), width, ACTION, episode)
-    spec = _layout(dataset, robot) if assume is None else assume
+    episode, source = dataset.episodes[number], find_source(dataset, ACTION)
+    actions = source.of(dataset.table(episode, list(source.features)), episode)
+    spec, notes = _layout(dataset, robot) if assume is None else assume, source.notes
+    if assume is not None:
+        require_same_names(assume, tuple(zip(source.parts, source.names, strict=True)), ACTION)
+    if spec is None and (name := wrist_layout(source, robot)):
+        spec = builtin(name, robot)
     if spec is None:
-        joints = column_layout(dataset, ACTION, robot=robot)
+        joints = column_layout(dataset, source, robot=robot)
         check_values(joints, actions, feature=ACTION)
-        spec, actions = joints.spec, actions[:, joints.columns]
+        spec = joints.whole_spec
+        actions = actions[:, joints.columns_of(spec)]
+        notes += tuple(f"{listed(names, 6)} left out: {reason}" for reason, names in joints.left_out.items())
+        notes += () if joints.hand else ("there are no hands in it: fingers stay as they are",)
     if spec.dim != actions.shape[1]:
         raise DatasetError(f"'{ACTION}' of {folder} has {actions.shape[1]} numbers; '{spec.name}' has {spec.dim}")
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
     spec = dataclasses.replace(spec, fps=dataset.fps)
     chunk = decode(spec, np.asarray(actions, dtype=float), Anchor.nominal(robot=spec.robot))
+    chunk = dataclasses.replace(chunk, notes=(*chunk.notes, *notes))
     return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec)
 
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from models import g1
 from policy.action_spec.slot import DEX1_OPEN
-from policy.dataset.joint_layout import UNITREE_DEX1, UNITREE_DEX3, joint_layout
+from policy.dataset.joint_layout import joint_layout
+from policy.dataset.naming.meaning import UNITREE_DEX1, UNITREE_DEX3
 
 DEX3 = joint_layout([list(UNITREE_DEX3)], 28)
 DEX1 = joint_layout([list(UNITREE_DEX1)], 16)

@@ -136,8 +136,8 @@ def test_a_missing_place_of_an_episode_is_refused(source):
 
 
 def test_a_missing_action_is_named_with_what_there_is(source):
-    edit_info(source, lambda info: info["features"].update(actions=info["features"].pop("action")))
-    error = refused(source, "has no feature 'action'; did you mean 'actions'")
+    edit_info(source, lambda info: info["features"].update(acton=info["features"].pop("action")))
+    error = refused(source, "has no feature 'action'; did you mean 'acton'")
     assert error.feature == "action"
 
 
@@ -148,7 +148,7 @@ def test_a_missing_column_of_the_data_is_named_with_what_there_is(source):
 
 def test_names_of_no_joints_are_refused(source):
     rename(source, lambda names: [[f"motor_{i}" for i in range(28)]])
-    refused(source, "--assume-spec joint28 or joint16")
+    refused(source, "say --assume-spec joint28 or a JSON file of your own .layouts with 28 numbers: joint28")
 
 
 def test_missing_names_need_a_user_who_vouches(source, tmp_path):

@@ -8,7 +8,8 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.slot import DEX1_OPEN
 from policy.dataset.joint_conversion import JointConversion, round_trip
-from policy.dataset.joint_layout import UNITREE_DEX3, joint_layout
+from policy.dataset.joint_layout import joint_layout
+from policy.dataset.naming.meaning import UNITREE_DEX3
 from policy.errors import ChunkError, DatasetError, SpecError
 from policy.geometry.rotations import matrix_to_rot6d
 from policy.kinematics.forward import IK_TOLERANCE, kinematics

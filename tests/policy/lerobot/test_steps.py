@@ -15,7 +15,7 @@ from lerobot.processor.converters import create_transition
 
 from policy.action_spec.builtin import builtin
 from policy.dataset.joint_conversion import JointConversion
-from policy.dataset.joint_layout import UNITREE_DEX1, UNITREE_DEX3
+from policy.dataset.naming.meaning import UNITREE_DEX1, UNITREE_DEX3
 from policy.errors import ChunkError, DatasetError, SpecError
 from policy.lerobot.steps import G1JointsToWristsStep, G1WristsToJointsStep, insert_steps, pair
 from tests.support.joint_cases import DEX1, DEX3, swinging

@@ -1,0 +1,1 @@
+"""What columns of datasets are, from the names of features, parts and columns."""
