@@ -1,19 +1,16 @@
-"""Things that serve one thread at a time, made for some settings, and lent to as many threads as there are processors."""
+"""Things that serve one thread at a time, made for some settings, and lent to as many threads as processors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from threading import Condition
-from typing import Generic, TypeVar
 
 from wholebody.errors import WholebodyError
 from wholebody.resources import processors
 
-Thing = TypeVar("Thing")
 
-
-class Lending(Generic[Thing]):
+class Lending[Thing]:
     """Makes what is asked for, lends it to one thread at a time, and keeps it for the next one.
 
     There are no more of them than processors, for whatever settings: a thread waits until one is given back, and what
