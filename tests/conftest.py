@@ -20,7 +20,7 @@ NEED_LEROBOT = [
     "wholebody/cli/test_lerobot_doctor.py",
 ]
 collect_ignore_glob = [] if find_spec("lerobot") else list(NEED_LEROBOT)
-collect_ignore_glob += [] if find_spec("viser") else ["wholebody/live/test_page*.py"]
+collect_ignore_glob += [] if find_spec("viser") else ["wholebody/live/test_page*.py", "wholebody/live/test_door.py"]
 collect_ignore_glob += [] if find_spec("k3d") else ["wholebody/verdict/test_page*.py"]
 collect_ignore_glob += [] if find_spec("ray") else ["wholebody/verdict/test_audit_on_ray.py"]
 collect_ignore_glob += [] if find_spec("pyarrow") else ["wholebody/verdict/test_audit.py"]

@@ -1,6 +1,5 @@
 """A bare websocket client of the live page: what viser's server sends to a browser, without one."""
 
-import re
 import threading
 
 import msgspec
@@ -15,7 +14,7 @@ HANDLE, PALM = "/handle/left", "/robot/left_hand_palm_link"
 
 def connected(address):
     """A connection to the page at an address."""
-    uri = f"ws:{re.search(r'//[^/]+', address)[0]}"
+    uri = address.replace("http:", "ws:", 1)
     return connect(uri, max_size=None, subprotocols=[f"viser-v{viser.__version__}"], proxy=None)
 
 

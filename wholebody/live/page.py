@@ -23,12 +23,14 @@ from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.config.description import describe
 from wholebody.live import wire
+from wholebody.live.door import Check, Door, between, one_of
 from wholebody.live.glance import HANDS, Glance, Wish
+from wholebody.live.marks import Marks
 from wholebody.live.robot_process import World, WorldView
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.sim.pictures.meshes import Part, parts
-from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Mark, Scene
+from wholebody.sim.pictures.scene import STATUS_COLOUR, Scene
 
 FPS = 30.0
 """Pictures a second [Hz]; chosen: what a browser shows smoothly."""
@@ -48,6 +50,9 @@ class Page:
         world: Where the robot stands.
         sources: Names that can be chosen.
         host, port: Where it is served.
+
+    Attributes:
+        address: Where it can be opened, with the token without which it cannot.
     """
 
     def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
@@ -62,8 +67,11 @@ class Page:
         self._palms = palm_frame_ids(spec, self._pin)
         self._support = _support(spec, self._model, self._data)
         self._sources, self._wishes = sources, deque()
-        self._server = viser.ViserServer(host=host, port=port, label="wholebody live", verbose=False)
-        self.port = self._server.get_port()
+        self._door = Door(host)
+        with self._door.guarding():
+            self._server = viser.ViserServer(host=host, port=port, label="wholebody live", verbose=False)
+        shown = f"[{host}]" if ":" in host else host
+        self.address = f"http://{shown}:{self._server.get_port()}/{self._door.token}"
         self._lines = {name: deque(maxlen=int(HISTORY * LINES_PER_S)) for name in ("time", *_LINES)}
         self._draw_world(parts(spec, world.scene))
         # What is seen until the loop runs.
@@ -99,7 +107,7 @@ class Page:
                     side="double",
                     cast_shadow=not opacity,
                 )
-        self._marks: dict[str, object] = {}
+        self._marks = Marks(scene)
 
     def _make_handles(self) -> None:
         """A handle at each palm; dragging one makes the hands follow it."""
@@ -107,6 +115,7 @@ class Page:
         for side in SIDES:
             handle = self._server.scene.add_transform_controls(f"/handle/{side}", scale=0.16, line_width=3.0)
             self._handles.append(handle)
+            self._door.handles.add(f"/handle/{side}")
 
             @handle.on_update
             async def _(event: object, side: str = side) -> None:
@@ -129,12 +138,17 @@ class Page:
         source = gui.add_dropdown("source", self._sources, hint="where the chunks come from")
         source.on_update(lambda _: self._wish(Wish.SOURCE, self._sources.index(source.value)))
         self._source = source
-        row = gui.add_button_group("time", ("pause", "go on", "reset"))
+        times = ("pause", "go on", "reset")
+        row = gui.add_button_group("time", times)
         row.on_click(lambda _: self._on_time(row.value))
+        self._opens(source, one_of(*self._sources))
+        self._opens(row, one_of(*times))
         with gui.add_folder("disturb", expand_by_default=False):
             size = gui.add_slider("push [N s]", 0.0, 20.0, 0.5, 5.0, hint="momentum, given at the torso in 0.1 s")
             angle = gui.add_slider("direction [deg]", -180, 180, 15, 0, hint="0: from behind, 90: to the left")
-            gui.add_button("push").on_click(lambda _: self._push(size.value, angle.value))
+            push = gui.add_button("push")
+            push.on_click(lambda _: self._push(size.value, angle.value))
+            self._opens(push, one_of(True))
             load = [gui.add_slider(f"{side} hand [kg]", 0.0, 3.0, 0.1, 0.0) for side in SIDES]
             for slider in load:
                 slider.on_update(lambda _: self._wish(Wish.PAYLOAD, *(s.value for s in load)))
@@ -142,8 +156,14 @@ class Page:
             friction.on_update(lambda _: self._wish(Wish.FRICTION, friction.value))
             latency = gui.add_slider("policy latency [ms]", 0, 500, 10, 0)
             latency.on_update(lambda _: self._wish(Wish.LATENCY, 1e-3 * latency.value))
+            for slider in (size, angle, *load, friction, latency):
+                self._opens(slider, between(slider.min, slider.max))
         with gui.add_folder("time lines"):
             self._plots = {name: _plot(gui, name, unit) for name, unit in _LINES.items()}
+
+    def _opens(self, control: object, check: Check) -> None:
+        """Let what a control sends in."""
+        self._door.values[control._impl.uuid] = check
 
     def _wish(self, what: Wish, *numbers: float) -> None:
         self._wishes.append((what, *numbers))
@@ -214,11 +234,7 @@ class Page:
             reason=status.reason,
             rate=followed.rate,
         )
-        marks = {f"/marks/{mark.name}": mark for mark in scene.marks()}
-        for name, mark in marks.items():
-            self._mark(name, mark)
-        for name, drawn in self._marks.items():
-            drawn.visible = name in marks
+        self._marks.show(scene.marks())
         if not self._dragging and self._sources[glance.source] != HANDS:
             self._hold(followed.commanded)
         return scene
@@ -240,30 +256,6 @@ class Page:
         for name, frame in frames.items():
             body = data.body(name)
             frame.position, frame.wxyz = body.xpos.copy(), body.xquat.copy()
-
-    def _mark(self, name: str, mark: Mark) -> None:
-        """Draw a mark, or move it to where it is now."""
-        colour, opacity = tuple(round(255 * part) for part in mark.show.colour[:3]), mark.show.colour[3]
-        scene, old = self._server.scene, self._marks.get(name)
-        points = mark.points.astype(np.float32)
-        if mark.kind is Kind.LINE:
-            if old is None:
-                self._marks[name] = scene.add_line_segments(name, points[None], colour, thickness=2.0 * mark.size)
-            else:
-                old.points = points[None]
-        elif mark.kind is Kind.AREA:
-            if old is None:
-                fan = np.array([[0, i, i + 1] for i in range(1, len(points) - 1)], dtype=np.uint32)
-                self._marks[name] = scene.add_mesh_simple(
-                    name, points, fan, color=colour, opacity=opacity, side="double"
-                )
-        elif old is not None:
-            old.position = mark.points[0]
-        elif mark.kind is Kind.DISC:
-            self._marks[name] = scene.add_cylinder(name, mark.size, 0.002, color=colour, opacity=opacity)
-        else:
-            radius = mark.size or 0.022
-            self._marks[name] = scene.add_icosphere(name, radius, color=colour, opacity=opacity, position=points[0])
 
     def _tell(self, glance: Glance, scene: Scene) -> None:
         """Words and time lines."""

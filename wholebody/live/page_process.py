@@ -33,7 +33,7 @@ class PageProcess:
         InputError: If it cannot be served, or the packages that it needs are missing.
 
     Attributes:
-        port: Where it is served.
+        address: Where it can be opened.
         robot_end: For the robot's process, which tells the page about the world.
     """
 
@@ -54,7 +54,7 @@ class PageProcess:
         if isinstance(answer, str):
             self.close()
             raise InputError(answer)
-        self.port: int = answer
+        (self.address,) = answer
 
     def show(self, glance: Glance) -> None:
         """Show an instant; never waits."""
@@ -102,5 +102,5 @@ def _main(
     except (OSError, RuntimeError) as error:
         there.send(f"the page cannot be served at {host}:{port}: {error}")
         return
-    there.send(page.port)
+    there.send((page.address,))
     page.run(loop, robot)

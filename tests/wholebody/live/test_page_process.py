@@ -17,7 +17,7 @@ def test_the_page_shows_a_robot_that_moves():
     code = "from wholebody.cli.main import main; main()"
     arguments = [sys.executable, "-c", code, "live", "wave", "--port", "0", "--duration", "60"]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    address = next(found[0] for line in process.stderr if (found := re.search(r"http://[\d.:]+", line)))
+    address = next(found[0] for line in process.stderr if (found := re.search(r"http://\S+", line)))
     places = set()
     with PageWatcher(address) as seen:
         limit = time.monotonic() + 60.0

@@ -95,7 +95,7 @@ def live(
         gate = partial(gate_of, settings, free, around.scene) if around.gate else None
         session = Session(settings, RobotProcess(world, settings.dt), about, page, gate)
     if page is not None:
-        say(f"http://{shown.host}:{page.port} shows the robot; Ctrl-C ends it", to_errors=True)
+        say(f"{page.address} shows the robot; Ctrl-C ends it", to_errors=True)
     try:
         session.run(policies, _nothing if quiet else _Lines(session), asking)
     finally:
