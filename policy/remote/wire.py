@@ -48,7 +48,7 @@ NOTES_MAX, NOTE_MAX = 16, 300
 """Notes of a chunk that are kept, and characters of each."""
 _CHUNK = tuple(field.name for field in dataclasses.fields(ActionChunk))
 _CHUNK_PLAIN = {"spec_id": str, "seq": int, "t_obs": float, "fps": float}
-_CHUNK_OPTIONAL = ("q_larm", "q_rarm", "q_waist", "base_height", "base_velocity")
+_CHUNK_OPTIONAL = tuple(field.name for field in dataclasses.fields(ActionChunk) if field.default is None)
 _PREFIX = {"steps": int, "inference_delay": int, "execution_horizon": int}
 
 
