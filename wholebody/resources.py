@@ -1,7 +1,9 @@
-"""Where the files are that come with the package, and the processors that it may use."""
+"""Where the files are that come with the package, and the processors and processes that it may use."""
 
 import os
+from multiprocessing import parent_process
 from pathlib import Path
+from threading import Thread
 
 _PACKAGE = Path(__file__).parent
 
@@ -22,3 +24,16 @@ def processors() -> list[int]:
     if hasattr(os, "sched_getaffinity"):
         return sorted(os.sched_getaffinity(0))
     return list(range(os.cpu_count() or 1))
+
+
+def end_with_parent() -> None:
+    """In a process of ours: end as soon as the one that began it is gone, killed too, whatever is being computed."""
+    parent = parent_process()
+    if parent is None:
+        return
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=watch, name="ends with parent", daemon=True).start()

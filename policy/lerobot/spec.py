@@ -18,6 +18,7 @@ from policy.action_spec.spec import ActionSpec, require_same
 from policy.action_spec.state import state_layout
 from policy.errors import SpecError
 from policy.reading import SPEC_MAX, ReadingError, read_text
+from policy.writing import write_text
 
 ACTION_SPEC_FILE = "action_spec.json"
 STATE_SPEC_FILE = "state_spec.json"
@@ -33,8 +34,8 @@ def write_specs(folder: str | Path, spec: ActionSpec, state: ActionSpec | None =
     """
     folder, state = Path(folder), state_layout(spec) if state is None else state
     _require_absolute(state)
-    (folder / ACTION_SPEC_FILE).write_text(spec.to_json() + "\n")
-    (folder / STATE_SPEC_FILE).write_text(state.to_json() + "\n")
+    write_text(folder / ACTION_SPEC_FILE, spec.to_json() + "\n")
+    write_text(folder / STATE_SPEC_FILE, state.to_json() + "\n")
 
 
 def read_action_spec(folder: Path, wanted: ActionSpec | None, assumed: ActionSpec | None) -> ActionSpec:

@@ -32,6 +32,7 @@ from policy.errors import FileFormatError, RotationError, SpecError, did_you_mea
 from policy.geometry.rotations import quaternion_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
+from policy.writing import whole
 
 KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints", "mask")
 UPRIGHT_MIN, BASE_FAR = 0.5, 0.5
@@ -174,7 +175,7 @@ def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
     if file.mask is not None:
         arrays["mask"] = np.asarray(file.mask)
     # np.savez would append ".npz" to another name.
-    with Path(path).open("wb") as stream:
+    with whole(path) as place, place.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
 
 

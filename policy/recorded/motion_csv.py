@@ -21,6 +21,7 @@ from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from policy.geometry.se3 import interpolate, make_transform
 from policy.kinematics.forward import kinematics
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX, ReadingError, read_text
+from policy.writing import whole
 
 ROOT_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of the root; those of the body joints follow, 36 in all of the G1."""
@@ -102,7 +103,8 @@ def write_motion_csv(path: str | Path, motion: Motion) -> None:
     """Write a motion with six digits, as the public files do. The frame rate is not part of the file."""
     quat = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
     table = np.hstack([motion.T_world_base[:, :3, 3], quat, motion.q_body])
-    np.savetxt(path, table, fmt="%.6f", delimiter=",")
+    with whole(path) as place:
+        np.savetxt(place, table, fmt="%.6f", delimiter=",")
 
 
 def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:

@@ -41,7 +41,7 @@ FLOORS = (
 # The same inside policy, where most rooms are folders and the rest single files.
 POLICY_FLOORS = (
     {"errors"},
-    {"joints", "findings", "geometry", "clock", "reading", "sparing_log"},
+    {"joints", "findings", "geometry", "clock", "reading", "sparing_log", "writing"},
     {"observation", "archive"},
     {"chunk", "kinematics", "placeholder_cameras"},
     {"action_spec"},

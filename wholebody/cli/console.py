@@ -5,14 +5,16 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING, TextIO
 
+from policy import writing
 from policy.errors import printable
+from policy.writing import OutputError
 
 LINE_MAX = 4000
 """Most characters of a line on the terminal."""
@@ -242,9 +244,25 @@ class JsonVerdicts:
         self._count += 1
 
     def _write(self, text: str) -> None:
-        if self._file is not None:
+        if self._file is None:
+            return
+        try:
             self._file.write(text)
             self._file.flush()
+        except OSError as error:
+            if self._file is sys.stdout:
+                raise
+            self._give_up()
+            raise OutputError(error.errno, f"cannot write '{self.target}': {error.strerror}") from error
+
+    def _give_up(self) -> None:
+        """Leave no empty file behind."""
+        file, self._file, self._count = self._file, None, 0
+        with suppress(OSError):
+            file.close()
+        place = Path(self.target)
+        if place.is_file() and not place.stat().st_size:
+            place.unlink()
 
 
 def write_text(target: str, text: str) -> None:
@@ -252,4 +270,4 @@ def write_text(target: str, text: str) -> None:
     if target == "-":
         print(text)
     else:
-        Path(target).write_text(text + "\n")
+        writing.write_text(target, text + "\n")

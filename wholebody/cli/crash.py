@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from traceback import extract_tb
 
+from policy.writing import OutputError
+
 CRASH = 3
 """Exit code of a fault of ours."""
 ROOT, OURS = Path(__file__).parents[2], ("models", "policy", "wholebody")
@@ -22,10 +24,13 @@ def ours() -> Iterator[None]:
     """Whatever fails in here is a fault of ours, a ValueError of numpy too: input and options were checked before.
 
     Raises:
+        OutputError: If a file cannot be written.
         CrashError: Whatever it was.
     """
     try:
         yield
+    except OutputError:
+        raise
     except Exception as error:
         raise CrashError from error
 

@@ -15,11 +15,12 @@ from multiprocessing import get_context
 from signal import SIG_DFL, SIGINT, signal
 from typing import TYPE_CHECKING
 
+from policy.writing import OutputError
 from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
 from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker
 from wholebody.cli.sources import expanded, length, opened
-from wholebody.resources import processors
+from wholebody.resources import end_with_parent, processors
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -168,6 +169,8 @@ class Judge:
         from policy.errors import PolicyError
         from wholebody.errors import WholebodyError
 
+        if isinstance(error, OutputError):  # every other input would fail as well
+            raise error
         if isinstance(error, PolicyError | OSError):
             return _told(name, str(error), MALFORMED)
         if isinstance(error, WholebodyError | RobotSpecError | ValueError):
@@ -259,6 +262,7 @@ def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Ju
     global _judge  # noqa: PLW0603 - a process has one
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_DFL)
+    end_with_parent()
     _judge = Judge(given, simulation, sampling, judging, quiet=True, pages=pages)
 
 
@@ -273,7 +277,7 @@ def _judge_apart(name: str, seed: int | None = None) -> Answer:
         log_to_terminal()
         try:
             answer = _judge.answer(name) if seed is None else _judge.in_world(name, seed)
-        except (WholebodyError, RobotSpecError, ValueError) as error:
+        except (WholebodyError, RobotSpecError, ValueError, OutputError) as error:
             answer = Answer(MALFORMED, misuse=str(error))
     # Of worlds only the first one says what there is to say.
     return replace(answer, said="" if seed is not None and answer.verdict is not None else said.getvalue())

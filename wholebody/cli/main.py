@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
@@ -28,6 +30,8 @@ from wholebody.cli.crash import CRASH, sentence
 from wholebody.cli.options import flat
 
 MISUSE = 2
+CLOSED = 141
+"""Exit code where nobody reads the output any more: what a shell tells of SIGPIPE."""
 
 # What draws is a process of its own and says with which library; here MuJoCo is not to look for one.
 os.environ["MUJOCO_GL"] = "disable"
@@ -54,6 +58,36 @@ for command in COMMANDS:
 app.add_typer(bench, name="bench")
 
 
+class _Outlet:
+    """Standard output whose reader may leave, as ``head`` does: that is no answer, least of all `infeasible`."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write text, or end."""
+        with _while_read():
+            return self._stream.write(text)
+
+    def flush(self) -> None:
+        """Hand on what was written, or end."""
+        with _while_read():
+            self._stream.flush()
+
+
+@contextmanager
+def _while_read() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        # Python would fail once more when it flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())
+        sys.exit(CLOSED)
+
+
 def main() -> None:
     """Entry point; bad input ends with one sentence and exit code 2, a fault of ours with code 3, never a traceback."""
     from models.spec import RobotSpecError
@@ -61,6 +95,7 @@ def main() -> None:
     from wholebody.errors import WholebodyError
 
     log_to_terminal()
+    sys.stdout = _Outlet(sys.stdout)
     try:
         app(prog_name="wholebody")
     except (PolicyError, WholebodyError, RobotSpecError, OSError, ValueError) as error:

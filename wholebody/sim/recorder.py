@@ -11,6 +11,7 @@ import pinocchio as pin
 from models.pinocchio_model import load_pinocchio, palm_frame_ids
 from models.spec import RobotSpec
 from policy.errors import printable
+from policy.writing import whole
 from wholebody.config import ControllerConfig
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.plant import Plant
@@ -161,5 +162,5 @@ class Recorder:
 
     def save(self, path: str | Path) -> None:
         """Write the columns."""
-        with Path(path).open("wb") as file:
+        with whole(path) as place, place.open("wb") as file:
             np.savez_compressed(file, **self.arrays())

@@ -188,10 +188,12 @@ def test_a_folder_of_motions_becomes_a_table(inside, tmp_path):
     assert verdict["seconds"]["hold"] + verdict["seconds"].get("slowed", 0.0) > 1.0
 
 
-@pytest.mark.parametrize(("chunks", "code"), [(3, 0), (0, 1)])
-def test_a_run_in_which_the_policy_did_nothing_is_no_success(inside, monkeypatch, chunks, code):
+@pytest.mark.parametrize(
+    ("answer", "chunks", "code"), [("feasible", 3, 0), ("feasible", 0, 1), ("infeasible", 3, 1)], ids=str
+)
+def test_a_run_in_which_the_policy_did_nothing_is_no_success(inside, monkeypatch, answer, chunks, code):
     """``lerobot-rollout`` of 0.6.1 sends no command and ends with code 0 when every call of the policy fails."""
-    verdict = Verdict(name="wave", verdict="infeasible", fell=False, timing=Timing(chunks=chunks))
+    verdict = Verdict(name="wave", verdict=answer, fell=False, timing=Timing(chunks=chunks))
     monkeypatch.setattr(run_command, "make_checker", lambda *_: SimpleNamespace(check=lambda *_, **__: (verdict, None)))
     assert inside("run", "wave").returncode == code
 

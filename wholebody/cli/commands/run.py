@@ -46,7 +46,7 @@ def run(
     json_to: VerdictsTo = "",
     pictures: Pictures,
 ) -> None:
-    """Close the loop: policy, controller and MuJoCo. Exit code 1 after a fall, or if no chunk was executed."""
+    """Close the loop: policy, controller and MuJoCo. Exit code 1 if that is infeasible, or no chunk was executed."""
     quiet, follow = json_to == "-", asking.follow
     check_times(given.duration, simulation.hold)
     check_places(json_to, pictures.video, pictures.sheet, pictures.record)
@@ -84,11 +84,11 @@ def run(
 
 
 def _failed(verdict: Verdict, *, strict: bool) -> bool:
-    """Whether a run is no success; strictly, neither if a chunk was refused, or there was none when one was needed."""
+    """Whether a run is infeasible or idle; strictly, also if a chunk was refused, or there was none when needed."""
     from wholebody.types import Reason
 
     lacking = any(violation.code in (Reason.REFUSED, Reason.STARVED) for violation in verdict.violations)
-    return verdict.fell or not verdict.timing.chunks or (strict and lacking)
+    return verdict.verdict == "infeasible" or not verdict.timing.chunks or (strict and lacking)
 
 
 def _names(source: str, motions: Path | None, given: Input, *, one: bool) -> list[str]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from policy.writing import write_text
 from wholebody.verdict.audit.outcome import Outcome
 from wholebody.verdict.audit.tables import whence
 
@@ -63,5 +64,5 @@ def write_lists(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path]:
         if len(episodes) < _episodes(dataset):
             files[f"delete_{i:03d}_{Path(dataset).absolute().name}.json"] = delete_settings(dataset, episodes)
     for name, data in files.items():
-        (folder / name).write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+        write_text(folder / name, json.dumps(data, indent=2) + "\n")
     return [folder / name for name in files]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from policy.writing import write_text
 from wholebody.verdict.audit.outcome import Outcome
 from wholebody.verdict.page.index import listing
 
@@ -17,7 +18,9 @@ RANK = ("crashed", "timed_out", "malformed", "infeasible", "feasible_after_repai
 ROWS_MAX = 2000
 """Rows of the page; the tables have all of them."""
 TOLD = 3
-"""Violations of an input that are named."""
+"""Violations of an input that are named, and notes."""
+NOTE_MAX = 200
+"""Most characters of a note [no unit]; chosen: two lines of the table."""
 HEADINGS = ("", "input", "what speaks against it", "moved by", "length", "slower")
 
 
@@ -54,7 +57,7 @@ def write_summary(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
         f"<table><tbody>{bars}</tbody></table><br>"
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{left}"
     )
-    (Path(folder) / PAGE).write_text(listing("wholebody audit", body), encoding="utf-8", errors="backslashreplace")
+    write_text(Path(folder) / PAGE, listing("wholebody audit", body), errors="backslashreplace")
 
 
 def _bar(code: str, count: int, total: int) -> str:
@@ -75,8 +78,21 @@ def _row(one: Outcome) -> str:
     answer = f'<span class="answer {one.answer}">{one.answer.replace("_", " ")}</span>'
     why, moved = escape(one.message.removeprefix(f"{one.name}: ")), ""
     if verdict:
-        why = "; ".join(escape(_when(v)) for v in verdict["violations"][:TOLD] if v["severity"] != "note")
+        against = [v for v in verdict["violations"] if v["severity"] != "note"][:TOLD]
+        why = "; ".join([escape(_when(v)) for v in against] + [f"<i>{escape(note)}</i>" for note in _notes(verdict)])
         moved = f"{1e3 * verdict['moved_max_m']:.0f} mm, {np.degrees(verdict['moved_turn_max_rad']):.0f}°"
     slower = "" if one.slower is None else f"{one.slower:.2f} ×"
     numbers = "".join(f'<td class="number">{cell}</td>' for cell in (moved, f"{one.motion_s:.1f} s", slower))
-    return f"<tr><td>{answer}</td><td>{escape(one.name)}</td><td>{why}</td>{numbers}</tr>"
+    return f"<tr><td>{answer}</td><td>{_linked(one.name)}</td><td>{why}</td>{numbers}</tr>"
+
+
+def _notes(verdict: dict) -> list[str]:
+    """What is to be known of an input that speaks neither for nor against it, such as swapped hands."""
+    told = dict.fromkeys(v["subject"] or v["code"] for v in verdict["violations"] if v["severity"] == "note")
+    return [note[:NOTE_MAX] for note in told][:TOLD]
+
+
+def _linked(name: str) -> str:
+    """The input, linked to its file where there is one; of an episode, to its dataset."""
+    file = Path(name.partition("#")[0])
+    return f'<a href="{escape(file.absolute().as_uri())}">{escape(name)}</a>' if file.exists() else escape(name)

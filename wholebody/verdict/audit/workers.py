@@ -12,6 +12,7 @@ from signal import SIG_IGN, SIGINT, signal
 from time import monotonic
 
 from wholebody.errors import InputError
+from wholebody.resources import end_with_parent
 from wholebody.verdict.audit.outcome import Judging, Outcome
 
 TRIES = 2
@@ -121,6 +122,7 @@ def _work(make: Callable[[], Judging], pipe: Connection) -> None:
     """In a process: judge what comes, until nothing comes any more."""
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_IGN)
+    end_with_parent()
     judging = make()
     while True:
         try:

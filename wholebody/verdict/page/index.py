@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from policy.writing import write_text
 from wholebody.verdict.page.page import HERE
 from wholebody.verdict.report import gist
 from wholebody.verdict.verdict import Verdict
@@ -43,7 +44,7 @@ def write_index(
         f"<p>{len(verdicts) + len(unjudged)} inputs: {counts}.</p>"
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"
     )
-    Path(path).write_text(listing("wholebody check", body), encoding="utf-8", errors="backslashreplace")
+    write_text(path, listing("wholebody check", body), errors="backslashreplace")
 
 
 def listing(title: str, body: str) -> str:

@@ -19,6 +19,7 @@ from models.conversion import Conversion
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
+from policy.writing import write_text
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
 from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
@@ -81,7 +82,7 @@ def write_page(path: str | Path, shown: Shown) -> None:
     require_packages()
     if not len(shown.record.arrays.get("time", ())):
         raise InputError(f"there is no report of {shown.verdict.name}: nothing was run")
-    Path(path).write_text(page(shown), encoding="utf-8")
+    write_text(path, page(shown))
 
 
 def page(shown: Shown) -> str:
