@@ -14,7 +14,7 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from wholebody.config import PlanningConfig
-from wholebody.errors import ConfigError, InputError, PlanningError
+from wholebody.errors import ConfigError, PlanningError
 from wholebody.estimation.prediction import ROUNDING
 from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
@@ -50,12 +50,19 @@ class PlanRequest:
     feet: Feet | None = None
 
     def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
-        """The plan, computed now."""
+        """The plan, computed now.
+
+        Raises:
+            InputError, PlanningError: If there is none, or one whose numbers are not finite.
+        """
         start = self.start
         if self.feet is not None:
             planner.stand_on(self.feet)
         planner.carry(self.loads)
-        return planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
+        plan = planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
+        if not plan.is_finite:
+            raise PlanningError("the plan has numbers that are not finite")
+        return plan
 
 
 @dataclass(frozen=True)
@@ -94,7 +101,7 @@ class BackgroundPlanner(Protocol):
 class SimulatedPlanner:
     """Plans when asked, and hands the plan out after a simulated time.
 
-    Errors of arithmetic are raised where they happen: they are mistakes of ours.
+    Whatever goes wrong there, the control loop goes on: any error is an answer.
 
     Args:
         compute: Plans.
@@ -110,12 +117,7 @@ class SimulatedPlanner:
 
     def submit(self, request: PlanRequest) -> None:
         """Plan now; the answer is there once its time has passed."""
-        begin, plan, failed = thread_time(), None, None
-        try:
-            plan = self._compute(request)
-        except (InputError, PlanningError) as error:
-            failed = error
-        self._answer = PlanAnswer(request, plan, failed, thread_time() - begin)
+        self._answer = _answer(self._compute, request)
         took = self._answer.took if self.measured else self._config.lead
         self._done = request.asked + self._config.factor * took
 
@@ -173,9 +175,14 @@ class ThreadPlanner:
         while (request := self._requests.get()) is not None:
             if request is not self._wanted:
                 continue
-            begin, plan, failed = thread_time(), None, None
-            try:
-                plan = self._compute(request)
-            except Exception as error:  # noqa: BLE001 - the robot must not fall because of it; the supervisor logs it
-                failed = error
-            self._answers.put(PlanAnswer(request, plan, failed, thread_time() - begin))
+            self._answers.put(_answer(self._compute, request))
+
+
+def _answer(compute: Compute, request: PlanRequest) -> PlanAnswer:
+    """What becomes of a request."""
+    begin, plan, failed = thread_time(), None, None
+    try:
+        plan = compute(request)
+    except Exception as error:  # noqa: BLE001 - the robot must not fall because of it; the supervisor logs it
+        failed = error
+    return PlanAnswer(request, plan, failed, thread_time() - begin)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 
-from wholebody.errors import PlanningError
+from wholebody.errors import InputError, PlanningError
 from wholebody.execution.background_planner import Compute, PlanAnswer, PlanRequest
 from wholebody.execution.standing import HELD
 from wholebody.execution.statuses import refused
@@ -57,4 +57,6 @@ def why_not(answer: PlanAnswer) -> StatusReport:
     if isinstance(error, HeldError):
         return error.report
     logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=error)
-    return refused(Reason.PLANNING_FAILED, str(error))
+    told = isinstance(error, PlanningError | InputError)
+    fault = f"a fault of the planner, not of the chunk: {type(error).__name__}: {error}".rstrip(": ")
+    return refused(Reason.PLANNING_FAILED, str(error) if told else fault)

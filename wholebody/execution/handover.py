@@ -158,7 +158,7 @@ def ends_at_rest(plan: ChunkPlan, support: SupportPolygon, margin: float) -> boo
     Going on with such a plan is safe for as long as nothing better comes.
     """
     trajectory = plan.trajectory
-    if not (np.isfinite(trajectory.q).all() and np.isfinite(trajectory.v).all() and np.isfinite(trajectory.com).all()):
+    if not plan.is_finite:
         return False
     rests = np.abs(trajectory.v[-2:]).max() <= REST_SPEED
     return bool(rests and support.margin(trajectory.com[0, -1, :2]) >= margin)

@@ -94,6 +94,15 @@ class ChunkPlan:
     knots: KnotTrajectory
 
     @property
+    def is_finite(self) -> bool:
+        """Whether every number that is followed is finite; nothing else of a plan is trusted where one is not."""
+        curves = [part for path in self.paths for part in (path.curve.breaks, path.curve.coefficients)]
+        body = self.trajectory
+        moved = [body.q, body.v, body.ddq, body.com, body.momentum, body.height, *body.pelvis, *body.torso]
+        numbers = [self.start, self.end, self.report.slowdown, body.start]
+        return all(np.isfinite(part).all() for part in (*curves, *moved, numbers))
+
+    @property
     def rate(self) -> float:
         """Speed along the chunk, 1 being the chunk's own."""
         return 1.0 / self.report.slowdown

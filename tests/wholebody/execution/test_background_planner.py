@@ -59,12 +59,24 @@ def test_what_was_asked_for_last_is_what_comes():
     assert planner.poll(9.0) is None
 
 
-def test_no_plan_is_an_answer_and_a_mistake_of_ours_is_raised():
-    planner = SimulatedPlanner(no_plan, PlanningConfig(lead=0.0))
+def out_of_memory(_):
+    raise MemoryError
+
+
+@pytest.mark.parametrize(
+    ("compute", "error"), [(no_plan, PlanningError), (broken, np.linalg.LinAlgError), (out_of_memory, MemoryError)]
+)
+def test_whatever_fails_is_an_answer_and_the_loop_goes_on(compute, error):
+    planner = SimulatedPlanner(compute, PlanningConfig(lead=0.0))
     planner.submit(request())
-    assert isinstance(planner.poll(1.0).error, PlanningError)
-    with pytest.raises(np.linalg.LinAlgError):
-        SimulatedPlanner(broken, PlanningConfig()).submit(request())
+    assert isinstance(planner.poll(1.0).error, error)
+    # A request that interrupts the program is none that failed.
+    with pytest.raises(KeyboardInterrupt):
+        SimulatedPlanner(interrupted, PlanningConfig()).submit(request())
+
+
+def interrupted(_):
+    raise KeyboardInterrupt
 
 
 def test_an_unknown_latency_is_refused():

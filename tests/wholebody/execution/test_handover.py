@@ -140,6 +140,10 @@ def test_only_a_plan_that_ends_at_rest_and_balanced_is_taken(supervisor, plant):
         changed = getattr(trajectory, name).copy()
         changed[..., -1, :] += value
         assert not ends_at_rest(replace(plan, trajectory=replace(trajectory, **{name: changed})), support, 0.02), name
+    curve = plan.paths[1].curve
+    curve = replace(curve, breaks=np.full_like(curve.breaks, np.nan))
+    spoilt = replace(plan.paths[1], curve=curve)
+    assert not ends_at_rest(replace(plan, paths=(plan.paths[0], spoilt)), support, 0.02), "what the hands follow"
 
 
 class Slow:

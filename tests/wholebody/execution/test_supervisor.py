@@ -278,15 +278,47 @@ def test_a_planner_that_raises_changes_nothing_and_is_not_asked_at_every_tick(lo
     assert 3 <= len(calls) <= 4
 
 
-def test_an_error_in_the_arithmetic_of_planning_is_not_taken_for_a_chunk_without_a_plan(loop, monkeypatch):
-    supervisor, _, state = start(loop)
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError("singular"), MemoryError(), ValueError("shapes")], ids=repr)
+def test_a_fault_of_the_planner_is_told_as_one_and_the_robot_stands(loop, monkeypatch, caplog, error):
+    """It left the loop, and the robot without commands."""
+    supervisor, plant, state = start(loop)
 
     def breaks(*_, **__):
-        np.linalg.cholesky(-np.eye(2))
+        raise error
 
     monkeypatch.setattr(supervisor.planner, "plan", breaks)
-    with pytest.raises(np.linalg.LinAlgError):
-        supervisor.accept(chunk_at(supervisor, state))
+    status = supervisor.accept(chunk_at(supervisor, state))
+    assert (status.status, status.reason) == (Status.HOLD, "planning_failed")
+    assert status.detail == f"a fault of the planner, not of the chunk: {type(error).__name__}: {error}".rstrip(": ")
+    assert caplog.records[0].exc_info[0] is type(error), "the log has the traceback"
+    for _ in range(50):
+        state = plant.step(supervisor.step(state))
+    assert abs(state.q[2] - plant.spec.stance.base_position[2]) < 2e-3
+
+
+@pytest.mark.parametrize("part", ["paths", "trajectory", "end"])
+def test_a_plan_that_is_not_finite_is_not_followed(loop, monkeypatch, part):
+    supervisor, plant, state = start(loop)
+    plan = supervisor.planner.plan
+
+    def spoilt(*arguments, **options):
+        found = plan(*arguments, **options)
+        coefficients = found.paths[0].curve.coefficients.copy()
+        coefficients[-1, -1, 0] = np.nan
+        curve = replace(found.paths[0].curve, coefficients=coefficients)
+        spoils = {
+            "paths": (replace(found.paths[0], curve=curve), found.paths[1]),
+            "trajectory": replace(found.trajectory, ddq=np.full_like(found.trajectory.ddq, np.inf)),
+            "end": np.nan,
+        }
+        return replace(found, **{part: spoils[part]})
+
+    monkeypatch.setattr(supervisor.planner, "plan", spoilt)
+    status = supervisor.accept(chunk_at(supervisor, state))
+    assert (status.reason, status.detail) == ("planning_failed", "the plan has numbers that are not finite")
+    for _ in range(50):
+        state = plant.step(supervisor.step(state))
+    assert supervisor.plan is None
 
 
 def test_nothing_is_done_before_the_first_reset(loop):
