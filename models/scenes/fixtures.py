@@ -24,8 +24,9 @@ _WALL = (0.78, 0.77, 0.74, 1.0)
 _PAINT = (0.55, 0.60, 0.66, 1.0)
 _METAL = (0.35, 0.36, 0.38, 1.0)
 _STOP = (0.004, 1.0)  # as stiff as physics steps of 2 ms allow: springs press their bodies against these stops
+_DRY = (0.999, 0.999, 0.001, 0.5, 2.0)  # dry friction that does not creep under less force than it has
 _FRICTION = (0.6, 0.005, 0.0001)  # plaster, wood and metal on plastic
-_BAR_RADIUS, _BAR_HALF, _BOW = 0.012, 0.09, 0.12  # of the bar, and how far it stands out: fingers close behind it [m]
+_BAR_RADIUS, _BAR_HALF, _BOW = 0.012, 0.09, 0.14  # of the bar, and how far it stands out: fingers close behind it [m]
 _BOX, _CYLINDER = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
 
 
@@ -71,7 +72,7 @@ def add_door(mj: mujoco.MjSpec) -> list[float]:
     """A door with a lever that a hand presses down: 1 N m of spring when it is level, 2 N m where it unlatches."""
     x, y, _ = LEVER
     _solid(mj.worldbody, "door", _BOX, (0.02, 0.45, 1.0), (x + 0.09, y + 0.35, 1.0), _PAINT)
-    lever = mj.worldbody.add_body(name="lever", pos=LEVER)
+    lever = mj.worldbody.add_body(name="lever", pos=LEVER, gravcomp=1.0)  # the spring carries its weight
     low, high = LEVER_TORQUE
     stiffness = (high - low) / 0.7
     joint = lever.add_joint(name=FIXTURE_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(-1.0, 0.0, 0.0))
@@ -86,7 +87,8 @@ def add_door(mj: mujoco.MjSpec) -> list[float]:
 def add_button(mj: mujoco.MjSpec) -> list[float]:
     """A button 60 mm across: a spring of 5 N holds it out, at 20 N and 10 mm it clicks, at 15 mm it ends."""
     x, y, z = BUTTON
-    _solid(mj.worldbody, "panel", _BOX, (0.03, 0.15, 0.5 * z + 0.1), (x + 0.06, y, 0.5 * z + 0.1), _PAINT)
+    _solid(mj.worldbody, "panel", _BOX, (0.02, 0.06, 0.06), (x + 0.05, y, z), _PAINT)
+    _solid(mj.worldbody, "post", _BOX, (0.02, 0.02, 0.5 * z - 0.03), (x + 0.05, y, 0.5 * z - 0.03), _PAINT)
     cap = mj.worldbody.add_body(name="button", pos=BUTTON)
     low, high = BUTTON_FORCE
     stiffness = (high - low) / BUTTON_TRAVEL
@@ -129,7 +131,8 @@ def _slide(body: mujoco.MjsBody, axis: tuple[float, float, float], most: float, 
 def _stopped(joint: mujoco.MjsJoint, most: float) -> None:
     """Let a joint move from 0 to ``most``, where it meets hard stops."""
     joint.range, joint.limited = (0.0, most), mujoco.mjtLimited.mjLIMITED_TRUE
-    joint.solref_limit = _STOP
+    joint.solref_limit = joint.solref_friction = _STOP
+    joint.solimp_friction = _DRY
 
 
 def _bow(body: mujoco.MjsBody) -> None:

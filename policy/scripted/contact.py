@@ -41,7 +41,9 @@ HAND_HALF, HAND_BACK = 0.044, 0.027
 """From the palm point to the edge of the hand, up as down, and to its back [m]; of the hulls, hand as in the stance."""
 PALM_FACE = 0.021
 """From the palm point to the inside of straight fingers [m]; of the hulls."""
-BAR_IN_HAND = np.array([-0.03, 0.05, 0.0])
+FLAT_HAND = np.array([0.0, -0.55, 0.05, 0.0, 0.0, 0.0, 0.0])
+"""Fingers of the left hand straight, the thumb away from the palm [rad]; right: with the other sign."""
+BAR_IN_HAND = np.array([-0.02, 0.038, 0.0])
 """Axis of a bar that the right hand's fingers have closed around, from the palm point in hand axes [m]."""
 
 WIPE_FORCE, WIPE_DEPTH = 10.0, 0.017
@@ -222,10 +224,9 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.03) -
     def both(time: float, at: np.ndarray, half: float, push: float = 0.0, load: float = 0.0) -> Waypoint:
         out, aside_push = np.array([0.0, half, 0.0]), np.array([0.0, push, 0.0])
         force = load * weight
-        return Waypoint(time, at + out, at - out, lgrasp=0.0, rgrasp=0.0, lforce=force + aside_push,
-                        rforce=force - aside_push)  # fmt: skip
+        return Waypoint(time, at + out, at - out, lforce=force + aside_push, rforce=force - aside_push)
 
-    return waypoint_policy(
+    carried = waypoint_policy(
         "lift_box",
         [
             both(2.5, middle + 0.5 * up, y + 0.08),
@@ -242,6 +243,13 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.03) -
             both(15.5, middle + aside + 0.5 * up, y + 0.08),
         ],
     )
+
+    def script(t: np.ndarray) -> ScriptedMotion:
+        motion, share = carried.script(t), minimum_jerk(t / 2.5)[:, None]
+        flat = [q + share * (sign * FLAT_HAND - q) for q, sign in ((motion.q_lhand, 1.0), (motion.q_rhand, -1.0))]
+        return replace(motion, q_lhand=flat[0], q_rhand=flat[1])
+
+    return ScriptedPolicy("lift_box", script, carried.duration)
 
 
 def _hands(which: tuple[str, ...], time: float, left: np.ndarray, closing: float | None) -> Waypoint:

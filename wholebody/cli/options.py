@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from wholebody.verdict.verdict import Follow
 
 SOURCES = (
-    "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high), chunk .npz, motion .csv, "
+    "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high, touch, wipe, press, "
+    "pull_drawer, turn_handle, lift_box, hand_over), chunk .npz, motion .csv, "
     "folder of a LeRobot dataset or checkpoint, or address of a policy server (ws://HOST:PORT)."
 )
 

@@ -18,6 +18,7 @@ import viser
 from viser import uplot
 
 from models.conversion import Conversion
+from models.moving_bodies import moving_joints, put
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
@@ -60,6 +61,7 @@ class Page:
         self._spec, self._pin = spec, load_pinocchio(spec)
         self._pin_data = self._pin.createData()
         self._model = load_mujoco(spec, scene=world.scene)
+        self._moving = moving_joints(self._model)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
         mujoco.mj_forward(self._model, self._data)
@@ -248,10 +250,7 @@ class Page:
         """Put the frames of all bodies where they are in a configuration."""
         data = self._data
         self._conversion.to_mujoco(q, np.zeros(self._pin.nv), data.qpos, data.qvel)
-        free = np.flatnonzero(self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[1:]
-        for joint, pose in zip(free, objects, strict=False):
-            address = self._model.jnt_qposadr[joint]
-            data.qpos[address : address + 7] = pose
+        put(self._model, data.qpos, self._moving[: len(objects)], objects)
         mujoco.mj_kinematics(self._model, data)
         for name, frame in frames.items():
             body = data.body(name)

@@ -53,7 +53,7 @@ class WorldView:
 
     Attributes:
         pressure: Centre of pressure of the soles (2,) [m]; None in the air.
-        objects: Position and quaternion wxyz of the scene's free bodies, shape (k, 7).
+        objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
     """
 
     pressure: np.ndarray | None

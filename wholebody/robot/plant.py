@@ -72,5 +72,5 @@ class Plant(Protocol):
         ...
 
     def objects(self) -> np.ndarray:
-        """Poses of the free bodies around the robot: position [m] and quaternion wxyz, shape (k, 7)."""
+        """Poses of the bodies around the robot that move: position [m] and quaternion wxyz, shape (k, 7)."""
         ...

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from models.conversion import Conversion
+from models.moving_bodies import moving_joints, poses_of
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
 from models.spec import FLOOR_FRICTION, RobotSpec
@@ -75,7 +76,7 @@ class MujocoPlant:
         self._sites = np.array([self.model.site(f"{foot.side}_sole").id for foot in spec.feet])
         self._site_xpos = self.data.site_xpos
         self._touching: tuple[np.ndarray, np.ndarray] | None = None
-        self._free = self._free_bodies()
+        self._moving = moving_joints(self.model)
         self._pushes: list[tuple[int, np.ndarray, float, float]] = []
         self.torque = np.zeros(spec.n_joints)
         """Motor torques of the last physics step, motor order, [N m]."""
@@ -190,8 +191,8 @@ class MujocoPlant:
         return total, force @ contact.pos[carrying, :2] / total
 
     def objects(self) -> np.ndarray:
-        """Poses of the scene's free bodies: position [m] and quaternion wxyz, shape (k, 7)."""
-        return np.array([self.data.qpos[i : i + 7] for i in self._free]).reshape(-1, 7)
+        """Poses of the scene's bodies that move: position [m] and quaternion wxyz, shape (k, 7)."""
+        return poses_of(self.model, self.data.qpos, self._moving)
 
     def is_robot(self, body: str) -> bool:
         """Whether a body of the scene is a part of the robot."""
@@ -275,11 +276,6 @@ class MujocoPlant:
     def _bodies_of_robot(self) -> set[int]:
         base = self._body_id(self.spec.base_body)
         return {b for b in range(self.model.nbody) if int(self.model.body_rootid[b]) == base}
-
-    def _free_bodies(self) -> list[int]:
-        """Where in ``qpos`` the free joints of the scene's objects are."""
-        free = np.flatnonzero(self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-        return [int(self.model.jnt_qposadr[j]) for j in free if int(self.model.jnt_bodyid[j]) not in self._robot]
 
     def _body_id(self, name: str) -> int:
         index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)

@@ -71,7 +71,7 @@ PERIODS: dict[str, Column] = {
     "reason": Column(("n",), "", "reason code of the status, or nothing", "U"),
     "detail": Column(("n",), "", "which of `details` it said", "i"),
     "contacts": Column(("n",), "", "which of `contact_sets` touched", "i"),
-    "objects": Column(("n", "k", 7), "m", "position and quaternion wxyz of the scene's free bodies"),
+    "objects": Column(("n", "k", 7), "m", "position and quaternion wxyz of the scene's bodies that move"),
 }  # fmt: skip
 """Arrays with a row a control period."""
 

@@ -78,6 +78,12 @@ def test_scripts_that_need_a_scene_get_it():
     assert set(SCENE_OF.values()) <= set(SCENES)
 
 
+@pytest.mark.parametrize("script", SCENE_OF)
+def test_scripts_that_touch_something_run_in_their_scene(inside, script):
+    answer = inside("run", script, *SHORT)
+    assert (answer.returncode, answer.stdout.partition(":")[0]) == (0, f"FEASIBLE  {script}")
+
+
 @pytest.mark.parametrize("content", ["1,2,3\n", ""])
 def test_a_malformed_motion_ends_with_one_sentence_and_code_2(inside, tmp_path, content):
     path = tmp_path / "motion.csv"

@@ -73,6 +73,7 @@ class Painter:
 
         from models import g1
         from models.conversion import Conversion
+        from models.moving_bodies import moving_joints
         from models.mujoco_model import build_mujoco
         from models.pinocchio_model import load_pinocchio
         from wholebody.sim.scene_file import scene_of
@@ -82,8 +83,7 @@ class Painter:
         self._model = bright(lit(build_mujoco(spec, scene=scene_of(str(record["scene"])), visuals=True))).compile()
         self._data, self._rest = mujoco.MjData(self._model), np.zeros(pin_model.nv)
         self._conversion = Conversion(spec, pin_model, self._model)
-        free = np.flatnonzero(self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[1:]
-        self._free = [int(self._model.jnt_qposadr[j]) for j in free]
+        self._moving = moving_joints(self._model)
         self._hands = {tool.side: _below(self._model, self._model.body(tool.wrist_frame).id) for tool in spec.tools}
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:], self._camera.distance = view(record, float(self._model.vis.global_.fovy))
@@ -94,10 +94,11 @@ class Painter:
         """Robot, objects and marks, shape (HEIGHT, WIDTH, 3)."""
         import mujoco
 
+        from models.moving_bodies import put
+
         data = self._data
         self._conversion.to_mujoco(scene.q, self._rest, data.qpos, data.qvel)
-        for address, pose in zip(self._free, scene.objects, strict=True):
-            data.qpos[address : address + 7] = pose
+        put(self._model, data.qpos, self._moving, scene.objects)
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_camlight(self._model, data)
         self._renderer.update_scene(data, self._camera)

@@ -106,7 +106,7 @@ class Scene:
     Attributes:
         time: [s]
         q: Configuration of the robot in Pinocchio's order, shape (nq,).
-        objects: Position and quaternion wxyz of the scene's free bodies, shape (k, 7).
+        objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
         asked: Palm poses that the chunk asks for, left first, shape (2, 4, 4); None before the first chunk.
         commanded, measured: Palm poses that are commanded and that there are, likewise.
         support: Where the robot stands.

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.conversion import Conversion
+from models.moving_bodies import moving_joints, put
 from wholebody.sim.record import Record
 
 FPS = 30.0
@@ -55,13 +56,13 @@ class Frames:
 
 
 def in_mujoco(conversion: Conversion, model: mujoco.MjModel, q: np.ndarray, objects: np.ndarray | None) -> np.ndarray:
-    """Configurations of robot (n, nq) and free bodies (n, k, 7) as MuJoCo's, shape (n, model.nq)."""
+    """Configurations of robot (n, nq) and the scene's bodies (n, k, 7) as MuJoCo's, shape (n, model.nq)."""
     qpos = np.tile(model.qpos0, (len(q), 1))
     qpos[:, conversion.qpos_index] = q
-    free = [model.jnt_qposadr[j] for j in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[1:]]
     if objects is not None:
-        for i, address in enumerate(free):
-            qpos[:, address : address + 7] = objects[:, i]
+        moving = moving_joints(model)
+        for row, poses in zip(qpos, objects, strict=True):
+            put(model, row, moving, poses)
     return qpos
 
 
