@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from policy.action_spec.slot import DEX1_OPEN
@@ -36,18 +38,29 @@ def check_values(layout: JointLayout, values: np.ndarray, *, feature: str = "act
     values = np.asarray(values, dtype=float)
     if values.ndim != 2 or values.shape[1] != layout.dim:
         raise DatasetError(f"'{feature}' has shape {values.shape}; (frames, {layout.dim}) is expected", feature=feature)
-    bad = ~np.isfinite(values) & (np.array(layout.names) != "")
+    require_finite(values, layout.given, feature=feature, unless=[not name for name in layout.names])
+    return tuple(
+        note for column in range(layout.dim) for note in _check_column(layout, values[:, column], column, feature)
+    )
+
+
+def require_finite(
+    values: np.ndarray, given: Sequence[str], *, feature: str = "action", unless: Sequence[bool] | None = None
+) -> None:
+    """Refuse numbers (n, D) that are not finite, in columns that are not left out.
+
+    Raises:
+        DatasetError: Naming the feature, column and first frame.
+    """
+    bad = ~np.isfinite(values) & ~np.array(unless if unless is not None else [False] * values.shape[1])
     if bad.any():
         frame, column = (int(i) for i in np.argwhere(bad)[0])
         raise DatasetError(
-            f"'{feature}' column {column} ({layout.given[column]}) is {values[frame, column]} at frame {frame}; "
+            f"'{feature}' column {column} ({given[column]}) is {values[frame, column]} at frame {frame}; "
             f"{int(bad.sum())} of {bad.size} numbers are not finite: leave those episodes out",
             feature=feature,
             frame=frame,
         )
-    return tuple(
-        note for column in range(layout.dim) for note in _check_column(layout, values[:, column], column, feature)
-    )
 
 
 def _check_column(layout: JointLayout, values: np.ndarray, column: int, feature: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +14,23 @@ from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import check_times, column_layout, wrist_layout
-from policy.dataset.format import ACTION, Dataset
-from policy.dataset.joint_values import check_values
+from policy.dataset.format import ACTION, STATE, Dataset, Episode
+from policy.dataset.joint_values import require_finite
 from policy.dataset.naming.sources import find_source
-from policy.dataset.naming.vouched import require_same_names
+from policy.dataset.naming.vouched import column_names, require_same_names
 from policy.dataset.open import open_dataset
 from policy.errors import DatasetError, SpecError
+from policy.findings import Finding
 from policy.reading import SPEC_MAX, ReadingError, listed, read_text
+from policy.recorded.inspection import action_findings, read_as_said, settled, with_notes
 from policy.recorded.replay import ReplayPolicy
+from policy.suspicion.rows import state_findings
 
 
 def open_episode(
-    folder: str | Path, number: int, *, assume: ActionSpec | None = None, robot: RobotSpec | None = None
-) -> ReplayPolicy:
+    folder: str | Path, number: int, *, assume: ActionSpec | None = None, robot: RobotSpec | None = None,
+    read_as: Sequence[str] = (),
+) -> ReplayPolicy:  # fmt: skip
     """Policy that plays an episode's actions: wrists whose layout the dataset names, or joints.
 
     Args:
@@ -33,10 +38,12 @@ def open_episode(
         number: Which episode.
         assume: Layout of the actions that the user vouches for; replaces what the dataset says.
         robot: The robot that it is of; the G1 with Dex3 hands if None.
+        read_as: What the numbers are instead of what they are called, of `policy.suspicion.corrections.READ_AS`.
 
     Raises:
         DatasetError: If the dataset cannot be read, has no such episode, or does not say what its actions are.
         ChunkError: If an action is malformed.
+        FileFormatError: If its numbers cannot be what they are called.
     """
     dataset = open_dataset(folder)
     if not 0 <= number < len(dataset.episodes):
@@ -49,20 +56,45 @@ def open_episode(
         require_same_names(assume, tuple(zip(source.parts, source.names, strict=True)), ACTION)
     if spec is None and (name := wrist_layout(source, robot)):
         spec = builtin(name, robot)
+    columns = None
     if spec is None:
         joints = column_layout(dataset, source, robot=robot)
-        check_values(joints, actions, feature=ACTION)
         spec = joints.whole_spec
-        actions = actions[:, joints.columns_of(spec)]
+        columns = joints.columns_of(spec)
+        actions = actions[:, columns]
         notes += tuple(f"{listed(names, 6)} left out: {reason}" for reason, names in joints.left_out.items())
         notes += () if joints.hand else ("there are no hands in it: fingers stay as they are",)
     if spec.dim != actions.shape[1]:
         raise DatasetError(f"'{ACTION}' of {folder} has {actions.shape[1]} numbers; '{spec.name}' has {spec.dim}")
+    require_finite(actions, spec.feature_names)
+    anchor = Anchor.nominal(robot=spec.robot)
+    actions, fps = read_as_said(spec, actions, dataset.fps, read_as)
+    found = action_findings(spec, actions, anchor, fps)
+    if columns is not None:
+        found += _of_state(dataset, episode, spec, read_as)
+    notes += settled(found, read_as, f"{folder}#{number}")
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
-    spec = dataclasses.replace(spec, fps=dataset.fps)
-    chunk = decode(spec, np.asarray(actions, dtype=float), Anchor.nominal(robot=spec.robot))
-    chunk = dataclasses.replace(chunk, notes=(*chunk.notes, *notes))
+    spec = dataclasses.replace(spec, fps=fps)
+    chunk = with_notes(decode(spec, actions, anchor), notes)
     return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec)
+
+
+def _of_state(dataset: Dataset, episode: Episode, spec: ActionSpec, read_as: Sequence[str]) -> list[Finding]:
+    """Hypotheses about the measured joints of an episode beside the commanded ones; none without the same columns."""
+    try:
+        sources = [find_source(dataset, key) for key in (STATE, ACTION)]
+        layouts = [column_layout(dataset, source, robot=spec.robot) for source in sources]
+        if layouts[0].whole_spec != layouts[1].whole_spec:
+            return []
+        rows = dataset.table(episode, list(dict.fromkeys(key for source in sources for key in source.features)))
+        pairs = zip(sources, layouts, strict=True)
+        state, action = (x.of(rows, episode)[:, layout.columns_of(layout.whole_spec)] for x, layout in pairs)
+    except DatasetError:
+        return []  # what is wrong with the state is told where it is used
+    if not np.isfinite(state).all():
+        return []
+    state, action = (read_as_said(spec, values, dataset.fps, read_as)[0] for values in (state, action))
+    return state_findings(state, action, column_names(spec)[0])
 
 
 def _layout(dataset: Dataset, robot: RobotSpec | None) -> ActionSpec | None:

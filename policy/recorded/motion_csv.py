@@ -6,6 +6,7 @@ public retargeted LAFAN1 and AMASS files for the G1. There are no hands in it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from policy.geometry.se3 import interpolate, make_transform
 from policy.kinematics.forward import kinematics
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX, ReadingError, read_text
+from policy.suspicion.corrections import ROWS, Table, corrected, require_known
 from policy.writing import whole
 
 ROOT_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -61,13 +63,17 @@ class Motion:
         return (len(self) - 1) / self.fps
 
 
-def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS, robot: RobotSpec | None = None) -> Motion:
+def read_motion_csv(
+    path: str | Path, fps: float = DEFAULT_FPS, robot: RobotSpec | None = None, *, read_as: Sequence[str] = ()
+) -> Motion:
     """Read a motion.
 
     Args:
         path: The file.
         fps: Its frame rate [Hz]; the file does not say it.
         robot: The robot that moves; the G1 with Dex3 hands if None.
+        read_as: What it is to be read as instead of what its columns are called, of
+            `policy.suspicion.corrections.READ_AS`.
 
     Raises:
         FileFormatError: Naming row and column of what is wrong.
@@ -77,7 +83,7 @@ def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS, robot: RobotSpec
     if not FPS_MIN <= fps <= FPS_MAX:
         text = f"fps is {fps}; a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}, such as {DEFAULT_FPS:g}"
         raise FileFormatError(text, path=str(path))
-    table = _read_table(path, columns)
+    table, fps = _as_said(_read_table(path, columns), fps, robot, read_as)
     bad = ~np.isfinite(table) | (np.abs(table) > _MAGNITUDE_MAX)
     if bad.any():
         row, column = (int(i) for i in np.argwhere(bad)[0])
@@ -97,6 +103,25 @@ def read_motion_csv(path: str | Path, fps: float = DEFAULT_FPS, robot: RobotSpec
             path=str(path),
         ) from error
     return Motion(float(fps), make_transform(R, table[:, :3]), table[:, 7:], robot)
+
+
+def _as_said(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence[str]) -> tuple[np.ndarray, float]:
+    require_known(read_as)
+    if not read_as:
+        return table, fps
+    names = ("",) * len(ROOT_COLUMNS)
+    joints = corrected(
+        Table(robot.body_joints, table[:, len(names) :], fps, robot), [x for x in read_as if x not in ROWS]
+    )
+    joined = np.hstack([table[:, : len(names)], joints.values])
+    rows = corrected(Table((*names, *robot.body_joints), joined, fps, robot),
+                     [x for x in read_as if x in ROWS])  # fmt: skip
+    table = rows.values.copy()
+    if "millimetres" in read_as:
+        table[:, :3] *= 1e-3
+    if "w_first" in read_as:
+        table[:, 3:7] = table[:, [4, 5, 6, 3]]
+    return table, rows.fps
 
 
 def write_motion_csv(path: str | Path, motion: Motion) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,10 @@ from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
 from policy.errors import FileFormatError
+from policy.geometry.rotations import matrix_to_quaternion
 from policy.observation import Observation
 from policy.recorded.chunk_file import read_chunk_file
+from policy.recorded.inspection import action_findings, motion_findings, read_as_said, settled, with_notes
 from policy.recorded.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
 
 
@@ -95,18 +98,27 @@ def open_recording(
     csv_fps: float = DEFAULT_FPS,
     assume: ActionSpec | None = None,
     robot: RobotSpec | None = None,
+    read_as: Sequence[str] = (),
 ) -> ReplayPolicy:
     """Policy that plays a file, by its suffix: chunk ``.npz``, or motion ``.csv`` anchored at the nominal stance.
 
-    The robot is the G1 with Dex3 hands if none is given.
+    The robot is the G1 with Dex3 hands if none is given. What the numbers may be instead of what they are called is in
+    the notes of the episode, unless ``read_as`` says what they are (`policy.suspicion.corrections.READ_AS`).
 
     Raises:
-        FileFormatError: If the suffix is another, or the file is malformed.
+        FileFormatError: If the suffix is another, the file is malformed, or its numbers cannot be what they are called.
     """
-    suffix = Path(path).suffix.lower()
+    suffix, name = Path(path).suffix.lower(), Path(path).stem
     if suffix == ".csv":
-        motion = read_motion_csv(path, csv_fps, robot)
-        return ReplayPolicy(motion_chunk(motion), name=Path(path).stem, spec=builtin("wbc32", robot))
+        motion = read_motion_csv(path, csv_fps, robot, read_as=read_as)
+        quaternion = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
+        notes = settled(motion_findings(motion, quaternion), read_as, str(path))
+        return ReplayPolicy(with_notes(motion_chunk(motion), notes), name=name, spec=builtin("wbc32", robot))
     if suffix == ".npz":
-        return ReplayPolicy.from_npz(path, assume=assume, robot=robot)
+        file = read_chunk_file(path, assume=assume, robot=robot)
+        actions, fps = read_as_said(file.spec, file.actions, file.fps, read_as)
+        file = dataclasses.replace(file, actions=actions, fps=fps)
+        found = action_findings(file.spec, actions, file.anchor(), fps, file.q0_joints)
+        notes = settled(found, read_as, str(path))
+        return ReplayPolicy(with_notes(file.chunk(), notes), name=name, spec=file.spec)
     raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))

@@ -46,7 +46,7 @@ POLICY_FLOORS = (
     {"chunk", "kinematics", "placeholder_cameras"},
     {"action_spec"},
     {"base"},
-    {"prefix", "scripted", "dataset"},
+    {"prefix", "scripted", "dataset", "suspicion"},
     {"recorded", "targets"},
     {"executor"},
     {"remote", "lerobot"},

@@ -112,13 +112,14 @@ def read_frames(folder: Path) -> ActionChunk:
 def read_dataset(folder: Path) -> object:
     """Every check of a dataset, and an episode of it as a policy."""
     from policy.dataset.checks import check_times, check_videos, column_layout
+    from policy.dataset.naming.sources import find_source
     from policy.dataset.open import open_dataset
     from policy.recorded.dataset_replay import open_episode
 
     dataset = open_dataset(folder)
     check_times(dataset)
     check_videos(dataset)
-    column_layout(dataset, "action")
+    column_layout(dataset, find_source(dataset, "action"))
     return open_episode(folder, 0).episode
 
 

@@ -54,6 +54,13 @@ AssumeSpec = Annotated[
         autocompletion=completed_layout,
     ),
 ]
+ReadAs = Annotated[
+    str,
+    Option(
+        help="What numbers are instead of what they are called, as answers suggest it: isaac_order, degrees, w_first, "
+        "... (several with commas); as_named: what looks wrong is right."
+    ),
+]
 Task = Annotated[str, Option(help="What a checkpoint or a server is told to do.")]
 RenameMap = Annotated[
     str,
@@ -75,6 +82,7 @@ class Input:
     csv_fps: CsvFps = 60.0
     episodes: Annotated[str, Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")] = ""
     assume_spec: AssumeSpec = ""
+    read_as: ReadAs = ""
     task: Task = ""
     rename_map: RenameMap = ""
     images: Annotated[

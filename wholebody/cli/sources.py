@@ -19,7 +19,13 @@ NO_END = "this policy has no end: say how long with --duration SECONDS"
 
 
 def open_source(
-    name: str, csv_fps: float, assume: ActionSpec | None, task: str = "", rename_map: str = "", **options: Any
+    name: str,
+    csv_fps: float,
+    assume: ActionSpec | None,
+    task: str = "",
+    rename_map: str = "",
+    read_as: str = "",
+    **options: Any,
 ) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
 
@@ -31,6 +37,7 @@ def open_source(
         assume: Layout that the user vouches for.
         task: What a checkpoint or a server is told to do.
         rename_map: Keys of an openpi server, as `policy.remote.openpi.KeyMap.named` reads them.
+        read_as: What the numbers of recordings are instead of what they are called, with commas.
         **options: More of `policy.lerobot.checkpoint.LoadOptions`, for checkpoints.
 
     Raises:
@@ -39,6 +46,7 @@ def open_source(
     from policy.recorded.replay import open_recording
     from policy.scripted.library import scripted_policy
 
+    said = tuple(part.strip() for part in read_as.split(",") if part.strip())
     if name.startswith(("ws://", "wss://")):
         from policy.remote.client import RemotePolicy
         from policy.remote.openpi import KeyMap
@@ -49,13 +57,13 @@ def open_source(
     if number.isdecimal() and is_dataset(folder):
         from policy.recorded.dataset_replay import open_episode
 
-        return open_episode(folder, int(number), assume=assume)
+        return open_episode(folder, int(number), assume=assume, read_as=said)
     if is_checkpoint(name):
         from policy.lerobot.policy import LeRobotPolicy
 
         return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, placeholder_cameras=True, **options)
     if Path(name).suffix.lower() in (".npz", ".csv"):
-        return open_recording(name, csv_fps=csv_fps, assume=assume)
+        return open_recording(name, csv_fps=csv_fps, assume=assume, read_as=said)
     _require_no_path(name)
     return scripted_policy(name)
 
@@ -69,7 +77,7 @@ def opened(name: str, given: Input, **options: Any) -> Policy:
     """
     if not given.duration and is_checkpoint(name):
         raise ValueError(NO_END)
-    options |= {"task": given.task, "rename_map": given.rename_map}
+    options |= {"task": given.task, "rename_map": given.rename_map, "read_as": given.read_as}
     policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), **options)
     for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")

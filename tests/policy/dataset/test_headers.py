@@ -17,7 +17,7 @@ from policy.dataset.conversion import DatasetSettings, convert_dataset
 from policy.dataset.naming.meaning import meaning
 from policy.dataset.naming.sources import find_source
 from policy.dataset.open import open_dataset
-from policy.errors import DatasetError
+from policy.errors import DatasetError, PolicyError
 from policy.recorded.dataset_replay import open_episode
 from tests.support.public_headers import ANCHOR, HEADERS, STANCE, WAIST, written
 from tests.support.urdf_chain import link_pose, sole_middle
@@ -98,7 +98,7 @@ def test_counts_of_a_foreign_hand_are_no_closing_numbers(tmp_path):
     features, _ = HEADERS["inspire, hands last"]
     columns, names = features["action"]
     values = np.array([[STANCE.get(name, 700.0) for name in columns]] * 3)
-    with pytest.raises(DatasetError, match=r"kLeftHandPinky\) goes from 700 to 700; fingers of Inspire"):
+    with pytest.raises(PolicyError, match=r"left_hand_pinky.pos\) goes from 700 to 700; fingers of Inspire"):
         open_episode(write_dataset(tmp_path / "set", [{"action": values}], {"action": names}), 0)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -105,9 +106,21 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
         if named:
             more = f" and {len(named) - NAMED_MAX} more" if len(named) > NAMED_MAX else ""
             yield f"{ending.replace('_', ' ')}: {', '.join(named[:NAMED_MAX])}{more}"
+    yield from _noticed(found)
     slower = sum(one.slower is not None for one in found)
     delete = sum(map(len, to_delete(found).values()))
     yield f"{slower} would do slower, {delete} episodes of datasets to delete; {folder / PAGE} ranks them"
+
+
+def _noticed(found: Sequence[Outcome]) -> Iterable[str]:
+    """What was odd about inputs, the commonest first: notes that differ in their numbers only are one."""
+    notes: dict[str, list[str]] = {}
+    for one in found:
+        subjects = (x["subject"] for x in (one.verdict or {}).get("violations", ()) if x["code"] == "chunk_note")
+        for text in {re.sub(r"[\d.]+", "", subject): subject for subject in subjects}.items():
+            notes.setdefault(text[0], []).append(text[1])
+    for texts in sorted(notes.values(), key=len, reverse=True)[:NAMED_MAX]:
+        yield f"noticed in {len(texts)} of {len(found)}: {texts[0]}"
 
 
 def _repaired(found: Sequence[Outcome], folder: Path) -> Iterable[str]:

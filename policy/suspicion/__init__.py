@@ -1,0 +1,1 @@
+"""Hypotheses about numbers that are not what they are called, each with its evidence; nothing is changed unasked."""
