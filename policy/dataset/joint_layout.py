@@ -185,7 +185,7 @@ def joint_layout(
         raise DatasetError(
             f"'{feature}' has {dim} columns without names; equal size does not say which joints they are. "
             f"If you know the layout, say --assume-spec {fitting[0] if fitting else 'joint28 or joint16'} or a JSON "
-            f"file of your own ({known})",
+            f"file of your own ({known}; `wholebody layouts --from` looks which fit)",
             feature=feature,
         )
     if len(given) != dim:

@@ -63,3 +63,19 @@ def test_c2_the_twelve_line_numpy_program_of_the_documents_makes_a_feasible_chun
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(program))
     assert capsys.readouterr().out == "feasible\n"
+
+
+def test_layouts_from_a_chunk_names_what_fits_and_writes_it(tmp_path):
+    layouts("openhlm34", "--write", tmp_path / "a.npz")
+    said = layouts("--from", tmp_path / "a.npz", "--write", tmp_path / "mine.json")
+    assert "openhlm34            fits" in said
+    assert "both wrists are within reach in 100% of the rows" in said
+    assert read_chunk_file(tmp_path / "a.npz").spec.hash in (tmp_path / "mine.json").read_text()
+
+
+def test_layouts_from_a_source_in_doubt_asks_for_a_name(tmp_path):
+    layouts("inspire26", "--write", tmp_path / "a.npz")
+    with pytest.raises(ValueError, match="name the layout to write: inspire26"):
+        CliRunner().invoke(
+            app, ["layouts", "--from", str(tmp_path / "a.npz"), "--write", "x.json"], catch_exceptions=False
+        )

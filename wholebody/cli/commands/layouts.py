@@ -7,7 +7,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from wholebody.cli.console import check_places, say
+from wholebody.cli.console import check_places, say, write_text
 from wholebody.cli.options import completed_layout
 from wholebody.cli.sources import layout_named
 
@@ -21,14 +21,26 @@ def layouts(
             autocompletion=completed_layout,
         ),
     ] = "",
-    write: Annotated[Path | None, Option(help="Write an example chunk (.npz): both hands rise by 50 mm.")] = None,
+    source: Annotated[
+        str, Option("--from", help="Dataset, checkpoint or chunk .npz whose layout is looked for.", metavar="SOURCE")
+    ] = "",
+    write: Annotated[
+        Path | None,
+        Option(help="Write an example chunk (.npz): both hands rise by 50 mm; with --from, the layout (.json)."),
+    ] = None,
 ) -> None:
-    """Print what every number of an action layout is. For each slot: unit, frame, order, limits, stance."""
+    """Print what every number of an action layout is. For each slot: unit, frame, order, limits, stance.
+
+    With --from: which layouts the numbers of a dataset, a checkpoint or a chunk may be in, and why.
+    """
     from policy.action_spec.builtin import LAYOUTS
     from policy.action_spec.describe import lines, summary
     from policy.recorded.chunk_file import write_chunk_file
     from policy.recorded.example import example_file
 
+    if source:
+        _fitting(source, name, write)
+        return
     check_places("", record=write)
     spec = layout_named(name)
     if spec is None:
@@ -40,3 +52,23 @@ def layouts(
     if write is not None:
         write_chunk_file(write, example_file(spec))
         say("", f"wrote {write}: wholebody check {write} judges it")
+
+
+def _fitting(source: str, name: str, write: Path | None) -> None:
+    """Say which layouts fit a source, and write the one that is named, or the only one."""
+    from policy.lerobot.folder import checkpoint_folder
+    from policy.recorded.wizard import BY_NAMES, fits, lines, numbers_of
+
+    place = source if source.endswith(".npz") or Path(source, "meta").is_dir() else checkpoint_folder(source)
+    numbers = numbers_of(place)
+    found = fits(numbers)
+    say(*lines(numbers, found))
+    if write is None:
+        return
+    if write.suffix != ".json":
+        raise ValueError(f"'{write}' must end in .json: it is the layout that is written")
+    picked = [one for one in found if (one.spec.name == name if name else one.fits) and one.spec.name != BY_NAMES]
+    if len(picked) != 1:
+        raise ValueError(f"name the layout to write: {', '.join(one.spec.name for one in found if one.fits) or 'none'}")
+    write_text(str(write), picked[0].spec.to_json())
+    say("", f"wrote {write}: --assume-spec {write} reads {source} so")
