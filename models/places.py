@@ -1,4 +1,4 @@
-"""Where things in the scenes are, as numbers in world [m]: the scenes are built from them, scripts reach for them."""
+"""Where things in the scenes are and what they resist with: scenes are built from these numbers, scripts use them."""
 
 from __future__ import annotations
 
@@ -22,6 +22,14 @@ LEVER_LENGTH, LEVER_RADIUS = 0.13, 0.01
 """Of the lever's bar [m]; chosen: as of common doors."""
 LEVER_TURN = 0.7
 """Angle at which the lever has unlatched the door [rad]; chosen: 40 degrees, as of common doors."""
+LEVER_TORQUE = (1.0, 2.0)
+"""With which the lever is held up, and at which the door unlatches [N m]; chosen: as of common doors."""
+DRAWER_FRICTION = 30.0
+"""Dry friction of the drawer [N]; chosen: a full drawer without rollers."""
+LOCKED_STIFFNESS = 500.0
+"""Of the handle of the locked door [N/m]; chosen: a door that gives in its frame."""
+BUTTON_FORCE = (5.0, 20.0)
+"""With which the button is held out, and at which it clicks [N]; chosen: 20 N, a stiff one."""
 BUTTON = (0.42, -0.16, 1.05)
 """Middle of the button's cap, out [m]."""
 BUTTON_TRAVEL = 0.010

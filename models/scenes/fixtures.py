@@ -6,19 +6,24 @@ from collections.abc import Callable
 
 import mujoco
 
-from models.places import BAR, BUTTON, BUTTON_TRAVEL, LEVER, LEVER_LENGTH, LEVER_RADIUS, WALL_AHEAD, WALL_BESIDE
+from models.places import (
+    BAR,
+    BUTTON,
+    BUTTON_FORCE,
+    BUTTON_TRAVEL,
+    DRAWER_FRICTION,
+    LEVER,
+    LEVER_LENGTH,
+    LEVER_RADIUS,
+    LEVER_TORQUE,
+    LEVER_TURN,
+    LOCKED_STIFFNESS,
+    WALL_AHEAD,
+    WALL_BESIDE,
+)
 
 FIXTURE_JOINT = "fixture"
 """Name of the joint of whatever moves: positive is out of the drawer, into the button, down with the lever."""
-
-DRAWER_FRICTION = 30.0
-"""Dry friction of the drawer [N]; chosen: a full drawer without rollers."""
-LOCKED_STIFFNESS = 500.0
-"""Of the handle of the locked door [N/m]; chosen: a door that gives in its frame."""
-BUTTON_FORCE = (5.0, 20.0)
-"""With which the button is held out, and at which it clicks [N]; chosen: 20 N, a stiff one."""
-LEVER_TORQUE = (1.0, 2.0)
-"""With which the lever is held up, and at which the door unlatches [N m]; chosen: as of common doors."""
 
 _WALL = (0.78, 0.77, 0.74, 1.0)
 _PAINT = (0.55, 0.60, 0.66, 1.0)
@@ -74,7 +79,7 @@ def add_door(mj: mujoco.MjSpec) -> list[float]:
     _solid(mj.worldbody, "door", _BOX, (0.02, 0.45, 1.0), (x + 0.09, y + 0.35, 1.0), _PAINT)
     lever = mj.worldbody.add_body(name="lever", pos=LEVER, gravcomp=1.0)  # the spring carries its weight
     low, high = LEVER_TORQUE
-    stiffness = (high - low) / 0.7
+    stiffness = (high - low) / LEVER_TURN
     joint = lever.add_joint(name=FIXTURE_JOINT, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(-1.0, 0.0, 0.0))
     _stopped(joint, 0.9)
     joint.stiffness, joint.springref, joint.damping = [stiffness, 0.0, 0.0], -low / stiffness, [0.05, 0.0, 0.0]

@@ -14,11 +14,14 @@ from models.places import (
     BAR,
     BOARD,
     BUTTON,
+    BUTTON_FORCE,
     BUTTON_TRAVEL,
     CRATE_WIDTH,
+    DRAWER_FRICTION,
     LEVER,
     LEVER_LENGTH,
     LEVER_RADIUS,
+    LEVER_TORQUE,
     LEVER_TURN,
     ON_TABLE,
     SHELF_HEIGHTS,
@@ -135,7 +138,7 @@ def wipe(*, seconds: float = 20.0, force: float = WIPE_FORCE, side: Side = "left
     return ScriptedPolicy("wipe", script, still.duration)
 
 
-def press(*, force: float = 20.0, hold: float = 0.5) -> ScriptedPolicy:
+def press(*, force: float = BUTTON_FORCE[1], hold: float = 0.5) -> ScriptedPolicy:
     """The right fist presses the button until it clicks, and lets it go.
 
     Args:
@@ -160,7 +163,7 @@ def press(*, force: float = 20.0, hold: float = 0.5) -> ScriptedPolicy:
     )
 
 
-def pull_drawer(*, force: float = 30.0, pull: float = 0.27) -> ScriptedPolicy:
+def pull_drawer(*, force: float = DRAWER_FRICTION, pull: float = 0.27) -> ScriptedPolicy:
     """The right hand closes around the bar of the drawer, pulls it open, lets go and moves aside.
 
     Args:
@@ -186,27 +189,26 @@ def pull_drawer(*, force: float = 30.0, pull: float = 0.27) -> ScriptedPolicy:
     )
 
 
-def turn_handle(*, force: float = 22.0, hold: float = 0.5) -> ScriptedPolicy:
+def turn_handle(*, hold: float = 0.5) -> ScriptedPolicy:
     """The right fist presses the lever of the door down until it unlatches, and lets it go up.
 
     Args:
-        force: Expected of the lever where it unlatches [N].
         hold: How long it is held down [s].
     """
-    arm = LEVER_LENGTH - 0.03
-    rest, over = LEVER_RADIUS + HAND_HALF, np.array([0.0, 0.0, 0.06])
+    arm, rest = LEVER_LENGTH - 0.03, LEVER_RADIUS + HAND_HALF
+    over, (low, high) = np.array([0.0, 0.0, 0.06]), LEVER_TORQUE
     angles = np.linspace(0.0, LEVER_TURN + 0.1, 5)
-    # The lever turns about x and the hand stays level on it.
+    # The lever turns about x, the hand stays level on it and is pushed across the lever.
     arc = [np.array(LEVER) + np.array([-0.005, arm * np.cos(a), rest - arm * np.sin(a)]) for a in angles]
-    up = np.array([0.0, 0.0, force])
+    sizes = (low + (high - low) * angles / LEVER_TURN) / arm
+    pushes = [size * np.array([0.0, np.sin(a), np.cos(a)]) for size, a in zip(sizes, angles, strict=True)]
     points = [one_hand("right", 2.5, arc[0] + over, 1.0), one_hand("right", 3.5, arc[0])]
-    points += [one_hand("right", 3.5 + 0.5 * i, arc[i], force=0.25 * i * up) for i in range(1, 5)]
+    points += [one_hand("right", 3.5 + 0.5 * i, arc[i], force=pushes[i]) for i in range(1, 5)]
     end = 5.5 + hold
-    points += [one_hand("right", end, None)]
-    points += [one_hand("right", end + 0.5 * i, arc[4 - i], force=0.25 * (4 - i) * up) for i in range(1, 5)]
-    return waypoint_policy(
-        "turn_handle", [*points, one_hand("right", end + 3.0, arc[0] + over), one_hand("right", end + 4, None)]
-    )
+    points += [one_hand("right", end)]
+    points += [one_hand("right", end + 0.5 * (4 - i), arc[i], force=pushes[i]) for i in (3, 2, 1)]
+    points += [one_hand("right", end + 2.0, arc[0], force=np.zeros(3)), one_hand("right", end + 3.0, arc[0] + over)]
+    return waypoint_policy("turn_handle", [*points, one_hand("right", end + 4.0)])
 
 
 def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.03) -> ScriptedPolicy:

@@ -8,9 +8,20 @@ import pytest
 from models import g1
 from models.moving_bodies import moving_joints, poses_of, put
 from models.mujoco_model import load_mujoco
-from models.places import BAR, BUTTON, BUTTON_TRAVEL, LEVER, LEVER_TURN, ON_TABLE
+from models.places import (
+    BAR,
+    BUTTON,
+    BUTTON_FORCE,
+    BUTTON_TRAVEL,
+    DRAWER_FRICTION,
+    LEVER,
+    LEVER_TORQUE,
+    LEVER_TURN,
+    LOCKED_STIFFNESS,
+    ON_TABLE,
+)
 from models.scenes import SceneFile
-from models.scenes.fixtures import BUTTON_FORCE, DRAWER_FRICTION, FIXTURE_JOINT, LEVER_TORQUE, LOCKED_STIFFNESS
+from models.scenes.fixtures import FIXTURE_JOINT
 
 SPEC = g1()
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 PLANNING = ("100", "300", "x3")
 LOADS = ("reach", "ready", "change", "lean", "grasp", "hostile")
+TOUCH = ("touch", "brush", "pulls", "bumps", "tasks")
 SENSES = {"glitches": 20, "delay": 1, "realistic": 20, "hostile": 5, "friction": 40, "masses": 20, "ground": 40}
 """Studies of `benchmarks/senses.py`, and how many seeds each has."""
 LIMITS, ROBOTS = ("loads", "slope", "delay", "friction", "model", "motors", "pushes"), {"true": 3, "realistic": 3}
@@ -37,6 +38,8 @@ def studies() -> dict[str, list[str]]:
         found[f"gate-{follow}"] = ["-m", "tests.studies.gate", follow]
     for family in LOADS:
         found[f"loads-{family}"] = ["-m", "tests.studies.loads", family]
+    for kind in TOUCH:
+        found[f"touch-{kind}"] = ["-m", "tests.studies.touch", kind]
     for name, seeds in SENSES.items():
         found[f"senses-{name}"] = ["benchmarks/senses.py", name, "--seeds", "0", str(seeds)]
     for name in ("drift", *(("motions",) if os.environ.get("G1_MOTIONS") else ())):
