@@ -122,6 +122,7 @@ class Reason(StrEnum):
     POSTURE_INFEASIBLE = "posture_infeasible", Status.SLOWED, "no plan is balanced: the robot stays near where it is"
     INTO_FLOOR = "into_floor", Status.SLOWED, "targets below the floor were lifted"
     NOISY_CHUNK = "noisy_chunk", Status.SLOWED, "steps scatter: the curve through them is followed"
+    TOUCHING = "touching", Status.SLOWED, "a hand touches something: it pushes no harder than balance allows"
     TRACKING = "tracking", Status.SLOWED, "the robot lags behind its plan, which waits for it"
 
     # There is nothing to follow, or it cannot be used.

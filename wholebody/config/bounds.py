@@ -27,6 +27,7 @@ OF_UNIT: dict[str, Bounds] = {
     "1/s": (0.0, 1e4),
     "1/s^2": (0.0, 1e6),
     "N": (0.0, 1e4),
+    "N/m": (10.0, 1e4),
     "kg": (0.0, 5.0),
     "N m": (0.0, 1e4),
     "N m/rad": (0.0, 2000.0),
@@ -47,6 +48,9 @@ OF_NAME: dict[str, Bounds] = {
     "robot.stance.knee": (0.2, 1.6),
     "robot.stance.feet_apart": (0.16, 0.5),
     **{f"robot.stance.{name}": (-3.2, 3.2) for name in ARM},
+    "touch.force_found": (1.0, 1e4),
+    "touch.tipping_share": (0.0, 1.0),
+    "touch.mass": (0.5, 10.0),
     "planning.budget": (20.0, 1e4),
 }
 """Closer bounds of settings, by their full name."""

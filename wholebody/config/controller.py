@@ -8,6 +8,7 @@ from math import radians
 from wholebody.config.loads import LoadConfig
 from wholebody.config.planning import PlanningConfig
 from wholebody.config.robot import RobotConfig
+from wholebody.config.touch import TouchConfig
 from wholebody.config.verdict import VerdictConfig
 
 START_MAX = (0.3, radians(60.0))
@@ -295,6 +296,7 @@ class ControllerConfig:
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     robot: RobotConfig = field(default_factory=RobotConfig)
     loads: LoadConfig = field(default_factory=LoadConfig)
+    touch: TouchConfig = field(default_factory=TouchConfig)
     leak: float = 0.3
     """Time constant with which the desired state forgets its difference from the measured one [s]."""
     friction: float = 0.6

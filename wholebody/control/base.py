@@ -19,6 +19,7 @@ from wholebody.limits.balance import CapturePointLimit
 from wholebody.robot.feet import Feet
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
+from wholebody.robot.touch import FORCE, PUSH_MAX, SHARE, TOUCH
 from wholebody.types import JointCommand, RobotState
 
 INTEGRATED_MAX = 0.02
@@ -33,6 +34,9 @@ class Controller(ABC):
         tasks: By name.
         balance: The support, and how to keep inside; no support before the first reset.
         compiled: The program in compiled form, or None: then the readable one is solved.
+        touch: What both hands feel, rows as in `wholebody.robot.touch`, shape (2, TOUCH).
+        lean: How far the centre of mass is leant against it, shape (2,), [m].
+        tipped: How far it moves the centre of pressure, shape (2,), [m].
         tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
     """
 
@@ -43,16 +47,21 @@ class Controller(ABC):
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled, self._elapsed = None, config.dt
         self._share = TorqueShare(spec, config.robot.torque) if config.robot.torque < 1.0 else None
+        self.touch, self.lean, self.tipped = np.zeros((2, TOUCH)), np.zeros(2), np.zeros(2)
 
     def bind_references(self) -> None:
         """Tasks read their references where the program does."""
         compiled = self.compiled
+        if compiled is not None:
+            self.touch, self.lean, self.tipped = compiled.tick.touch, compiled.tick.lean, compiled.tick.tipped
         row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
         trust = np.ones(2) if compiled is None else compiled.trust
         memory = self._reference = ReferenceMemory(row)
         for i, palm in enumerate(self.palms):
-            palm.bind(memory.palms[i], trust[i : i + 1])
-        for name in ("com", "momentum", "pelvis", "torso", "height", "posture"):
+            palm.bind(memory.palms[i], trust[i : i + 1], self.touch[i])
+        self.tasks.com.bind(memory.com, self.lean)
+        self.balance.tipped = self.tipped
+        for name in ("momentum", "pelvis", "torso", "height", "posture"):
             getattr(self.tasks, name).bind(getattr(memory, name))
 
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
@@ -123,6 +132,14 @@ class Controller(ABC):
     @abstractmethod
     def _tick(self, state: RobotState) -> tuple[JointCommand, TickReport]:
         """Follow the reference for one tick."""
+
+    def pushed(self) -> np.ndarray:
+        """Generalised force of what the hands feel, at the last `Robot.update`, shape (nv,)."""
+        force = np.zeros(self.robot.nv)
+        for palm, touch in zip(self.palms, self.touch, strict=True):
+            if touch[SHARE] > 0.0:
+                force += self.robot.jacobian(palm.frame).T @ touch[FORCE:PUSH_MAX]
+        return force
 
     def palm_positions(self) -> np.ndarray:
         """Palm points in world at the configuration that the last tick began with, shape (2, 3), [m]."""

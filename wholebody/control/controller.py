@@ -193,6 +193,7 @@ class WholeBodyController(Controller):
     def build(self, *, hands: bool = True) -> QuadraticProgram:
         """The program at the present state; without hands also the joint bounds are wide: the arms give way."""
         robot = self.robot
+        self.dynamics.pushed = self.pushed()
         low, high = viable_acceleration_bounds(robot.q[7:], robot.v[6:], self.joints, self.config.safety.joint_horizon)
         tau_max = self.config.safety.torque_share * self.effort_max
         objectives = [task.objective(robot) for task in self.tasks.body]

@@ -18,6 +18,9 @@ from wholebody.types import RobotState
 TIME_CONSTANT = 0.08
 """Of the filter of the torques [s]; chosen: 95 % of a load is seen after three of them, before an arm that sinks
 under it is far."""
+FORCE_TIME_CONSTANT = 0.008
+"""Of the filter of torques from which the force on a palm is found [s]; chosen: a touch is to be found within 30 ms,
+and the noise of encoder speeds is 1 N behind it."""
 TORQUE_ERROR = 0.5
 """Standard deviation of the torques of an arm together that no weight accounts for [N m]; chosen: dry friction of its
 seven joints is 0.1 to 0.3 each in Unitree's models."""
@@ -42,6 +45,8 @@ class LoadObserver:
         tick: Memory in which every control tick leaves its dynamics.
 
     Attributes:
+        wrenches: Forces and moments on the palms besides the masses that the program counts on, world axes, shape
+            (2, 6), [N, N m].
         loads: Masses in left and right hand that were known last, shape (2,), [kg].
         known: Whether there is one for each hand, shape (2,).
     """
@@ -58,14 +63,20 @@ class LoadObserver:
         self._memory.body[:], self._memory.place[:], self._memory.arm[:] = bodies, places, arms
         self.loads, self.known = np.zeros(2), np.zeros(2, dtype=bool)
         self._found = self._memory.span("mass", "error").reshape(2, 2)
+        self.wrenches, self._size = self._memory.wrench, self._memory.size
         vector = np.zeros(robot.nv)
-        self._observe = _observe.native(tick, self._memory, vector, vector, vector, 0.0, 0.0, 0.0)
+        self._observe = _observe.native(tick, self._memory, vector, vector, vector, 0.0, 0.0, 0.0, 0.0)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
-        self._memory.span("residual", "error")[:] = 0.0
+        self._memory.span("residual", "size")[:] = 0.0
         self.loads[:], self.known[:], self._before, self._count = 0.0, False, None, 0
+
+    @property
+    def sizes(self) -> list[float]:
+        """How hard each palm is pushed, less what friction and a wrong model feign [N]."""
+        return self._size.tolist()
 
     @property
     def errors(self) -> np.ndarray:
@@ -88,8 +99,8 @@ class LoadObserver:
         if tau.shape != (len(v) - 6,) or not isfinite(tau.dot(tau)):
             self._before = None
             return False
-        keep = exp(-dt / TIME_CONSTANT)
-        self._observe(self._tick, self._memory, v, tau, assumed, dt, keep, TORQUE_ERROR)
+        keep, keep_fast = exp(-dt / TIME_CONSTANT), exp(-dt / FORCE_TIME_CONSTANT)
+        self._observe(self._tick, self._memory, v, tau, assumed, dt, keep, keep_fast, TORQUE_ERROR)
         self._count = (self._count + 1) % EVERY
         if self._count:
             return False
@@ -109,7 +120,12 @@ def memory(nv: int, joints: int) -> Packed:
 
     ``residual`` are low-passed torques that the masses account for [N m], ``unit`` the same of 1 kg [N m/kg], ``mass``
     and its ``error`` [kg] what is found; ``body``, ``place`` [m] and ``arm`` are where loads are and what carries them.
+    ``pushed`` are the torques of ``wrench`` on the palms [N, N m], ``level`` [N] is the mean of its force of
+    late, ``size`` what of it nothing feigns [N].
     """
     hands, arms = (2,), (2, joints)
-    reals = {"place": (2, 3), "dv": (nv,), "six": (6,), "residual": arms, "unit": arms, "mass": hands, "error": hands}
+    reals = {
+        "place": (2, 3), "dv": (nv,), "six": (6,), "normal": (6, 7), "residual": arms, "unit": arms, "mass": hands,
+        "error": hands, "pushed": arms, "wrench": (2, 6), "level": hands, "size": hands,
+    }  # fmt: skip
     return Packed(reals, {"body": hands, "arm": arms})

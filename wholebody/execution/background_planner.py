@@ -19,6 +19,7 @@ from wholebody.estimation.prediction import ROUNDING
 from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
+from wholebody.reference.surface import Surface, kept_out
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
 
@@ -37,6 +38,7 @@ class PlanRequest:
         cpu_limit: CPU time in which the plan is wanted [s]; infinite where planning takes a simulated time.
         loads: What the hands carry.
         feet: Where the robot stands; where the stance has them if not given.
+        surfaces: What the left and the right hand have met, and are not led further into.
     """
 
     chunk: ActionChunk
@@ -48,6 +50,7 @@ class PlanRequest:
     cpu_limit: float = inf
     loads: Loads = field(default_factory=Loads)
     feet: Feet | None = None
+    surfaces: tuple[Surface | None, Surface | None] = (None, None)
 
     def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
         """The plan, computed now.
@@ -55,11 +58,11 @@ class PlanRequest:
         Raises:
             InputError, PlanningError: If there is none, or one whose numbers are not finite.
         """
-        start = self.start
+        start, chunk = self.start, kept_out(self.chunk, self.surfaces, planner.offsets)
         if self.feet is not None:
             planner.stand_on(self.feet)
         planner.carry(self.loads)
-        plan = planner.plan(self.chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
+        plan = planner.plan(chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
         if not plan.is_finite:
             raise PlanningError("the plan has numbers that are not finite")
         return plan

@@ -6,14 +6,22 @@ from math import inf
 
 import numpy as np
 
-from wholebody.config import LoadConfig
+from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
+from wholebody.control.reference_packet import PALM
+from wholebody.control.touch import Touch
 from wholebody.errors import ConfigError
 from wholebody.estimation.load import LoadObserver
 from wholebody.robot.hand_loads import Loads
 from wholebody.types import RobotState
 
+FOLLOWS = 0.004
+"""Distance of a palm below its command up to which it follows it [m]; chosen: twice as much is more than loads that are
+seen in time make."""
+MOVED = 0.3
+"""Share of twice that distance by which a palm that is not held has moved meanwhile; chosen: a load that is put into a
+hand makes it sink by all of it."""
 SOURCES = ("observed", "told")
 LASTING = 0.5
 """Time for which loads have to be a little lighter than in a plan before it is made anew [s]; chosen: what a robot that
@@ -28,51 +36,82 @@ class Carrying:
 
     Args:
         controller: Whose program counts on them; only that of `WholeBodyController` in compiled form can observe.
-        config: Where they come from.
+        settings: Where loads come from, and how hands touch.
 
     Attributes:
         loads: What plans count on.
-        observer: What sees the masses, or None.
+        observer: What sees masses and forces, or None.
+        touch: What the hands touch.
     """
 
-    def __init__(self, controller: Controller, config: LoadConfig) -> None:
+    def __init__(self, controller: Controller, settings: ControllerConfig) -> None:
+        config = settings.loads
         if config.source not in SOURCES:
             raise ConfigError(f"loads.source is '{config.source}'; it must be one of {', '.join(SOURCES)}")
         self._controller, self._config = controller, config
-        self.observer = _observer(controller) if config.source == "observed" else None
+        self.observer, self._learns = _observer(controller), config.source == "observed"
         self._known = [config.source == "told"] * 2
+        self.touch = Touch(controller, settings.touch, self.observer)
         # Without torques in the program there is nothing to leave room in.
         self._reserve = config.reserve if isinstance(controller, WholeBodyController) else 0.0
-        self._masses = np.zeros(2)
+        self._masses, self._followed = np.zeros(2), [0.0, 0.0]
+        """Masses that the program counts on [kg]; heights at which the palms were last where commanded [m]."""
         self.loads = self._planned = Loads()
         self._now, self._due = -inf, inf
         """Time of the last state [s]; when what is followed is to be planned anew [s]."""
 
     def reset(self) -> None:
-        """Count on what is told, until something is observed."""
+        """Count on what is told, until something is observed; nothing is touched."""
+        self.touch.reset()
         if self.observer is not None:
             self.observer.reset()
-            self._known = [False, False]
+            self._known = [not self._learns] * 2
         self._planned, self._now, self._due = Loads(), -inf, inf
         self._count_on(self._config.left, self._config.right)
 
-    def look(self, state: RobotState) -> None:
-        """Take in a state before the tick that answers it."""
+    def look(self, state: RobotState, row: np.ndarray, elapsed: float) -> None:
+        """Take in a state before the tick that answers it.
+
+        Args:
+            state: As measured.
+            row: Packed reference of the last tick: where the palms are commanded to be.
+            elapsed: Time since that tick [s].
+        """
         observer, self._now = self.observer, state.time
-        if observer is None or not observer.look(state, self._masses):
+        if observer is None:
             return
-        known, least = observer.known.tolist(), self._config.follow
-        pairs = zip(known, observer.loads.tolist(), self.loads.masses, strict=True)
-        left, right = ((seen if seen > least else 0.0) if sure else mass for sure, seen, mass in pairs)
+        news = observer.look(state, self._masses)
+        self.touch.look(row, state.time, elapsed)
+        if not news or not self._learns:
+            return
+        blocked, known, least = self._blocked(row), observer.known.tolist(), self._config.follow
+        hands = zip(known, observer.loads.tolist(), self.loads.masses, blocked, strict=True)
+        left, right = (
+            (min(seen, mass) if held else seen if seen > least else 0.0) if sure else mass
+            for sure, seen, mass, held in hands
+        )
         other = max(abs(left - self.loads.masses[0]), abs(right - self.loads.masses[1])) > least
         if other or known != self._known:
             self._known = known
             self._count_on(left, right)
 
+    def _blocked(self, row: np.ndarray) -> list[bool]:
+        """Whether something above each hand holds it: it no longer rises with its command, and does not sink either.
+
+        What weighs on a hand is then not carried by it.
+        """
+        palms, found = self._controller.palm_positions()[:, 2].tolist(), []
+        for hand, z in enumerate(palms):
+            short = float(row[PALM * hand + 11]) - z
+            if short < FOLLOWS:
+                self._followed[hand] = z
+            found.append(short > 2.0 * FOLLOWS and abs(z - self._followed[hand]) < MOVED * short)
+        return found
+
     @property
     def changed(self) -> bool:
-        """Whether what is being followed is to be planned anew."""
-        return self._now >= self._due
+        """Whether what is being followed is to be planned anew: loads are others, or something holds a hand back."""
+        return self._now >= self._due or self.touch.changed
 
     def planned(self) -> Loads:
         """What a plan that is asked for now counts on."""

@@ -11,6 +11,7 @@ from policy.geometry.se3 import make_transform
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
+from wholebody.control.touch import Touch
 from wholebody.execution.deviation import Deviation
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.execution.saturation import Saturation
@@ -53,6 +54,7 @@ class PlanFollower:
         trajectory: To hold before the first plan.
         smoother: Has followed the hands so far; advanced here from now on.
         rest: What the hands do before the first plan, rows (2, 40).
+        touch: Says which hands touch something; none does if not given.
         interpret: Run the interpreted arithmetic, the specification, instead of the compiled one (tests).
 
     Attributes:
@@ -67,9 +69,10 @@ class PlanFollower:
         smoother: ReferenceSmoother,
         rest: np.ndarray,
         *,
+        touch: Touch | None = None,
         interpret: bool = False,
     ) -> None:
-        self._controller = controller
+        self._controller, self._touch = controller, touch
         robot, spec, safety = controller.robot, controller.spec, config.safety
         effort = safety.torque_share * spec.effort_max[robot.motor_to_pin]
         self._deviation, self._saturation = Deviation(robot), Saturation(spec, robot, effort)
@@ -90,6 +93,8 @@ class PlanFollower:
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
             weights=np.array([_weight(name) for name in robot.joint_names]),
         )
+        self._weights = self._body.weights.copy()
+        self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
         compiled = kernel.follow, kernel.foresee
         self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
         self._dt, self._standing = config.dt, False
@@ -149,6 +154,12 @@ class PlanFollower:
         """Time spent on chunks over chunk time covered; 1 is unslowed."""
         clock = self._clock[0]
         return float(clock.elapsed / clock.travelled) if clock.travelled > 1e-6 else 1.0
+
+    def _forgiven(self, palms: np.ndarray) -> np.ndarray:
+        """Palm points (2, 3) as far as they count; arms of a robot that leans on something are not as planned."""
+        for arm in self._arms:
+            self._body.weights[arm] = self._weights[arm] * (1.0 - max(self._touch.shares))
+        return self._touch.forgiven(palms, self.row)
 
     def _palm_rows(self) -> np.ndarray:
         return self.row[:COM].reshape(2, PALM)
@@ -213,6 +224,8 @@ class PlanFollower:
         q = np.ascontiguousarray(q, dtype=float)
         controller, elapsed = self._controller, self._dt if elapsed is None else min(elapsed, ELAPSED_MAX)
         robot, palms = controller.robot, controller.palm_positions()
+        if self._touch is not None and self._touch.active:
+            palms = self._forgiven(palms)
         left, right = self._saturation.trust(controller.tau, palms, self.row, float(elapsed))
         self._follow(
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity, palms, self.row,

@@ -49,7 +49,7 @@ class Supervisor:
         chunk: The chunk that is being followed, or None.
         plan: Its plan.
         handover: The plan on its way, and how many came too late. carrying: What the hands carry.
-        monitor: Says which states are used.
+        monitor: Says which states are used. touch: What the hands touch.
     """
 
     def __init__(
@@ -68,7 +68,8 @@ class Supervisor:
         compute = gated(lambda request: request.plan_with(self.planner), gate)
         beside = SimulatedPlanner(compute, planning) if planner is None else planner(compute)
         self.handover, self._gated = Handover(beside, planning, self.config.dt), gate is not None
-        self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config.loads)
+        self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config)
+        self.touch = self.carrying.touch
         self._planted, self._smoother = PlantedFeet(self.controller), None
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
@@ -82,8 +83,7 @@ class Supervisor:
         self.last_tick: TickReport | None = None
         self._now = self._retry = now
         self.plan: ChunkPlan | None = None
-        self.chunk: ActionChunk | None = None
-        self._newest: ActionChunk | None = None
+        self.chunk = self._newest = None
         self._chunk_end = 0.0
         self._fallen = False
         self._refused = self._refusal = None
@@ -99,7 +99,7 @@ class Supervisor:
         self.monitor.reset(state)
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
-        self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows)
+        self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows, touch=self.touch)
         self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother, self._planted)
         self._last_state = state
         self._forget(state.time if now is None else now)
@@ -193,7 +193,7 @@ class Supervisor:
         ahead = self.plan is not None and self._follower.s < self.plan.end
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not self.carrying.changed
         before = self.plan and self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
-        counted = {"loads": self.carrying.planned(), "feet": self._planted.planned(state)}
+        counted = {"loads": self.carrying.planned(), "feet": self._planted.planned(state), "surfaces": self.touch.met()}
         self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, **counted))
         self._exchange(self._now)
 
@@ -275,7 +275,7 @@ class Supervisor:
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
         self._exchange(now)
-        self.carrying.look(state)
+        self.carrying.look(state, follower.row, elapsed)
         if self.carrying.changed and not self.handover.busy:
             self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
         lost = follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)
@@ -290,7 +290,7 @@ class Supervisor:
         reference = follower.reference(state.q, elapsed, allowed=allowed)
         command, self.last_tick = self.controller.step(state, reference, elapsed)
         self._judge()
-        self.status = fault or self.status
+        self.status = fault or self.touch.status(self.status)
         return command
 
     def _judge(self) -> None:

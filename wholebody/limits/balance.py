@@ -15,7 +15,8 @@ class CapturePointLimit:
 
     With ``xi = c + dc / omega`` and outward edge normal n: ``n . dxi <= gain (offset - margin - n . xi)``, a row in
     acceleration units through ``dxi = dc + ddc / omega``. While the centre of pressure can reach the edge itself, a
-    point inside can always be kept inside.
+    point inside can always be kept inside. A force on a hand moves the centre of pressure that balances the robot: an
+    edge towards which it does is nearer by what that is more than the margin.
 
     Args:
         margin: Distance kept from the support's edge [m].
@@ -29,6 +30,8 @@ class CapturePointLimit:
     def __init__(self, *, margin: float, gain: float) -> None:
         self.margin, self.gain = margin, gain
         self.support: SupportPolygon | None = None
+        self.tipped = np.zeros(2)
+        """How far the forces on the hands move the centre of pressure, shape (2,), [m]."""
 
     def rows(self, robot: Robot) -> Rows:
         """One row per edge of the support."""
@@ -37,7 +40,7 @@ class CapturePointLimit:
         normals = self.support.normals
         omega = natural_frequency(robot.com[2])
         xi = robot.com[:2] + robot.com_velocity[:2] / omega
-        left = self.support.offsets - self.margin - normals @ xi
+        left = self.support.offsets - self.margin - np.maximum(normals @ self.tipped - self.margin, 0.0) - normals @ xi
         upper = omega * (self.gain * left - normals @ robot.com_velocity[:2]) - normals @ robot.drift_com[:2]
         labels = tuple(f"balance.edge{i}" for i in range(len(left)))
         return Rows(normals @ robot.J_com[:2], upper, labels)

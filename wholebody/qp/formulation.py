@@ -3,7 +3,8 @@ r"""The whole-body inverse-dynamics program: the specification that every faster
 Variables ``x = [dv (nv), f (3 per contact point), s (2 slacks)]``:
 
     minimise    sum_tasks w |J dv - target|^2 + w_dv |dv|^2 + w_f |f|^2 + slack penalties
-    subject to  M_base dv + nle_base = J_points_base' f          six rows: the base is unactuated
+    subject to  M_base dv + nle_base = J_points_base' f          six rows: the base is unactuated; nle is less what
+                                                                 pushes the hands, as far as it is known
                 J_foot dv = target_foot                          six rows a foot: the feet stay
                 |M_joints dv + nle_joints - J_points_joints' f| <= tau_max
                 friction pyramid of every point, f_min <= f_normal <= f_max
@@ -83,6 +84,8 @@ class InverseDynamics:
         self.robot, self.contacts, self.regularisation = robot, tuple(contacts), regularisation
         self.n_forces = sum(contact.n_forces for contact in contacts)
         self.n = robot.nv + self.n_forces + 2
+        self.pushed = np.zeros(robot.nv)
+        """Known generalised force of what touches the robot elsewhere than its feet, shape (nv,)."""
         self._cone = np.zeros((sum(len(c.cone_rows) for c in contacts), self.n_forces))
         row = column = 0
         for contact in contacts:
@@ -107,7 +110,8 @@ class InverseDynamics:
         A = np.zeros((6 + len(b_feet), n))
         A[:6, :nv], A[:6, forces] = self.robot.M[:6], -J_points[:, :6].T
         A[6:, :nv] = A_feet
-        b = np.concatenate([-self.robot.nle[:6], b_feet])
+        bias = self._bias()
+        b = np.concatenate([-bias[:6], b_feet])
 
         soft = [(rows, 0) for rows in balance] + [(rows, 1) for rows in collision]
         n_torque, n_cone = nv - 6, len(self._cone)
@@ -115,8 +119,7 @@ class InverseDynamics:
         C = np.zeros((n_torque + n_cone + n_soft, n))
         lower, upper = np.full(len(C), -np.inf), np.zeros(len(C))
         C[:n_torque, :nv], C[:n_torque, forces] = self.robot.M[6:], -J_points[:, 6:].T
-        lower[:n_torque] = -joints.tau_max - self.robot.nle[6:]
-        upper[:n_torque] = joints.tau_max - self.robot.nle[6:]
+        lower[:n_torque], upper[:n_torque] = -joints.tau_max - bias[6:], joints.tau_max - bias[6:]
         C[n_torque : n_torque + n_cone, forces] = self._cone
         labels = [*self._torque_labels, *self._cone_labels]
         at = n_torque + n_cone
@@ -134,8 +137,12 @@ class InverseDynamics:
         nv = self.robot.nv
         dv, f = solution.x[:nv], solution.x[nv : nv + self.n_forces]
         J_points, _, _ = self._contact_rows()
-        tau = self.robot.M[6:] @ dv + self.robot.nle[6:] - J_points[:, 6:].T @ f
+        tau = self.robot.M[6:] @ dv + self._bias()[6:] - J_points[:, 6:].T @ f
         return WholeBodySolution(dv, f.reshape(-1, 3), tau, solution.x[nv + self.n_forces :])
+
+    def _bias(self) -> np.ndarray:
+        """Coriolis, centrifugal and gravity forces less the known force on the hands, shape (nv,)."""
+        return self.robot.nle - self.pushed
 
     def _cost(self, objectives: Sequence[Objective]) -> tuple[np.ndarray, np.ndarray]:
         nv, penalties = self.robot.nv, self.regularisation

@@ -19,6 +19,7 @@ from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp.formulation import Regularisation
 from wholebody.robot.body_table import body_table
 from wholebody.robot.state import Robot
+from wholebody.robot.touch import TOUCH
 from wholebody.tasks.body_tasks import BodyTasks
 
 ITERATION_LIMIT = 200
@@ -94,7 +95,8 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[dict[str, Shape], dict[str,
         "com_feedback_max": (), "com_weight": (3,), "momentum_kd": (), "momentum_weight": (), "pelvis_gain": (4,),
         "torso_gain": (4,), "height_gain": (4,), "posture_kp": (nj,), "posture_kd": (nj,), "posture_weight": (nj,),
         "posture_feedback_max": (), "balance_margin": (), "balance_gain": (), "tolerance": (), "primal_accepted": (),
-        "dual_accepted": (), "dt": (), "q": (model.nq,), "v": (nv,), "trust": (2,), "hand_ref": (2, 24),
+        "dual_accepted": (), "dt": (), "q": (model.nq,), "v": (nv,), "trust": (2,), "touch": (2, TOUCH), "lean": (2,),
+        "tipped": (2,), "hand_ref": (2, 24),
         "com_ref": (15,), "pelvis_ref": (15,), "torso_ref": (15,), "height_ref": (3,), "posture_ref": (3, nj),
         "R": (nb, 3, 3), "p": (nb, 3), "S": (nv, 6), "force": (nb, 6), "sums": (22,),
         "frame_R": (frames, 3, 3), "frame_p": (frames, 3), "frame_V": (frames, 6), "frame_A": (frames, 6),

@@ -75,6 +75,11 @@ class Robot:
             raise InputError(f"unknown joints {missing}; the robot has {', '.join(self.joint_names)}")
         return np.array([self.joint_names.index(name) for name in names], dtype=int)
 
+    def arm_joints(self, side: str) -> list[str]:
+        """Names of the joints of the arm of a side, its fingers left out."""
+        parts = ("shoulder", "elbow", "wrist")
+        return [j for j in self.joint_names if j.startswith(f"{side}_") and any(part in j for part in parts)]
+
     def update(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute kinematics and dynamics at ``q`` (nq,) and ``v`` (nv,), Pinocchio convention."""
         model, data, zero = self.model, self._data, np.zeros(self.nv)

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.robot.state import Robot
+from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOUCH, TURN_TOUCHING
 from wholebody.tasks.base import Objective, limited
 
 
@@ -15,10 +16,17 @@ class HandTask:
     ``target = a_ref + kd (twist_ref - twist) + kp error - drift``, world-aligned axes at the frame's origin.
     The proportional part is limited so that a far reference asks for a finite acceleration.
 
+    A hand that touches is a mass on a spring whose force is bounded, in place of the linear rows:
+    ``target = push - kd velocity + force / mass - drift`` with ``push = a_ref + kd velocity_ref + stiffness error``,
+    no longer than ``push_max``. At rest the force on it is then ``- mass push``: it yields to a larger one.
+
     Args:
         frame: Name of the tool frame.
         kp: Stiffness [1/s^2]. kd: Damping [1/s].
         position_weight: [1/(m/s^2)^2]. orientation_weight: [1/(rad/s^2)^2].
+
+    Source:
+        Hogan 1985, "Impedance Control: An Approach to Manipulation", J. Dyn. Sys. Meas. Control.
     """
 
     feedback_max = (30.0, 60.0)
@@ -27,17 +35,19 @@ class HandTask:
     def __init__(self, frame: str, *, kp: float, kd: float, position_weight: float, orientation_weight: float) -> None:
         self.frame, self.kp, self.kd = frame, kp, kd
         self.weight = np.array([position_weight] * 3 + [orientation_weight] * 3)
-        self.bind(np.zeros(24), np.ones(1))
+        self.bind(np.zeros(24), np.ones(1), np.zeros(TOUCH))
         self.R_world_ref[:] = np.eye(3)
 
-    def bind(self, memory: np.ndarray, trust: np.ndarray) -> None:
+    def bind(self, memory: np.ndarray, trust: np.ndarray, touch: np.ndarray) -> None:
         """Read the reference from shared memory: rotation (9), position (3), twist (6), acceleration (6).
 
         Args:
             memory: Shape (24,).
             trust: Memory of `trust`, shape (1,).
+            touch: What the hand feels, as in `wholebody.robot.touch`, shape (TOUCH,).
         """
         self.R_world_ref, self.p_world_ref, self._trust = memory[:9].reshape(3, 3), memory[9:12], trust
+        self.touch = touch
         self.twist_ref, self.acceleration_ref = memory[12:18], memory[18:]
 
     @property
@@ -57,9 +67,14 @@ class HandTask:
 
     def objective(self, robot: Robot) -> Objective:
         """Objective with six rows, linear first."""
-        error = self.error(robot)
+        error, touch, velocity = self.error(robot), self.touch, robot.velocity(self.frame)
+        share, turn_max = touch[SHARE], self.feedback_max[1]
+        turn_max = turn_max * (1.0 - share) + TURN_TOUCHING * share
         feedback = np.concatenate(
-            [limited(self.kp * error[:3], self.feedback_max[0]), limited(self.kp * error[3:], self.feedback_max[1])]
+            [limited(self.kp * error[:3], self.feedback_max[0]), limited(self.kp * error[3:], turn_max)]
         )
-        wanted = self.acceleration_ref + self.kd * (self.twist_ref - robot.velocity(self.frame)) + feedback
+        wanted = self.acceleration_ref + self.kd * (self.twist_ref - velocity) + feedback
+        push = touch[STIFFNESS] * error[:3] + self.kd * self.twist_ref[:3] + self.acceleration_ref[:3]
+        yielding = limited(push, touch[PUSH_MAX]) - self.kd * velocity[:3] + touch[FORCE : FORCE + 3] * touch[MOBILITY]
+        wanted[:3] = (1.0 - share) * wanted[:3] + share * yielding
         return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.trust * self.weight)

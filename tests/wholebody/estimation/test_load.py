@@ -1,5 +1,7 @@
 """Strategy: the real loop in MuJoCo with loads that nobody tells it; what the observer says against what is there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,7 +126,7 @@ def test_told_masses_are_counted_on_whatever_is_seen(plant):
 
 def test_a_source_that_does_not_exist_is_refused(supervisor):
     with pytest.raises(ConfigError, match=r"loads.source is 'guessed'; it must be one of observed, told"):
-        Carrying(supervisor.controller, LoadConfig(source="guessed"))
+        Carrying(supervisor.controller, replace(ControllerConfig(), loads=LoadConfig(source="guessed")))
 
 
 def test_an_arm_that_hangs_keeps_the_load_that_was_known(supervisor):

@@ -94,16 +94,18 @@ def test_a_plan_that_is_not_balanced_is_never_taken_and_the_stance_is_held(loop,
     assert supervisor.plan_report is None
 
 
-def test_a_hand_that_is_held_back_slows_the_chunk_down(loop):
+def test_a_hand_that_is_held_back_is_told_and_yields_and_the_robot_stands(loop):
     supervisor, plant, state = start(loop)
     supervisor.accept(chunk_at(supervisor, state))
     wrist, seen = plant.model.body(supervisor.spec.tools[0].wrist_frame).id, set()
-    plant.data.xfrc_applied[wrist, :3] = [-100.0, 0.0, 0.0]
-    while state.time < 0.6:
+    plant.data.xfrc_applied[wrist, :3] = [-20.0, 0.0, 0.0]
+    while state.time < 2.0:
         state = plant.step(supervisor.step(state))
         seen.add((supervisor.status.status, supervisor.status.reason))
     plant.data.xfrc_applied[:] = 0.0
-    assert (Status.SLOWED, "tracking") in seen
+    assert (Status.SLOWED, "touching") in seen
+    assert not {status for status, _ in seen} & {Status.STOP, Status.DAMPING}
+    assert supervisor.touch.forces[0, 0] == pytest.approx(-20.0, abs=1.0)
 
 
 def test_a_waist_that_cannot_hold_the_trunk_leaves_the_plan_before_the_trunk_is_far_from_it(loop):

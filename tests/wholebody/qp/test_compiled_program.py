@@ -60,8 +60,19 @@ def draw(controller, q_stance, rng, size):
     ]
     for task in controller.palms:
         task.trust = rng.uniform(0.2, 1.0)
+    touch(controller, rng, size)
     dq, ddq = size * rng.normal(size=(2, robot.n_joints))
     return q, v, replace(reference, palms=tuple(palms), q=q_stance, dq=dq, ddq=ddq)
+
+
+def touch(controller, rng, size):
+    """Each hand touches something half of the time, and pushes or is pushed; the support is tipped, the body leant."""
+    if controller.compiled is None:
+        return
+    for row in controller.touch:
+        wrench = size * np.concatenate([rng.normal(scale=20.0, size=3), rng.normal(scale=2.0, size=3)])
+        row[:] = [rng.uniform() * rng.integers(2), *wrench, rng.uniform(0.0, 30.0), 300.0, 0.5]
+    controller.lean[:], controller.tipped[:] = 0.02 * rng.normal(size=(2, 2))
 
 
 def solved(controller, q, v, reference, hands=True):

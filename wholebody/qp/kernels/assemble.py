@@ -11,6 +11,8 @@ from wholebody.qp.kernels.limits import limits
 from wholebody.qp.kernels.targets import targets
 from wholebody.robot.kernels.frames import frame_columns, move_frames, place_frames
 from wholebody.robot.kernels.rigid_body import dynamics
+from wholebody.robot.kernels.spatial import add_force_at
+from wholebody.robot.touch import FORCE, MOMENT, SHARE
 
 
 def move(tick: Packed) -> None:
@@ -28,6 +30,21 @@ def move(tick: Packed) -> None:
         tick.centre[k] = tick.sums[k] - q[k]
     for k in range(6):
         tick.f_0[k], tick.com[k] = tick.force[0, k], tick.sums[k]
+    for i in range(2):
+        count_on_touch(tick, i, tick.n_contacts + i)
+
+
+def count_on_touch(tick: Packed, i, f) -> None:
+    """Take the force and moment on hand ``i``, at frame ``f``, out of the bias forces ``nle`` and ``f_0``."""
+    touch, nle, J = tick.touch[i], tick.nle, tick.J
+    if not touch[SHARE] > 0.0:
+        return
+    for k in range(6):
+        for c in range(nle.shape[0]):
+            nle[c] -= J[6 * f + k, c] * touch[FORCE + k]
+    add_force_at(tick.frame_p[f], -touch[FORCE], -touch[FORCE + 1], -touch[FORCE + 2], tick.f_0)
+    for k in range(3):
+        tick.f_0[3 + k] -= touch[MOMENT + k]
 
 
 def assemble(tick: Packed) -> int:

@@ -84,7 +84,8 @@ def balance_rows(tick: Packed) -> None:
             continue
         nx, ny = edges[e, 0], edges[e, 1]
         speed = nx * sums[COM_V] + ny * sums[COM_V + 1]
-        left = edges[e, 2] - margin - (nx * sums[COM] + ny * sums[COM + 1] + speed / omega)
+        tipped = max(nx * tick.tipped[0] + ny * tick.tipped[1] - margin, 0.0)
+        left = edges[e, 2] - margin - tipped - (nx * sums[COM] + ny * sums[COM + 1] + speed / omega)
         upper[e] = omega * (gain * left - speed) - (nx * sums[COM_DRIFT] + ny * sums[COM_DRIFT + 1])
         for c in range(F.shape[0]):
             J[e, c] = (nx * F[c, 0] + ny * F[c, 1]) / mass

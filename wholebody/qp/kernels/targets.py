@@ -10,6 +10,7 @@ from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.frames import shorten
 from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, MOMENTUM_DRIFT
 from wholebody.robot.kernels.rotation import rotation_between
+from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TURN_TOUCHING
 
 DAMPING = 10.0
 """With which joints slow down where the program does without the hands [1/s]; chosen, no trial is on record."""
@@ -32,16 +33,29 @@ def hand_target(tick: Packed, i, f) -> None:
     q, ref, x, velocity, drift = tick.q, tick.hand_ref[i], tick.frame_p[f], tick.frame_V[f], tick.frame_A[f]
     kp, kd, largest, size = tick.hand_kp, tick.hand_kd, tick.hand_feedback_max, tick.hand_weight
     target, weight, feedback = tick.target[f], tick.weight[f], tick.scratch
-    trust = tick.trust[i] if tick.hands else 0.0
+    trust, touch = tick.trust[i] if tick.hands else 0.0, tick.touch[i]
     rotation_between(ref[:9].reshape((3, 3)), tick.frame_R[f], feedback[3:])
     for k in range(3):
         feedback[k] = kp * (ref[9 + k] - q[k] - x[k])
         feedback[3 + k] *= kp
     shorten(feedback, 0, largest[0])
-    shorten(feedback, 3, largest[1])
+    shorten(feedback, 3, largest[1] * (1.0 - touch[SHARE]) + TURN_TOUCHING * touch[SHARE])
     for k in range(6):
         target[k] = ref[18 + k] + kd * (ref[12 + k] - velocity[k]) + feedback[k] - drift[k]
         weight[k] = trust * size[k // 3]
+    if touch[SHARE] > 0.0:
+        touching_target(ref, q, x, velocity, drift, kd, touch, feedback, target)
+
+
+def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None:
+    """Linear rows of a hand that touches, as `HandTask`: it pushes no harder than it may, and yields to the force."""
+    share, stiffness, largest = touch[SHARE], touch[STIFFNESS], touch[PUSH_MAX]
+    for k in range(3):
+        push[k] = stiffness * (ref[9 + k] - q[k] - x[k]) + kd * ref[12 + k] + ref[18 + k]
+    shorten(push, 0, largest)
+    for k in range(3):
+        wanted = push[k] - kd * velocity[k] + touch[FORCE + k] * touch[MOBILITY] - drift[k]
+        target[k] = (1.0 - share) * target[k] + share * wanted
 
 
 def orientation_target(tick: Packed, ref, gain, f) -> None:
@@ -80,6 +94,8 @@ def whole_body_target(tick: Packed) -> None:
     )  # fmt: skip
     for k in range(3):
         feedback[k] = kp * (ref[k] - sums[COM + k])
+    for k in range(2):
+        feedback[k] += kp * tick.lean[k]
     shorten(feedback, 0, tick.com_feedback_max)
     for k in range(3):
         target[k] = ref[6 + k] + kd * (ref[3 + k] - sums[COM_V + k]) + feedback[k] - sums[COM_DRIFT + k]

@@ -1,0 +1,91 @@
+"""Strategy: real robots in MuJoCo push against real furniture; what they feel is held against MuJoCo's own contact forces.
+
+The studies (`python -m tests.studies.touch`) have the many cases; here are one a direction, and what must hold by
+itself: the formula of the force that tips, an estimate that is right, no touch in free space.
+"""
+
+import numpy as np
+import pytest
+
+from models import g1
+from policy.scripted.contact import touch
+from policy.scripted.library import lissajous
+from tests.support.felt import Run, robot_in
+from wholebody.config import ControllerConfig
+from wholebody.control.touch import GRAVITY
+from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import Reason, Status
+
+SPEC = g1()
+
+
+@pytest.fixture(scope="module")
+def supervisor():
+    found = Supervisor(SPEC)
+    found.reset(MujocoPlant(SPEC).state())
+    return found
+
+
+@pytest.mark.parametrize("direction", ["down", "ahead", "side", "up"])
+def test_hands_that_are_sent_into_furniture_push_within_their_limit_and_come_back(direction):
+    """They fell, but for 5 mm: nothing bounded the force, and a touch was `off_plan`."""
+    scenes = {"down": "table", "ahead": "wall", "side": "corridor", "up": "shelf"}
+    run = Run(touch(direction=direction, hands="both", speed=0.15, depth=0.06), scenes[direction])
+    assert run.result.fall is None
+    felt = run.sizes.max(axis=1)
+    first = run.times[np.argmax(felt > 10.0)]
+    found = run.felt.column(4).any(axis=1)
+    assert 0.0 <= run.times[np.argmax(found)] - first + 0.002 <= 0.03
+    assert felt[run.times > first + 0.3].max() <= 1.1 * ControllerConfig().touch.force_max
+    assert run.errors[-1].max() < 1e-3
+    assert run.told()["off_plan_s"] == 0.0
+
+
+def test_a_force_on_a_palm_is_felt_as_it_is_and_yielded_to_above_the_limit(supervisor):
+    plant = MujocoPlant(SPEC)
+    state = plant.state()
+    supervisor.reset(state)
+    force = np.array([-15.0, 8.0, 12.0])
+    tool = SPEC.tools[0]
+    body = plant.model.body(tool.wrist_frame).id
+    for _ in range(500):
+        at = plant.data.site(tool.palm_frame).xpos - plant.data.xipos[body]
+        plant.data.xfrc_applied[body] = [*force, *np.cross(at, force)]
+        state = plant.step(supervisor.step(state))
+    np.testing.assert_allclose(supervisor.touch.forces[0], force, atol=0.5)
+    assert supervisor.touch.shares == [1.0, 0.0]
+    assert supervisor.touch.since[0] == pytest.approx(0.03, abs=0.03)
+    status = supervisor.touch.status(supervisor.status.__class__(Status.TRACKING))
+    assert (status.reason, status.status) == (Reason.TOUCHING, Status.SLOWED)
+    assert status.detail.startswith("the left hand pushes with 21 N since 0.0")
+
+
+def test_the_force_that_tips_puts_the_centre_of_pressure_at_the_edge(supervisor):
+    rng = np.random.default_rng(0)
+    controller = supervisor.controller
+    com, weight, support = controller.robot.com, GRAVITY * controller.robot.mass, controller.balance.support
+    for _ in range(200):
+        palm, u = rng.uniform([0.1, -0.4, 0.3], [0.6, 0.4, 1.5]), rng.normal(size=3)
+        u /= np.linalg.norm(u)
+        f = supervisor.touch.tipping_force(palm, u) * u
+        pressure = (weight * com[:2] + palm[2] * f[:2] - f[2] * palm[:2]) / (weight - f[2])
+        room = support.offsets - support.normals @ pressure
+        assert room.min() == pytest.approx(0.0, abs=1e-9) or np.linalg.norm(f) == pytest.approx(weight)
+
+
+@pytest.mark.parametrize("seed", [None, 2])
+def test_nothing_is_touched_in_free_space(seed):
+    """Realistic arms have friction and masses that the model lacks."""
+    supervisor, policy, touched = Supervisor(SPEC), lissajous(scored=2.0), []
+    plant, sensors = robot_in("floor", seed)
+    step = plant.step
+
+    def watched(command):
+        touched.append(supervisor.touch.active)
+        return step(command)
+
+    plant.step = watched
+    run_episode(policy, supervisor, plant, duration=policy.duration, config=EpisodeConfig(hold=0.5), sensors=sensors)
+    assert not any(touched)

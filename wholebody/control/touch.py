@@ -1,0 +1,248 @@
+"""Hands that touch: found from the torques of the arms, bounded in force, and never a reason to leave the plan."""
+
+from __future__ import annotations
+
+from math import exp, hypot, sqrt
+
+import numpy as np
+
+from wholebody.config.touch import TouchConfig
+from wholebody.control.base import Controller
+from wholebody.control.reference_packet import PALM
+from wholebody.estimation.load import LoadObserver
+from wholebody.reference.surface import Surface
+from wholebody.robot.touch import FORCE, MOBILITY, MOMENT, PUSH_MAX, SHARE, STIFFNESS
+from wholebody.types import Reason, Status, StatusReport
+
+RELEASED = 0.5
+"""Share of the force from which a hand counts as touching below which it no longer does [no unit]; chosen: half."""
+BEGIN, END = 0.01, 0.1
+"""Times over which a hand becomes one that touches, and a free one again [s]; chosen: a stiff hand pushes hard within
+10 ms, and one that is let go of is not to jump."""
+TIPPED_TIME = 0.1
+"""Of the filter of how far forces move the centre of pressure [s]; chosen: the trunk is too heavy for faster ones."""
+LEAN_MAX = 0.04
+"""Farthest that the centre of mass is leant against a force [m]; chosen: if the force is gone at once it is still half
+of the way from the edge of the soles."""
+TIPPED_MAX = 0.08
+"""Farthest that a force is taken to move the centre of pressure [m]; derived: from the middle of a sole to its edge."""
+FOLLOWING = Status.TRACKING, Status.SLOWED
+"""What the supervisor does while it follows a chunk."""
+GRAVITY = 9.81
+"""Acceleration of free fall [m/s^2]; definition."""
+INTO = 0.05
+"""How far past a surface plans lead a palm [m]; chosen: with its stiffness, 30 N."""
+MOVING, NORMAL_TIME = 0.02, 0.02
+"""Speed of a palm from which it slides along what it touches [m/s], and time constant of its velocity and of the
+surface's normal [s]; chosen: below, nothing tells friction from pressure."""
+REST_TIME = 0.06
+"""The same time constant for a palm that does not slide [s]; chosen: the first impact says little of the direction."""
+HELD_BACK, STOPPED = 0.015, 0.05
+"""Distance by which a palm is short of its command along its push [m], and speed along it [m/s], from which it is held
+back; chosen: friction that is taken for a touch feigns no more."""
+SLIDES = 0.7
+"""Cosine of the angle between a push and the motion below which a palm slides [no unit]; chosen: friction of 1 is at
+0.71, and one that runs into something goes along its push."""
+TORQUE_SHARE = 0.85
+"""Share of a joint's torque that a push may use, with what the arm's weight takes [no unit]; chosen: the rest turns the
+hand."""
+FORGIVEN = 0.06
+"""Largest distance by which a palm that touches may be short of where it is commanded along its push [m]; chosen: past
+it the body has gone where the hands cannot follow."""
+
+
+class Touch:
+    """What the hands touch, and how they push: the impedance that `wholebody.tasks.hand` follows.
+
+    The force with which a hand pushes is bounded by a share of the one that would tip the robot: with the weight m g,
+    the centre of mass c over the floor, the palm at p and a force f on it, the centre of pressure is at
+    ``(m g c + p_z f_xy - f_z p_xy) / (m g - f_z)``, and has to stay inside every edge ``n . x <= b`` of the support.
+
+    Args:
+        controller: Of the robot on its feet.
+        config: Settings.
+        observer: Sees the forces; without one nothing is found.
+
+    Attributes:
+        shares: How far the left and the right hand touches, 0 to 1.
+        since: When each began to touch [s]; NaN while it does not.
+        changed: Whether a hand is held back by something that the last plan did not know.
+    """
+
+    def __init__(self, controller: Controller, config: TouchConfig, observer: LoadObserver | None) -> None:
+        self._controller, self._config, self._observer = controller, config, observer
+        self._rows, robot = controller.touch, controller.robot
+        joints = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
+        self._arms = [6 + arm for arm in joints]
+        self._torques = [robot.spec.effort_max[robot.motor_to_pin][arm] for arm in joints]
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is touched."""
+        self._rows[:] = 0.0
+        self._rows[:, MOBILITY] = 1.0 / self._config.mass
+        self._rows[:, STIFFNESS] = self._config.stiffness / self._config.mass
+        self._controller.lean[:] = self._controller.tipped[:] = 0.0
+        self.shares, self.since, self._moved = [0.0, 0.0], [float("nan")] * 2, np.zeros(2)
+        self._settled, self.changed = True, False
+        self._held = [False, False]
+        self._into, self._palms, self._velocity = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
+
+    @property
+    def forces(self) -> np.ndarray:
+        """Force on each palm in world axes, shape (2, 3), [N]; zeros while it does not touch."""
+        return self._rows[:, FORCE : FORCE + 3]
+
+    @property
+    def active(self) -> bool:
+        """Whether a hand touches, or did a moment ago."""
+        return not self._settled
+
+    def look(self, row: np.ndarray, now: float, elapsed: float) -> None:
+        """Take in what the observer saw of the last state.
+
+        Args:
+            row: Packed reference of the last tick.
+            now: Present time [s].
+            elapsed: Time since the last tick [s].
+        """
+        observer, found = self._observer, self._config.force_found
+        if observer is None:
+            return
+        left, right = observer.sizes
+        if self._settled and left < found and right < found:
+            return
+        palms = self._controller.palm_positions()
+        if self._settled or elapsed <= 0.0:
+            self._palms, self._velocity[:] = palms, 0.0
+        else:
+            keep = exp(-elapsed / NORMAL_TIME)
+            self._velocity = keep * self._velocity + (1.0 - keep) * (palms - self._palms) / elapsed
+            self._palms = palms
+        for hand, size in enumerate((left, right)):
+            self._advance(hand, size, now, elapsed)
+        self._count_on(observer.wrenches, elapsed)
+        for hand in range(2):
+            if self.shares[hand] > 0.0:
+                self._find_normal(hand, elapsed)
+                self._bound(hand, palms, row)
+            self._hold(hand, row)
+        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4
+        if self._settled:
+            self._controller.lean[:] = self._controller.tipped[:] = self._moved[:] = 0.0
+
+    def _advance(self, hand: int, size: float, now: float, elapsed: float) -> None:
+        """Begin or end a touch by how hard a palm is pushed [N]."""
+        share, touches = self.shares[hand], self.since[hand] == self.since[hand]
+        if size > self._config.force_found:
+            self.since[hand] = self.since[hand] if touches else now
+            share += elapsed / BEGIN
+        elif size < RELEASED * self._config.force_found:
+            share -= elapsed / END
+        share = min(max(share, 0.0), 1.0)
+        if share == 0.0:
+            self.since[hand], self._into[hand] = float("nan"), 0.0
+        self.shares[hand] = self._rows[hand, SHARE] = share
+
+    def _count_on(self, wrenches: np.ndarray, elapsed: float) -> None:
+        """Tell the program of forces and moments (2, 6), and lean against them."""
+        controller, rows = self._controller, self._rows
+        com, palms, weight = controller.robot.com, controller.palm_positions(), GRAVITY * controller.robot.mass
+        rows[:, FORCE:PUSH_MAX] = wrenches * np.array(self.shares)[:, None]
+        f, m = self.forces, rows[:, MOMENT:PUSH_MAX].sum(axis=0)
+        lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
+        moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
+        moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
+        keep = exp(-elapsed / TIPPED_TIME)
+        self._moved = keep * self._moved + (1.0 - keep) * moved
+        size = max(hypot(*self._moved), 1e-9)
+        controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / size)
+        controller.lean[:] = -self._moved * min(1.0, LEAN_MAX / size)
+
+    def _find_normal(self, hand: int, elapsed: float) -> None:
+        """Direction into what a hand touches: that of its push, without friction, which is along its motion."""
+        push, into, v = -self.forces[hand], self._into[hand], self._velocity[hand]
+        size, speed = sqrt(push.dot(push)), sqrt(v.dot(v))
+        along = push.dot(v)
+        if speed > MOVING and abs(along) < SLIDES * size * speed:
+            push -= along / speed**2 * v
+            time = NORMAL_TIME
+        else:
+            time = REST_TIME
+        if (size := sqrt(push.dot(push))) > 0.0:
+            keep = exp(-elapsed / time) if into.any() else 0.0
+            into[:] = keep * into + (1.0 - keep) * push / size
+            into /= sqrt(into.dot(into))
+
+    def _hold(self, hand: int, row: np.ndarray) -> None:
+        """Notice that a hand is held back: short of where it is commanded along its push, and no longer on its way."""
+        at, into = PALM * hand, self._into[hand]
+        short = into.dot(row[at + 9 : at + 12] - self._palms[hand])
+        held = self.shares[hand] > 0.5 and short > HELD_BACK and into.dot(self._velocity[hand]) < STOPPED
+        self.changed |= held and not self._held[hand]
+        self._held[hand] = held or (self._held[hand] and self.shares[hand] > 0.0 and short > 0.0)
+
+    def met(self) -> tuple[Surface | None, Surface | None]:
+        """What a plan that is asked for now is not to lead the hands into."""
+        self.changed = False
+        left, right = (
+            Surface(palm + INTO * into, into.copy()) if held else None
+            for held, palm, into in zip(self._held, self._palms, self._into, strict=True)
+        )
+        return left, right
+
+    def _bound(self, hand: int, palms: np.ndarray, row: np.ndarray) -> None:
+        """Largest acceleration with which a hand pushes towards where it is commanded to be."""
+        at, config = PALM * hand, self._config
+        push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
+        push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
+        size = sqrt(push.dot(push))
+        if size == 0.0:
+            return
+        share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
+        tips, spends = self.tipping_force(palms[hand], -push / size), self.arm_force(hand, push / size)
+        most = min(config.force_max, share * tips, spends)
+        self._rows[hand, PUSH_MAX] = most / config.mass
+
+    def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
+        """Force on a palm at which the centre of pressure would be at the edge of the support [N].
+
+        Args:
+            palm: Where, in world, shape (3,), [m].
+            direction: Of the force on the robot, a unit vector, shape (3,).
+        """
+        controller, support = self._controller, self._controller.balance.support
+        com, weight = controller.robot.com, GRAVITY * controller.robot.mass
+        normals, offsets = support.normals, support.offsets
+        room = weight * (offsets - normals @ com[:2])
+        lever = normals @ (palm[2] * direction[:2] - direction[2] * palm[:2]) + offsets * direction[2]
+        tips = lever > 1e-6
+        return float(np.min(np.maximum(room[tips], 0.0) / lever[tips], initial=weight))
+
+    def arm_force(self, hand: int, direction: np.ndarray) -> float:
+        """Force of a palm along a unit vector (3,) at which a joint of its arm has no torque left [N]."""
+        tick, arm = self._controller.compiled.tick, self._arms[hand]
+        at = 6 * (tick.n_contacts + hand)
+        lever = direction @ tick.J[at : at + 3, arm]
+        left = np.maximum(TORQUE_SHARE * self._torques[hand] - np.sign(lever) * tick.nle[arm], 0.0)
+        return float(np.min(left / np.maximum(np.abs(lever), 1e-6)))
+
+    def forgiven(self, palms: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """Palm points (2, 3) as they would be if what they touch did not hold them back along their push [m]."""
+        palms = palms.copy()
+        for hand, (share, into) in enumerate(zip(self.shares, self._into, strict=True)):
+            if share > 0.0:
+                short = into.dot(row[PALM * hand + 9 : PALM * hand + 12] - palms[hand])
+                palms[hand] += share * min(max(short, 0.0), FORGIVEN) * into
+        return palms
+
+    def status(self, otherwise: StatusReport) -> StatusReport:
+        """What a person sees while a chunk is followed with a hand that touches, or else another status."""
+        if self._settled or otherwise.status not in FOLLOWING:
+            return otherwise
+        said = [
+            f"the {side} hand pushes with {sqrt(force.dot(force)):.0f} N since {since:.2f} s"
+            for side, force, since, share in zip(("left", "right"), self.forces, self.since, self.shares, strict=True)
+            if share > 0.5
+        ]
+        return StatusReport(Status.SLOWED, Reason.TOUCHING, ", ".join(said)) if said else otherwise
