@@ -90,8 +90,8 @@ def _over_feet(
     if moved[worst] > STEP or turned[worst] > TURN:
         raise ChunkError(
             f"the legs ask for a step: at step {worst} one foot is {moved[worst]:.2f} m and "
-            f"{np.rad2deg(turned[worst]):.0f} deg from where it was against the other, and feet stay here; give the "
-            "layout without its legs ('ignored' slots) to have the hands judged alone",
+            f"{np.rad2deg(turned[worst]):.0f} deg from where it was against the other, and feet stay here; "
+            "--read-as hands_only judges the hands alone",
             step=worst,
             slot="left_leg",
         )

@@ -22,7 +22,7 @@ from policy.dataset.open import open_dataset
 from policy.errors import DatasetError, SpecError
 from policy.findings import Finding
 from policy.reading import SPEC_MAX, ReadingError, listed, read_text
-from policy.recorded.inspection import action_findings, read_as_said, settled, with_notes
+from policy.recorded.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.recorded.replay import ReplayPolicy
 from policy.suspicion.rows import state_findings
 
@@ -74,7 +74,7 @@ def open_episode(
         found += _of_state(dataset, episode, spec, read_as)
     notes += settled(found, read_as, f"{folder}#{number}")
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
-    spec = dataclasses.replace(spec, fps=fps)
+    spec = dataclasses.replace(spec_as_said(spec, read_as), fps=fps)
     chunk = with_notes(decode(spec, actions, anchor), notes)
     return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec)
 

@@ -17,7 +17,7 @@ from policy.errors import FileFormatError
 from policy.findings import Finding
 from policy.recorded.motion_csv import Motion
 from policy.suspicion.closings import closing_findings
-from policy.suspicion.corrections import AS_NAMED, Table, corrected, require_known
+from policy.suspicion.corrections import AS_NAMED, HANDS_ONLY, Table, corrected, require_known
 from policy.suspicion.joint_table import joint_findings
 from policy.suspicion.poses import root_findings, wrist_findings
 from policy.suspicion.rows import row_findings
@@ -38,6 +38,12 @@ def read_as_said(spec: ActionSpec, actions: np.ndarray, fps: float, read_as: Seq
     require_known(read_as)
     table = corrected(Table(column_names(spec)[0], np.asarray(actions, dtype=float), fps, spec.robot), read_as)
     return table.values, table.fps
+
+
+def spec_as_said(spec: ActionSpec, read_as: Sequence[str]) -> ActionSpec:
+    """A layout without its legs where a user says that the hands alone are judged."""
+    legs = [slot.name for slot in spec.slots if slot.name in ("left_leg", "right_leg")]
+    return spec.without(legs, "hands alone are judged, as --read-as says") if HANDS_ONLY in read_as else spec
 
 
 def action_findings(

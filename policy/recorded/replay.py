@@ -17,7 +17,7 @@ from policy.errors import FileFormatError
 from policy.geometry.rotations import matrix_to_quaternion
 from policy.observation import Observation
 from policy.recorded.chunk_file import read_chunk_file
-from policy.recorded.inspection import action_findings, motion_findings, read_as_said, settled, with_notes
+from policy.recorded.inspection import action_findings, motion_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.recorded.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
 
 
@@ -117,7 +117,7 @@ def open_recording(
     if suffix == ".npz":
         file = read_chunk_file(path, assume=assume, robot=robot)
         actions, fps = read_as_said(file.spec, file.actions, file.fps, read_as)
-        file = dataclasses.replace(file, actions=actions, fps=fps)
+        file = dataclasses.replace(file, actions=actions, fps=fps, spec=spec_as_said(file.spec, read_as))
         found = action_findings(file.spec, actions, file.anchor(), fps, file.q0_joints)
         notes = settled(found, read_as, str(path))
         return ReplayPolicy(with_notes(file.chunk(), notes), name=name, spec=file.spec)

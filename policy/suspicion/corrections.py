@@ -13,12 +13,14 @@ from policy.suspicion.orders import candidates
 
 AS_NAMED = "as_named"
 """Read what looks wrong as it is called all the same."""
+HANDS_ONLY = "hands_only"
+"""Leave the legs out, whose steps feet that stay cannot follow."""
 ORDERS = ("isaac_order", "motor_order", "finger_order", "pinocchio_order", "left_right", "columns_rolled",
           "columns_rolled_back")  # fmt: skip
 ROWS = ("doubled_rows", "rows_rolled", "rows_rolled_back")
 UNITS = ("degrees", "mirrored_fingers")
 ROOT = ("w_first", "millimetres")
-READ_AS = (AS_NAMED, *ORDERS, *UNITS, *ROWS, *ROOT)
+READ_AS = (AS_NAMED, HANDS_ONLY, *ORDERS, *UNITS, *ROWS, *ROOT)
 """What can be said; those of `ROOT` are for motions."""
 
 

@@ -1,4 +1,4 @@
-"""Ten thousand broken and hostile inputs for every reader, under limits of memory and time: ``make fuzz-readers``.
+"""Thirteen thousand broken and hostile inputs for every reader, under limits of memory and time: ``make fuzz-readers``.
 
 Each case copies a good input, spoils one file of it (`tests.support.hostile_files`) and reads it, in child processes
 that may not allocate more than `MEMORY` beyond what imports took. Counted are exceptions that are no refusal of ours
@@ -33,8 +33,10 @@ CASES = {
     "dataset_v30": 600,
     "dataset_v21": 600,
     "checkpoint": 500,
+    "split": 1500,
+    "looked_at": 1500,
 }
-"""Cases of each reader; 10,000 in all."""
+"""Cases of each reader; 13,000 in all."""
 BATCH = {"dataset_v30": 150, "dataset_v21": 150, "checkpoint": 125}
 BATCH_OTHER = 500
 MEMORY, SECONDS = 2 * 2**30, 10.0

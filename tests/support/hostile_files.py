@@ -22,11 +22,16 @@ from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.reading import SPEC_MAX, read_text
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
+from policy.recorded.dataset_replay import open_episode
+from policy.recorded.example import example_file
 from policy.recorded.motion_csv import motion_chunk, read_motion_csv
+from policy.recorded.replay import open_recording
+from policy.recorded.wizard import fits, lines, numbers_of
 from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.wire import chunk_from_map, chunk_to_map
 from policy.scripted.library import scripted_policy
 from tests.support.policy_cases import observation
+from tests.support.public_headers import written
 from tests.support.recordings import made_record, save
 from wholebody.config import ControllerConfig
 from wholebody.config.file import dump_config, load_config
@@ -177,6 +182,23 @@ def read_scene(folder: Path) -> object:
     return mj.compile()
 
 
+def read_split(folder: Path) -> object:
+    """A dataset whose columns ``modality.json`` names: played, and looked at for layouts that fit."""
+    numbers = numbers_of(folder / "set")
+    return open_episode(folder / "set", 0).episode, lines(numbers, fits(numbers))
+
+
+def write_looked_at(folder: Path) -> None:
+    """A chunk with a mask, and a motion: what is looked at before it is played."""
+    write_chunk_file(folder / "chunk.npz", example_file(builtin("unifolm_wla54")))
+    write_motion(folder)
+
+
+def read_looked_at(folder: Path) -> object:
+    """Both, as the commands read them."""
+    return [open_recording(folder / name).episode for name in ("chunk.npz", "motion.csv")]
+
+
 READERS = {
     "chunk": Reader(write_chunk, lambda folder: read_chunk_file(folder / "chunk.npz").chunk()),
     "motion": Reader(write_motion, lambda folder: motion_chunk(read_motion_csv(folder / "motion.csv"))),
@@ -190,6 +212,8 @@ READERS = {
         lambda folder: _write_recording(folder / "run.npz"), lambda folder: read_record(folder / "run.npz")
     ),
     "scene": Reader(write_scene, read_scene),
+    "split": Reader(lambda folder: written(folder / "set", "43 without names, modality.json"), read_split),
+    "looked_at": Reader(write_looked_at, read_looked_at),
 }
 """Readers whose good inputs are made here; those of LeRobot's folders are given a folder to copy (`folder_reader`)."""
 

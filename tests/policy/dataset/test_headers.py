@@ -19,7 +19,7 @@ from policy.dataset.naming.sources import find_source
 from policy.dataset.open import open_dataset
 from policy.errors import DatasetError, PolicyError
 from policy.recorded.dataset_replay import open_episode
-from tests.support.public_headers import ANCHOR, HEADERS, STANCE, WAIST, written
+from tests.support.public_headers import ANCHOR, HEADERS, NEUTRAL, STANCE, WAIST, written
 from tests.support.urdf_chain import link_pose, sole_middle
 from tests.support.written_datasets import write_dataset
 
@@ -82,6 +82,19 @@ def test_numbers_without_names_name_the_option_that_reads_them(tmp_path, episode
     named = re.search(r"--assume-spec (\w+)", str(refused.value))[1]
     assert named == assume
     assert len(open_episode(folder, 0, assume=builtin(named)).episode) == 5
+
+
+def test_legs_that_step_are_refused_and_the_option_judges_the_hands(tmp_path):
+    features, settings = HEADERS["43 in Pinocchio's order"]
+    columns, names = features["action"]
+    values = np.array([[NEUTRAL.get(name, STANCE.get(name, 0.0)) for name in columns]] * 20)
+    values[10:, columns.index("left_hip_pitch_joint")] -= 0.4
+    folder = write_dataset(tmp_path / "set", [{"action": values}], {"action": names}, **settings)
+    with pytest.raises(PolicyError, match=r"ask for a step: at step 10.*--read-as hands_only"):
+        open_episode(folder, 0)
+    chunk = open_episode(folder, 0, read_as=["hands_only"]).episode
+    assert "left_leg is ignored: hands alone are judged, as --read-as says" in chunk.notes
+    np.testing.assert_allclose(chunk.T_world_lhand[-1], chunk.T_world_lhand[0], atol=1e-9)
 
 
 def test_parts_that_overlap_or_leave_a_number_out_are_refused(tmp_path):

@@ -106,6 +106,9 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
         if named:
             more = f" and {len(named) - NAMED_MAX} more" if len(named) > NAMED_MAX else ""
             yield f"{ending.replace('_', ' ')}: {', '.join(named[:NAMED_MAX])}{more}"
+            # The same for all episodes of a dataset, which the names in front would hide.
+            why = dict.fromkeys(re.sub(r"\S+#\d+:? ?", "", one.message) for one in found if one.answer == ending)
+            yield from (f"  {text}" for text in list(why)[:NAMED_MAX] if text)
     yield from _noticed(found)
     slower = sum(one.slower is not None for one in found)
     delete = sum(map(len, to_delete(found).values()))
