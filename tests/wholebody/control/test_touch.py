@@ -1,4 +1,4 @@
-"""Strategy: real robots in MuJoCo push against real furniture; what they feel is held against MuJoCo's own contact forces.
+"""Strategy: robots in MuJoCo push against furniture; what they feel is held against MuJoCo's own contact forces.
 
 The studies (`python -m tests.studies.touch`) have the many cases; here are one a direction, and what must hold by
 itself: the formula of the force that tips, an estimate that is right, no touch in free space.
