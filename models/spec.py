@@ -57,6 +57,8 @@ class RobotSpec:
     """Relaxed fingers, left then right, in motor order [rad]; empty without fingers."""
     locked: tuple[str, ...] = ()
     """Joints of the URDF that are fixed at zero, and so are not among `joints`."""
+    without_collision: tuple[str, ...] = ()
+    """Links whose collision shapes are left out, such as fingertips that a palm covers."""
     hand_open: tuple[float, ...] = ()
     """Fingers spread to receive an object, like `hand_neutral`."""
     hand_closed: tuple[float, ...] = ()

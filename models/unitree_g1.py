@@ -99,9 +99,10 @@ ACCELERATION: dict[str, float] = {
 }
 
 LOCKED: dict[str, tuple[str, ...]] = {
-    "29": (),
-    "27": (r"waist_(roll|pitch)_joint",),
-    "23": (r"waist_(roll|pitch)_joint", r".*_wrist_(pitch|yaw)_joint"),
+    "29dof": (),
+    "27dof": (r"waist_(roll|pitch)_joint",),
+    "locked_waist": (r"waist_.*_joint",),
+    "23dof": (r"waist_(roll|pitch)_joint", r".*_wrist_(pitch|yaw)_joint"),
 }
 """Joints that a G1 of so many body joints lacks (Unitree's ``mode_machine`` tells which one it is). The links of the 23
 are those of the 29 here, wrists straight: their own URDF is not in ``example-robot-data``."""

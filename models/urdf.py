@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy
 from functools import cache
@@ -24,7 +25,9 @@ _LAYOUT = 2  # raise when the files written here change, so that old ones are le
 NEIGHBOUR_JOINTS = 2
 """Links with at most this many joints between them touch by design and are not tested for collision."""
 
-_PACKAGE = "package://example-robot-data/"
+_PACKAGE = re.compile("package://+example-robot-data/")
+SOLE_RADIUS = 0.005
+"""Radius of the spheres on which a foot stands whose URDF has another shape there [m]: that of the G1's."""
 
 
 def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
@@ -37,11 +40,13 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
         RobotSpecError: If a mesh is missing or the cache cannot be written.
     """
     source, root = spec.urdf.read_bytes(), read_urdf(spec)
+    changed = _leave_out(spec, root) | _round_soles(spec, root)
     hulls = {mesh: hull_file(_mesh_path(spec, mesh)) for mesh in _collision_meshes(spec, root)}
     digest = hashlib.sha256(source)
     tools = [dataclasses.astuple(tool) for tool in spec.tools]
     described = [_LAYOUT, visuals, str(spec.urdf), tools, {mesh: str(hull) for mesh, hull in hulls.items()}]
     described += [spec.locked] if spec.locked else []
+    described += [spec.without_collision, [foot.contact_points for foot in spec.feet]] if changed else []
     digest.update(json.dumps(described).encode())
     folder = cache_dir() / "urdf" / f"{spec.name}{'_visual' if visuals else ''}-{digest.hexdigest()[:16]}"
     path = folder / "robot.urdf"
@@ -142,9 +147,37 @@ class JointTree:
 
 
 def _mesh_path(spec: RobotSpec, name: str) -> Path:
-    if not name.startswith(_PACKAGE):
-        raise RobotSpecError(f"mesh '{name}' of {spec.urdf.name} is outside {_PACKAGE}; only that package is known")
-    return package() / name.removeprefix(_PACKAGE)
+    found = _PACKAGE.match(name)
+    if found is None:
+        raise RobotSpecError(f"mesh '{name}' of {spec.urdf.name} is outside example-robot-data, the one known package")
+    return package() / name[found.end() :]
+
+
+def _leave_out(spec: RobotSpec, root: ET.Element) -> bool:
+    """Take the collision shapes of `RobotSpec.without_collision` out; whether there are any."""
+    for link in root.iter("link"):
+        if link.get("name") in spec.without_collision:
+            for collision in link.findall("collision"):
+                link.remove(collision)
+    return bool(spec.without_collision)
+
+
+def _round_soles(spec: RobotSpec, root: ET.Element) -> bool:
+    """Put feet whose shapes are no spheres on spheres at their contact points; whether there are any."""
+    changed = False
+    for link in root.iter("link"):
+        foot = next((foot for foot in spec.feet if foot.frame == link.get("name")), None)
+        shapes = link.findall("collision")
+        if foot is None or all(shape.find("geometry/sphere") is not None for shape in shapes):
+            continue
+        for shape in shapes:
+            link.remove(shape)
+        for x, y, z in foot.contact_points:
+            collision = ET.SubElement(link, "collision")
+            ET.SubElement(collision, "origin", xyz=f"{x!r} {y!r} {z + SOLE_RADIUS!r}", rpy="0 0 0")
+            ET.SubElement(ET.SubElement(collision, "geometry"), "sphere", radius=repr(SOLE_RADIUS))
+        changed = True
+    return changed
 
 
 def _collision_meshes(spec: RobotSpec, root: ET.Element) -> list[str]:

@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from models import g1
 from models.spec import RobotSpec
 from policy.errors import SpecError
 
@@ -24,6 +25,15 @@ def joints_of(robot: RobotSpec, part: str) -> tuple[str, ...]:
     if what == "hand":
         return robot.tool(side).finger_joints
     return tuple(robot.joint_names[i] for i in robot.limbs[part])
+
+
+def layout_robot(robot: RobotSpec) -> RobotSpec:
+    """The robot whose layouts drive a robot: itself, or the G1 with Dex3 hands for one with rubber hands.
+
+    What those ask of fingers is then left out.
+    """
+    dex3 = g1()
+    return dex3 if not sum(robot.fingers) and robot.body_joints == dex3.body_joints else robot
 
 
 def permutation(source: Sequence[str], target: Sequence[str]) -> np.ndarray:

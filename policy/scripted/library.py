@@ -263,14 +263,16 @@ SCRIPTS: dict[str, Callable[..., ScriptedPolicy]] = {
 """Scripted policies by the name that the CLI takes."""
 
 
-def scripted_policy(name: str, **settings: object) -> ScriptedPolicy:
-    """A scripted policy by name.
+def scripted_policy(name: str, robot: RobotSpec | None = None, **settings: object) -> ScriptedPolicy:
+    """A scripted policy of a robot, the G1 with Dex3 hands if not given, by name.
 
     Raises:
         PolicyError: If there is none of that name, or a setting is unknown.
     """
     if name not in SCRIPTS:
         raise PolicyError(f"no script is called '{name}'; {did_you_mean(name, SCRIPTS)}there are: {', '.join(SCRIPTS)}")
+    if robot is not None and robot != g1():
+        settings["robot"] = robot
     try:
         return SCRIPTS[name](**settings)
     except TypeError as error:

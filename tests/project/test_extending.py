@@ -23,5 +23,5 @@ def test_the_worked_example_runs(title, program, tmp_path):
 
 
 def test_there_is_an_example_of_everything_and_none_touches_a_kernel():
-    assert [title for title, _ in EXAMPLES] == ["A policy", "A scene", "A QP solver", "A task", "A limit"]
+    assert [title for title, _ in EXAMPLES] == ["A policy", "A scene", "A robot", "A QP solver", "A task", "A limit"]
     assert "kernels" not in "".join(program for _, program in EXAMPLES)

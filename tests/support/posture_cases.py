@@ -48,14 +48,14 @@ class PostureCases:
 
     def torque_share(self, q):
         """Largest torque of waist and arms at rest, by the share that may be used."""
-        tau = pin.computeGeneralizedGravity(self.body.model, self.body.data, q[self.body.body])[LOWER:]
+        tau = pin.computeGeneralizedGravity(self.body.model, self.body.data, self.body.body_of(q))[LOWER:]
         return float((np.abs(tau) / self.body.tables.tau_max).max())
 
     def excess(self, q):
         """Over each bound of the configuration (n,), in its unit; the feet are put back first."""
         problem = self.problem
         problem.begin(np.tile(np.eye(4), (2, 2, 1, 1)), np.tile(q[self.body.fingers], (2, 1)), np.zeros(35))
-        problem.now.q[:] = q[self.body.body]
+        problem.now.q[:] = self.body.body_of(q)
         problem.evaluate_still(anew=True)
         problem.evaluate_still(anew=True)
         return problem.now.violation[1, : COM_EDGE + len(self.body.tables.normals)]
@@ -75,9 +75,9 @@ class PostureCases:
             joints[: LOWER - 6] = t.q_stance[7 : LOWER + 1]
             pelvis = t.q_stance[:3] + generator.uniform(*PELVIS)
             turn = pin.Quaternion(pin.exp3(generator.uniform(*TURN))).coeffs()
-            q[self.body.body] = np.concatenate([pelvis, turn, joints])
+            self.body.put(q, np.concatenate([pelvis, turn, joints]))
             inside = self.excess(q).max() <= 0.0
-            q[self.body.body] = self.problem.now.q[1]
+            self.body.put(q, self.problem.now.q[1])
             balanced = self.edges(q) >= 0.0 and self.torque_share(q) <= 1.0
             if inside and balanced and self.foot_error(q) < FEET:
                 return q

@@ -59,7 +59,7 @@ def make_judging(audited: Audited, folder: Path) -> Callable[[str], Outcome]:
                 ending = "crashed" if answer.code == CRASH else "malformed"
                 message = said.getvalue().strip().removeprefix("wholebody: ")
                 return Outcome(name=name, ending=ending, message=message)
-            policy = opened(name, given)
+            policy = opened(name, given, judge.robot())
             verdict = replace(answer.verdict, config={}, versions={}).as_dict()
             outcome = Outcome(name=name, ending="judged", verdict=verdict, motion_s=length(policy, 0.0))
             if (audited.slower or audited.repair) and answer.verdict.verdict != "feasible":

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from policy.writing import OutputError
 from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
-from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker
+from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker, settings_of
 from wholebody.cli.sources import expanded, length, opened
 from wholebody.resources import end_with_parent, processors
 
@@ -70,6 +70,7 @@ class Judge:
         self.quiet, self.pages = quiet, pages
         self._first = not judging.as_given
         follow = "as_given" if judging.as_given else "planned"
+        self.robot = cache(lambda: settings_of(simulation).robot)
         self._checker = cache(lambda scene: make_checker(simulation, scene, quiet, follow))
         self.fast = cache(lambda scene: make_fast_checker(simulation, scene, quiet, alone=judging.fast))
 
@@ -92,7 +93,7 @@ class Judge:
             WholebodyError, RobotSpecError, ValueError: If the options are wrong, which they are for every input.
         """
         try:
-            policy = opened(name, self.given, **self.sampling.choices())
+            policy = opened(name, self.given, self.robot(), **self.sampling.choices())
             if self.judging.fast:
                 return _answer(self._planned(policy, name, why=self.judging.why))
             verdict = self._simulated(policy, name, title or name)

@@ -47,7 +47,7 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False, follow: F
     from wholebody.sim.robot_errors import REALISTIC_ROBOT
     from wholebody.verdict.check import Checker
 
-    settings = _settings(options)
+    settings = settings_of(options)
     require_run("seed", options.robot_seed, "--robot-seed")
     if scene.lower().endswith(".xml"):
         complain(f"{scene}: {UNSEEN}")
@@ -97,10 +97,10 @@ def make_fast_checker(options: Simulation, scene: str, quiet: bool = False, *, a
     if alone and (simulated := [name for name, given in asked.items() if given]):
         raise ValueError(f"--fast simulates nothing, so {', '.join(simulated)} would say nothing; leave one out")
     with waiting("loading the robot, compiling if it is the first time: a minute or two", quiet):
-        return FastChecker(_settings(options), scene)
+        return FastChecker(settings_of(options), scene)
 
 
-def _settings(options: Simulation) -> ControllerConfig:
+def settings_of(options: Simulation) -> ControllerConfig:
     """As the file has them, for the robot and the planning time asked for."""
     from wholebody.config import ControllerConfig
     from wholebody.config.file import load_config

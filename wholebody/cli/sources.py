@@ -10,10 +10,12 @@ from wholebody.cli.console import complain
 from wholebody.config.bounds import require_run
 
 if TYPE_CHECKING:
+    from models.spec import RobotSpec
     from policy.action_spec.spec import ActionSpec
     from policy.base import Policy
     from policy.findings import Finding
     from wholebody.cli.options import Input
+    from wholebody.config.robot import RobotConfig
 
 NO_END = "this policy has no end: say how long with --duration SECONDS"
 
@@ -25,6 +27,7 @@ def open_source(
     task: str = "",
     rename_map: str = "",
     read_as: str = "",
+    robot: RobotSpec | None = None,
     **options: Any,
 ) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
@@ -38,6 +41,7 @@ def open_source(
         task: What a checkpoint or a server is told to do.
         rename_map: Keys of an openpi server, as `policy.remote.openpi.KeyMap.named` reads them.
         read_as: What the numbers of recordings are instead of what they are called, with commas.
+        robot: The robot that it is for; the G1 with Dex3 hands if None.
         **options: More of `policy.lerobot.checkpoint.LoadOptions`, for checkpoints.
 
     Raises:
@@ -52,24 +56,24 @@ def open_source(
         from policy.remote.openpi import KeyMap
 
         settings = {"assume_spec": assume, "placeholder_cameras": True, "task": task}
-        return RemotePolicy.connect(name, keys=KeyMap.named(rename_map), **settings)
+        return RemotePolicy.connect(name, robot=robot, keys=KeyMap.named(rename_map), **settings)
     folder, _, number = name.rpartition("#")
     if number.isdecimal() and is_dataset(folder):
         from policy.recorded.dataset_replay import open_episode
 
-        return open_episode(folder, int(number), assume=assume, read_as=said)
+        return open_episode(folder, int(number), assume=assume, read_as=said, robot=robot)
     if is_checkpoint(name):
         from policy.lerobot.policy import LeRobotPolicy
 
         return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, placeholder_cameras=True, **options)
     if Path(name).suffix.lower() in (".npz", ".csv"):
-        return open_recording(name, csv_fps=csv_fps, assume=assume, read_as=said)
+        return open_recording(name, csv_fps=csv_fps, assume=assume, read_as=said, robot=robot)
     _require_no_path(name)
-    return scripted_policy(name)
+    return scripted_policy(name, robot)
 
 
-def opened(name: str, given: Input, **options: Any) -> Policy:
-    """A source, with what should be known before it runs on standard error.
+def opened(name: str, given: Input, robot: RobotConfig | None = None, **options: Any) -> Policy:
+    """A source for a robot, with what should be known before it runs on standard error.
 
     Raises:
         PolicyError: As in `open_source`.
@@ -77,8 +81,12 @@ def opened(name: str, given: Input, **options: Any) -> Policy:
     """
     if not given.duration and is_checkpoint(name):
         raise ValueError(NO_END)
+    from policy.joints import layout_robot
+    from wholebody.config.description import describe
+
     options |= {"task": given.task, "rename_map": given.rename_map, "read_as": given.read_as}
-    policy = open_source(name, given.csv_fps, layout_named(given.assume_spec), **options)
+    drives = None if robot is None else layout_robot(describe(robot))
+    policy = open_source(name, given.csv_fps, layout_named(given.assume_spec, drives), robot=drives, **options)
     for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")
     return policy
@@ -170,7 +178,7 @@ def _require_no_path(name: str) -> None:
         raise PolicyError(f"there is no folder '{name}', and no script of that name; {whereabouts(name)}")
 
 
-def layout_named(text: str) -> ActionSpec | None:
+def layout_named(text: str, robot: RobotSpec | None = None) -> ActionSpec | None:
     """A layout that the user names: a built-in one or a JSON file; None for no text.
 
     Raises:
@@ -185,8 +193,8 @@ def layout_named(text: str) -> ActionSpec | None:
     if not text:
         return None
     if not text.endswith(".json"):
-        return builtin(text)
+        return builtin(text, robot)
     try:
-        return ActionSpec.from_json(read_text(text, SPEC_MAX))
+        return ActionSpec.from_json(read_text(text, SPEC_MAX), robot)
     except ReadingError as error:
         raise SpecError(f"{text} {error}") from error

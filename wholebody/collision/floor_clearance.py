@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from models.spec import RobotSpec
 from wholebody.collision.proximity import joint_supports
 from wholebody.collision.shapes import hull_corners
 from wholebody.errors import InputError
-
-LOW = ("elbow", "wrist", "hand")
-"""Parts of the names of bodies below the elbows. Bounds on the height and the tilt of the pelvis keep the others of a
-robot that stands away from the floor."""
 
 
 class FloorClearance:
     """Hulls of the bodies below the elbows, of which the lowest vertex is their distance to the floor ``z = 0``.
 
+    Bounds on the height and the tilt of the pelvis keep the others of a robot that stands away from the floor.
+
     Args:
+        spec: The robot; of an arm without an elbow all bodies count.
         model: Of the robot.
         geometry: Shapes of the robot, as `models.pinocchio_model.load_collision` has them.
 
@@ -33,8 +33,9 @@ class FloorClearance:
         InputError: If one of those bodies is neither a hull nor a box.
     """
 
-    def __init__(self, model: pin.Model, geometry: pin.GeometryModel) -> None:
-        items = [(i, item) for i, item in enumerate(geometry.geometryObjects) if _is_low(item.name)]
+    def __init__(self, spec: RobotSpec, model: pin.Model, geometry: pin.GeometryModel) -> None:
+        low = _low_joints(spec, model)
+        items = [(i, item) for i, item in enumerate(geometry.geometryObjects) if item.parentJoint in low]
         names = [item.name.rpartition("_")[0] for _, item in items]
         self.labels = tuple(f"floor.{name}" for name in names)
         self.shapes = np.array([i for i, _ in items], dtype=np.int64)
@@ -52,8 +53,12 @@ class FloorClearance:
         return points
 
 
-def _is_low(name: str) -> bool:
-    return any(part in name for part in LOW)
+def _low_joints(spec: RobotSpec, model: pin.Model) -> set[int]:
+    """Joints of the arms from the elbows on, and those that hang on them."""
+    elbows, first = spec.parts("elbow"), []
+    for arm in (spec.limbs["left_arm"], spec.limbs["right_arm"]):
+        first += [spec.joint_names[i] for i in ([i for i in arm if elbows[i]] or arm)[:1]]
+    return {joint for name in first for joint in model.subtrees[model.getJointId(name)]}
 
 
 def _vertices(item: pin.GeometryObject) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from functools import lru_cache
 
@@ -9,13 +10,14 @@ import numpy as np
 import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio, stance_q
+from models.robots import ROBOTS
 from models.spec import RobotSpec, Stance
-from models.unitree_g1 import GAINS, g1, mirrored_stance
+from models.unitree_g1 import GAINS, LOCKED, g1, mirrored_stance, without
 from wholebody.config.robot import GainsConfig, RobotConfig, StanceConfig
 from wholebody.errors import ConfigError
 
-MODELS = {"g1_dex3": True, "g1": False}
-"""Whether a model has Dex3-1 hands, by name."""
+HANDS = {"g1_dex3": True, "g1": False}
+"""Whether a G1 has Dex3-1 hands, by name; its other settings are only about these."""
 _LEFT_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
 _STEPS, _STEP, _TOLERANCE = 30, 1e-6, 1e-8
 """Newton steps at most, step of the differences [rad, m], and residual of a stance that stands [rad, m]."""
@@ -28,16 +30,26 @@ def describe(config: RobotConfig) -> RobotSpec:
     Raises:
         ConfigError: If there is no such model, or nothing that stands is so.
     """
-    if config.model not in MODELS:
-        raise ConfigError(f"robot.model is '{config.model}'; there are: {', '.join(MODELS)}", setting="robot.model")
-    hands = MODELS[config.model]
-    spec = g1(hands, linkage_effort=config.linkage_effort)
+    if config.model not in ROBOTS:
+        raise ConfigError(f"robot.model is '{config.model}'; there are: {', '.join(ROBOTS)}", setting="robot.model")
+    if config.model not in HANDS:
+        if config != RobotConfig(model=config.model):
+            raise ConfigError(
+                f"robot.model is '{config.model}', whose description says its joints, gains and stance; the other "
+                "settings of robot are those of a G1",
+                setting="robot.model",
+            )
+        return ROBOTS[config.model]()
+    if config.body not in LOCKED:
+        raise ConfigError(f"robot.body is '{config.body}'; there are: {', '.join(LOCKED)}", setting="robot.body")
+    hands, locked = HANDS[config.model], LOCKED[config.body]
+    spec = g1(hands, linkage_effort=config.linkage_effort, locked=locked)
     chosen = config.gains if config.torque >= 1.0 else config.position_gains
     if chosen != GainsConfig():
         gains = zip(GAINS, (getattr(chosen, field.name) for field in fields(chosen)), strict=True)
-        present = {p: vars(gain) for p, gain in gains if hands or "_hand_" not in p}
-        spec = spec.with_joints(present)
-    if config.stance != StanceConfig():
+        there = {p: vars(gain) for p, gain in gains if any(re.fullmatch(p, name) for name in spec.joint_names)}
+        spec = spec.with_joints(there)
+    if config.stance != StanceConfig() or locked:
         spec = replace(spec, stance=_standing(spec, config.stance, hands=hands))
     return spec
 
@@ -51,7 +63,7 @@ def _standing(spec: RobotSpec, wanted: StanceConfig, *, hands: bool) -> Stance:
     def stance(x: np.ndarray) -> Stance:
         hip_pitch, hip_roll, hip_yaw, ankle_pitch, ankle_roll, forward, up = x.tolist()
         leg = (hip_pitch, hip_roll, hip_yaw, wanted.knee, ankle_pitch, ankle_roll)
-        return mirrored_stance((forward, 0.0, up), leg, wanted.arm, hands=hands)
+        return without(mirrored_stance((forward, 0.0, up), leg, wanted.arm, hands=hands), spec.locked, hands=hands)
 
     def residual(x: np.ndarray) -> np.ndarray:
         """Turn of the left sole (3,), its middle off its place (3,) and the centre of mass ahead of it."""

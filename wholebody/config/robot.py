@@ -83,7 +83,11 @@ class RobotConfig:
     """The robot that is controlled and simulated."""
 
     model: str = "g1_dex3"
-    """'g1_dex3' with two Dex3-1 hands, 43 joints, or 'g1' with rubber hands, 29 joints."""
+    """'g1_dex3' with two Dex3-1 hands, 43 joints, or 'g1' with rubber hands, 29 joints; or a name of `models.robots`,
+    whose description says all that the other settings here say of a G1."""
+    body: str = "29dof"
+    """Joints that this G1 has: '29dof', '27dof' (no waist roll and pitch), 'locked_waist' (no waist), or '23dof' (no
+    waist roll and pitch, no wrist pitch and yaw). The others are fixed at zero."""
     linkage_effort: float = 35.0
     """Torque limit of ankles and waist roll and pitch: 35 in the URDF, 50 in Unitree's MJCF [N m]."""
     gains: GainsConfig = GainsConfig()

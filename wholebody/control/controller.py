@@ -100,9 +100,7 @@ class WholeBodyController(Controller):
         """Those of the robot, with knees and elbows kept from where they are straight."""
         spec, robot, safety, order = self.spec, self.robot, self.config.safety, self.robot.motor_to_pin
         q_min, q_max, ddq_max = spec.position_min[order], spec.position_max[order], spec.acceleration_max[order]
-        knees, elbows = (
-            np.array([name.endswith(end) for name in robot.joint_names]) for end in ("knee_joint", "elbow_joint")
-        )
+        knees, elbows = spec.parts("knee")[order], spec.parts("elbow")[order]
         q_min[knees] = safety.knee_min
         q_max[elbows] = np.minimum(q_max[elbows], safety.elbow_max)
         fingers = np.isin(np.arange(robot.n_joints), self.tasks.fingers)
@@ -129,7 +127,7 @@ class WholeBodyController(Controller):
             proximity, trigger=safety.self_trigger, brake=safety.self_brake, prescribed=fingers
         )
         self.floor = FloorLimit(
-            FloorClearance(self.robot.model, proximity.geometry),
+            FloorClearance(spec, self.robot.model, proximity.geometry),
             distance=safety.floor_distance,
             trigger=safety.floor_trigger,
             brake=safety.floor_brake,

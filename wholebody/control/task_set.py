@@ -21,7 +21,7 @@ def make_tasks(spec: RobotSpec, config: ControllerConfig, robot: Robot) -> BodyT
     """Tasks with the gains and weights of a configuration."""
     body = config.body
     trunk = {"kp": body.trunk_kp, "kd": body.trunk_kd}
-    fingers = np.array([i for i, name in enumerate(robot.joint_names) if "_hand_" in name], dtype=int)
+    fingers = np.flatnonzero(spec.is_finger[robot.motor_to_pin])
     kp, kd, weight = (
         np.full(robot.n_joints, value) for value in (body.posture_kp, body.posture_kd, body.posture_weight)
     )

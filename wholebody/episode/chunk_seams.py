@@ -89,7 +89,9 @@ def commanded_chunk(supervisor: ChunkExecutor, t_obs: float, steps: int, fps: fl
     if hands is None:
         return None
     (left, right), chunk = hands, supervisor.chunk
-    poses, fingers = (left.T_world_hand, right.T_world_hand), (left.q_finger, right.q_finger)
+    poses = left.T_world_hand, right.T_world_hand
+    given = (left, chunk.q_lhand), (right, chunk.q_rhand)
+    fingers = [motion.q_finger[:, : q.shape[1]] for motion, q in given]
     return ActionChunk(chunk.spec_id, chunk.seq, t_obs, fps, *poses, *fingers)
 
 

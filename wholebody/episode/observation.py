@@ -7,14 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 import pinocchio as pin
 
-from models import g1
 from models.spec import RobotSpec
+from policy.joints import layout_robot
 from policy.observation import Observation
 from wholebody.robot.state import Robot
 from wholebody.types import RobotState
-
-RELAXED = g1().by_hand(g1().hand_neutral)
-"""What a policy is told of the fingers of a robot that has none, left then right [rad]."""
 
 
 def observation_of(
@@ -41,6 +38,8 @@ def observation_of(
 
 
 def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
-    """Fingers of left and right hand among joints in motor order [rad]; relaxed ones of a robot without."""
-    fingers = [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
-    return fingers if any(map(len, fingers)) else list(RELAXED)
+    """Fingers of left and right hand among joints in motor order [rad]; or the relaxed ones of a layout."""
+    if sum(spec.fingers):
+        return [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+    robot = layout_robot(spec)
+    return list(robot.by_hand(robot.hand_neutral))

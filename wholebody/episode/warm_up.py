@@ -12,6 +12,8 @@ from time import perf_counter
 import numpy as np
 
 from models.pinocchio_model import stance_q
+from models.spec import RobotSpec
+from policy.joints import layout_robot
 from policy.observation import Observation
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig, PlannerConfig
@@ -61,7 +63,7 @@ def warm_up(robot: RobotConfig | None = None) -> float:
     supervisor = Supervisor(spec)
     state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
     supervisor.reset(state)
-    supervisor.accept(scripted_policy("wave").infer(observe(spec, supervisor, state)))
+    supervisor.accept(scripted_policy("wave", robot=layout_robot(spec)).infer(observe(spec, supervisor, state)))
     for _ in range(3):
         supervisor.step(state)
     return perf_counter() - begin
@@ -107,14 +109,16 @@ def compile_tick(robot: RobotConfig) -> None:
     plant.warm_up()
 
 
-def compile_plan(robot: RobotConfig) -> None:
+def compile_plan(robot: RobotConfig | RobotSpec) -> None:
     """Planning a chunk."""
-    spec = describe(robot)
+    spec = robot if isinstance(robot, RobotSpec) else describe(robot)
     model, joints = Robot(spec), spec.stance.joints
     q = stance_q(spec, model.model)
     model.update(q, np.zeros(model.nv))
     T_world_base, body = model.pose(spec.base_body).homogeneous, joints[: len(spec.body_joints)]
-    chunk = scripted_policy("wave").infer(Observation(0.0, body, *fingers_of(spec, joints), T_world_base))
+    chunk = scripted_policy("wave", robot=layout_robot(spec)).infer(
+        Observation(0.0, body, *fingers_of(spec, joints), T_world_base)
+    )
     planner = ChunkPlanner(spec, model, ControllerConfig())
     # With a plan before, too: whether its palms are where these are wanted is looked at in compiled code.
     planner.plan(chunk, 0.0, BodyState.still(q, model.nv), HandMotion(hands_at_rest(model, q)), q[None])

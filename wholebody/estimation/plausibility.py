@@ -27,12 +27,12 @@ class Plausibility:
     """Compares states of one robot.
 
     Args:
-        joint_names: Its joints, in the order of its states.
+        fingers: Which of its joints are fingers, in the order of its states, shape (n_joints,).
     """
 
-    def __init__(self, joint_names: tuple[str, ...]) -> None:
-        kind = np.concatenate([[0, 0, 0, 1, 1, 1], np.full(len(joint_names), 2)])
-        share = np.array([1.0] * 6 + [LIGHT if "_hand_" in name else 1.0 for name in joint_names])
+    def __init__(self, fingers: np.ndarray) -> None:
+        kind = np.concatenate([[0, 0, 0, 1, 1, 1], np.full(len(fingers), 2)])
+        share = np.concatenate([np.ones(6), np.where(fingers, LIGHT, 1.0)])
         self._bounds = JUMPS, share * SPEED_JUMPS[kind], share * ACCELERATIONS[kind]
 
     def follows(self, before: RobotState, after: RobotState, seconds: float) -> bool:

@@ -89,7 +89,7 @@ class AsGiven:
         if self._way is None:
             raise StateError("`accept` before `reset`: there is no state yet that the robot stands in")
         now = self._now if now is None else now
-        if (fault := statuses.chunk_fault(chunk, self.chunk, now)) is not None:
+        if (fault := statuses.chunk_fault(chunk, self.chunk, now, self.spec)) is not None:
             return fault
         times, dt, begin = np.arange(len(chunk)) / chunk.fps, self.config.dt, now - chunk.t_obs
         hands = (chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand)

@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.geometry.se3 import make_transform
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
@@ -91,7 +92,7 @@ class PlanFollower:
         self._body = kernel.Body(
             edges=self._edges(),
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
-            weights=np.array([_weight(name) for name in robot.joint_names]),
+            weights=_weights(robot.spec)[robot.motor_to_pin],
         )
         self._weights = self._body.weights.copy()
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
@@ -238,9 +239,9 @@ class PlanFollower:
         return PackedReference(self.row)
 
 
-def _weight(joint: str) -> float:
-    """How much a joint's distance from the plan counts: it is the heavy ones that carry balance away."""
-    return 0.0 if "_hand_" in joint else WRIST_WEIGHT if "_wrist_" in joint else 1.0
+def _weights(spec: RobotSpec) -> np.ndarray:
+    """Weight of each joint's distance from the plan, by the mass that it moves, shape (n_joints,), motor order."""
+    return np.where(spec.is_finger, 0.0, np.where(spec.parts("wrist"), WRIST_WEIGHT, 1.0))
 
 
 def records(trajectory: SampledTrajectory) -> np.ndarray:

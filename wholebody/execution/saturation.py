@@ -49,10 +49,12 @@ class Saturation:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, tau_max: np.ndarray) -> None:
-        names = robot.joint_names
-        arms = [[i for i, name in enumerate(names) if _carries(name, tool.side)] for tool in spec.tools]
+        # The weight of a hand goes through the waist and its own arm.
+        sides = [np.concatenate([spec.limbs["waist"], spec.limbs[f"{tool.side}_arm"]]) for tool in spec.tools]
+        arms = [np.sort(robot.joint_indices([spec.joint_names[i] for i in side])) for side in sides]
         self._joints, self._often = np.array(arms), np.zeros(np.shape(arms))
-        self._waist = [k for k, i in enumerate(arms[0]) if names[i].startswith("waist_")]
+        waist = robot.joint_indices([spec.joint_names[i] for i in spec.limbs["waist"]])
+        self._waist = np.flatnonzero(np.isin(arms[0], waist)).tolist()
         self.begin_anew()
         self._limits, self._trust = SPENT * tau_max[self._joints], np.ones(2)
         self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN])
@@ -62,12 +64,12 @@ class Saturation:
     @property
     def sinks(self) -> bool:
         """Whether a joint of the waist has had no torque left for so long that the trunk sinks."""
-        return max(self._waist_spent) > SPENT_LONG
+        return max(self._waist_spent, default=0.0) > SPENT_LONG
 
     @property
     def waist_is_spent(self) -> bool:
         """Whether a joint of the waist has no torque left now."""
-        return max(self._waist_spent) > 0.0
+        return max(self._waist_spent, default=0.0) > 0.0
 
     @staticmethod
     def trust_off_plan(distance: float) -> float:
@@ -95,9 +97,3 @@ class Saturation:
         self._waist_spent = [(s + elapsed) * now for s, now in zip(self._waist_spent, spent, strict=True)]
         left, right = self._trust.tolist()
         return left, right
-
-
-def _carries(joint: str, side: str) -> bool:
-    """Whether the weight of a hand goes through a joint."""
-    parts = ("shoulder", "elbow", "wrist")
-    return joint.startswith("waist_") or (joint.startswith(f"{side}_") and any(part in joint for part in parts))

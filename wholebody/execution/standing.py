@@ -86,7 +86,7 @@ class Reflex:
         self._planted = planted
         self._patience, self._back = Patience(), None
         robot, share = controller.robot, config.planner.posture.torque_share
-        self._waist = [i for i, name in enumerate(robot.joint_names) if name.startswith("waist_")]
+        self._waist = np.flatnonzero(np.isin(robot.motor_to_pin, controller.spec.limbs["waist"])).tolist()
         self._waist_torque = share * controller.spec.effort_max[robot.motor_to_pin][self._waist]
         self.active, self.status = False, statuses.OFF_PLAN
 
@@ -176,7 +176,7 @@ def to_hold(newest: ActionChunk | None, motion: HandMotion, now: float) -> Actio
     if newest is not None and newest.times[-1] > now:
         return newest
     if newest is None:
-        T, fingers = motion.T_world_hand, motion.q_finger[:, :7]
+        T, fingers = motion.T_world_hand, motion.q_finger
     else:
         T = [newest.T_world_lhand[-1], newest.T_world_rhand[-1]]
         fingers = [newest.q_lhand[-1], newest.q_rhand[-1]]
@@ -232,6 +232,6 @@ def inside(support: SupportPolygon, point: np.ndarray, margin: float) -> np.ndar
 def damping_command(spec: RobotSpec, robot: Robot, state: RobotState) -> JointCommand:
     """Joints only damped. Wrists and fingers are too light for the full damping: at 500 Hz it would shake them."""
     zero = np.zeros(spec.n_joints)
-    light = [("_wrist_" in name or "_hand_" in name) for name in spec.joint_names]
+    light = spec.parts("wrist") | spec.is_finger
     kd = np.where(light, spec.kd, DAMPING_KD)
     return JointCommand(state.time, state.q[7:][robot.pin_to_motor], zero, zero, zero, kd)

@@ -44,7 +44,10 @@ class StateMonitor:
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._predictor, self._plausibility = StatePredictor(robot), Plausibility(robot.joint_names)
+        self._predictor, self._plausibility = (
+            StatePredictor(robot),
+            Plausibility(robot.spec.is_finger[robot.motor_to_pin]),
+        )
         self.bridged, self._now = 0.0, 0.0
         self._measured: RobotState | None = None
         self._present: RobotState | None = None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
+from policy.joints import layout_robot
 from wholebody.planning.plan import PlanReport
 from wholebody.types import Reason, Status, StatusReport
 
@@ -38,10 +40,10 @@ def refused(reason: Reason, detail: str) -> StatusReport:
     return StatusReport(Status.HOLD, reason, detail)
 
 
-def chunk_fault(chunk: ActionChunk, after: ActionChunk | None, now: float) -> StatusReport | None:
-    """Why a chunk cannot be used now [s], or None; ``after`` is the one accepted before it."""
+def chunk_fault(chunk: ActionChunk, after: ActionChunk | None, now: float, robot: RobotSpec) -> StatusReport | None:
+    """Why a chunk cannot be used by a robot now [s], or None; ``after`` is the one accepted before it."""
     try:
-        chunk.validate(after=after)
+        chunk.validate(after=after, robot=layout_robot(robot))
     except (ChunkError, ValueError) as error:
         return refused(Reason.CHUNK_INVALID, str(error))
     if chunk.times[-1] <= now:

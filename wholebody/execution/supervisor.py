@@ -159,7 +159,7 @@ class Supervisor:
         """
         self._following()
         now = self._now if now is None else now
-        if (fault := statuses.chunk_fault(chunk, self._newest, now)) is not None:
+        if (fault := statuses.chunk_fault(chunk, self._newest, now, self.spec)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
         self._waiting, self._retry = chunk, self._now

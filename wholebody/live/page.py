@@ -22,7 +22,6 @@ from models.moving_bodies import moving_joints, put
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
-from wholebody.config.description import describe
 from wholebody.live import wire
 from wholebody.live.door import Check, Door, between, one_of
 from wholebody.live.glance import HANDS, Glance, Wish
@@ -57,7 +56,7 @@ class Page:
     """
 
     def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
-        spec = describe(world.robot)
+        spec = world.robot
         self._spec, self._pin = spec, load_pinocchio(spec)
         self._pin_data = self._pin.createData()
         self._model = load_mujoco(spec, scene=world.scene)

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.spec import FLOOR_FRICTION
+from models.spec import FLOOR_FRICTION, RobotSpec
+from wholebody.config.description import describe
 from wholebody.config.robot import RobotConfig
 from wholebody.errors import SimulationError
 from wholebody.live import pacing, wire
@@ -41,7 +42,7 @@ START_TIMEOUT = 120.0
 class World:
     """Robot and surroundings. Masses in its hands [kg] and the floor's friction as in `wholebody.sim.plant`."""
 
-    robot: RobotConfig = field(default_factory=RobotConfig)
+    robot: RobotSpec = field(default_factory=lambda: describe(RobotConfig()))
     scene: str = "floor"
     payload_kg: tuple[float, float] = (0.0, 0.0)
     friction: float = FLOOR_FRICTION
@@ -152,14 +153,13 @@ class RobotProcess:
 def _main(end: socket.socket, page: socket.socket | None, orders: Connection, world: World, control_dt: float) -> None:
     """The robot's process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    from wholebody.config.description import describe
     from wholebody.sim.plant import MujocoPlant
 
     try:
         # A mass in each hand that is next to nothing can be changed to another one later.
         masses = tuple(max(mass, MASS_MIN) for mass in world.payload_kg) if page else world.payload_kg
         settings = {"scene": world.scene, "payload_kg": masses, "friction": world.friction}
-        plant = MujocoPlant(describe(world.robot), control_dt=control_dt, **settings)
+        plant = MujocoPlant(world.robot, control_dt=control_dt, **settings)
     except Exception as error:  # noqa: BLE001 - told to the other side, which ends with it
         orders.send(error)
         return

@@ -11,12 +11,13 @@ from time import monotonic
 
 import numpy as np
 
+from models.spec import RobotSpec
 from policy.base import Policy
 from policy.executor.executor import Executor, ExecutorConfig
+from policy.joints import layout_robot
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
-from wholebody.config.robot import RobotConfig
 from wholebody.episode.warm_up import compile_plan
 from wholebody.execution.background_planner import ThreadPlanner
 from wholebody.execution.gate import Gate, judged_elsewhere
@@ -77,7 +78,7 @@ class Session:
         # Before the processes start: they inherit it.
         os.environ.update(pacing.BLAS_THREADS)
         self._session, self._page, spec = session, page, describe(config.robot)
-        self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, config.robot), gate=gate)
+        self._planner = PlannerProcess(spec, config, begin=partial(_planner_begins, spec), gate=gate)
         self._robot = robot
         try:
             state = self._robot.start(page and page.robot_end)
@@ -98,7 +99,7 @@ class Session:
         """Run the loop once, with everything in it, on a robot that does not move."""
         self.supervisor.reset(state)
         loop = ControlLoop(self.supervisor.spec, self.supervisor, Statue(state), state)
-        loop.executor = Executor(scripted_policy("wave"), loop.clock)
+        loop.executor = Executor(scripted_policy("wave", robot=layout_robot(loop.spec)), loop.clock)
         loop.executor.reset()
         loop.run(lambda now: now < WARM_UP)
         loop.executor.close()
@@ -158,7 +159,7 @@ class Session:
         }
 
 
-def _planner_begins(robot: RobotConfig) -> None:
+def _planner_begins(robot: RobotSpec) -> None:
     """In the planner's process: it gives way, and has planned once before it is asked."""
     pacing.give_way()
     compile_plan(robot)

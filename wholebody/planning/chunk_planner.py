@@ -78,10 +78,7 @@ class ChunkPlanner:
         self.offsets = np.array([tool.palm_offset for tool in spec.tools])
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
-        self.hand_limits = tuple(
-            HandLimits(finger_lower=tuple(low[i]), finger_upper=tuple(high[i])) if len(i) else HandLimits()
-            for i in fingers
-        )
+        self.hand_limits = tuple(HandLimits.of_fingers(low[i], high[i]) for i in fingers)
 
     def carry(self, loads: Loads) -> None:
         """Plan with these masses in the hands from now on: bounds hold with the reserve, centres are without it."""
@@ -265,7 +262,7 @@ class ChunkPlanner:
             drift=self.contacts.capture_point_drift(centroidal, slowdown),
             deficit=self.contacts.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
-            arms_spent=arms_spent(body, knots.q[-AT_REST:, body.body]) if self._holding else 0.0,
+            arms_spent=arms_spent(body, body.body_of(knots.q[-AT_REST:])) if self._holding else 0.0,
         )
 
     def _asked(
@@ -290,7 +287,7 @@ class ChunkPlanner:
         if self._last_held is None or self._last_held[0] is not targets:
             body = self.optimizer.body
             self._holdable = self._holdable or HoldablePlaces(body, self.config.posture)
-            held = self._holdable.near(targets.T_palms, targets.q_fingers, q[body.body], budget)
+            held = self._holdable.near(targets.T_palms, targets.q_fingers, body.body_of(q), budget)
             self._last_held = targets, held
         return self._last_held[1]
 
@@ -299,7 +296,7 @@ class ChunkPlanner:
         body, time = self.optimizer.body, self.config.posture.dt * np.arange(1, len(held.q))
         rows = np.tile(q, (len(time), 1))
         for row, still, share in zip(rows, held.q[1:], np.minimum(time / POSTURE_TIME, 1.0), strict=True):
-            row[body.body] = pin.interpolate(body.model, q[body.body], still, share)
+            body.put(row, pin.interpolate(body.model, body.body_of(q), still, share))
         return rows
 
     def _steps(self, s0: float, end: float, slowdown: float) -> np.ndarray:

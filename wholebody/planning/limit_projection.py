@@ -59,7 +59,7 @@ def continued(
     Args:
         times: Of the chunk's steps, evenly spaced, shape (H,), [s].
         T: Poses, shape (H, 4, 4).
-        q: Finger joints, shape (H, 7), [rad].
+        q: Finger joints, shape (H, n), [rad].
         limits: What the bounds are told in.
         motion: What the hand is commanded to do at ``s``, one row.
         s: Where the chunk is joined [s].
@@ -73,10 +73,10 @@ def continued(
     ago, there = past - s, times[first] - s
     p = T[first, :3, 3] + motion.v * (past - times[first])[:, None] + 0.5 * motion.a * (ago**2 - there**2)[:, None]
     turn = motion.w * (past - times[first])[:, None] + 0.5 * motion.alpha * (ago**2 - there**2)[:, None]
-    fingers = q[first] + motion.dq_finger * (past - times[first])[:, None]
+    fingers = q[first] + motion.dq_finger[: q.shape[1]] * (past - times[first])[:, None]
     R = rotvec_to_matrix(turn) @ T[first, :3, :3]
     T = np.concatenate([make_transform(R, p), T[first:]])
-    q = np.concatenate([np.clip(fingers, limits.finger_lower, limits.finger_upper), q[first:]])
+    q = np.concatenate([limits.within(fingers), q[first:]])
     quat = continuous_quaternions(T[:, :3, :3])
     near_p, near_quat = _both(T, quat, 1.0 / step, limits)
     moved = np.linalg.norm(near_p - T[:, :3, 3], axis=1)

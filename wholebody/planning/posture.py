@@ -18,6 +18,7 @@ from models.spec import RobotSpec
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
+from policy.joints import layout_robot
 from policy.reading import FPS_MAX, FPS_MIN
 from policy.scripted.policy import minimum_jerk
 from wholebody.config import ControllerConfig
@@ -137,7 +138,7 @@ class PostureSolver:
             found = self._solution(targets)
             if found.reached:
                 return found
-            missed.append((self._score(found), found.q[self.body.body]))
+            missed.append((self._score(found), self.body.body_of(found.q)))
         return self._nearest(T_palms, targets, min(missed, key=lambda scored: scored[0])[1])
 
     def missed(
@@ -186,11 +187,11 @@ class PostureSolver:
         shares = minimum_jerk(np.linspace(0.0, 1.0, round(duration * fps) + 1))
         way = self._ways.between(begin, posture.q, shares)
         wrists = self._shifted(way.T_palms, -1.0)
-        hands = np.zeros((len(shares), 2, 7))
-        for hand, tool in enumerate(self.spec.tools):
-            n = len(tool.finger_joints)
-            hands[:, hand, :n] = way.q[:, self.body.fingers[hand * n : (hand + 1) * n]]
-        chunk = ActionChunk(builtin("wbc32").id, seq, time, fps, wrists[:, 0], wrists[:, 1], hands[:, 0], hands[:, 1])
+        robot = layout_robot(self.spec)
+        hands, mine = [np.zeros((len(shares), n)) for n in robot.fingers], way.q[:, self.body.fingers]
+        for hand, fingers in zip(hands, np.split(mine, [self.spec.fingers[0]], axis=1), strict=True):
+            hand[:, : fingers.shape[1]] = fingers
+        chunk = ActionChunk(builtin("wbc32", robot).id, seq, time, fps, wrists[:, 0], wrists[:, 1], *hands)
         if not posture.reached:
             said = str(posture).splitlines()[: 1 + len(posture.reasons)]
             chunk = replace(chunk, notes=(f"goes to the nearest posture found, {'; '.join(said)}",))
@@ -213,7 +214,7 @@ class PostureSolver:
             goal = T_palms.copy()
             goal[:, :3, 3] = palms + share * (T_palms[:, :3, 3] - palms)
             search(goal, last, self._stage)
-            last = inside[-1][1].q[self.body.body] if inside else stance
+            last = self.body.body_of(inside[-1][1].q) if inside else stance
         for begin in (start, stance):
             search(T_palms, begin, self._retreating)
         return min(inside, key=lambda scored: scored[0])[1] if inside else self._solution(targets)
@@ -242,7 +243,7 @@ class PostureSolver:
         """What the search has found."""
         body, one = self.body, self._one
         full = body.q_full.copy()
-        full[body.body] = one.q[1]
+        body.put(full, one.q[1])
         wrists = self._shifted(one.T_palms[1], -1.0)
         position = np.linalg.norm(wrists[:, :3, 3] - targets[:, :3, 3], axis=1)
         orientation = angle_between(wrists[:, :3, :3], targets[:, :3, :3])
@@ -251,12 +252,12 @@ class PostureSolver:
         reached = bool(on_target and max(excess.values()) <= WITHIN)
         reasons = () if reached else tuple(name for name, share in excess.items() if share > -NEAR)
         names = list(body.full.names)[2:]
-        upper = list(body.model.names)[2 + LOWER - 6 :]
+        upper, has = list(body.model.names)[2 + LOWER - 6 :], body.real[LOWER - 6 :]
         return Solution(
             reached=reached,
             joints=dict(zip(names, full[7:].tolist(), strict=True)),
             q=full,
-            torques=dict(zip(upper, one.torques(1).tolist(), strict=True)),
+            torques={name: tau for name, tau, mine in zip(upper, one.torques(1).tolist(), has, strict=True) if mine},
             margins=margins,
             position_error=tuple(position.tolist()),
             orientation_error=tuple(orientation.tolist()),

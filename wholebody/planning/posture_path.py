@@ -71,7 +71,7 @@ class PosturePaths:
             shares: Where to be on the curve, from 0 to 1, shape (H,).
         """
         body, generator = self._body, np.random.default_rng(0)
-        middle = pin.interpolate(body.model, begin[body.body], end[body.body], 0.5)
+        middle = pin.interpolate(body.model, body.body_of(begin), body.body_of(end), 0.5)
         best, least = middle, np.inf
         for curve in range(CURVES):
             detour = DETOUR * np.sqrt(curve / CURVES)
@@ -91,7 +91,8 @@ class PosturePaths:
             fingers = self._place(begin, end, control, np.pad(part, (0, POSTURES - len(part)), mode="edge"))
             for k in range(len(part)):
                 full = end.copy()
-                full[body.body], full[body.fingers] = postures.q[k], fingers[k]
+                body.put(full, postures.q[k])
+                full[body.fingers] = fingers[k]
                 q.append(full)
                 palms.append(postures.T_palms[k].copy())
                 margins.append(postures.margins(k))
@@ -106,7 +107,7 @@ class PosturePaths:
         def between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
             return pin.interpolate(body.model, a, b, share)
 
-        a, b = begin[body.body], end[body.body]
+        a, b = body.body_of(begin), body.body_of(end)
         q = [between(between(a, control, x), between(control, b, x), x) for x in shares.tolist()]
         fingers = begin[body.fingers] + shares[:, None] * (end[body.fingers] - begin[body.fingers])
         self._postures.place(np.array(q), fingers)

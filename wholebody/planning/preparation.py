@@ -106,10 +106,7 @@ def prepare(chunk: ActionChunk, limits: tuple[HandLimits, ...], rise: float = 0.
 
 def within_range(chunk: ActionChunk, limits: tuple[HandLimits, ...]) -> ActionChunk:
     """The chunk with its fingers at the ends of their range where it asks them past these."""
-    left, right = (
-        np.clip(q, limit.finger_lower, limit.finger_upper)
-        for q, limit in zip((chunk.q_lhand, chunk.q_rhand), limits, strict=True)
-    )
+    left, right = (limit.within(q) for q, limit in zip((chunk.q_lhand, chunk.q_rhand), limits, strict=True))
     return replace(chunk, q_lhand=left, q_rhand=right)
 
 
@@ -130,7 +127,10 @@ def _off(these: ActionChunk, those: ActionChunk) -> tuple[np.ndarray, np.ndarray
     pairs = ((these.T_world_lhand, those.T_world_lhand), (these.T_world_rhand, those.T_world_rhand))
     distances = [np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1) for a, b in pairs]
     angles = [angle_between(a[:, :3, :3], b[:, :3, :3]) for a, b in pairs]
-    fingers = [np.abs(a - b).max(axis=1) for a, b in ((these.q_lhand, those.q_lhand), (these.q_rhand, those.q_rhand))]
+    fingers = [
+        np.abs(a - b).max(axis=1, initial=0.0)
+        for a, b in ((these.q_lhand, those.q_lhand), (these.q_rhand, those.q_rhand))
+    ]
     return np.max(distances, axis=0), np.max(angles + fingers, axis=0)
 
 

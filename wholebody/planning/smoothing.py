@@ -56,7 +56,7 @@ def smoothed_chunk(chunk: ActionChunk, limits: Sequence[HandLimits]) -> tuple[Ac
         if smoothed is not T:
             changes[name] = smoothed
         if _scatters(np.diff(q, axis=0), chunk.fps, limit.finger):
-            changes[fingers] = smooth(np.clip(q, limit.finger_lower, limit.finger_upper))
+            changes[fingers] = smooth(limit.within(q))
     return (dataclasses.replace(chunk, **changes) if changes else chunk), tuple(changes)
 
 

@@ -199,8 +199,8 @@ def scattered(body: RobotTables, q: np.ndarray, share: float, generator: np.rand
     """
     upper = slice(LOWER - 6, None)
     low, high = body.tables.q_min[upper], body.tables.q_max[upper]
-    q = q.copy()
-    q[7:][upper] = np.clip(q[7:][upper] + share * (high - low) * generator.standard_normal(len(low)), low, high)
+    q, moved = q.copy(), share * (high - low) * generator.standard_normal(len(low))
+    q[7:][upper] = np.where(body.real[upper], np.clip(q[7:][upper] + moved, low, high), 0.0)
     return q
 
 

@@ -52,9 +52,26 @@ class HandLimits:
     orientation: MotionLimits = field(default_factory=lambda: MotionLimits(12.0, 80.0, 2000.0))
     finger: MotionLimits = field(default_factory=lambda: MotionLimits(10.0, 180.0, 3000.0))
     finger_lower: tuple[float, ...] = (-inf,) * FINGERS
-    """Lower limits of the joints in motor order [rad]."""
+    """Lower limits of the joints in motor order [rad]; those that the hand does not have are -inf."""
     finger_upper: tuple[float, ...] = (inf,) * FINGERS
-    """Upper limits of the joints in motor order [rad]."""
+    """Upper limits of the joints in motor order [rad]; those that the hand does not have are inf."""
+
+    @classmethod
+    def of_fingers(cls, lower: np.ndarray, upper: np.ndarray) -> HandLimits:
+        """The default limits of a hand whose n fingers have these ranges (n,) [rad].
+
+        Raises:
+            InputError: If there are more than `FINGERS`.
+        """
+        if len(lower) > FINGERS:
+            raise InputError(f"a hand has {len(lower)} fingers; there is room for {FINGERS}", field="finger_lower")
+        room = FINGERS - len(lower)
+        return cls(finger_lower=(*lower.tolist(), *(-inf,) * room), finger_upper=(*upper.tolist(), *(inf,) * room))
+
+    def within(self, q_finger: np.ndarray) -> np.ndarray:
+        """Finger joints (..., n) [rad], brought into the range of the hand's first n."""
+        n = q_finger.shape[-1]
+        return np.clip(q_finger, self.finger_lower[:n], self.finger_upper[:n])
 
     def __post_init__(self) -> None:
         lower, upper = np.asarray(self.finger_lower, dtype=float), np.asarray(self.finger_upper, dtype=float)

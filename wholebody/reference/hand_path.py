@@ -57,7 +57,7 @@ class HandPath:
         Args:
             times: Parameters of the knots, increasing, shape ``(H,)``, [s].
             T_world_hand: Poses, shape ``(H, 4, 4)``.
-            q_hand: Finger joints in motor order, shape ``(H, 7)``, [rad].
+            q_hand: Finger joints in motor order, shape ``(H, n)``, n up to 7, [rad].
             limits: Limits of the hand; `HandLimits()` if not given.
 
         Raises:

@@ -42,7 +42,7 @@ def part_size(values: np.ndarray, part: slice) -> np.ndarray:
 def check_knots(
     times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The knots as float arrays.
+    """The knots as float arrays; fingers that a hand does not have are 0.
 
     Raises:
         InputError: If a shape is wrong, a value is not finite, times do not increase, or a rotation is none.
@@ -52,7 +52,7 @@ def check_knots(
     for name, x, shape in (
         ("times", times, (max(count, 1),)),
         ("T_world_hand", T, (count, 4, 4)),
-        ("q_hand", q, (count, FINGERS)),
+        ("q_hand", q, (count, q.shape[-1] if q.ndim == 2 and q.shape[-1] <= FINGERS else FINGERS)),
     ):
         if x.shape != shape:
             raise InputError(f"{name} has shape {x.shape}; {shape} is expected", field=name)
@@ -75,7 +75,7 @@ def check_knots(
             field="T_world_hand",
             knot=knot,
         )
-    return times, T, q
+    return times, T, np.pad(q, ((0, 0), (0, FINGERS - q.shape[1])))
 
 
 def curve_through(

@@ -1,6 +1,7 @@
 """Motion of one hand as a flat row: what paths produce, the smoother filters and compiled code reads.
 
-A row holds the motion of the hand frame (the wrist yaw link) and of its 7 Dex3 joints at one instant:
+A row holds the motion of the hand frame (the wrist frame of a tool) and of its finger joints at one instant. There is
+room for 7, as a Dex3 hand has; the other entries of a hand that has fewer are 0:
 
 ====== ============ =================================================================
 0:9    p, v, a      position in world and its derivatives [m, m/s, m/s^2]

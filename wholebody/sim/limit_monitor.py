@@ -48,9 +48,8 @@ class LimitMonitor:
     def __init__(self, plant: Plant) -> None:
         self._plant, spec = plant, plant.spec
         self._names = spec.joint_names
-        body = np.array(["_hand_" not in name for name in self._names])
         self._effort, self._low, self._high = spec.effort_max, spec.position_min, spec.position_max
-        self._effort_body = np.where(body, self._effort, np.inf)
+        self._effort_body = np.where(spec.is_finger, np.inf, self._effort)
         self._least, self._most = self._low - POSITION_TOLERANCE, self._high + POSITION_TOLERANCE
         self.torques: dict[str, LimitExcess] = {}
         self.positions: dict[str, LimitExcess] = {}

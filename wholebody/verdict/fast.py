@@ -8,9 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from models import g1
 from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
+from policy.joints import layout_robot
 from policy.observation import Observation
 from policy.recorded.replay import ReplayPolicy
 from wholebody.config import ControllerConfig
@@ -185,7 +187,9 @@ class FastChecker:
         return replace(verdict, search_finds=finds, why_complete=every)
 
     def _odds(self, run: PlanRun) -> Odds | None:
-        """What is likely to become of the chunks, each by itself."""
+        """What is likely to become of the chunks, each by itself; None of a body that was not learned."""
+        if self.spec.body_joints != g1().body_joints:
+            return None
         found = {
             "settings": not self._usual,
             "loads": max(self.judge.loads) > 0.0,
@@ -232,8 +236,8 @@ def judge(
             f"a {type(chunk).__name__} is no ActionChunk; `policy.decode` makes one of actions, and "
             "`policy.ReplayPolicy.from_npz(path).episode` is that of a file"
         )
-    chunk.validate()
     with checkers.lend(config or ControllerConfig(), scene) as checker:
+        chunk.validate(robot=layout_robot(checker.spec))
         checker.stand(None if state is None else check_state(state, checker.spec.n_joints))
         if state is None:
             begin, notes = checker.judge.first_pose(chunk), far_from_stance(chunk, checker.spec, orientation_free)

@@ -12,6 +12,7 @@ from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.executor.executor import Executor
 from policy.geometry.rotations import angle_between
+from policy.joints import layout_robot
 from wholebody.config import START_MAX
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.verdict import Verdict
@@ -30,7 +31,7 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     Returns:
         One sentence, or none.
     """
-    anchor, offsets = Anchor.nominal(), np.array([tool.palm_offset for tool in spec.tools])
+    anchor, offsets = Anchor.nominal(robot=layout_robot(spec)), np.array([tool.palm_offset for tool in spec.tools])
     stance = np.stack([anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")])
     first = np.stack([chunk.T_world_lhand[0], chunk.T_world_rhand[0]])
     here, there = (T[:, :3, 3] + np.einsum("hij,hj->hi", T[:, :3, :3], offsets) for T in (stance, first))

@@ -8,6 +8,7 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
+from policy.joints import layout_robot
 from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import FINGER_TOLERANCE, PalmErrors, demandable
 from wholebody.execution.handover import ends_at_rest
@@ -87,7 +88,7 @@ class PlanRun:
 
         What was ``found`` of it is not planned again.
         """
-        chunk.validate()
+        chunk.validate(robot=layout_robot(self.judge.spec))
         if found is None and self._goes_on(chunk):
             chunk = self._planned
         else:

@@ -177,8 +177,8 @@ def slowed(chunk: ActionChunk, factor: float) -> ActionChunk:
         chunk,
         T_world_lhand=left.T_world_hand,
         T_world_rhand=right.T_world_hand,
-        q_lhand=left.q_finger.copy(),
-        q_rhand=right.q_finger.copy(),
+        q_lhand=left.q_finger[:, : chunk.q_lhand.shape[1]].copy(),
+        q_rhand=right.q_finger[:, : chunk.q_rhand.shape[1]].copy(),
         **hints,
     )
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from policy.chunk import ActionChunk
+from policy.joints import layout_robot
 from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
 from wholebody.episode.tracking_error import TrackingError
 from wholebody.lending import Lending
 from wholebody.sim.fall import detect_fall
@@ -96,8 +98,8 @@ def as_given(chunk: ActionChunk, state: RobotState | None = None, config: Contro
         ChunkError: If the chunk is malformed.
         InputError: If the state is.
     """
-    chunk.validate()
     config = config or ControllerConfig()
+    chunk.validate(robot=layout_robot(describe(config.robot)))
     if state is None:
         with checkers.lend(config, "floor") as fast:
             fast.stand()

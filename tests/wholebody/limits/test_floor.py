@@ -35,7 +35,7 @@ def geometry(robot):
 
 @pytest.fixture(scope="module")
 def underside(robot, geometry):
-    return FloorClearance(robot.model, geometry)
+    return FloorClearance(robot.spec, robot.model, geometry)
 
 
 def heights(underside, robot, q):
@@ -103,10 +103,10 @@ def test_only_bodies_near_the_floor_have_rows_and_each_its_name(robot, underside
 def test_a_shape_without_corners_is_refused_by_name(robot):
     import coal
 
-    geometry = pin.GeometryModel()
-    geometry.addGeometryObject(pin.GeometryObject("left_hand_0", 1, pin.SE3.Identity(), coal.Sphere(0.1)))
+    geometry, wrist = pin.GeometryModel(), robot.model.getJointId("left_wrist_yaw_joint")
+    geometry.addGeometryObject(pin.GeometryObject("left_hand_0", wrist, pin.SE3.Identity(), coal.Sphere(0.1)))
     with pytest.raises(InputError, match="left_hand_0"):
-        FloorClearance(robot.model, geometry)
+        FloorClearance(robot.spec, robot.model, geometry)
 
 
 @pytest.fixture(scope="module")

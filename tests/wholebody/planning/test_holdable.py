@@ -65,7 +65,7 @@ def test_a_chunk_to_where_2_kg_cannot_be_held_ends_where_they_can(planner):
 def test_hands_that_wait_with_2_kg_are_turned_until_still_arms_hold_them_and_not_shaken(planner):
     """A level hand asks for 99 % of the wrist's torque; plans kept 80 % at their knots by shaking the arms."""
     found, body = plan(planner, HEAVY), planner.optimizer.body
-    assert arms_spent(body, found.knots.q[-5:, body.body]) < 1.08
+    assert arms_spent(body, body.body_of(found.knots.q[-5:])) < 1.08
     assert found.report.tracking_error[-1].max() < 5e-3
 
 

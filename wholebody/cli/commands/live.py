@@ -64,11 +64,13 @@ def live(
     MuJoCo, planner and policy are beside it; the page can disturb the robot. Exit code 1 after a fall.
     """
     from policy.executor.executor import ExecutorConfig
+    from policy.joints import layout_robot
     from policy.scripted.library import SCRIPTS
     from policy.targets.dragged_hands import DraggedHands
     from wholebody.cli.simulated import check_times
     from wholebody.cli.sources import length, opened
     from wholebody.config import ControllerConfig
+    from wholebody.config.description import describe
     from wholebody.config.file import load_config
     from wholebody.live.glance import HANDS
     from wholebody.live.page_process import PageProcess
@@ -81,14 +83,14 @@ def live(
     settings = load_config(around.config) if around.config else ControllerConfig()
     settings = replace(settings, robot=replace(settings.robot, model=around.robot or settings.robot.model))
     named = sources or (["wave"] if shown.headless else [])
-    policies = {name: opened(name, given, **sampling.choices()) for name in named}
+    policies = {name: opened(name, given, settings.robot, **sampling.choices()) for name in named}
     seconds = length(policies[named[0]], given.duration) if shown.headless else given.duration or None
-    asking, world = ExecutorConfig(replace_every=around.replace_every), World(settings.robot, around.scene)
+    asking, world = ExecutorConfig(replace_every=around.replace_every), World(describe(settings.robot), around.scene)
     quiet, page = json_to == "-", None
     with waiting("loading the robot and the planner, compiling if it is the first time", quiet):
         if not shown.headless:
-            others = {name: opened(name, given) for name in SCRIPTS if name not in policies}
-            policies |= {HANDS: DraggedHands()} | others
+            others = {name: opened(name, given, settings.robot) for name in SCRIPTS if name not in policies}
+            policies |= {HANDS: DraggedHands(robot=layout_robot(world.robot))} | others
             page = PageProcess(world, list(policies), shown.host, shown.port)
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
         free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}

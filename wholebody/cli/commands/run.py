@@ -28,7 +28,15 @@ from wholebody.cli.options import (
     VerdictsTo,
     completed_script,
 )
-from wholebody.cli.simulated import SCENE_OF, cameras_of, check_settings, check_times, make_checker, make_executor
+from wholebody.cli.simulated import (
+    SCENE_OF,
+    cameras_of,
+    check_settings,
+    check_times,
+    make_checker,
+    make_executor,
+    settings_of,
+)
 from wholebody.cli.sources import expanded, length, opened
 
 if TYPE_CHECKING:
@@ -52,8 +60,9 @@ def run(
     check_places(json_to, pictures.video, pictures.sheet, pictures.record)
     check_settings(simulation.config)
     names = _names(source, motions, given, one=pictures.wanted())
-    choices = sampling.choices() | {"rtc": asking.real_time_chunking}
-    policies = [opened(name, given, **choices) for name in names]
+    choices, robot = sampling.choices(), settings_of(simulation).robot
+    choices |= {"rtc": asking.real_time_chunking}
+    policies = [opened(name, given, robot, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
     scene, verdicts = simulation.scene or SCENE_OF.get(source, "floor"), []
     checker = make_checker(simulation, scene, quiet, follow)

@@ -146,9 +146,7 @@ class ChunkJudge:
             self.spec.tools, (chunk.q_lhand[0], chunk.q_rhand[0]), self.planner.hand_limits, strict=True
         ):
             if tool.finger_joints:
-                q[7 + self.robot.joint_indices(tool.finger_joints)] = np.clip(
-                    fingers, limits.finger_lower, limits.finger_upper
-                )
+                q[7 + self.robot.joint_indices(tool.finger_joints)] = limits.within(fingers)
         return self._at_rest(q)
 
     def present(self, state: RobotState) -> Begin:

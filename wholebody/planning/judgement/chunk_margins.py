@@ -93,7 +93,7 @@ def _fingers(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: RobotSpec
     for tool, q, limit in zip(spec.tools, (chunk.q_lhand, chunk.q_rhand), limits, strict=True):
         if not tool.finger_joints:
             continue
-        low, high = np.array(limit.finger_lower), np.array(limit.finger_upper)
+        low, high = (np.array(bound[: q.shape[1]]) for bound in (limit.finger_lower, limit.finger_upper))
         excess = np.maximum(low - q, q - high)
         k, i = np.unravel_index(excess.argmax(), excess.shape)
         value, bound = float(q[k, i]), float(high[i] if q[k, i] > 0.5 * (low[i] + high[i]) else low[i])

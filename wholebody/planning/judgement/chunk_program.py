@@ -254,7 +254,7 @@ class ChunkProgram:
         stills.enforced[:] = self._own.rows(enforced)
         stance, T, bounds = body.tables.q_stance, self.targets.T_palms[k], self.judge.config.verdict
         for start in range(POSTURES):
-            q = (near[body.body], stance)[start] if start < 2 else scattered(body, stance, SPREAD, generator)
+            q = (body.body_of(near), stance)[start] if start < 2 else scattered(body, stance, SPREAD, generator)
             stills.search(T, q, self.targets.q_fingers[k], self._rounds)
             off = np.linalg.norm(stills.T_palms[1, :, :3, 3] - T[:, :3, 3], axis=1).max() <= bounds.palm_feasible
             turn = np.where(self.free, 0.0, angle_between(stills.T_palms[1, :, :3, :3], T[:, :3, :3]))

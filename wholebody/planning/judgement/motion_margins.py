@@ -90,7 +90,7 @@ class MotionMargins:
             Limit.JOINT_SPEED: _Rows(names, t.speed_max, np.ones(N_JOINTS)),
             Limit.FRICTION: _Rows(12 * ("soles",), np.zeros(12), np.ones(12)),
         }
-        self._names, self._low = names, FloorClearance(body.full, body.proximity.geometry)
+        self._names, self._low = names, FloorClearance(body.spec, body.full, body.proximity.geometry)
         self._data = body.full.createData()
 
     def of(self, problem: TrajectoryProblem, times: np.ndarray, fps: float) -> Iterator[Margin]:
@@ -149,7 +149,7 @@ class MotionMargins:
     def _lowest(self, problem: TrajectoryProblem, k: int) -> str:
         """Body below the elbows that is nearest to the floor at a knot."""
         body, full = self.body, self.body.q_full.copy()
-        full[body.body] = problem.now.q[k]
+        body.put(full, problem.now.q[k])
         full[body.fingers[body.finger_order]] = problem.q_fingers[k]
         pin.forwardKinematics(body.full, self._data, full)
         return self._low.labels[int(self._low.lowest(self._data)[:, 2].argmin())].removeprefix("floor.")

@@ -146,7 +146,7 @@ class MotionSearch:
         """A posture (nq,) about the present one, for the number of a start."""
         body, generator = self._planner.optimizer.body, np.random.default_rng(start)
         q = self.begin.body.q.copy()
-        q[body.body] = scattered(body, q[body.body], SPREAD, generator)
+        body.put(q, scattered(body, body.body_of(q), SPREAD, generator))
         return q
 
     def witness(self, knots: KnotTrajectory) -> Witness:

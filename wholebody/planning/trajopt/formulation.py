@@ -141,16 +141,16 @@ class Formulation:
 
     def floor(self, q: np.ndarray, fingers: np.ndarray, keep: float, trigger: float) -> Arrays:
         """Excess (k,) [m] of the k bodies near the floor over the height to keep, and its Jacobian (k, 35)."""
-        full, clearance = self.body.full, FloorClearance(self.body.full, self.body.proximity.geometry)
+        full, clearance = self.body.full, FloorClearance(self.body.spec, self.body.full, self.body.proximity.geometry)
         configuration, data = self.body.q_full.copy(), full.createData()
-        configuration[self.body.body] = q
+        self.body.put(configuration, q)
         configuration[self.body.fingers[self.body.finger_order]] = fingers
         pin.computeJointJacobians(full, data, configuration)
         points = clearance.lowest(data)
         low = points[:, 2] - keep < trigger
         up = np.tile([0.0, 0.0, 1.0], (low.sum(), 1))
         J, _ = point_rates(data, clearance.supports[low], points[low], up)
-        return keep - points[low, 2], -J[:, self.body.columns]
+        return keep - points[low, 2], -self.body.rates_of(J)
 
     def _wrench(self, q: np.ndarray, tau: np.ndarray, parts: tuple[np.ndarray, ...]) -> tuple[np.ndarray, list]:
         """Wrench about the origin of the world, and its derivatives."""

@@ -94,7 +94,7 @@ class TrajectoryOptimizer:
     def stand_on(self, feet: Feet) -> None:
         """Plan with the feet there from now on."""
         self.body.stand_on(feet)
-        self.q_stance[self.body.body] = self.body.tables.q_stance
+        self.body.put(self.q_stance, self.body.tables.q_stance)
         self._problems.clear()  # the support may have another number of edges
 
     def plan(
@@ -123,22 +123,23 @@ class TrajectoryOptimizer:
         problem.budget = budget or Budget()
         problem.budget.begin_search(K)
         seed, problem.enforced[:] = self._relaxation
-        problem.begin(T_palms, q_fingers, v[body.columns])
+        problem.begin(T_palms, q_fingers, body.rates_of(v))
         start, known = problem.now.q, 1
-        start[0] = (q if seed is None else seed)[body.body]
+        start[0] = body.body_of(q if seed is None else seed)
         if guess is not None and len(guess):
             known = 1 + len(guess)
-            start[1:known] = guess[:, body.body]
+            start[1:known] = body.body_of(guess)
         problem.set_weights(config, 1.0)
         problem.warm_start(known)
-        start[0] = q[body.body]
+        start[0] = body.body_of(q)
         before = problem.budget.spent
         cost = optimise(problem, config)
         self.work += problem.budget.spent - before
         now = problem.now
         qs, vs = np.tile(q, (K, 1)), np.zeros((K, len(v)))
-        qs[:, body.body], qs[:, body.fingers] = now.q, q_fingers
-        vs[:, body.columns] = now.v_mid[:-1]
+        body.put(qs, now.q)
+        qs[:, body.fingers] = q_fingers
+        body.put_rates(vs, now.v_mid[:-1])
         return KnotTrajectory(qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost)
 
     def plan_with_less(self, enforced: np.ndarray, seed: np.ndarray | None, *arguments: Any) -> KnotTrajectory:
@@ -158,7 +159,7 @@ class TrajectoryOptimizer:
     def palms(self, q: np.ndarray) -> np.ndarray:
         """Poses of both palms, shape (n, 2, 4, 4), at configurations (n, nq)."""
         T = np.empty((len(q), 2, 4, 4))
-        _place_palms(self.body.tables, np.take(q, self.body.body, axis=1), T, *self._scratch)
+        _place_palms(self.body.tables, self.body.body_of(q), T, *self._scratch)
         return T
 
     def measured(self, motion: KnotTrajectory) -> TrajectoryProblem:
@@ -169,8 +170,8 @@ class TrajectoryOptimizer:
         body, problem = self.body, self._problem(len(motion.q))
         problem.enforced[:] = 1.0
         problem.budget = Budget()
-        problem.begin(motion.T_palms, motion.q[:, body.fingers], motion.v[0, body.columns])
-        problem.now.q[:] = motion.q[:, body.body]
+        problem.begin(motion.T_palms, motion.q[:, body.fingers], body.rates_of(motion.v[0]))
+        problem.now.q[:] = body.body_of(motion.q)
         problem.linearise(problem.now)
         return problem
 

@@ -148,7 +148,8 @@ class TrajectoryProblem:
         begin = 0
         for end in (np.flatnonzero(np.diff(knots, append=-1)) + 1).tolist():
             k, those = knots[begin], pairs[begin:end]
-            full[body.body], full[body.fingers[body.finger_order]] = m.q[k], self._task.q_fingers[k]
+            body.put(full, m.q[k])
+            full[body.fingers[body.finger_order]] = self._task.q_fingers[k]
             body.proximity.measure(full, those)
             rows[begin:end] = body.proximity.rows[those]
             slack[begin:end] = body.proximity.distance[those] - body.proximity.margin[those]

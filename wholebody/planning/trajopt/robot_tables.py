@@ -19,7 +19,8 @@ from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.planning.trajopt.arrays import Shapes, Tables
 from wholebody.planning.trajopt.footing import Footing
-from wholebody.planning.trajopt.layout import LOWER, N_BODY, N_FLOOR, N_JOINTS, UPPER
+from wholebody.planning.trajopt.layout import LOWER, N_FLOOR, N_JOINTS, UPPER, WAIST
+from wholebody.planning.trajopt.limbs import ARM, real, with_room
 from wholebody.robot.body_table import body_table
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import HandLoads
@@ -34,16 +35,16 @@ class RobotTables:
     """The robot without its fingers, on feet that stay: where the stance has them, or where `stand_on` is told.
 
     Configurations and velocities here are the body's, (36,) and (35,): the fingers are locked in the dynamics, and
-    where the caller has them for the distances.
+    where the caller has them for the distances. Joints that a robot lacks are there, and idle (`limbs`).
 
     Args:
         spec: The robot. config: Limits and margins. friction: Coefficient that the controller counts on.
         force_min: Least normal force that the controller keeps at each contact point [N].
 
     Attributes:
-        model: Pinocchio's model of the body.
-        full: The model with fingers.
-        body: Entries of the body in the full configuration. columns: The same in the full velocity.
+        spec: The robot. model: Pinocchio's model of the body, with room for all limbs.
+        full: The robot's own model, with fingers.
+        real: Which of the joints of the body the robot has, shape (29,).
         fingers: Entries of the fingers in the full configuration, hand by hand.
         finger_order: Which of those the fingers are in the order of their bodies.
         footing: Where it stands.
@@ -62,27 +63,27 @@ class RobotTables:
         full = self.full = load_pinocchio(spec)
         self.q_full = stance_q(spec, full)
         names = list(full.names)
-        locked = [i for i, name in enumerate(names) if "_hand_" in name]
-        model = self.model = pin.buildReducedModel(full, locked, self.q_full)
-        self.data, self.palms = model.createData(), palm_frame_ids(spec, model)
-        kept = [i - 2 for i in range(2, len(names)) if i not in locked]
-        self.body, self.columns = (np.concatenate([np.arange(n), n + np.array(kept)]) for n in (7, 6))
+        locked = [i for i, name in enumerate(names) if name not in spec.body_joints and i > 1]
+        model = self.model = with_room(spec, pin.buildReducedModel(full, locked, self.q_full))
+        self.data, self.palms, self.real = model.createData(), palm_frame_ids(spec, model), real(model)
+        kept = np.array([names.index(name) - 2 if name in names else 0 for name in list(model.names)[2:]])
+        self._entries, self._columns = (np.concatenate([np.arange(n), n + kept]) for n in (7, 6))
         self.fingers = np.array([7 + names.index(n) - 2 for tool in spec.tools for n in tool.finger_joints], int)
         self.finger_order = np.argsort(self.fingers, kind="stable")
         self._loads, self.mass = HandLoads(spec, model), float(pin.computeTotalMass(full))
         points = max(len(foot.points) for foot in spec.feet)
         self.foot_load_min = points * force_min / (self.mass * float(np.linalg.norm(full.gravity.linear)))
-        self._spec, self._config, self._friction = spec, config, friction
-        q = self.q_full[self.body].copy()
+        self.spec, self._config, self._friction = spec, config, friction
+        q = self.body_of(self.q_full)
         self.footing = Footing.of(spec, Feet.at(spec, model, q, self.data), self.foot_load_min)
         placed = self.footing.tables(config, friction, self.foot_load_min)
         self.tables = _tables(spec, config, model, q, self.mass, placed)
-        self._tau_max, upper = self.tables.tau_max.copy(), list(model.names)[2 + N_JOINTS - UPPER :]
-        self._arms = [np.array([name.startswith(f"{tool.side}_") for name in upper]) for tool in spec.tools]
+        self._tau_max = self.tables.tau_max.copy()
+        self._arms = [slice(WAIST, WAIST + ARM), slice(WAIST + ARM, UPPER)]
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
         table = shape_table(spec, self.proximity.geometry)
-        low = _low(FloorClearance(full, self.proximity.geometry), table, bodies, self.tables, config)
+        low = _low(FloorClearance(spec, full, self.proximity.geometry), table, bodies, self.tables, config)
         self.shapes = _shapes(table, bodies, self.proximity, low)
 
     @classmethod
@@ -95,6 +96,28 @@ class RobotTables:
         other.tables = t._replace(bodies=t.bodies.copy(), tau_max=t.tau_max.copy())
         return other
 
+    def body_of(self, q: np.ndarray) -> np.ndarray:
+        """Configurations of the body (..., 36) in those of the robot (..., nq); joints that it lacks are at 0."""
+        body = q[..., self._entries]
+        body[..., 7:][..., ~self.real] = 0.0
+        return body
+
+    def rates_of(self, v: np.ndarray) -> np.ndarray:
+        """Velocities of the body (..., 35) in those of the robot (..., nv)."""
+        body = v[..., self._columns]
+        body[..., 6:][..., ~self.real] = 0.0
+        return body
+
+    def put(self, q: np.ndarray, body: np.ndarray) -> None:
+        """Write configurations of the body (..., 36) into those of the robot (..., nq)."""
+        has = np.concatenate([np.ones(7, dtype=bool), self.real])
+        q[..., self._entries[has]] = body[..., has]
+
+    def put_rates(self, v: np.ndarray, body: np.ndarray) -> None:
+        """Write velocities of the body (..., 35) into those of the robot (..., nv)."""
+        has = np.concatenate([np.ones(6, dtype=bool), self.real])
+        v[..., self._columns[has]] = body[..., has]
+
     def carry(self, loads: Sequence[float]) -> None:
         """Count on these masses in the left and right hand from now on [kg]."""
         self._loads.carry(loads, self.tables.bodies)
@@ -105,8 +128,8 @@ class RobotTables:
 
     def stand_on(self, feet: Feet) -> None:
         """The feet are there from now on."""
-        self.footing = Footing.of(self._spec, feet, self.foot_load_min)
-        q = feet.stance(self._spec, self.full)[self.body]
+        self.footing = Footing.of(self.spec, feet, self.foot_load_min)
+        q = self.body_of(feet.stance(self.spec, self.full))
         floor, c = self.shapes.floor.copy(), self._config
         floor[0] = c.floor_distance + self.footing.floor.rise
         self.shapes = self.shapes._replace(floor=floor)
@@ -127,9 +150,9 @@ class RobotTables:
     def _place_fingers(self, locked: list[int]) -> np.ndarray:
         """Put the fingers behind the bodies of the plan; the plan's number of each body of the full model."""
         table, parent = body_table(self.full)
-        order = [i - 1 for i in range(1, self.full.njoints) if i not in locked] + [i - 1 for i in locked]
-        number = np.argsort(order)
         fingers = np.array(locked, dtype=int) - 1
+        number = np.array([0] + [self.model.getJointId(name) - 1 for name in list(self.full.names)[2:]])
+        number[fingers] = 1 + N_JOINTS + np.arange(len(fingers))
         self.tables = self.tables._replace(
             bodies=np.concatenate([self.tables.bodies, table[fingers]]),
             parent=np.concatenate([self.tables.parent, number[parent[fingers]]]),
@@ -151,11 +174,8 @@ def _tables(
     ids += [model.getFrameId(foot.frame) for foot in spec.feet]
     frames = [model.frames[i] for i in ids]
     carries = _carries(model, [frame.parentJoint for frame in frames])
-    if model.nv != N_BODY or carries[4:, LOWER:].any() or not carries[4:, :LOWER].any(0).all():
-        raise InputError(
-            f"the optimiser needs {N_BODY} velocities, base and legs first, as the G1 has them: {spec.name} has "
-            f"{model.nv}, '{list(model.names)[2]}' first"
-        )
+    if carries[4:, LOWER:].any() or not carries[4:, :LOWER].any(0).all():
+        raise InputError(f"the optimiser needs legs that move the feet of {spec.name}, and nothing else that does")
     return Tables(
         bodies=bodies,
         parent=parent,
@@ -193,19 +213,24 @@ def _carries(model: pin.Model, joints: list[int]) -> np.ndarray:
 
 def _limits(spec: RobotSpec, c: TrajectoryConfig, names: list[str]) -> dict[str, np.ndarray]:
     """Bounds on the joints, in their order, that the plan uses."""
-    order = np.array([spec.joint_names.index(name) for name in names])
-    q_min, q_max = spec.position_min[order] + c.joint_margin, spec.position_max[order] - c.joint_margin
-    q_min[[name.endswith("knee_joint") for name in names]] = c.knee_min
-    waist = [name.startswith("waist_") for name in names]
-    acceleration = np.where(waist, c.waist_acceleration, c.acceleration)
-    elbows = [name.endswith("elbow_joint") for name in names]
+    has = np.array([name in spec.joint_names for name in names])
+    order = np.array([spec.joint_names.index(name) if name in spec.joint_names else 0 for name in names])
+    # What a joint that the robot lacks is bounded by does not matter: nothing moves it.
+    low, high, speed, acceleration, torque = (
+        np.where(has, values[order], 1.0)
+        for values in (-spec.position_min, spec.position_max, spec.velocity_max, spec.acceleration_max, spec.effort_max)
+    )
+    q_min, q_max = -low + c.joint_margin, high - c.joint_margin
+    q_min[has & spec.parts("knee")[order]] = c.knee_min
+    elbows = has & spec.parts("elbow")[order]
     q_max[elbows] = np.minimum(q_max[elbows], c.elbow_max)
+    waist = np.isin(np.arange(N_JOINTS), N_JOINTS - UPPER + np.arange(WAIST))
     return {
         "q_min": q_min,
         "q_max": q_max,
-        "speed_max": c.speed_share * spec.velocity_max[order],
-        "acceleration_max": np.minimum(acceleration, spec.acceleration_max[order]),
-        "tau_max": c.torque_share * spec.effort_max[order[N_JOINTS - UPPER :]],
+        "speed_max": c.speed_share * speed,
+        "acceleration_max": np.minimum(np.where(waist, c.waist_acceleration, c.acceleration), acceleration),
+        "tau_max": c.torque_share * torque[N_JOINTS - UPPER :],
     }
 
 

@@ -40,7 +40,7 @@ def repair_of(
     change = repairer.repaired(factor, retimed=may_be_slower(name))
     if change is None:
         return None
-    spec, anchor = policy.spec, Anchor.nominal()
+    spec, anchor = policy.spec, Anchor.nominal(robot=policy.spec.robot)
     written = ChunkFile(spec, encode(spec, change.episode, anchor), change.episode.fps)
     if not repairer.holds(written.chunk()):
         return None

@@ -106,13 +106,13 @@ def _balance(frames: Frames) -> Panel:
 def _joints(frames: Frames, spec: RobotSpec) -> Iterator[Panel]:
     """Of torque, range and speed, the joint of the body that has the least room."""
     record, motors, joints = frames.record, frames.record["motor_names"].tolist(), frames.record["joint_names"].tolist()
-    body = np.array(["_hand_" not in name for name in motors])
+    body = np.isin(motors, spec.body_joints)
     share = frames.most(record["torque_asked"][:, body]) / record["effort_max"][body]
     yield Panel(
         "motors, torque asked over limit", "", (_worst("worst", share, motors, body),), ((1.0, "limit"),), most=2.0
     )
     by_name = {joint.name: joint for joint in spec.joints}
-    body = np.array(["_hand_" not in name for name in joints])
+    body = np.isin(joints, spec.body_joints)
     low, high, speed = (
         np.array([getattr(by_name[name], bound) for name in joints])[body]
         for bound in ("position_min", "position_max", "velocity_max")
@@ -137,7 +137,7 @@ def _distances(frames: Frames, spec: RobotSpec, config: ControllerConfig) -> Ite
     """Of bodies of the robot to each other, and of hands and forearms to the floor."""
     model, distance = load_pinocchio(spec), config.safety.self_distance
     proximity = Proximity(spec, model, None, stance_q(spec, model), distance)
-    floor, data, near, low = FloorClearance(model, proximity.geometry), model.createData(), [], []
+    floor, data, near, low = FloorClearance(spec, model, proximity.geometry), model.createData(), [], []
     for q in frames.of_column("q"):
         pin.forwardKinematics(model, data, q)
         proximity.update(q, data, trigger=0.0, least=NEAREST)

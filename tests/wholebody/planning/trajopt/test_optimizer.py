@@ -137,7 +137,8 @@ def test_hands_sent_into_the_floor_fingers_first_stay_above_it(planner, height, 
     T[:, :, 2, 3] += (share * (height - 0.30))[:, None]
     T[:, :, :3, :3] = T[:, :, :3, :3] @ np.array([[pin.exp3(np.array([0.0, 0.8 * x, 0.0]))] for x in share])
     motion = planner.plan(planner.q_stance, np.zeros(planner.model.nv), T, fingers)
-    underside, data = FloorClearance(planner.model, planner.body.proximity.geometry), planner.model.createData()
+    underside = FloorClearance(planner.spec, planner.model, planner.body.proximity.geometry)
+    data = planner.model.createData()
     least = np.inf
     steps = planner.config.dt * np.arange(len(motion.q))
     on_curve, _, _ = curve_through(steps, motion.q, np.zeros(planner.model.nv))(steps)
@@ -272,7 +273,8 @@ def test_the_nearest_pairs_are_those_of_all_distances(body):
         m, fingers = program.now, body.fingers[body.finger_order]
         q, proximity = body.q_full.copy(), body.proximity
         for k in range(1, 4):
-            q[body.body], q[fingers] = m.q[k], program.q_fingers[k]
+            body.put(q, m.q[k])
+            q[fingers] = program.q_fingers[k]
             data = body.full.createData()
             pin.computeDistances(body.full, data, proximity.geometry, proximity.data, q)
             every = proximity.margin - np.array([result.min_distance for result in proximity.data.distanceResults])
