@@ -261,6 +261,13 @@ SCRIPTS: dict[str, Callable[..., ScriptedPolicy]] = {
     "hand_over": hand_over,
 }
 """Scripted policies by the name that the CLI takes."""
+FURNITURE = ("touch", "wipe", "press", "pull_drawer", "turn_handle", "lift_box")
+"""Scripts that are made for the hands of the G1 with Dex3 hands and the furniture of `models.scenes`."""
+
+
+def scripts_of(robot: RobotSpec | None = None) -> tuple[str, ...]:
+    """Names of the scripts that a robot has, the G1 with Dex3 hands if not given."""
+    return tuple(name for name in SCRIPTS if robot in (None, g1()) or name not in FURNITURE)
 
 
 def scripted_policy(name: str, robot: RobotSpec | None = None, **settings: object) -> ScriptedPolicy:
@@ -271,7 +278,9 @@ def scripted_policy(name: str, robot: RobotSpec | None = None, **settings: objec
     """
     if name not in SCRIPTS:
         raise PolicyError(f"no script is called '{name}'; {did_you_mean(name, SCRIPTS)}there are: {', '.join(SCRIPTS)}")
-    if robot is not None and robot != g1():
+    if name not in scripts_of(robot):
+        raise PolicyError(f"script '{name}' is made for the G1 with Dex3 hands; of {robot.name}: {scripts_of(robot)}")
+    if robot not in (None, g1()):
         settings["robot"] = robot
     try:
         return SCRIPTS[name](**settings)

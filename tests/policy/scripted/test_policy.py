@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from models import g1
+from models.unitree_g1 import LOCKED
 from policy import SCRIPTS, PolicyError, scripted_policy
 from policy.action_spec.hands import grasp_posture
-from policy.scripted.library import OBJECT_IN_PALM, grasp, lissajous, pick, reach, two_hand_lift, wave
+from policy.scripted.library import OBJECT_IN_PALM, grasp, lissajous, pick, reach, scripts_of, two_hand_lift, wave
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
 from policy.scripted.waypoints import Waypoint, waypoint_policy
 from tests.support.policy_cases import observation
@@ -156,3 +157,12 @@ def test_waypoint_times_must_increase():
 def test_misuse_says_what_would_work(call, complaint):
     with pytest.raises(PolicyError, match=complaint):
         call()
+
+
+def test_scripts_for_furniture_are_the_g1s_and_said_to_be():
+    other = g1(locked=LOCKED["27dof"])
+    assert set(scripts_of()) == set(SCRIPTS)
+    assert "wave" in scripts_of(other)
+    assert scripted_policy("wave", other).spec.robot == other
+    with pytest.raises(PolicyError, match="made for the G1 with Dex3 hands; of g1_dex3_27"):
+        scripted_policy("wipe", other)

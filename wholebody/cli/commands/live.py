@@ -7,13 +7,16 @@ import sys
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
 from wholebody.cli.console import check_places, say, waiting, write_text
 from wholebody.cli.options import SOURCES, Input, JsonTo, RobotModel, Sampling, completed_script
+
+if TYPE_CHECKING:
+    from wholebody.config import ControllerConfig
 
 LINE_EVERY = 1.0
 """Time between two lines on the terminal [s]; chosen, no trial is on record."""
@@ -65,13 +68,11 @@ def live(
     """
     from policy.executor.executor import ExecutorConfig
     from policy.joints import layout_robot
-    from policy.scripted.library import SCRIPTS
+    from policy.scripted.library import scripts_of
     from policy.targets.dragged_hands import DraggedHands
     from wholebody.cli.simulated import check_times
     from wholebody.cli.sources import length, opened
-    from wholebody.config import ControllerConfig
     from wholebody.config.description import describe
-    from wholebody.config.file import load_config
     from wholebody.live.glance import HANDS
     from wholebody.live.page_process import PageProcess
     from wholebody.live.robot_process import RobotProcess, World
@@ -80,17 +81,16 @@ def live(
 
     check_times(given.duration, around.hold)
     check_places(json_to)
-    settings = load_config(around.config) if around.config else ControllerConfig()
-    settings = replace(settings, robot=replace(settings.robot, model=around.robot or settings.robot.model))
+    settings = _settings(around)
     named = sources or (["wave"] if shown.headless else [])
     policies = {name: opened(name, given, settings.robot, **sampling.choices()) for name in named}
     seconds = length(policies[named[0]], given.duration) if shown.headless else given.duration or None
     asking, world = ExecutorConfig(replace_every=around.replace_every), World(describe(settings.robot), around.scene)
-    quiet, page = json_to == "-", None
+    quiet, page, drives = json_to == "-", None, layout_robot(world.robot)
     with waiting("loading the robot and the planner, compiling if it is the first time", quiet):
         if not shown.headless:
-            others = {name: opened(name, given, settings.robot) for name in SCRIPTS if name not in policies}
-            policies |= {HANDS: DraggedHands(robot=layout_robot(world.robot))} | others
+            others = {name: opened(name, given, settings.robot) for name in scripts_of(drives) if name not in policies}
+            policies |= {HANDS: DraggedHands(robot=drives)} | others
             page = PageProcess(world, list(policies), shown.host, shown.port)
         about = SessionConfig(duration=seconds, hold=around.hold, task=given.task)
         free = {policy.spec.id: policy.spec.orientation_free for policy in policies.values()}
@@ -105,6 +105,15 @@ def live(
         if page is not None:
             page.close()
     _tell(session.summary(), robot, json_to, quiet=quiet)
+
+
+def _settings(around: Around) -> ControllerConfig:
+    """As the file has them, for the robot asked for."""
+    from wholebody.config import ControllerConfig
+    from wholebody.config.file import load_config
+
+    settings = load_config(around.config) if around.config else ControllerConfig()
+    return replace(settings, robot=replace(settings.robot, model=around.robot or settings.robot.model))
 
 
 def _tell(summary: dict, robot: dict, json_to: str, *, quiet: bool) -> None:
