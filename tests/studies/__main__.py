@@ -18,7 +18,7 @@ from pathlib import Path
 
 PLANNING = ("100", "300", "x3")
 LOADS = ("reach", "ready", "change", "lean", "grasp", "hostile")
-TOUCH = ("touch", "brush", "pulls", "bumps", "tasks")
+TOUCH = ("touch", "brush", "pulls", "bumps", "handed", "tasks")
 SENSES = {"glitches": 20, "delay": 1, "realistic": 20, "hostile": 5, "friction": 40, "masses": 20, "ground": 40}
 """Studies of `benchmarks/senses.py`, and how many seeds each has."""
 LIMITS, ROBOTS = ("loads", "slope", "delay", "friction", "model", "motors", "pushes"), {"true": 3, "realistic": 3}

@@ -9,6 +9,7 @@ touch    a hand or both into the table, a wall, the corridor's walls, a board ov
 brush    both thumbs brush a free carton of 1 kg
 pulls    a force on a palm that grows slowly, 16 directions at 3 postures, beside what soles and torques allow at rest
 bumps    5 N s in 20 ms at a wrist, 6 directions at 3 postures
+handed   1 kg put into a hand at 3 postures, and taken from it 3 s later, told by nobody
 tasks    the scripted tasks, and whether they came to what they are for
 
 The answer is 1 if one of them fell.
@@ -38,6 +39,8 @@ TOUCHED, LOST = 10.0, 0.02
 """Force from which a hand touches [N]; distance from the chunk past which it is lost [m]."""
 POSTURES = {"ready": (0.26, 0.20, 0.86), "ahead": (0.42, 0.18, 1.05), "low": (0.40, 0.18, 0.62)}
 """Palm point of the left hand, the right one mirrored [m]; reached at 3 s of the script."""
+HANDED = 1.0
+"""Mass that is handed over [kg]; the issue's."""
 BUMP = 5.0
 """Impulse of a bump [N s]; the issue's."""
 RAMP, BEYOND = 8.0, 1.15
@@ -159,6 +162,18 @@ def run_bumps(case: int, seed: int, robot: int | None) -> dict:
     )
 
 
+def run_handed(case: int, seed: int, robot: int | None) -> dict:
+    """A case of `handed`."""
+    rng, name = np.random.default_rng((seed, case)), list(POSTURES)[case % 3]
+    hand, at = int(rng.integers(2)), 5.0 + float(rng.uniform(0.0, 0.8))
+    loads = [(at, tuple(HANDED * (i == hand) for i in (0, 1))), (at + 3.0, (0.0, 0.0))]
+    run = Run(posture(name, 6.0), "floor", seed=robot, loads=loads)
+    away = [1e3 * float(run.errors[run.times > since].max(initial=0.0)) for since in (at, at + 3.0)]
+    back = {"back_s": round(run.back(at), 3), "back_after_s": round(run.back(at + 3.0), 3)}
+    drawn = {"side": SIDES[hand]}
+    return {"family": name} | run.told() | {"away_mm": round(max(away), 1)} | back | drawn
+
+
 def run_tasks(case: int, seed: int, robot: int | None) -> dict:
     """A case of `tasks`."""
     name, rng = TASKS[case % len(TASKS)], np.random.default_rng((seed, case))
@@ -187,7 +202,7 @@ def done(name: str, run: Run) -> tuple[bool, float]:
 
 
 KINDS = {"touch": (run_touch, 40), "brush": (run_brush, 6), "pulls": (run_pulls, 48), "bumps": (run_bumps, 18)}
-KINDS |= {"tasks": (run_tasks, len(TASKS))}
+KINDS |= {"handed": (run_handed, 12), "tasks": (run_tasks, len(TASKS))}
 """Runs a case of each kind, and how many there are if nothing is said."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import mujoco
@@ -26,16 +26,19 @@ THERE = 0.005
 """Distance from the chunk within which a palm is back on it [m]; the issue's."""
 BUMP_TIME = 0.02
 """Time of a bump [s]; the issue's."""
+NOTHING = 1e-4
+"""Mass in a hand that can be changed later [kg]."""
 ON_CONE = 8
 """Sides of the pyramid inside the friction cone of a corner of a sole."""
 
 
-def robot_in(scene: str, realistic: int | None = None) -> tuple[MujocoPlant, Sensors | None]:
-    """A true robot in a scene, or a realistic one of a seed with its sensors."""
+def robot_in(scene: str, realistic: int | None = None, load: float = 0.0) -> tuple[MujocoPlant, Sensors | None]:
+    """A true robot in a scene, or a realistic one of a seed with its sensors; a load in each hand [kg]."""
+    world = {"scene": scene, "payload_kg": (load, load)}
     if realistic is None:
-        return MujocoPlant(SPEC, scene=scene), None
+        return MujocoPlant(SPEC, **world), None
     sensors = Sensors(SPEC, replace(REALISTIC_READINGS, seed=realistic), 0.002, StateEstimator(SPEC))
-    return RealisticPlant(SPEC, replace(REALISTIC_ROBOT, seed=realistic), encoders=sensors, scene=scene), sensors
+    return RealisticPlant(SPEC, replace(REALISTIC_ROBOT, seed=realistic), encoders=sensors, **world), sensors
 
 
 class Felt:
@@ -45,6 +48,7 @@ class Felt:
         plant: Stepped by whoever has it; its `step` is watched from now on.
         found: Asked after every period which hands the controller takes for touching, left first; nothing if None.
         pull: A side, and the force on its palm at a time [s] in a configuration, shape (3,), world axes, [N].
+        loads: From when on [s] how much is in both hands, left first [kg], in order.
 
     Attributes:
         rows: Time [s], forces (2, 3) [N], palms (2, 3) [m], soles (2, 3) [m], found (2,), the
@@ -56,8 +60,10 @@ class Felt:
         plant: MujocoPlant,
         found: Callable[[], tuple[bool, bool]] | None = None,
         pull: tuple[str, Callable[[float, np.ndarray], np.ndarray]] | None = None,
+        loads: Sequence[tuple[float, tuple[float, float]]] = (),
     ) -> None:
-        self.plant, self.rows, self._found, self._pull = plant, [], found, pull
+        self.plant, self.rows, self._found, self._pull, self._loads = plant, [], found, pull, list(loads)
+        self._own = getattr(plant, "payload_kg", (NOTHING, NOTHING))
         self._arm = _arms(plant)
         self._sites = [plant.model.site(tool.palm_frame).id for tool in SPEC.tools]
         joints = [j for j in range(plant.model.njnt) if plant.model.joint(j).name == "fixture"]
@@ -67,6 +73,8 @@ class Felt:
     def step(self, command: object) -> object:
         """As of the plant."""
         plant = self.plant
+        while self._loads and plant.data.time >= self._loads[0][0]:
+            plant.hold([own + more for own, more in zip(self._own, self._loads.pop(0)[1], strict=True)])
         if self._pull is not None:
             side, force = self._pull
             tool = SPEC.tools[SIDES.index(side)]
@@ -132,10 +140,11 @@ class Run:
     def __init__(
         self, policy: ScriptedPolicy, scene: str, *, seed: int | None = None, phase: float = 0.0, hold: float = 2.0,
         pull: tuple | None = None, bump: tuple | None = None,
+        loads: Sequence[tuple[float, tuple[float, float]]] = (),
     ) -> None:  # fmt: skip
         supervisor, found = supervisor_of()
-        plant, sensors = robot_in(scene, seed)
-        self.policy, self.plant, self.felt, self.settle = policy, plant, Felt(plant, found, pull), 1.0 + phase
+        plant, sensors = robot_in(scene, seed, NOTHING if loads else 0.0)
+        self.policy, self.plant, self.felt, self.settle = policy, plant, Felt(plant, found, pull, loads), 1.0 + phase
         config = EpisodeConfig(settle=self.settle, hold=hold)
         if bump is not None:
             # `run_episode` resets the plant, which forgets its pushes.
