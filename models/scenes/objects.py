@@ -47,9 +47,9 @@ def add_carton(mj: mujoco.MjSpec, place: Place) -> list[float]:
 
 
 def add_crate(mj: mujoco.MjSpec, place: Place) -> list[float]:
-    """A crate in the middle, for two hands: 2 kg, 200 x 300 x 180 mm."""
+    """A crate in the middle, for two hands: 2 kg, 160 x 300 x 180 mm."""
     at, green = (place[0], 0.0, place[2]), (0.25, 0.55, 0.35, 1.0)
-    return _add(mj, at, mujoco.mjtGeom.mjGEOM_BOX, (0.10, 0.5 * CRATE_WIDTH, 0.09), 2.0, green)
+    return _add(mj, at, mujoco.mjtGeom.mjGEOM_BOX, (0.08, 0.5 * CRATE_WIDTH, 0.09), 2.0, green)
 
 
 OBJECTS: dict[str, Callable[[mujoco.MjSpec, Place], list[float]]] = {

@@ -211,7 +211,7 @@ def turn_handle(*, hold: float = 0.5) -> ScriptedPolicy:
     return waypoint_policy("turn_handle", [*points, one_hand("right", end + 4.0)])
 
 
-def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.03) -> ScriptedPolicy:
+def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.04) -> ScriptedPolicy:
     """Two palms take the crate from the table, lift it, carry it 0.10 m to the left and put it down again.
 
     Args:
@@ -219,7 +219,8 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.03) -
         squeeze: Expected of each side of it [N].
         depth: How far into its sides the palms are commanded [m].
     """
-    x, y, z = ON_TABLE[0] - 0.065, 0.5 * CRATE_WIDTH + PALM_FACE, TABLE_HEIGHT + 0.09
+    # Palms and straight fingers along its sides, the open thumbs before it.
+    x, y, z = ON_TABLE[0] - 0.04, 0.5 * CRATE_WIDTH + PALM_FACE, TABLE_HEIGHT + 0.09
     middle, aside, up = np.array([x, 0.0, z]), np.array([0.0, 0.10, 0.0]), np.array([0.0, 0.0, 0.10])
     weight = np.array([0.0, 0.0, -0.5 * 9.81 * mass])
 
