@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -35,19 +35,22 @@ from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
 from policy.dataset.naming.sources import Source, find_source
 from policy.dataset.open import open_dataset
-from policy.dataset.report import ConvertedDataset
+from policy.dataset.report import ConvertedDataset, left_out
 from policy.dataset.stats import narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
-from policy.reading import listed
 
 PELVIS_STANDS = "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"
 PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 """Whether the joints of a feature were sent to the motors or read from them."""
+PROVENANCE_OF_ACTION = {"requested": "commanded", "executed": "measured, a row later"}
+"""What the actions of a result are, by the setting ``action``."""
 KEPT = "source."
 """In front of the names of kept joint columns: LeRobot takes what begins with ``action`` or ``observation`` as input or
 output of policies."""
+REQUESTED = f"{KEPT}requested"
+"""Commanded wrists beside executed ones."""
 Progress = Callable[[float, float], None]
 
 
@@ -68,6 +71,8 @@ class DatasetSettings:
         link_videos: Hard-link videos instead of copying them.
         without_camera_stats: Accept cameras without statistics.
         robot: The recorded robot; the G1 with Dex3 hands if None.
+        action: What the actions are made of: ``requested``, the commanded joints, or ``executed``, the joints that were
+            measured a row later; the others are kept as ``source.requested``.
     """
 
     to: str | ActionSpec = "wbc32"
@@ -82,6 +87,7 @@ class DatasetSettings:
     link_videos: bool = False
     without_camera_stats: bool = False
     robot: RobotSpec | None = None
+    action: Literal["requested", "executed"] = "requested"
 
 
 def convert_dataset(
@@ -106,6 +112,8 @@ def convert_dataset(
     settings = settings or DatasetSettings()
     kinematics(settings.robot)  # reading the robot's description once is no part of the rate
     began = time.process_time()
+    if settings.action not in PROVENANCE_OF_ACTION:
+        raise DatasetError(f"action is '{settings.action}'; possible: {', '.join(PROVENANCE_OF_ACTION)}")
     if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):
         raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
     dataset = _selected(open_dataset(source), settings.episodes)
@@ -122,7 +130,7 @@ def convert_dataset(
         *check_joints(dataset, {key: (sources[key], one.source) for key, one in conversions.items()}),
         *check_times(dataset),
         *check_videos(dataset),
-        *_left_out(conversions),
+        *left_out(conversions),
     ]
     work = _Work(dataset, sources, conversions, settings)
     with DatasetWriter(Path(target), work.info(), dataset.tasks, link=settings.link_videos) as writer:
@@ -164,6 +172,11 @@ def episode_numbers(text: str) -> tuple[int, ...]:
     return tuple(numbers)
 
 
+def provenance(key: str, settings: DatasetSettings) -> str:
+    """Whether the joints of a feature were sent to the motors or read from them."""
+    return PROVENANCE_OF_ACTION[settings.action] if key == ACTION else PROVENANCE[key]
+
+
 class _Work:
     """What is gathered over the episodes."""
 
@@ -172,6 +185,8 @@ class _Work:
         settings: DatasetSettings,
     ) -> None:  # fmt: skip
         self.dataset, self.sources, self.conversions, self.settings = dataset, sources, conversions, settings
+        state = conversions[STATE].source
+        self.executed = JointConversion(state, conversions[ACTION].target, settings.waist, settings.synergy)
         self.trips: dict[str, RoundTrip] = {}
         self._done = 0
         self._columns: dict[str, list[np.ndarray]] = {}
@@ -186,9 +201,12 @@ class _Work:
                 features |= {KEPT + name: feature for name, feature in before.items()}
             features[key] = dict(next(iter(before.values())))
             layout = conversion.target
-            said = {"provenance": PROVENANCE[key], "layout": layout.id, "hash": layout.hash}
+            said = {"provenance": provenance(key, self.settings), "layout": layout.id, "hash": layout.hash}
             features[key] |= {"dtype": "float32", "shape": [layout.dim], "names": list(layout.feature_names)}
             features[key]["info"] = {**(features[key].get("info") or {}), **said}
+        if self.settings.action == "executed":
+            requested = {**features[ACTION].get("info", {}), "provenance": PROVENANCE[ACTION]}
+            features[REQUESTED] = {**features[ACTION], "info": requested}
         return {**self.dataset.info, "features": features}
 
     def convert(self, episode: Episode, writer: DatasetWriter, progress: Progress | None) -> None:
@@ -196,10 +214,12 @@ class _Work:
         rows = self.dataset.table(episode, self._stored)
         check_images(rows, [key for key in self.dataset.cameras if key in self._stored], episode)
         columns: dict[str, np.ndarray] = {}
+        measured: dict[str, np.ndarray] = {}
         for key, conversion in self.conversions.items():
             source = self.sources[key]
             joints = source.of(rows, episode)
             columns[key] = conversion.forward(joints).astype(np.float32)
+            measured[key] = joints
             if self.settings.check:
                 trip = round_trip(conversion, joints, columns[key])
                 self.trips[key] = self.trips[key].merged(trip) if key in self.trips else trip
@@ -210,6 +230,11 @@ class _Work:
                 if name != key:
                     rows = rows.drop_columns([name])
             rows = set_column(rows, key, columns[key])
+        if self.settings.action == "executed":
+            rows = set_column(rows, REQUESTED, columns[ACTION])
+            after = np.vstack([measured[STATE][1:], measured[STATE][-1:]])
+            columns[ACTION] = self.executed.forward(after).astype(np.float32)
+            rows = set_column(rows, ACTION, columns[ACTION])
         rows = writer.numbered(rows)
         others = {key: x for key, x in self._described.items() if key not in self.conversions}
         columns |= dict(numeric_columns(rows, others, episode))
@@ -250,18 +275,6 @@ def _selected(dataset: Dataset, numbers: tuple[int, ...] | None) -> Dataset:
     return dataclasses.replace(dataset, episodes=tuple(dataset.episodes[number] for number in sorted(numbers)))
 
 
-def _left_out(conversions: Mapping[str, JointConversion]) -> list[str]:
-    notes = []
-    for key, conversion in conversions.items():
-        used = {conversion.source.names[i] for i in conversion.source.columns}
-        rest = [name for name in conversion.source.names if name and name not in used]
-        for reason, names in conversion.source.left_out.items():
-            notes.append(f"{key}: {listed(names, 6)} left out: {reason}")
-        if rest:
-            notes.append(f"{key}: {', '.join(rest)} are left out, '{conversion.target.name}' has no place for them")
-    return notes
-
-
 def _still_note(key: str, names: list[str], settings: DatasetSettings) -> str:
     some = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     if settings.least_range:
@@ -285,7 +298,7 @@ def _files(
         **result.to_dict(),
         "features": {
             key: {
-                "provenance": PROVENANCE[key],
+                "provenance": provenance(key, settings),
                 "layout": conversion.target.id,
                 "features": list(sources[key].features),
                 "joints": list(conversion.source.names),

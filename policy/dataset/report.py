@@ -11,7 +11,8 @@ import numpy as np
 
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset
-from policy.dataset.joint_conversion import RoundTrip
+from policy.dataset.joint_conversion import JointConversion, RoundTrip
+from policy.reading import listed
 
 POSITION_BAR, ROTATION_BAR = 1e-4, np.deg2rad(0.01)
 """Error of the way back that counts as none [m], [rad]."""
@@ -82,6 +83,19 @@ class ConvertedDataset:
         ]
         said.append(f"  {self.frames_per_second:.0f} frames a second of processor time; wrote {self.folder}")
         return said
+
+
+def left_out(conversions: Mapping[str, JointConversion]) -> list[str]:
+    """A sentence for each reason for which columns are not in the result."""
+    notes = []
+    for key, conversion in conversions.items():
+        used = {conversion.source.names[i] for i in conversion.source.columns}
+        rest = [name for name in conversion.source.names if name and name not in used]
+        for reason, names in conversion.source.left_out.items():
+            notes.append(f"{key}: {listed(names, 6)} left out: {reason}")
+        if rest:
+            notes.append(f"{key}: {', '.join(rest)} are left out, '{conversion.target.name}' has no place for them")
+    return notes
 
 
 def _trip(trip: RoundTrip) -> dict[str, Any]:

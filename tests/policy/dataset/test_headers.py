@@ -146,3 +146,19 @@ def test_a_name_means_a_joint_or_a_reason_or_nothing(name, part, expected):
     found = meaning(name, part)
     assert (found.name or found.reason).startswith(expected)
     assert bool(found.name or found.reason) == bool(expected)
+
+
+def test_actions_can_be_what_the_robot_did(tmp_path):
+    folder, postures = written(tmp_path / "set", "lerobot's own", frames=6)
+    convert_dataset(folder, tmp_path / "did", DatasetSettings(to="wbc32", action="executed"))
+    convert_dataset(folder, tmp_path / "asked", DatasetSettings(to="wbc32"))
+    did, asked = (open_dataset(tmp_path / name) for name in ("did", "asked"))
+    values = {name: next(iter(did.numbers(name))) for name in ("action", "observation.state", "source.requested")}
+    np.testing.assert_array_equal(values["action"][:-1], values["observation.state"][1:])
+    np.testing.assert_array_equal(values["action"][-1], values["observation.state"][-1])
+    np.testing.assert_array_equal(values["source.requested"], next(iter(asked.numbers("action"))))
+    assert did.features["action"]["info"]["provenance"] == "measured, a row later"
+    assert did.features["source.requested"]["info"]["provenance"] == "commanded"
+    assert len(postures) == 6
+    with pytest.raises(DatasetError, match="possible: requested, executed"):
+        convert_dataset(folder, tmp_path / "x", DatasetSettings(action="neither"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
@@ -27,6 +27,10 @@ class Dataset:
     unit: Annotated[str, Option(help="Datasets: unit of the recorded joints, rad or deg.")] = "rad"
     synergy: Annotated[str, Option(help="Datasets: map between one closing number and fingers.")] = ""
     episodes: Annotated[str, Option(help="Datasets: episodes to convert, such as 0-3,7; all if empty.")] = ""
+    action: Annotated[
+        Literal["requested", "executed"],
+        Option(help="Datasets: actions of commanded joints, or of those measured a row later (what the robot did)."),
+    ] = "requested"
     keep_joints: Annotated[bool, Option(help="Datasets: keep the joints as source.* columns.")] = False
     check: Annotated[bool, Option(help="Datasets: go back to joints from every frame and report.")] = True
     least_range: Annotated[float, Option(help="Datasets: floor under ranges of statistics [m, rad].")] = 0.0
