@@ -27,6 +27,9 @@ HURRY = 4.0
 away."""
 DURATIONS = np.geomspace(0.1, 4.0, 17)
 """Join times that are tried [s]; chosen: from three steps of a 30 Hz chunk to longer than any chunk."""
+HALVINGS = 8
+"""How often the step between two of them is halved for a motion that is on its way; chosen: to 0.1 % of the time, so
+that a way which is joined anew at every step is as short as one that is joined once."""
 PATIENCE = 2.5
 """Longer than that nothing is joined for the sake of comfort [s]; chosen, no trial is on record."""
 
@@ -81,15 +84,22 @@ def join_curve(
     start = commanded_jet(motion, own[0, ROTATION])
     error = start - own
     place, velocity, acceleration = (np.where(np.arange(3)[:, None] == k, error, 0.0) for k in range(3))
-    duration = join_duration(place, limits)
-    if duration > PATIENCE:
-        duration = max(PATIENCE, join_duration(place, most))
+    within, patience = limits, 0.0
+    if join_duration(place, limits) > PATIENCE:
+        within, patience = most, PATIENCE
+    duration = max(join_duration(place, within), patience)
+    from_rest, under_way = (join_duration(jet, within, HALVINGS) for jet in (place, error))
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
     rough = _excursion(velocity + acceleration, DURATIONS[0]) > 1.0
     settling = join_duration(velocity, limits.scaled(HURRY)) if rough else DURATIONS[0]
-    # An acceleration that lasted as long would lead metres away.
-    joined = _corrected(curve, np.stack([place, velocity, acceleration]), s, [duration, settling, DURATIONS[0]])
-    duration = max(duration, settling)
+    if under_way < min(from_rest, duration):
+        # The motion is on its way to the path already: one that gave up its rates would begin anew.
+        duration = max(under_way, patience * under_way / from_rest)
+        joined = _corrected(curve, error[None], s, [duration])
+    else:
+        # An acceleration that lasted as long would lead metres away.
+        joined = _corrected(curve, np.stack([place, velocity, acceleration]), s, [duration, settling, DURATIONS[0]])
+        duration = max(duration, settling)
     before = brake_time(start, limits)
     rest = np.zeros_like(start)
     rest[0] = start[0] - before * (start[1] / 2.0 - before * start[2] / 12.0)
@@ -112,13 +122,13 @@ def commanded_jet(motion: HandMotion, near: np.ndarray) -> np.ndarray:
     return jet
 
 
-def join_duration(error: np.ndarray, limits: HandLimits) -> float:
+def join_duration(error: np.ndarray, limits: HandLimits, halvings: int = 0) -> float:
     """Shortest of `DURATIONS` in which the correction stays inside the limits, or the one that comes nearest, [s].
 
     The path does not count: recordings are rough enough that no join would ever be smooth beside them. Where the
     correction begins above a limit, that counts instead of the limit.
     """
-    return _join_duration(error, _BASIS, DURATIONS, _bounds(limits))
+    return _join_duration(error, _BASIS, DURATIONS, _bounds(limits), halvings)
 
 
 def _excursion(error: np.ndarray, duration: float) -> float:

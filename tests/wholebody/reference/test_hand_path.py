@@ -301,3 +301,31 @@ def test_a_gentle_join_takes_longer_but_not_past_patience_unless_any_join_does(d
     usual, gentle = (path.joined(here, 0.0, limits=path.limits.scaled(x)).join.duration for x in (1.0, 0.6))
     assert usual <= gentle <= max(PATIENCE, usual)
     assert gentle > usual or usual >= PATIENCE
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6])
+@pytest.mark.parametrize("way", [[0.25, 0.0, 0.3375], [0.1, 0.0, 0.15], [0.5, 0.5, 0.5]])
+@pytest.mark.parametrize("every", [1.0 / 30.0, 0.1, 0.25, 0.5])
+def test_a_way_that_begins_anew_again_and_again_takes_hardly_longer_than_one_that_does_not(way, every, share):
+    times, T = np.arange(150) / 30.0, np.tile(np.eye(4), (150, 1, 1))
+    T[:, :3, 3] = way
+    path = HandPath.from_knots(times, T, np.zeros((150, 7)))
+    limits = path.limits.scaled(share)
+    once = path.joined(HandMotion(rest_row(np.eye(4))), 0.0, limits=limits)
+    s, again, left = 0.0, once, np.linalg.norm(way)
+    while left > 5e-3 and s < 4.9:
+        s += every
+        here = HandMotion(again.sample(np.array([s])).rows[0])
+        again, left = path.joined(here, s, limits=limits), np.linalg.norm(here.p - way)
+    alone = np.linalg.norm(once.sample(times).p - way, axis=1)
+    assert s <= 1.1 * times[alone <= 5e-3][0] + every
+
+
+def test_a_motion_away_from_a_path_is_given_up_at_once():
+    """One correction of place and velocity together would lead it on in the wrong direction for longer."""
+    times, T = np.arange(90) / 30.0, np.tile(np.eye(4), (90, 1, 1))
+    T[:, 0, 3] = 0.3
+    row = rest_row(np.eye(4))
+    row[3] = -1.0
+    path = HandPath.from_knots(times, T, np.zeros((90, 7))).joined(HandMotion(row), 0.0)
+    assert path.sample(np.linspace(0.0, 3.0, 301)).p[:, 0].min() > -0.15

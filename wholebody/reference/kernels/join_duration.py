@@ -11,7 +11,7 @@ POINTS = 25
 """At which a quintic is looked at."""
 
 
-def join_duration(error, basis, durations, bounds) -> float:
+def join_duration(error, basis, durations, bounds, halvings) -> float:
     """The first duration in which the correction stays inside the bounds, or the one that comes nearest [s].
 
     Args:
@@ -19,18 +19,33 @@ def join_duration(error, basis, durations, bounds) -> float:
         basis: The quintics to zero of the three unit jets and their derivatives (4, POINTS, 3).
         durations: Increasing (n,) [s].
         bounds: Of speed, acceleration and jerk (columns) of position, orientation and fingers (3, 3).
+        halvings: How often the step before the first one is halved in search of a shorter one; 0 for errors at rest,
+            which take their `least_duration`.
     """
     last = durations.shape[0] - 1
-    best, best_excess, least = durations[last], math.inf, least_duration(error, bounds)
+    best, best_excess = durations[last], math.inf
+    least = least_duration(error, bounds) if halvings == 0 else 0.0
     for n in range(last + 1):
         if durations[n] < least and n < last:
             continue
         excess = join_excess(error, basis, durations[n], bounds)
         if excess <= 1.0:
-            return durations[n]
+            short = durations[max(n - 1, 0)]
+            return halved(error, basis, short, durations[n], bounds, halvings if n > 0 else 0)
         if excess < best_excess:
             best, best_excess = durations[n], excess
     return best
+
+
+def halved(error, basis, short, long, bounds, halvings) -> float:
+    """A duration between one that is too short and one that is not, by bisection; it is not too short [s]."""
+    for _ in range(halvings):
+        middle = 0.5 * (short + long)
+        if join_excess(error, basis, middle, bounds) <= 1.0:
+            long = middle
+        else:
+            short = middle
+    return long
 
 
 def least_duration(error, bounds) -> float:

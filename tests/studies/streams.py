@@ -1,0 +1,75 @@
+"""Streams of chunks and of targets: how soon a target is reached, who falls, how late the palms are.
+
+``python -m tests.studies.streams reach`` prints the time to reach a target 0.42 m away by the time between two chunks,
+``mixed --seeds 0 20`` a line a stream of a minute of hostile, calm, late, lost and doubled chunks. With ``--out FILE``
+lines are appended to a file, and what the file has already is left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from models import g1
+from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
+from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+
+EVERY = (0.1, 0.25, 0.5, 1.6)
+"""Times between two chunks [s]."""
+
+
+def reach(robot: tuple[Supervisor, MujocoPlant], _: range, done: set[str]) -> Iterator[dict]:
+    """Time to reach each of the targets at each rate [s]."""
+    for name, way in FAR.items():
+        for every in EVERY:
+            case = f"{name} every {every} s"
+            if case not in done:
+                yield {"case": case, "reached_s": round(time_to_reach(*robot, way, every), 3)}
+
+
+def mixed(robot: tuple[Supervisor, MujocoPlant], seeds: range, done: set[str]) -> Iterator[dict]:
+    """What became of the stream of each seed."""
+    for seed in seeds:
+        if str(seed) not in done:
+            result = MixedStream(*robot, seed).run()
+            missed = sum(x > THERE for x in result.calm)
+            counts = {"calm": len(result.calm), "missed": missed, "fell": result.fall is not None}
+            yield {"case": str(seed), **counts, "said": str(result)}
+
+
+PARTS = {"reach": reach, "mixed": mixed}
+
+
+def summary(part: str, lines: list[dict]) -> str:
+    """The last line."""
+    if part == "reach":
+        return f"slowest {max(line['reached_s'] for line in lines):.2f} s of {len(lines)}"
+    falls, missed, calm = (sum(line[key] for line in lines) for key in ("fell", "missed", "calm"))
+    return f"{falls} of {len(lines)} fell; {missed} of {calm} calm targets not within {1e3 * THERE:.0f} mm after 3 s"
+
+
+def main() -> None:
+    """Print a line a case, and what all of them say together."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", choices=PARTS)
+    parser.add_argument("--seeds", nargs=2, type=int, default=(0, 20))
+    parser.add_argument("--out", type=Path)
+    chosen = parser.parse_args()
+    lines = []
+    if chosen.out is not None and chosen.out.exists():
+        lines = [json.loads(line) for line in chosen.out.read_text().splitlines()]
+    done = {line["case"] for line in lines}
+    for line in PARTS[chosen.part]((Supervisor(g1()), MujocoPlant(g1())), range(*chosen.seeds), done):
+        print(json.dumps(line), flush=True)
+        lines.append(line)
+        if chosen.out is not None:
+            with chosen.out.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+    print(summary(chosen.part, lines))
+
+
+if __name__ == "__main__":
+    main()

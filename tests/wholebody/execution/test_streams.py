@@ -1,0 +1,26 @@
+"""Strategy: real planner, controller and plant; chunks that come faster than their way is gone, and hostile ones."""
+
+import pytest
+
+from models import g1
+from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
+from wholebody.execution.supervisor import Supervisor
+from wholebody.sim.plant import MujocoPlant
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return Supervisor(g1()), MujocoPlant(g1())
+
+
+@pytest.mark.parametrize("every", [0.1, 0.25, 1.6])
+def test_a_target_that_stays_is_reached_as_soon_however_often_it_is_said(robot, every):
+    assert time_to_reach(*robot, FAR["forward"], every, until=2.6) <= 2.5
+
+
+def test_a_stream_of_hostile_and_calm_chunks_late_lost_and_doubled_leaves_the_robot_where_the_calm_ones_are(robot):
+    result = MixedStream(*robot, 1).run(14.0)
+    assert result.fall is None, str(result)
+    assert result.calm, str(result)
+    assert max(result.calm) <= THERE, str(result)
+    assert min(result.lost, result.late, result.doubled) > 0, str(result)
