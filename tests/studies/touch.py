@@ -10,7 +10,7 @@ brush    both thumbs brush a free carton of 1 kg
 pulls    a force on a palm that grows slowly, 16 directions at 3 postures, beside what soles and torques allow at rest
 bumps    5 N s in 20 ms at a wrist, 6 directions at 3 postures
 handed   1 kg put into a hand at 3 postures, and taken from it 3 s later, told by nobody
-tasks    the scripted tasks, and whether they came to what they are for
+tasks    the scripted tasks, told which forces they meet and untold, and whether they came to what they are for
 
 The answer is 1 if one of them fell.
 """
@@ -21,6 +21,7 @@ import argparse
 import json
 import sys
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ import numpy as np
 from models.places import BUTTON_TRAVEL, LEVER_TURN
 from policy.scripted.contact import SURFACES, touch
 from policy.scripted.library import scripted_policy, two_hand_lift
-from policy.scripted.policy import ScriptedPolicy
+from policy.scripted.policy import ScriptedMotion, ScriptedPolicy
 from policy.scripted.waypoints import Waypoint, waypoint_policy
 from tests.support.felt import BUMP_TIME, SIDES, SPEC, Run, still_force
 from wholebody.cli.simulated import SCENE_OF
@@ -174,12 +175,27 @@ def run_handed(case: int, seed: int, robot: int | None) -> dict:
     return {"family": name} | run.told() | {"away_mm": round(max(away), 1)} | back | drawn
 
 
+def untold(policy: ScriptedPolicy) -> ScriptedPolicy:
+    """The same motion, without the forces that it expects."""
+
+    def script(t: np.ndarray) -> ScriptedMotion:
+        return replace(policy.script(t), f_world_lpalm=np.zeros(3), f_world_rpalm=np.zeros(3))
+
+    return ScriptedPolicy(policy.name, script, policy.duration)
+
+
 def run_tasks(case: int, seed: int, robot: int | None) -> dict:
-    """A case of `tasks`."""
-    name, rng = TASKS[case % len(TASKS)], np.random.default_rng((seed, case))
-    run = Run(scripted_policy(name), SCENE_OF[name], seed=robot, phase=float(rng.uniform(0.0, 0.8)))
+    """A case of `tasks`: each told in the even ones, untold in the odd ones."""
+    name, rng = TASKS[case // 2 % len(TASKS)], np.random.default_rng((seed, case))
+    policy, told = scripted_policy(name), ("told", "untold")[case % 2]
+    policy = policy if told == "told" else untold(policy)
+    run = Run(policy, SCENE_OF[name], seed=robot, phase=float(rng.uniform(0.0, 0.8)))
     good, measure = done(name, run)
-    return {"family": name} | run.told() | {"done": good and run.result.fall is None, "measure": round(measure, 4)}
+    return (
+        {"family": f"{name} {told}"}
+        | run.told()
+        | {"done": good and run.result.fall is None, "measure": round(measure, 4)}
+    )
 
 
 def done(name: str, run: Run) -> tuple[bool, float]:
@@ -187,10 +203,12 @@ def done(name: str, run: Run) -> tuple[bool, float]:
     moved = run.felt.column(5)
     if name == "wipe":
         wiping = (run.times > run.settle + 5.0) & (run.times < run.settle + 23.0)
+        if wiping.sum() < 50:
+            return False, 0.0
         # As a sensor of 10 Hz tells it.
         force = np.convolve(run.forces[wiping, 0, 2], np.ones(50) / 50.0, "valid")
         band = np.abs(force - 10.0) <= 3.0
-        share = float(band.mean()) if wiping.any() else 0.0
+        share = float(band.mean())
         return share >= 0.95, share
     if name in ("press", "pull_drawer", "turn_handle"):
         most, bound = float(moved.max()), {"press": BUTTON_TRAVEL, "pull_drawer": 0.25, "turn_handle": LEVER_TURN}[name]
@@ -198,13 +216,13 @@ def done(name: str, run: Run) -> tuple[bool, float]:
     objects = run.felt.column(6)
     start, end = objects[0], objects[-1]
     target = start[:3] + ([0.0, 0.10, 0.0] if name == "lift_box" else [0.0, 0.0, 0.0])
-    lifted = objects[:, 2].max() - start[2]
+    lifted = float(objects[:, 2].max() - start[2])
     off = float(np.linalg.norm(end[:3] - target))
     return off <= 0.02 and lifted >= 0.05, off
 
 
 KINDS = {"touch": (run_touch, 40), "brush": (run_brush, 6), "pulls": (run_pulls, 48), "bumps": (run_bumps, 18)}
-KINDS |= {"handed": (run_handed, 12), "tasks": (run_tasks, len(TASKS))}
+KINDS |= {"handed": (run_handed, 12), "tasks": (run_tasks, 2 * len(TASKS))}
 """Runs a case of each kind, and how many there are if nothing is said."""
 
 
@@ -215,7 +233,7 @@ def table(lines: list[dict]) -> str:
         families[line["family"]].append(line)
     rows = []
     for family, found in sorted(families.items()):
-        said = [f"{family:12s} {sum(line['fell'] for line in found)} of {len(found)} fell"]
+        said = [f"{family:18s} {sum(line['fell'] for line in found)} of {len(found)} fell"]
         if "done" in found[0]:
             said.append(f"{sum(line['done'] for line in found)} done")
         for key, value in found[0].items():
