@@ -62,7 +62,8 @@ def action_findings(
         Errors and warnings, the worst first.
     """
     names, q = _joints_of(spec, actions)
-    found = joint_findings(names, q, spec.robot)
+    hints = _hinted(spec, names)
+    found = joint_findings([name if name not in hints else "" for name in names], q, spec.robot)
     found += wrist_findings(spec, actions, anchor)
     found += closing_findings(spec, actions, fps)
     found += row_findings(actions)
@@ -105,12 +106,16 @@ def _joints_of(spec: ActionSpec, actions: np.ndarray) -> tuple[tuple[str, ...], 
     return tuple(names), values
 
 
+def _hinted(spec: ActionSpec, names: Sequence[str]) -> list[str]:
+    """Joints that are a hint beside the wrists, which are what is followed."""
+    return [name for name in names if name and "_hand_" not in name] if spec.slot("left_wrist_position") else []
+
+
 def _out_of_range(spec: ActionSpec, names: Sequence[str], q: np.ndarray, *, told: bool) -> list[Finding]:
     """Joints past their range: refused as those of datasets are, or noted; those that are only hints are noted."""
     if told:
         return []
-    by_wrists = spec.slot("left_wrist_position") is not None
-    hints = [name for name in names if name and "_hand_" not in name] if by_wrists else []
+    hints = _hinted(spec, names)
     q = q.copy()
     grasps = [slot.name for slot in spec.slots if slot.unit == "dex1 rad" and slot.mode == "absolute"]
     kept = [name if name in spec.robot.joint_names and name not in hints else "" for name in names]

@@ -24,6 +24,8 @@ LOW, HIGH = 0.2, 1.3
 SKEW, UNEVEN, STEPS_SHARE = 0.5, 0.35, 0.2
 """Cosine between both vectors of a rot6d, distance of their lengths from 1, and share of the steps, from which they are
 no rotation; chosen: networks that were trained are below a tenth."""
+FITS = 0.05
+"""The same two of a layout that is named as the one that fits; chosen: what networks and rounding leave."""
 PLACEHOLDER_P, PLACEHOLDER_R = 1e-6, 1e-6
 """How near position and rotation are to the origin of their frame where there is no command yet [m, rad]; chosen."""
 TURNED, NEARER = np.deg2rad(108.0), np.deg2rad(20.0)
@@ -88,16 +90,16 @@ def _rot6d(slot: Slot, numbers: np.ndarray) -> Iterator[Finding]:
     if slot.mode == "relative_add":
         return
 
-    def bad(layout: Rot6dLayout) -> float:
+    def bad(layout: Rot6dLayout, skew: float = SKEW, uneven: float = UNEVEN) -> float:
         pair = rot6d_vectors(numbers, layout)
         sizes = np.linalg.norm(pair, axis=-1)
         cosine = np.abs((pair[:, 0] * pair[:, 1]).sum(axis=-1)) / np.maximum(sizes.prod(axis=-1), 1e-12)
-        return float(np.mean((cosine > SKEW) | (np.abs(sizes - 1.0).max(axis=-1) > UNEVEN)))
+        return float(np.mean((cosine > skew) | (np.abs(sizes - 1.0).max(axis=-1) > uneven)))
 
     share = bad(slot.rot6d_layout)
     if share <= STEPS_SHARE:
         return
-    fitting = [layout for layout in get_args(Rot6dLayout) if bad(layout) <= 0.01]
+    fitting = [layout for layout in get_args(Rot6dLayout) if bad(layout, FITS, FITS) <= 0.01]
     pair = rot6d_vectors(numbers, slot.rot6d_layout)
     sizes = np.linalg.norm(pair, axis=-1)
     cosine = (pair[:, 0] * pair[:, 1]).sum(axis=-1) / np.maximum(sizes.prod(axis=-1), 1e-12)
