@@ -11,14 +11,14 @@ import pinocchio as pin
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PackedReference
 from wholebody.errors import InputError
+from wholebody.robot.second_order import second_order_step
 from wholebody.sim.plant import MujocoPlant
-from wholebody.sim.robot_errors import second_order_step
 from wholebody.types import RobotState
 
 STEP, TORQUE_STEP = 2e-5, 1e-3
 """Steps of the central differences: of states [rad, rad/s, m, m/s] and of torques [N m]; chosen: the answers of program
 and physics are the same to 1e-6 with steps half and twice as large."""
-SETTLED = 1e-3
+SETTLED = 3e-3
 """Largest change of the state in a tick at which a robot counts as at rest [rad, m; per s]; chosen: eight times what a
 stance has left after 2 s."""
 NEUTRAL = 1.0 + 1e-4
@@ -160,7 +160,7 @@ def linearised(controller: WholeBodyController, plant: MujocoPlant, reference: n
     desired = np.concatenate([controller.q_des, controller.dq_des])
     N = 2 * nv + 2 * n
     own = np.zeros((n, N))
-    own[np.arange(n), 6 + order], own[np.arange(n), nv + 6 + order] = -controller.spec.kp, -controller.spec.kd
+    own[np.arange(n), 6 + order], own[np.arange(n), nv + 6 + order] = -controller.kp, -controller.kd
 
     def moved(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return pin.integrate(model, state.q, x[:nv]), x[nv : 2 * nv].copy()

@@ -38,6 +38,7 @@ class Controller(ABC):
         lean: How far the centre of mass is leant against it, shape (2,), [m].
         tipped: How far it moves the centre of pressure, shape (2,), [m].
         tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
+        command: What the last tick sent; None after a reset.
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig) -> None:
@@ -46,6 +47,7 @@ class Controller(ABC):
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled, self._elapsed = None, config.dt
+        self.command: JointCommand | None = None
         self._share = TorqueShare(spec, config.robot.torque) if config.robot.torque < 1.0 else None
         self.touch, self.lean, self.tipped = np.zeros((2, TOUCH)), np.zeros(2), np.zeros(2)
 
@@ -88,11 +90,12 @@ class Controller(ABC):
         self.set_reference(reference)
         self._elapsed = self.config.dt if elapsed is None else min(elapsed, INTEGRATED_MAX)
         command, report = self._tick(state)
-        return command if self._share is None else self._share.of(command), report
+        self.command = command if self._share is None else self._share.of(command)
+        return self.command, report
 
     def set_down(self, q: np.ndarray, v: np.ndarray) -> None:
         """The feet stay from now on where they are at a configuration (nq,); torques are those of gravity and ``v``."""
-        robot = self.robot
+        robot, self.command = self.robot, None
         robot.update(q, v)
         self.tau = robot.nle[6:].copy()
         self._keep_feet([robot.pose(foot.frame).copy() for foot in self.feet])

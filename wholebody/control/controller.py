@@ -14,6 +14,7 @@ from wholebody.collision.proximity import Proximity
 from wholebody.config import ControllerConfig
 from wholebody.contacts.friction import pyramid_slope
 from wholebody.control.base import Controller
+from wholebody.control.gains import Gains
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import InputError
 from wholebody.limits.base import Limit
@@ -63,7 +64,7 @@ class WholeBodyController(Controller):
         self._make_limits()
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
         self.joints, self.effort_max = self._joint_limits(), spec.effort_max[self.robot.motor_to_pin]
-        self.tau = np.zeros(self.robot.n_joints)
+        self.tau, self.kp, self.kd = np.zeros(self.robot.n_joints), spec.kp, spec.kd
         self.compiled = CompiledProgram(self.inputs()) if self.config.solver == "compiled" else None
         self.q_des, self.dq_des = np.zeros((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
         self.bind_references()
@@ -143,6 +144,18 @@ class WholeBodyController(Controller):
             tick = self.compiled.tick
             tick.slope, tick.floor_distance = pyramid_slope(self.feet[0].friction), self.floor.distance
 
+    def set_gains(self, gains: Gains) -> None:
+        """Position loops and tasks have these gains from the next tick on."""
+        self.kp, self.kd = gains.kp, gains.kd
+        posture, fingers = self.tasks.posture, self.tasks.fingers
+        for palm in self.palms:
+            palm.kp, palm.kd = gains.hand_kp, gains.hand_kd
+        posture.kp[fingers], posture.kd[fingers] = gains.finger_kp, gains.finger_kd
+        if self.compiled is not None:
+            tick = self.compiled.tick
+            tick.hand_kp, tick.hand_kd = gains.hand_kp, gains.hand_kd
+            tick.posture_kp[:], tick.posture_kd[:] = posture.kp, posture.kd
+
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
         self.q_des[:], self.dq_des[:] = state.q[7:], state.v[6:]
@@ -166,7 +179,7 @@ class WholeBodyController(Controller):
                 robot.com, robot.com_velocity = answer.centre()
                 self.tau = answer.torques()
                 q, dq, tau = answer.command()
-                command = JointCommand(state.time, q, dq, tau, self.spec.kp, self.spec.kd)
+                command = JointCommand(state.time, q, dq, tau, self.kp, self.kd)
                 return command, TickReport(answer.solution, answer.qp, level)
             report = self._fall_back(level, hands)
             if report.level is not TickLevel.FAILED:
@@ -245,6 +258,4 @@ class WholeBodyController(Controller):
         self.q_des[i], self.dq_des[i] = posture.q_ref[i], posture.dq_ref[i]
         np.clip(self.q_des, self.joints.q_min, self.joints.q_max, out=self.q_des)
         order = self.robot.pin_to_motor
-        return JointCommand(
-            state.time, self.q_des[order], self.dq_des[order], self.tau[order], self.spec.kp, self.spec.kd
-        )
+        return JointCommand(state.time, self.q_des[order], self.dq_des[order], self.tau[order], self.kp, self.kd)

@@ -61,6 +61,11 @@ class StateMonitor:
         self._plausibility.follows(state, state, 0.0)  # loaded now, not in a tick
 
     @property
+    def fresh(self) -> RobotState | None:
+        """The state that came last, as measured; None if it cannot be used."""
+        return self._measured if self.bridged == 0.0 else None
+
+    @property
     def standing_lost(self) -> bool:
         """Whether the robot stands no more: in several states in a row, none of them a fault."""
         return self._lost >= CONSISTENT

@@ -10,6 +10,7 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
+from wholebody.control.motor_watch import MotorWatch
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
@@ -46,10 +47,9 @@ class Supervisor:
         gate: Judges each chunk by its plan there; what it does not clear is held.
 
     Attributes:
-        chunk: The chunk that is being followed, or None.
-        plan: Its plan.
+        chunk: The chunk that is being followed, or None. plan: Its plan.
         handover: The plan on its way, and how many came too late. carrying: What the hands carry.
-        monitor: Says which states are used. touch: What the hands touch.
+        monitor: Says which states are used. touch: What the hands touch. motors: How they answer.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Supervisor:
         beside = SimulatedPlanner(compute, planning) if planner is None else planner(compute)
         self.handover, self._gated = Handover(beside, planning, self.config.dt), gate is not None
         self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config)
-        self.touch = self.carrying.touch
+        self.touch, self.motors = self.carrying.touch, MotorWatch(self.controller)
         self._planted, self._smoother = PlantedFeet(self.controller), None
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
@@ -83,17 +83,15 @@ class Supervisor:
         self.last_tick: TickReport | None = None
         self._now = self._retry = now
         self.plan: ChunkPlan | None = None
-        self.chunk = self._newest = None
-        self._chunk_end = 0.0
-        self._fallen = False
-        self._refused = self._refusal = None
-        self._waiting: ActionChunk | None = None
+        self.chunk = self._newest = self._waiting = self._refused = self._refusal = None
+        self._chunk_end, self._fallen = 0.0, False
         self.handover.reset()
 
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""
         check_state(state, self.robot.n_joints)
         self.carrying.reset()
+        self.motors.reset()
         self.controller.reset(state)
         self._planted.reset(state)
         self.monitor.reset(state)
@@ -266,7 +264,8 @@ class Supervisor:
         """
         follower = self._following()
         if now is None:
-            now = state.time if np.isfinite(state.time) else self._now + self.config.dt
+            now = state.time if np.isfinite(state.time) else self.motors.sent(self._now) + self.config.dt
+        now, measured = self.motors.arrival(now), now
         elapsed = max(now - self._now, 0.0)
         state, fault = self.monitor.usable(state, now, elapsed, self.last_tick)
         if self._fallen or self.monitor.standing_lost:
@@ -276,6 +275,7 @@ class Supervisor:
             return standing.damping_command(self.spec, self.robot, state)
         self._exchange(now)
         self.carrying.look(state, follower.row, elapsed)
+        self.motors.look(self.monitor.fresh, measured)
         if self.carrying.changed and not self.handover.busy:
             self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
         lost = follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)
@@ -306,8 +306,7 @@ class Supervisor:
         elif self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
             self.status = self._refused or statuses.STARVED
         else:
-            follower = self._follower
-            self.status = self._refused or statuses.plan_status(self.plan.report, follower.rate, follower.s)
+            self.status = self._refused or statuses.plan_status(self.plan.report, self.rate, self._follower.s)
 
     def _refuse(self, refusal: StatusReport) -> StatusReport:
         self._refused = self.status = refusal

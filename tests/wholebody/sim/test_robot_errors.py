@@ -11,8 +11,9 @@ from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.errors import InputError
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
+from wholebody.robot.second_order import second_order_step
 from wholebody.sim.plant import MujocoPlant
-from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant, RobotErrors, second_order_step
+from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant, RobotErrors
 from wholebody.sim.sensors import REALISTIC_READINGS, SensorConfig, Sensors
 from wholebody.types import JointCommand
 
