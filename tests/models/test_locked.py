@@ -12,6 +12,7 @@ import pytest
 from models import RobotSpecError, g1
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, stance_q
+from models.robots import robot_with
 from models.unitree_g1 import LOCKED
 
 VARIANTS = [
@@ -65,3 +66,12 @@ def test_a_robot_is_the_same_key_in_every_process():
     assert again == spec
     assert hash(again) == hash(spec)
     assert "_hash" not in spec.__getstate__()
+
+
+def test_a_robot_is_known_by_its_joints_however_ordered():
+    for locked in LOCKED.values():
+        spec = g1(locked=locked)
+        assert robot_with(sorted(spec.joint_names)) == spec
+    assert robot_with(g1(hands=False).joint_names) == g1(hands=False)
+    with pytest.raises(RobotSpecError, match="2 joints, 'a' among them"):
+        robot_with(["b", "a"])

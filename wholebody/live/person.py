@@ -30,7 +30,6 @@ RESET_TIME = 0.1
 """Time for the robot to be put back to its stance [s]; chosen: fifty of its periods."""
 DRAG_PERIOD = 0.1
 """How often the way of hands that are being dragged is asked for [s]; chosen: the lead, in which one plan is made."""
-PUSHED = "torso_link"
 BOUNDS: dict[Wish, tuple[float, float]] = {
     Wish.TARGETS: (-5.0, 5.0),
     Wish.PUSH: (-500.0, 500.0),
@@ -133,7 +132,7 @@ class Person:
         elif wish is Wish.RESET:
             self._reset()
         else:
-            body = PUSHED if wish is Wish.PUSH else ""
+            body = self._loop.spec.torso_body if wish is Wish.PUSH else ""
             self._robot.order(Order(wish.name.lower(), tuple(numbers.tolist()), body))
 
     def _drag(self, targets: np.ndarray) -> None:

@@ -77,8 +77,8 @@ class Robot:
 
     def arm_joints(self, side: str) -> list[str]:
         """Names of the joints of the arm of a side, its fingers left out."""
-        parts = ("shoulder", "elbow", "wrist")
-        return [j for j in self.joint_names if j.startswith(f"{side}_") and any(part in j for part in parts)]
+        arm = {self.spec.joint_names[i] for i in self.spec.limbs[f"{side}_arm"]}
+        return [name for name in self.joint_names if name in arm]
 
     def update(self, q: np.ndarray, v: np.ndarray) -> None:
         """Compute kinematics and dynamics at ``q`` (nq,) and ``v`` (nv,), Pinocchio convention."""

@@ -73,8 +73,7 @@ class RenderedCameras:
 
     def __init__(self, plant: MujocoPlant, scene: str, sizes: Mapping[str, tuple[int, int]]) -> None:
         self.plant, self.sizes = plant, {name: (int(height), int(width)) for name, (height, width) in sizes.items()}
-        hands = any("_hand_" in name for name in plant.spec.joint_names)
-        request = json.dumps({"scene": scene, "hands": hands, "sizes": self.sizes})
+        request = json.dumps({"scene": scene, "joints": plant.spec.joint_names, "sizes": self.sizes})
         reasons = []
         for backend, packages in LIBRARIES.items():
             self._child = subprocess.Popen(
@@ -131,14 +130,14 @@ def _add_camera(mj: mujoco.MjSpec, name: str) -> None:
     body.add_camera(name=f"view_{name}", pos=mount.position, xyaxes=axes, fovy=mount.fovy)
 
 
-def _draw(scene: str, hands: bool, sizes: Mapping[str, Iterable[int]]) -> None:
+def _draw(scene: str, joints: list[str], sizes: Mapping[str, Iterable[int]]) -> None:
     import mujoco
 
-    from models import g1
     from models.mujoco_model import build_mujoco
+    from models.robots import robot_with
     from wholebody.sim.scene_file import scene_of
 
-    mj = lit(build_mujoco(g1(hands=hands), scene=scene_of(scene), visuals=True))
+    mj = lit(build_mujoco(robot_with(joints), scene=scene_of(scene), visuals=True))
     for name in sizes:
         _add_camera(mj, name)
     mj.visual.global_.offheight = max(height for height, _ in sizes.values())

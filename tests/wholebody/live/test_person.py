@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from models import g1
 from policy.executor.executor import ExecutorConfig
 from policy.scripted.library import scripted_policy
 from policy.targets.dragged_hands import DraggedHands
@@ -37,7 +38,7 @@ def person():
         palm_reference=lambda: {"left": np.eye(4), "right": np.eye(4)},
         config=SimpleNamespace(planning=SimpleNamespace(lead=0.1)),
     )
-    loop = SimpleNamespace(stopped=False, executor=None, clock=Clock(), task="", supervisor=supervisor)
+    loop = SimpleNamespace(stopped=False, executor=None, clock=Clock(), task="", supervisor=supervisor, spec=g1())
     orders = []
     robot = SimpleNamespace(order=orders.append, orders=orders)
     sources = {"wave": scripted_policy("wave"), "hands": DraggedHands()}

@@ -20,6 +20,7 @@ import placo
 
 from models.placo_model import contact_frame, load_placo
 from models.spec import RobotSpec
+from models.urdf import light_urdf
 from wholebody.backends.placo.tasks import mirror
 from wholebody.collision.proximity import watched_pairs
 from wholebody.config import SafetyConfig
@@ -110,7 +111,11 @@ class PlacoProgram:
         with TemporaryDirectory() as folder:
             # placo measures every pair in every solve: all 1159 would take longer than everything else.
             path = Path(folder) / "collisions.json"
-            path.write_text(json.dumps(watched_pairs(hands=bool(self.robot.spec.hand_neutral))))
+            every = json.loads(light_urdf(self.robot.spec).with_name("collisions.json").read_text())
+            there = {frozenset(pair) for pair in every}
+            watched = watched_pairs(hands=bool(sum(self.robot.spec.fingers)))
+            # Of a robot with other names of bodies, all that are measured.
+            path.write_text(json.dumps([pair for pair in watched if frozenset(pair) in there] or every))
             self.placo.load_collision_pairs(str(path))
         self._collision = self.solver.add_avoid_self_collisions_constraint()
         self._collision.self_collisions_margin = limits.safety.self_distance

@@ -71,14 +71,14 @@ class Painter:
     def __init__(self, record: Record) -> None:
         import mujoco
 
-        from models import g1
         from models.conversion import Conversion
         from models.moving_bodies import moving_joints
         from models.mujoco_model import build_mujoco
         from models.pinocchio_model import load_pinocchio
+        from models.robots import robot_with
         from wholebody.sim.scene_file import scene_of
 
-        spec = g1(hands=any("_hand_" in name for name in record["joint_names"]))
+        spec = robot_with(record["joint_names"].tolist())
         pin_model = load_pinocchio(spec)
         self._model = bright(lit(build_mujoco(spec, scene=scene_of(str(record["scene"])), visuals=True))).compile()
         self._data, self._rest = mujoco.MjData(self._model), np.zeros(pin_model.nv)
