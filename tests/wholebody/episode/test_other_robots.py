@@ -94,6 +94,8 @@ def test_it_is_judged_by_plans_and_by_simulation(config, spec):
     fast = FastChecker(config).check(policy, "reach", 3.0)
     assert fast.verdict == "feasible"
     assert fast.odds is None  # learned from the G1 alone
+    assert fast.margins
+    assert "spare" not in str(fast.as_dict())  # joints that the optimiser has room for, and the robot lacks
     verdict, _ = Checker(config=config).check(policy, "reach", 1.0)
     assert verdict.verdict == "feasible"
     assert not verdict.fell

@@ -25,6 +25,7 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     ZMP,
     n_inequalities,
 )
+from wholebody.planning.trajopt.limbs import SPARE
 from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.planning.trajopt.robot_tables import RobotTables
 
@@ -109,8 +110,8 @@ class MotionMargins:
                     rows = np.where(mask & (problem.now.violation[1:, span] != -1.0), found[:, span], -np.inf)
                     if np.isfinite(rows).any():
                         yield self._margin(problem, kind, span, rows, times, fps)
-            else:
-                yield self._margin(problem, limit, span, found[:, span], times, fps)
+            elif not (one := self._margin(problem, limit, span, found[:, span], times, fps)).subject.startswith(SPARE):
+                yield one  # of a limb that the robot has
 
     def _margin(
         self, problem: TrajectoryProblem, limit: Limit, span: slice, rows: np.ndarray, times: np.ndarray, fps: float

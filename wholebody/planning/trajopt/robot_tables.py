@@ -29,6 +29,9 @@ from wholebody.robot.kernels.bodies import PLACEMENT_P
 ARM_ROOM = 0.1
 """Share of the torque of an arm that plans leave for each kg of its load, up to 1 kg; chosen: a plan may exceed its
 bound by 0.08, and where that is all that the program has, no hand is held."""
+IDLE = 1e3
+"""Bound of all that a joint that the robot lacks could do [rad, rad/s, rad/s^2, N m]; chosen: it stays at zero, and is
+never the one with the least room."""
 
 
 class RobotTables:
@@ -215,9 +218,8 @@ def _limits(spec: RobotSpec, c: TrajectoryConfig, names: list[str]) -> dict[str,
     """Bounds on the joints, in their order, that the plan uses."""
     has = np.array([name in spec.joint_names for name in names])
     order = np.array([spec.joint_names.index(name) if name in spec.joint_names else 0 for name in names])
-    # What a joint that the robot lacks is bounded by does not matter: nothing moves it.
     low, high, speed, acceleration, torque = (
-        np.where(has, values[order], 1.0)
+        np.where(has, values[order], IDLE)
         for values in (-spec.position_min, spec.position_max, spec.velocity_max, spec.acceleration_max, spec.effort_max)
     )
     q_min, q_max = -low + c.joint_margin, high - c.joint_margin
@@ -229,7 +231,9 @@ def _limits(spec: RobotSpec, c: TrajectoryConfig, names: list[str]) -> dict[str,
         "q_min": q_min,
         "q_max": q_max,
         "speed_max": c.speed_share * speed,
-        "acceleration_max": np.minimum(np.where(waist, c.waist_acceleration, c.acceleration), acceleration),
+        "acceleration_max": np.minimum(
+            np.where(has, np.where(waist, c.waist_acceleration, c.acceleration), IDLE), acceleration
+        ),
         "tau_max": c.torque_share * torque[N_JOINTS - UPPER :],
     }
 
