@@ -32,6 +32,7 @@ from policy.errors import FileFormatError, RotationError, SpecError, did_you_mea
 from policy.geometry.rotations import quaternion_to_matrix
 from policy.geometry.se3 import make_transform
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
+from policy.recorded.exports import retargeted
 from policy.writing import whole
 
 KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints", "mask")
@@ -120,7 +121,8 @@ def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None, robot
     except OSError as error:
         raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
     except ReadingError as error:
-        raise FileFormatError(str(error), path=str(path)) from error
+        how = retargeted(str(error), path.name)
+        raise FileFormatError(f"{error}; {how}" if how else str(error), path=str(path)) from error
 
 
 def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None, robot: RobotSpec | None) -> ChunkFile:

@@ -163,7 +163,10 @@ def _require_no_path(name: str) -> None:
     """Refuse folders that hold nothing to run, and paths that lead nowhere."""
     from policy.errors import PolicyError
     from policy.lerobot.folder import BELOW, whereabouts
+    from policy.recorded.exports import advice
 
+    if Path(name).exists() and (how := advice(name)):
+        raise PolicyError(f"'{name}': {how}")
     if Path(name).is_dir():
         raise PolicyError(
             f"folder '{name}' has no chunks (.npz) and no motions (.csv), and is neither a checkpoint (it has no "
