@@ -22,6 +22,7 @@ from policy.recorded.motion_csv import Motion, motion_chunk, read_motion_csv, wr
 from policy.recorded.replay import ReplayPolicy, open_recording
 from policy.scripted.library import SCRIPTS, scripted_policy
 from policy.scripted.policy import ScriptedPolicy
+from policy.targets.stream import TargetStream
 
 _LATER = {
     "LeRobotPolicy": "policy.lerobot.policy",
@@ -54,6 +55,7 @@ __all__ = [
     "ScriptedPolicy",
     "Slot",
     "SpecError",
+    "TargetStream",
     "builtin",
     "convert",
     "decode",

@@ -1,8 +1,9 @@
 """Streams of chunks and of targets: how soon a target is reached, who falls, how late the palms are.
 
 ``python -m tests.studies.streams reach`` prints the time to reach a target 0.42 m away by the time between two chunks,
-``mixed --seeds 0 20`` a line a stream of a minute of hostile, calm, late, lost and doubled chunks. With ``--out FILE``
-lines are appended to a file, and what the file has already is left out.
+``mixed --seeds 0 20`` a line a stream of a minute of hostile, calm, late, lost and doubled chunks, ``targets`` how far
+off and how late the palms are that are told one step at a time, and how far they drift in a minute of rest. With
+``--out FILE`` lines are appended to a file, and what the file has already is left out.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ from pathlib import Path
 
 from models import g1
 from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
+from tests.support.one_step_targets import follow
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
+SCRIPTS, RATES = (("reach", 6.0), ("wave", 8.0), ("lissajous", 8.0)), (10.0, 30.0, 100.0)
+"""What is told one step at a time, for how long [s], and how often [Hz]."""
 EVERY = (0.1, 0.25, 0.5, 1.6)
 """Times between two chunks [s]."""
 
@@ -40,13 +44,28 @@ def mixed(robot: tuple[Supervisor, MujocoPlant], seeds: range, done: set[str]) -
             yield {"case": str(seed), **counts, "said": str(result)}
 
 
-PARTS = {"reach": reach, "mixed": mixed}
+def targets(robot: tuple[Supervisor, MujocoPlant], _: range, done: set[str]) -> Iterator[dict]:
+    """How palms follow each script that is told at each rate, and the reach held for a minute."""
+    cases = {f"{name} at {rate:g} Hz": (name, seconds, rate) for name, seconds in SCRIPTS for rate in RATES}
+    cases["reach held for 60 s"] = ("reach", 65.0, 30.0)
+    for case, (name, seconds, rate) in cases.items():
+        if case not in done:
+            result = follow(*robot, name, seconds, rate=rate, rests_from=5.0)
+            millis = {"rms_mm": 1e3 * result.rms, "late_ms": 1e3 * result.shift, "drift_mm": 1e3 * result.drift}
+            drift = {} if name != "reach" else {"drift_mm": round(millis["drift_mm"], 3)}
+            rounded = {key: round(value, 2) for key, value in millis.items() if key != "drift_mm"}
+            yield {"case": case, **rounded, **drift, "fell": result.fall is not None}
+
+
+PARTS = {"reach": reach, "mixed": mixed, "targets": targets}
 
 
 def summary(part: str, lines: list[dict]) -> str:
     """The last line."""
     if part == "reach":
         return f"slowest {max(line['reached_s'] for line in lines):.2f} s of {len(lines)}"
+    if part == "targets":
+        return f"{sum(line['fell'] for line in lines)} of {len(lines)} fell"
     falls, missed, calm = (sum(line[key] for line in lines) for key in ("fell", "missed", "calm"))
     return f"{falls} of {len(lines)} fell; {missed} of {calm} calm targets not within {1e3 * THERE:.0f} mm after 3 s"
 

@@ -4,6 +4,7 @@ import pytest
 
 from models import g1
 from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
+from tests.support.one_step_targets import follow
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
@@ -24,3 +25,11 @@ def test_a_stream_of_hostile_and_calm_chunks_late_lost_and_doubled_leaves_the_ro
     assert result.calm, str(result)
     assert max(result.calm) <= THERE, str(result)
     assert min(result.lost, result.late, result.doubled) > 0, str(result)
+
+
+def test_targets_that_are_told_one_at_a_time_are_followed_within_millimetres_and_at_once(robot):
+    followed = follow(*robot, "reach", 4.0)
+    assert followed.fall is None
+    assert followed.rms <= 5e-3
+    assert followed.shift <= 0.04
+    assert followed.drift <= 1e-3, "the reach has ended and is held"

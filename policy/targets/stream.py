@@ -1,0 +1,258 @@
+"""Targets that come one at a time, ten to a hundred times a second: chunks that go on where these are going."""
+
+from __future__ import annotations
+
+from collections import deque
+from threading import Lock
+
+import numpy as np
+
+from models import g1
+from models.spec import RobotSpec
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
+from policy.action_spec.codec import decode
+from policy.action_spec.spec import ActionSpec
+from policy.chunk import MAGNITUDE_MAX, ActionChunk
+from policy.clock import Clock
+from policy.errors import ChunkError
+from policy.geometry.rotations import matrix_to_rotvec, nearest_rotation, rotation_residual, rotvec_to_matrix
+from policy.geometry.se3 import make_transform
+from policy.observation import Observation
+from policy.prefix import Prefix
+from policy.scripted.policy import minimum_jerk
+from policy.targets.parabola import FadingParabola, braked
+
+FPS, HORIZON = 30.0, 15
+"""Of the chunks [Hz], [steps]; derived: a target that is not said again has come to rest within them."""
+FREE, STOP = 0.23, 0.15
+"""How long a target goes on as it was going, and in what time it comes to rest then [s]; derived: a plan is followed
+from 0.1 to 0.2 s after it was asked for, and a target may be a step old; chosen: 1 m/s brakes at 12 m/s^2."""
+FREE_FAST = 0.1
+"""How long a fast one does, where it would go further than `FAR` [s]; chosen: what is foretold of a motion that turns
+round twice a second is worth nothing beyond."""
+LATE = 2.5
+"""Intervals between two targets after which no more are expected; chosen: one may be lost, and the next late."""
+WRIST, FINGERS = ((2.5, 20.0), (12.0, 80.0)), (10.0, 180.0)
+"""Fastest motion and largest acceleration of a target: position [m/s, m/s^2], orientation [rad/s, rad/s^2] and fingers;
+the limits of a hand in `wholebody.reference.HandLimits`."""
+FAR = (0.1, 0.5, 1.0)
+"""How far position [m], orientation and fingers [rad] go on without being told; chosen: a hand's breadth."""
+ROTATION_TOLERANCE = 1e-3
+"""Largest residual of a target's rotation; chosen: above float32 rounding, below any real fault."""
+STAMPS = 256
+"""Targets by which the two clocks are compared; chosen: 3 to 25 s, in which clocks drift by less than a millisecond."""
+NAMES = ("lhand", "rhand", "q_lhand", "q_rhand")
+"""What a target may say: wrist poses in world (4, 4) and fingers in motor order (7,)."""
+
+
+class _Wrist:
+    """A wrist pose that is told now and then."""
+
+    def __init__(self) -> None:
+        self._p, self._turn = (FadingParabola(*bounds) for bounds in WRIST)
+        self._R = np.eye(3)
+
+    def add(self, time: float, T: np.ndarray) -> None:
+        """Take a pose (4, 4) at a time [s]; turns are told from the last one, whose own is zero."""
+        R = nearest_rotation(T[:3, :3])
+        turn = matrix_to_rotvec(R @ self._R.T)
+        self._p.add(time, T[:3, 3])
+        self._turn.add(time, turn)
+        self._turn.shifted(turn)
+        self._R = R
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Poses at times, shape (H, 4, 4)."""
+        p, turn = (_ahead(track, times, far) for track, far in zip((self._p, self._turn), FAR, strict=False))
+        return make_transform(rotvec_to_matrix(turn) @ self._R, p)
+
+
+class _Fingers:
+    """Fingers that are told now and then."""
+
+    def __init__(self) -> None:
+        self._q = FadingParabola(*FINGERS)
+
+    def add(self, time: float, q: np.ndarray) -> None:
+        """Take joints (7,) at a time [s]."""
+        self._q.add(time, q)
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Joints at times, shape (H, 7)."""
+        return _ahead(self._q, times, FAR[2])
+
+
+def _ahead(track: FadingParabola, times: np.ndarray, far: float) -> np.ndarray:
+    """What a track says of times [s], one that has ended too: it comes to rest."""
+    time, _ = track.last
+    jet, late = track.jet(), min(LATE * track.interval, FREE)
+    free = max(FREE_FAST, min(FREE, far / max(float(np.linalg.norm(jet[1])), 1e-9)))
+    return braked(jet, times - time, min(free, late) if times[0] - time > late else free, STOP)
+
+
+class TargetStream:
+    """A policy whose targets come from outside, one at a time: teleoperation, `send_action`, another program.
+
+    A target is absolute and may be partial: what it does not say stays as it was said last, and what was never said
+    stays where the robot had it at the first `infer`. Each goes on as its last values were going, a parabola through
+    them, for at most `FREE` seconds or `FAR`, and comes to rest in `STOP` more: also where no more
+    come. Nothing is summed up, so a target that is repeated does not drift, however long.
+
+    Args:
+        spec: Layout of `put_action`; wbc32 of the robot if not given.
+        clock: The robot's, by which targets are dated whose own clock is another one. Without it stamps are robot time.
+        robot: Whose hands they are; the G1 with Dex3 hands if none is given.
+    """
+
+    sees_robot = True
+
+    def __init__(
+        self, spec: ActionSpec | None = None, *, clock: Clock | None = None, robot: RobotSpec | None = None
+    ) -> None:
+        self.spec, self.clock, self.robot = spec or builtin("wbc32", robot), clock, robot or g1()
+        self._lock = Lock()
+        self.reset()
+
+    def reset(self, task: str = "") -> None:
+        """Forget all targets."""
+        with self._lock:
+            self._tracks: dict[str, _Wrist | _Fingers] = {}
+            self._said: set[str] = set()
+            self._stamp, self._seq = -np.inf, -1
+            self._offsets: deque[float] = deque(maxlen=STAMPS)
+            self._anchor: Anchor | None = None
+
+    def put(self, stamp: float | None = None, **target: np.ndarray) -> None:
+        """Say where hands are to be now.
+
+        Args:
+            stamp: When that was meant, on the clock of the targets [s]: of the clock's two readings, the least
+                difference counts as no delay. The robot's time if not given.
+            target: Any of ``lhand``, ``rhand``: wrist poses in world (4, 4); ``q_lhand``, ``q_rhand``: fingers (7,).
+
+        Raises:
+            ChunkError: If a number is not finite, a rotation none, a name unknown, or the stamp not after the last one;
+                nothing is taken then.
+        """
+        values = {name: _checked(name, value) for name, value in target.items()}
+        if not values:
+            raise ChunkError(f"a target says nothing; it may say {', '.join(NAMES)}")
+        if stamp is None and self.clock is None:
+            raise ChunkError("a target needs a stamp where the stream has no clock", slot="stamp")
+        with self._lock:
+            now = None if self.clock is None else self.clock.now()
+            time = self._dated(now if stamp is None else float(stamp), now, owned=stamp is None)
+            for name, value in values.items():
+                if name not in self._said:
+                    self._said.add(name)
+                    self._tracks[name] = _Wrist() if value.ndim == 2 else _Fingers()
+                self._tracks[name].add(time, value)
+
+    def put_action(self, action: np.ndarray, stamp: float | None = None, anchor: Anchor | None = None) -> None:
+        """Say it in the numbers of the layout, shape (A,).
+
+        Args:
+            action: Un-normalised, in the units of the spec.
+            stamp: As in `put`.
+            anchor: What the numbers are relative to; the pelvis at the first `infer` if not given, so that a robot that
+                leans does not move its own target on.
+
+        Raises:
+            ChunkError: As `put`, and if the numbers are none of the layout, or nothing is known of the robot yet.
+        """
+        anchor = anchor or self._anchor
+        if anchor is None:
+            raise ChunkError("the robot has not been observed yet: give an anchor, or call infer first", slot="anchor")
+        chunk = decode(self.spec, np.asarray(action, dtype=float)[None], anchor)
+        self.put(
+            stamp, lhand=chunk.T_world_lhand[0], rhand=chunk.T_world_rhand[0],
+            q_lhand=chunk.q_lhand[0], q_rhand=chunk.q_rhand[0],
+        )  # fmt: skip
+
+    def infer(self, observation: Observation) -> ActionChunk:
+        """Chunk from the observation's time on.
+
+        Raises:
+            ObservationError: If the observation is malformed.
+        """
+        with self._lock:
+            if self._anchor is None:
+                self._anchor = Anchor.measured(observation, self.robot)
+            self._stay(observation.time, self._anchor)
+            self._seq += 1
+            times = observation.time + np.arange(HORIZON) / FPS
+            arrays = [self._tracks[name].at(times) for name in NAMES]
+            return ActionChunk(self.spec.id, self._seq, float(observation.time), FPS, *arrays)
+
+    def infer_after(self, observation: Observation, prefix: Prefix) -> ActionChunk:
+        """Chunk that repeats what is being executed for the inference delay, and is free from the horizon on.
+
+        Raises:
+            ObservationError: If the observation is malformed.
+        """
+        return after(self.infer(observation), prefix)
+
+    def _stay(self, time: float, anchor: Anchor) -> None:
+        """Where nothing was said, stay where the robot is."""
+        here = {name: anchor.T_world_base @ anchor.poses[name] for name in NAMES[:2]}
+        here |= {"q_lhand": anchor.q_lhand, "q_rhand": anchor.q_rhand}
+        for name, value in here.items():
+            if name not in self._tracks:
+                self._tracks[name] = _Wrist() if value.ndim == 2 else _Fingers()
+                self._tracks[name].add(time, value)
+
+    def _dated(self, stamp: float, now: float | None, *, owned: bool) -> float:
+        """Time of a target on the robot's clock [s]; a stamp of another clock by the least delay so far."""
+        if not np.isfinite(stamp):
+            raise ChunkError(f"the stamp is {stamp}; a finite number of seconds is expected", slot="stamp")
+        if stamp <= self._stamp:
+            raise ChunkError(
+                f"the stamp {stamp:.4f} s is not after that of the target before it, {self._stamp:.4f} s: a repeated "
+                "or late target",
+                slot="stamp",
+            )
+        self._stamp = stamp
+        if now is None or owned:
+            return stamp
+        self._offsets.append(now - stamp)
+        return stamp + min(self._offsets)
+
+
+def after(chunk: ActionChunk, prefix: Prefix) -> ActionChunk:
+    """A chunk that begins as the prefix: its steps of the delay, then over to the chunk's own until its horizon."""
+    executed, n = prefix.executed, min(len(chunk), len(prefix.executed))
+    k = np.arange(n)
+    free = minimum_jerk((k + 1 - prefix.inference_delay) / max(prefix.execution_horizon - prefix.inference_delay, 1))
+    arrays = {name: getattr(chunk, name).copy() for name in ("T_world_lhand", "T_world_rhand", "q_lhand", "q_rhand")}
+    for name, own in arrays.items():
+        theirs = getattr(executed, name)[:n]
+        if own.ndim == 3:
+            turn = matrix_to_rotvec(own[:n, :3, :3] @ np.swapaxes(theirs[:, :3, :3], 1, 2))
+            R = rotvec_to_matrix(free[:, None] * turn) @ theirs[:, :3, :3]
+            p = theirs[:, :3, 3] + free[:, None] * (own[:n, :3, 3] - theirs[:, :3, 3])
+            own[:n] = make_transform(R, p)
+        else:
+            own[:n] = theirs + free[:, None] * (own[:n] - theirs)
+    return ActionChunk(chunk.spec_id, chunk.seq, chunk.t_obs, chunk.fps, **arrays)
+
+
+def _checked(name: str, value: np.ndarray) -> np.ndarray:
+    """A part of a target as an array.
+
+    Raises:
+        ChunkError: With its name.
+    """
+    if name not in NAMES:
+        raise ChunkError(f"a target has no '{name}'; it may say {', '.join(NAMES)}", slot=name)
+    value, shape = np.array(value, dtype=float), (4, 4) if name in NAMES[:2] else (7,)
+    if value.shape != shape:
+        raise ChunkError(f"{name} has shape {value.shape}; {shape} is expected", slot=name)
+    bad = ~(np.abs(value) <= MAGNITUDE_MAX)
+    if bad.any():
+        index = [int(i) for i in np.argwhere(bad)[0]]
+        raise ChunkError(f"{name} is {value[tuple(index)]} at {index}; finite numbers are expected", slot=name)
+    if len(shape) == 2 and not rotation_residual(value[:3, :3]) <= ROTATION_TOLERANCE:
+        residual = float(rotation_residual(value[:3, :3]))
+        raise ChunkError(f"{name} has no rotation: residual {residual:.2g}, at most {ROTATION_TOLERANCE}", slot=name)
+    return value
