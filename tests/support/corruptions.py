@@ -40,6 +40,7 @@ class Recording:
     state: np.ndarray
     spec: object
     wrists: np.ndarray
+    every: tuple = ()
 
 
 def clean(motions, rng):
@@ -63,7 +64,7 @@ def clean(motions, rng):
         np.hstack([P[:, :3, 3], matrix_to_quaternion(P[:, :3, :3], "wxyz")]) for P in (poses["lhand"], poses["rhand"])
     ]
     quaternion = matrix_to_quaternion(T[:, :3, :3], "xyzw")
-    return Recording(names, q[:, columns], T, quaternion, state[:, columns], EEF, np.hstack(parts))
+    return Recording(names, q[:, columns], T, quaternion, state[:, columns], EEF, np.hstack(parts), (q, state))
 
 
 def findings(one):
@@ -84,17 +85,11 @@ def corrupted(corrupt, one, rng):
     return wrong
 
 
-def _body(one):
-    return [one.names.index(name) for name in BODY] if BODY[0] in one.names else None
-
-
 def isaac(one, rng):
-    columns = _body(one)
-    if columns is None:
-        return left_right(one, rng)
-    q = one.q.copy()
-    q[:, columns] = one.q[:, [columns[i] for i in ISAAC]]
-    return replace(one, q=q)
+    """All 43 columns, the body's in Isaac's order."""
+    order = [*ISAAC, *range(len(BODY), len(NAMES))]
+    q, state = (values[:, order] for values in one.every)
+    return replace(one, names=NAMES, q=q, state=state)
 
 
 def left_right(one, rng):
@@ -222,7 +217,7 @@ def constant(one, rng):
 
 
 CORRUPTIONS = {
-    "Isaac's order (29 body joints)": (isaac, ("isaac_order", "left_right")),
+    "Isaac's order (29 body joints)": (isaac, ("isaac_order",)),
     "left and right exchanged": (left_right, ("left_right",)),
     "fingers in Pinocchio's order": (fingers_by_name, ("finger_order", "mirrored_fingers")),
     "all in Pinocchio's order": (pinocchio, ("pinocchio_order",)),
