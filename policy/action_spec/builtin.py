@@ -8,6 +8,7 @@ from models import g1
 from models.spec import RobotSpec
 from policy.action_spec import public
 from policy.action_spec.parts import joints, scalar, stack, velocity, wrist
+from policy.action_spec.slot import Frame
 from policy.action_spec.spec import ActionSpec
 from policy.errors import SpecError, did_you_mean
 
@@ -16,16 +17,26 @@ _ROLL_PITCH_YAW = ("waist_roll_joint", "waist_pitch_joint", "waist_yaw_joint")
 
 
 def wbc32(robot: RobotSpec) -> ActionSpec:
-    """Two wrist poses and all fingers: 32 numbers, which is exactly ``max_action_dim`` of π0 and π0.5 weights.
+    """Two wrist poses in the stance, all fingers: 32 numbers, exactly ``max_action_dim`` of π0 and π0.5 weights.
 
     Left wrist xyz and rot6d, right wrist likewise, left Dex3, right Dex3; absolute, in the measured pelvis.
     """
+    return _wbc32(robot, 2, "stance")
+
+
+def wbc32_v1(robot: RobotSpec) -> ActionSpec:
+    """The first wbc32: the same numbers in the measured pelvis, which moves in a reach; for what was made with it."""
+    return _wbc32(robot, 1, "pelvis")
+
+
+def _wbc32(robot: RobotSpec, version: int, frame: Frame) -> ActionSpec:
     return ActionSpec(
         name="wbc32",
+        version=version,
         robot=robot,
         slots=stack(
-            *wrist("left"),
-            *wrist("right"),
+            *wrist("left", frame=frame),
+            *wrist("right", frame=frame),
             joints(robot, "left_hand"),
             joints(robot, "right_hand"),
         ),
@@ -132,19 +143,30 @@ def gr00t_g1(robot: RobotSpec) -> ActionSpec:
     )
 
 
-LAYOUTS = {layout.__name__: layout for layout in (wbc32, wbc27, unifolm23, joint28, joint16, gr00t_g1, *public.LAYOUTS)}
-"""Built-in layouts by name."""
+LAYOUTS = {
+    layout.__name__.replace("_v", "-v"): layout
+    for layout in (wbc32, wbc32_v1, wbc27, unifolm23, joint28, joint16, gr00t_g1, *public.LAYOUTS)
+}
+"""Built-in layouts by name; of several versions the last has the name alone."""
 
 
 def builtin(name: str, robot: RobotSpec | None = None) -> ActionSpec:
     """A built-in layout of a robot, the G1 with Dex3 hands if not given.
 
+    Args:
+        name: As in `LAYOUTS`, with a version (``wbc32-v2``), or a whole id (``wbc32-v1-9425ce13fd02``).
+        robot: The robot.
+
     Raises:
         SpecError: If there is none of that name.
     """
-    if name not in LAYOUTS:
-        raise SpecError(f"no layout is called '{name}'; {did_you_mean(name, LAYOUTS)}built in: {', '.join(LAYOUTS)}")
-    return _made(name, robot or g1())
+    robot = robot or g1()
+    if name in LAYOUTS:
+        return _made(name, robot)
+    for spec in (_made(known, robot) for known in LAYOUTS):
+        if name in (f"{spec.name}-v{spec.version}", spec.id):
+            return spec
+    raise SpecError(f"no layout is called '{name}'; {did_you_mean(name, LAYOUTS)}built in: {', '.join(LAYOUTS)}")
 
 
 @lru_cache(maxsize=128)

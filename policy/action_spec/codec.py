@@ -23,12 +23,12 @@ from __future__ import annotations
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
-from policy.action_spec.frame_guess import unit_guess, world_guess
+from policy.action_spec.frame_guess import pelvis_guess, unit_guess, world_guess
 from policy.action_spec.hands import closing_of, finger_closings
 from policy.action_spec.mask import unmasked
 from policy.action_spec.pelvis_path import PelvisPath, pelvis_path, tilt_of
 from policy.action_spec.slot import Slot
-from policy.action_spec.slot_values import decode_fingers, joint_values, ordered_as, resolved, to_mode
+from policy.action_spec.slot_values import decode_fingers, floor_of, joint_values, ordered_as, resolved, to_mode
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.wrist_codec import decode_wrist, encode_wrist
 from policy.chunk import ActionChunk
@@ -60,7 +60,7 @@ def decode(
     Args:
         spec: What the numbers mean.
         actions: Raw actions in the units of the spec, shape (H, A); H need not be the spec's horizon.
-        anchor: Pelvis that the chunk is fixed to, and the state that relative slots refer to.
+        anchor: Pelvis and soles that the chunk is fixed to, and the state that relative slots refer to.
         seq: Number of the chunk within the episode.
         t_obs: Time of step 0 [s].
         fps: Rate if it is not the spec's [Hz].
@@ -73,7 +73,7 @@ def decode(
     given, (spec, actions) = spec, unmasked(spec, _checked(spec, actions), mask)
     actions, notes = _clip(spec, actions)
     notes += given.said_ignored
-    notes += world_guess(spec, actions, anchor)
+    notes += world_guess(spec, actions, anchor) + pelvis_guess(spec, actions, anchor)
     waist, pelvis = joint_values(spec.slot("waist"), actions, anchor), pelvis_path(spec, actions, anchor)
     notes += pelvis.notes
     arms = {side: joint_values(spec.slot(f"{side}_arm"), actions, anchor) for side, _ in _SIDES}
@@ -116,7 +116,7 @@ def _height(spec: ActionSpec, actions: np.ndarray, anchor: Anchor, pelvis: Pelvi
     """Height of the pelvis (H,) [m], as asked for or as the legs put it; None where neither says it."""
     slot = spec.slot("base_height")
     if slot is not None:
-        return resolved(slot, actions, anchor)[:, 0]
+        return resolved(slot, actions, anchor)[:, 0] + floor_of(slot, anchor)
     return pelvis.T_world_base[:, 2, 3].copy() if pelvis.q_legs is not None else None
 
 
@@ -262,7 +262,7 @@ def _base_values(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
         return np.tile(tilt_of(anchor.T_world_base), (steps, 1))
     if slot.name == "base_height":
         filled = np.full(steps, anchor.T_world_base[2, 3])
-        return (filled if chunk.base_height is None else chunk.base_height)[:, None]
+        return (filled if chunk.base_height is None else chunk.base_height)[:, None] - floor_of(slot, anchor)
     velocity = np.zeros((steps, 3)) if chunk.base_velocity is None else chunk.base_velocity
     return velocity[:, 2:] if slot.name == "base_yaw_rate" else velocity[:, : slot.size]
 

@@ -12,13 +12,14 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.slot import ROTATIONS, Slot
 from policy.action_spec.spec import ActionSpec
-from policy.action_spec.state import state_numbers
+from policy.action_spec.state import state_layout, state_numbers
 
 FRAMES = {
     "pelvis": "as measured at the observation; x forward, y left, z up along the trunk",
     "pelvis_yaw": "the pelvis as measured at the observation, turned upright",
     "torso": "as measured at the observation",
-    "world": "on the floor between the soles; x forward, y left, z up",
+    "stance": "between the soles, level, x along the feet, z up; it stands still in a reach and goes with steps",
+    "world": "where the robot first stood, on the floor between the soles; x forward, y left, z up",
 }
 MODES = {
     "relative_se3": "relative to the state, T_frame_wrist @ T_number",
@@ -50,6 +51,7 @@ def lines(spec: ActionSpec) -> list[str]:
     stance, height = stance_numbers(spec), Anchor.nominal(robot=spec.robot).T_world_base[2, 3]
     said = [
         f"{spec.id}: {spec.dim} numbers a step, {spec.horizon} steps a chunk at {spec.fps:g} Hz",
+        *_versions(spec),
         f"stance: the numbers of the robot standing still, its pelvis {height:.3f} m above the floor",
         "least, largest: of the layout, which clips to them; else the range of the joint",
     ]
@@ -57,8 +59,8 @@ def lines(spec: ActionSpec) -> list[str]:
         said.append(f"a mask of {spec.dim} comes with each chunk; what it leaves out is not there")
     if spec.name in LAYOUTS and builtin(spec.name, spec.robot) == spec and (source := _source(spec.name)):
         said += textwrap.wrap(f"source: {source}", 100)
-    poses = [slot for slot in spec.slots if slot.kind == "position" or slot.kind in ROTATIONS]
-    said += [f"{frame}: {FRAMES[frame]}" for frame in dict.fromkeys(slot.frame for slot in poses)]
+    said += [f"frame {frame}: {FRAMES[frame]}" for frame in frames(spec)]
+    said.append(_state_of(spec))
     for slot in spec.slots:
         said += ["", _heading(slot, spec.robot)]
         if slot.kind == "ignored":
@@ -74,6 +76,33 @@ def _source(name: str) -> str:
     """Where a built-in layout is from, as its description says."""
     text = (LAYOUTS[name].__doc__ or "").partition("Source:")[2]
     return " ".join(text.replace("``", "").split())
+
+
+def frames(spec: ActionSpec) -> tuple[str, ...]:
+    """Frames that poses of a layout are in, in the order of its slots."""
+    poses = (slot for slot in spec.slots if slot.kind == "position" or slot.kind in ROTATIONS)
+    return tuple(dict.fromkeys(slot.frame for slot in poses))
+
+
+def called(spec: ActionSpec) -> str:
+    """A layout in a few words: its id, and the frame of its wrists where it has them."""
+    return spec.id + "".join(f", wrists in the {frame}" for frame in frames(spec)[:1])
+
+
+def _versions(spec: ActionSpec) -> list[str]:
+    """Where the other versions of a built-in layout have the wrists."""
+    others = (builtin(name) for name in LAYOUTS)
+    others = [other for other in others if other.name == spec.name and other.version != spec.version]
+    return [f"version {other.version} has the wrists in the {frames(other)[0]}: {other.id}" for other in others]
+
+
+def _state_of(spec: ActionSpec) -> str:
+    """The state that goes with a layout, by what differs from the action."""
+    state = state_layout(spec)
+    new = ", ".join(slot.name for slot in state.slots if spec.slot(slot.name) is None)
+    gone = ", ".join(slot.name for slot in spec.slots if state.slot(slot.name) is None)
+    changes = (f", with {new}" if new else "") + (f" in place of {gone}" if gone else "")
+    return f"state: {state.dim} numbers{changes}"
 
 
 def stance_numbers(spec: ActionSpec) -> np.ndarray:
@@ -95,6 +124,8 @@ def _heading(slot: Slot, robot: RobotSpec) -> str:
         parts.append(f"{slot.closing[0]:g} open, {slot.closing[1]:g} closed")
     elif slot.name.endswith("_grasp"):
         parts.append("motor of a Dex1 gripper, 0 closed" if slot.unit == "dex1 rad" else "0 open, 1 closed")
+    if slot.name == "base_height" and slot.frame == "stance":
+        parts.append("of the pelvis above the soles")
     if slot.name.endswith("_leg"):
         parts.append("where the pelvis is over feet that stay; what asks for a step is refused")
     if slot.mode in MODES:

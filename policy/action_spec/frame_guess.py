@@ -1,4 +1,4 @@
-"""Wrist positions that make sense in world only, or in another unit: guesses for their author."""
+"""Wrist positions that make sense in another frame only, or in another unit: guesses for their author."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ ARM_REACH = 0.383
 """Largest distance of a wrist from it [m]. Source of both: the sphere around 20 000 random arm postures."""
 LEAN = 0.1
 """What leaning adds at least [m]."""
+FAR, NEAR = 0.3, 0.15
+"""Distances of a first step from the hand [m] that make another frame likely: further than a chunk may begin in its
+own, and no further than a chunk is ahead of the hand in the other."""
 ROOM = 5.0
 """Distance of a wrist from the pelvis from which its numbers are in another unit [m]; chosen: what no task asks of a
 robot that stands, and little in millimetres."""
@@ -46,6 +49,31 @@ def world_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple[
     )
 
 
+def pelvis_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple[str, ...]:
+    """A sentence if wrists that should be in the stance begin where the hands are, if they are read in the pelvis.
+
+    Args:
+        spec: What the numbers are said to mean.
+        actions: Finite raw actions, shape (H, A).
+        anchor: Pelvis, soles and joints at the first step.
+
+    Returns:
+        One sentence, or none.
+    """
+    slots = [slot for slot in spec.slots if slot.kind == "position" and slot.mode == "absolute"]
+    if not slots or any(slot.frame != "stance" for slot in slots):
+        return ()
+    away = np.array([_from_hand(slot, actions[0], anchor) for slot in slots])
+    if not ((away[:, 0] > FAR) & (away[:, 1] < NEAR)).all():
+        return ()
+    p = ", ".join(f"{x:.2f}" for x in slots[0].to_si(actions[0, slots[0].indices]))
+    return (
+        f"these look like positions in the pelvis, as version 1 of wbc32 has them: {slots[0].name} begins at ({p}) m, "
+        f"{away[0, 0]:.2f} m from where the wrist is if that is in the stance, and {away[0, 1]:.2f} m if it is in the "
+        "pelvis; name the layout wbc32-v1 for numbers that were made with it",
+    )
+
+
 def unit_guess(wrists: Mapping[str, np.ndarray], anchor: Anchor) -> tuple[str, ...]:
     """A sentence if a wrist is asked to be across a room from the pelvis.
 
@@ -62,6 +90,14 @@ def unit_guess(wrists: Mapping[str, np.ndarray], anchor: Anchor) -> tuple[str, .
         return ()
     side = {"lhand": "left", "rhand": "right"}[hand]
     return (f"the {side} wrist is asked to be {away[hand]:.3g} m from the pelvis: positions are in metres",)
+
+
+def _from_hand(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> tuple[float, float]:
+    """Distances of a position, read in the stance and in the pelvis, from where the wrist is [m]."""
+    p = np.append(slot.to_si(numbers[slot.indices]) - np.array(slot.tcp_offset), 1.0)
+    T_world_hand = anchor.T_world_base @ anchor.poses["lhand" if slot.name.startswith("left") else "rhand"]
+    read = (T @ p for T in (anchor.T_world_stance, anchor.T_world_base))
+    return tuple(float(np.linalg.norm((there - T_world_hand[:, 3])[:3])) for there in read)
 
 
 def _only_in_world(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> bool:

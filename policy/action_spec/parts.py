@@ -45,6 +45,12 @@ def velocity() -> dict:
     return {"name": "base_velocity", "kind": "velocity", "size": 3, "unit": "m/s, rad/s"}
 
 
+def lean() -> tuple[dict, dict]:
+    """Height of the pelvis above the soles, and its roll and pitch."""
+    tilt = {"name": "base_tilt", "kind": "tilt", "size": 2, "unit": "rad"}
+    return scalar("base_height", "m", frame="stance"), tilt
+
+
 def stack(*parts: dict) -> tuple[Slot, ...]:
     """Slots one after the other; what the robot has no joints for is left out."""
     slots, at = [], 0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policy.action_spec.anchor import Anchor
+from policy.action_spec.anchor import Anchor, between_soles
 from policy.action_spec.slot_values import joint_values, resolved
 from policy.action_spec.spec import ActionSpec
 from policy.errors import ChunkError
@@ -101,17 +101,5 @@ def _over_feet(
             f"the feet stand {np.linalg.norm(first[:3, 3]):.2f} m apart by the legs of the first step, "
             f"{np.linalg.norm(between[0, :3, 3]):.2f} m here: the pelvis is over the middle of both",
         )
-    T_base_mid, q_legs = _midpoint(T_base), np.hstack([q[1:, leg] for leg in where.values()])
+    T_base_mid, q_legs = between_soles(T_base), np.hstack([q[1:, leg] for leg in where.values()])
     return anchor.T_world_base @ T_base_mid[0] @ inverse(T_base_mid[1:]), q_legs, notes
-
-
-def _midpoint(T_base: dict[str, np.ndarray]) -> np.ndarray:
-    """Frame (n, 4, 4) between both soles: their mean position, mean axes."""
-    left, right = T_base["left"], T_base["right"]
-    z = left[:, :3, 2] + right[:, :3, 2]
-    z /= np.linalg.norm(z, axis=1)[:, None]
-    x = left[:, :3, 0] + right[:, :3, 0]
-    x -= (x * z).sum(axis=1)[:, None] * z
-    x /= np.linalg.norm(x, axis=1)[:, None]
-    R = np.stack([x, np.cross(z, x), z], axis=-1)
-    return make_transform(R, 0.5 * (left[:, :3, 3] + right[:, :3, 3]))

@@ -16,7 +16,7 @@ Kind = Literal[
     *("scalar", "velocity", "planar", "tilt", "ignored"),
 ]
 Mode = Literal["absolute", "relative_se3", "relative_add", "delta", "delta_se3"]
-Frame = Literal["pelvis", "pelvis_yaw", "torso", "world"]
+Frame = Literal["pelvis", "pelvis_yaw", "torso", "stance", "world"]
 Orientation = Literal["given", "free"]
 
 ROTATIONS: tuple[Kind, ...] = ("rot6d", "quaternion", "rotvec", "rpy")
@@ -118,7 +118,8 @@ class Slot:
         start: Index of its first number.
         size: How many numbers.
         unit: Unit of the numbers, a key of ``UNITS[kind]``.
-        frame: Frame that wrist poses are in: the pelvis, the pelvis's upright yaw frame, the torso, or world.
+        frame: Frame that wrist poses are in: the pelvis, the pelvis's upright yaw frame, the torso, the stance (between
+            the soles, level, heading along the feet), or world. A base height in the stance is above the soles.
         tcp_offset: Tool point in the wrist frame (axes of ``*_wrist_yaw_link``) whose position is given, [m].
         rot6d_layout: ``rows``, ``cols`` or ``interleaved``; needed for rot6d, forbidden elsewhere.
         quaternion_order: ``xyzw`` or ``wxyz``; needed for quaternions, forbidden elsewhere.

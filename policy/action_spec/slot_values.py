@@ -42,10 +42,15 @@ def _reference_numbers(slot: Slot, anchor: Anchor) -> np.ndarray:
     if slot.kind == "fingers":
         return slot.from_si(finger_closings(side, slot.joint_names, q_hand, anchor.robot))
     if slot.name == "base_height":
-        return slot.from_si(anchor.T_world_base[2:3, 3])
+        return slot.from_si(anchor.T_world_base[2:3, 3] - floor_of(slot, anchor))
     values = {"left_hand": anchor.q_lhand, "right_hand": anchor.q_rhand}
     values |= {limb: anchor.q_body[where] for limb, where in anchor.robot.limbs.items()}
     return slot.from_si(ordered_as(slot, values[slot.name], anchor))
+
+
+def floor_of(slot: Slot, anchor: Anchor) -> float:
+    """Height in world from which a base height counts: the soles where it is in the stance [m]."""
+    return float(anchor.T_world_stance[2, 3]) if slot.frame == "stance" else 0.0
 
 
 def joint_values(slot: Slot | None, actions: np.ndarray, anchor: Anchor) -> np.ndarray | None:

@@ -103,6 +103,8 @@ def frame_pose(slot: Slot, anchor: Anchor) -> np.ndarray:
         return yaw_frame(anchor.T_world_base)
     if slot.frame == "torso":
         return anchor.T_world_base @ anchor.poses["torso"]
+    if slot.frame == "stance":
+        return anchor.T_world_stance
     return anchor.T_world_base
 
 

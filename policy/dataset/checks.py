@@ -43,20 +43,20 @@ def column_layout(
         DatasetError: If they are no joints, or it is not known which.
     """
     key = source.key
-    if name := wrist_layout(source, robot):
+    if named := wrist_layouts(source, robot):
         raise DatasetError(
-            f"'{key}' of {dataset.folder} is in the layout {name} already, by the names of its columns; there are "
-            "no joints to convert",
+            f"'{key}' of {dataset.folder} is in the layout {named[0]} already, by the names of its columns; there are "
+            f"no joints to convert. If that is meant, --assume-spec {' or '.join(named)} says in which frame",
             feature=key,
         )
     settings = {"assume": assume, "unit": unit, "robot": robot}
     return joint_layout(source.names, source.dim, feature=key, parts=source.parts, **settings)
 
 
-def wrist_layout(source: Source, robot: RobotSpec | None = None) -> str:
-    """Name of the built-in layout of a robot's wrists whose features a source is named by; empty if it is none."""
+def wrist_layouts(source: Source, robot: RobotSpec | None = None) -> list[str]:
+    """Names of the built-in layouts of a robot's wrists whose features a source is named by; versions share them."""
     named = (name for name in LAYOUTS if source.names == builtin(name, robot).feature_names)
-    return next((name for name in named if builtin(name, robot).slot("left_wrist_position")), "")
+    return [name for name in named if builtin(name, robot).slot("left_wrist_position")]
 
 
 def check_joints(dataset: Dataset, layouts: Mapping[str, tuple[Source, JointLayout]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""A joint-space dataset of the G1 as a dataset of wrists: actions from commanded joints, states from measured ones.
+"""A dataset of the G1 in joints, or in another wrist layout, as one of wrists: commanded actions, measured states.
 
 What the recording does not say (the waist, the pelvis) is assumed, and every assumption is written into the result:
 ``meta/conversion.json`` has source, provenance, assumptions, notes and the error of the way back to joints;
@@ -21,27 +21,27 @@ import numpy as np
 from models.spec import RobotSpec
 from policy.action_spec.builtin import as_spec
 from policy.action_spec.spec import ActionSpec
-from policy.action_spec.state import state_layout
 from policy.dataset.checks import (
     check_cameras,
     check_images,
     check_joints,
     check_times,
     check_videos,
-    column_layout,
 )
 from policy.dataset.columns import numeric_columns, stored_columns
 from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
 from policy.dataset.naming.sources import Source, find_source
 from policy.dataset.open import open_dataset
+from policy.dataset.pelvis.conversions import Conversion, of_executed, row_conversions
+from policy.dataset.pelvis.legs import RecordedLegs, pelvis_taken, recorded_legs
+from policy.dataset.pelvis.rows import in_own_pelvis
 from policy.dataset.report import ConvertedDataset, left_out
 from policy.dataset.stats import narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
 
-PELVIS_STANDS = "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"
 PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 """Whether the joints of a feature were sent to the motors or read from them."""
 PROVENANCE_OF_ACTION = {"requested": "commanded", "executed": "measured, a row later"}
@@ -59,11 +59,12 @@ class DatasetSettings:
     """How a dataset is converted.
 
     Attributes:
-        to: Layout of the result, a built-in name or a spec; its rate becomes the dataset's.
+        to: Layout of the result, a built-in name or a spec; its rate becomes the dataset's. The state is the one that
+            goes with it, without the pelvis where the source does not say how it moved.
         waist: Joints of the waist, yaw, roll and pitch of the G1, [rad] where they were not recorded; zero if None.
         unit: Unit of the recorded joints, ``rad`` or ``deg``.
         synergy: Map between one closing number and fingers, where only one side has fingers.
-        assume: Joint layout that the user vouches for, where names do not say it.
+        assume: Layout that the user vouches for, where names do not say it.
         episodes: Numbers of the episodes to convert; None for all.
         keep_joints: Keep the joint columns too, as ``source.action`` and ``source.observation.state``.
         check: Go back to joints from every stored frame and report the error.
@@ -97,7 +98,7 @@ def convert_dataset(
     *,
     progress: Progress | None = None,
 ) -> ConvertedDataset:
-    """Convert a LeRobot dataset (v3.0, v2.1, v2.0) of joints to one of wrists (v3.0).
+    """Convert a LeRobot dataset (v3.0, v2.1, v2.0) of joints, or of another wrist layout, to one of wrists (v3.0).
 
     Args:
         source: Dataset folder.
@@ -106,8 +107,8 @@ def convert_dataset(
         progress: Called with frames done and frames in all.
 
     Raises:
-        DatasetError: If the dataset cannot be read or is not in joints that are understood; nothing is written.
-        SpecError: If the layout cannot be filled from joints.
+        DatasetError: If the dataset cannot be read or is in no layout that is understood; nothing is written.
+        SpecError: If the layout cannot be filled from that.
     """
     settings = settings or DatasetSettings()
     kinematics(settings.robot)  # reading the robot's description once is no part of the rate
@@ -118,21 +119,20 @@ def convert_dataset(
         raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
     dataset = _selected(open_dataset(source), settings.episodes)
     spec = dataclasses.replace(as_spec(settings.to, settings.robot), fps=dataset.fps)
-    conversions, sources = {}, {}
-    for key, layout in {ACTION: spec, STATE: state_layout(spec)}.items():
-        sources[key] = find_source(dataset, key)
-        given = {"assume": settings.assume, "unit": settings.unit, "robot": settings.robot}
-        columns = column_layout(dataset, sources[key], **given)
-        conversions[key] = JointConversion(columns, layout, settings.waist, settings.synergy)
+    sources = {key: find_source(dataset, key) for key in (ACTION, STATE)}
+    legs = recorded_legs(dataset, settings.unit, settings.robot)
+    given = {"assume": settings.assume, "unit": settings.unit, "robot": settings.robot}
+    conversions = row_conversions(dataset, sources, spec, legs, settings.waist, settings.synergy, given)
+    joints = {key: one for key, one in conversions.items() if isinstance(one, JointConversion)}
     notes = [
         *check_cameras(dataset, without_stats=settings.without_camera_stats),
         *(note for source in sources.values() for note in source.notes),
-        *check_joints(dataset, {key: (sources[key], one.source) for key, one in conversions.items()}),
+        *check_joints(dataset, {key: (sources[key], one.source) for key, one in joints.items()}),
         *check_times(dataset),
         *check_videos(dataset),
-        *left_out(conversions),
+        *left_out(joints),
     ]
-    work = _Work(dataset, sources, conversions, settings)
+    work = _Work(dataset, sources, conversions, settings, legs)
     with DatasetWriter(Path(target), work.info(), dataset.tasks, link=settings.link_videos) as writer:
         for episode in dataset.episodes:
             work.convert(episode, writer, progress)
@@ -141,7 +141,7 @@ def convert_dataset(
             folder=Path(target),
             source=dataset,
             spec=spec,
-            assumptions={"pelvis": PELVIS_STANDS, **conversions[ACTION].assumptions},
+            assumptions=pelvis_taken(spec, legs) | conversions[STATE].assumptions | conversions[ACTION].assumptions,
             notes=(*notes, *more),
             trips=dict(work.trips),
             cpu_seconds=time.process_time() - began,
@@ -181,12 +181,14 @@ class _Work:
     """What is gathered over the episodes."""
 
     def __init__(
-        self, dataset: Dataset, sources: Mapping[str, Source], conversions: Mapping[str, JointConversion],
-        settings: DatasetSettings,
+        self, dataset: Dataset, sources: Mapping[str, Source], conversions: Mapping[str, Conversion],
+        settings: DatasetSettings, legs: RecordedLegs | None,
     ) -> None:  # fmt: skip
         self.dataset, self.sources, self.conversions, self.settings = dataset, sources, conversions, settings
-        state = conversions[STATE].source
-        self.executed = JointConversion(state, conversions[ACTION].target, settings.waist, settings.synergy)
+        if settings.action == "executed":
+            self.executed = of_executed(conversions, settings.waist, settings.synergy)
+        # Wrists in the pelvis that come from joints do not depend on where it is.
+        self.legs = None if all(in_own_pelvis(one.target) for one in conversions.values()) else legs
         self.trips: dict[str, RoundTrip] = {}
         self._done = 0
         self._columns: dict[str, list[np.ndarray]] = {}
@@ -215,13 +217,14 @@ class _Work:
         check_images(rows, [key for key in self.dataset.cameras if key in self._stored], episode)
         columns: dict[str, np.ndarray] = {}
         measured: dict[str, np.ndarray] = {}
+        anchors = None if self.legs is None else self.legs.anchors(self.dataset, episode)
         for key, conversion in self.conversions.items():
             source = self.sources[key]
             joints = source.of(rows, episode)
-            columns[key] = conversion.forward(joints).astype(np.float32)
+            columns[key] = conversion.forward(joints, anchors).astype(np.float32)
             measured[key] = joints
-            if self.settings.check:
-                trip = round_trip(conversion, joints, columns[key])
+            if self.settings.check and isinstance(conversion, JointConversion):
+                trip = round_trip(conversion, joints, columns[key], anchors)
                 self.trips[key] = self.trips[key].merged(trip) if key in self.trips else trip
             split = np.split(joints, np.cumsum(source.widths)[:-1], axis=1)
             for name, part in zip(source.features, split, strict=True):
@@ -233,7 +236,8 @@ class _Work:
         if self.settings.action == "executed":
             rows = set_column(rows, REQUESTED, columns[ACTION])
             after = np.vstack([measured[STATE][1:], measured[STATE][-1:]])
-            columns[ACTION] = self.executed.forward(after).astype(np.float32)
+            later = None if anchors is None else [*anchors[1:], anchors[-1]]
+            columns[ACTION] = self.executed.forward(after, later).astype(np.float32)
             rows = set_column(rows, ACTION, columns[ACTION])
         rows = writer.numbered(rows)
         others = {key: x for key, x in self._described.items() if key not in self.conversions}
@@ -286,7 +290,7 @@ def _still_note(key: str, names: list[str], settings: DatasetSettings) -> str:
 
 
 def _files(
-    result: ConvertedDataset, sources: Mapping[str, Source], conversions: Mapping[str, JointConversion],
+    result: ConvertedDataset, sources: Mapping[str, Source], conversions: Mapping[str, Conversion],
     settings: DatasetSettings,
 ) -> dict:  # fmt: skip
     try:
@@ -301,10 +305,7 @@ def _files(
                 "provenance": provenance(key, settings),
                 "layout": conversion.target.id,
                 "features": list(sources[key].features),
-                "joints": list(conversion.source.names),
-                "left_out": conversion.source.left_out,
-                "names_in_source": list(conversion.source.given),
-                "unit_in_source": conversion.source.unit,
+                **conversion.provenance,
                 "layout_assumed": settings.assume is not None,
             }
             for key, conversion in conversions.items()

@@ -1,15 +1,17 @@
 """Recorded joints to wrist layouts by forward kinematics, and back by inverse kinematics, a frame at a time.
 
-The pelvis of a frame is that frame's own: nothing else is known of a joint-space recording. Joints that were not
-recorded but lie between pelvis and wrist, the waist, are taken from a posture that the user states.
+The pelvis of a frame is that frame's own. Where the legs were recorded they say where it was over the soles
+(`policy.dataset.pelvis`), else it is taken to be the stance's. Joints that were not recorded but lie between pelvis and
+wrist, the waist, are taken from a posture that the user states.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from policy.action_spec.hands import closing_of, finger_closings
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.dataset.joint_layout import JointLayout
+from policy.dataset.pelvis.rows import decode_rows, encode_rows
 from policy.errors import ChunkError, DatasetError, SpecError, did_you_mean
 from policy.geometry.rotations import angle_between
 from policy.geometry.se3 import inverse
@@ -41,7 +44,7 @@ class JointConversion:
 
     Attributes:
         source: What the columns of the joint-space vector are.
-        target: Wrist layout, every slot absolute and in the pelvis.
+        target: Wrist layout, every slot absolute and in the stance or the pelvis.
         waist: Joints of the waist [rad] where the source has none, yaw, roll, pitch of the G1; zero if None.
         synergy: Map between a closing number and fingers, a name of `SYNERGIES`; where only one side has fingers.
         moving: What inverse kinematics may move.
@@ -93,7 +96,7 @@ class JointConversion:
         if not self.source.has_waist:
             waist = joints_of(self.robot, "waist")
             assumed |= {f"{name} [rad]": float(q) for name, q in zip(waist, self.waist, strict=True)}
-        if self.target.slot("base_height"):
+        if (height := self.target.slot("base_height")) and height.frame != "stance":
             assumed["base_height [m]"] = float(Anchor.nominal(robot=self.robot).T_world_base[2, 3])
         if self.target.slot("base_velocity"):
             assumed["base_velocity [m/s, rad/s]"] = 0.0
@@ -101,24 +104,52 @@ class JointConversion:
             assumed["synergy"] = self.synergy
         return assumed
 
-    def forward(self, joints: np.ndarray) -> np.ndarray:
-        """Wrist layout (n, A) of joint vectors (n, D)."""
-        return encode(self.target, self._chunk(joints), self.anchor)
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What is written of the source into ``meta/conversion.json``."""
+        source = self.source
+        names = {"joints": list(source.names), "left_out": source.left_out, "names_in_source": list(source.given)}
+        return names | {"unit_in_source": source.unit}
 
-    def backward(self, numbers: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def forward(self, joints: np.ndarray, anchors: Sequence[Anchor] | None = None) -> np.ndarray:
+        """Wrist layout (n, A) of joint vectors (n, D).
+
+        Args:
+            joints: Numbers of the source.
+            anchors: One a row, with the pelvis as it was then; None for the stance's in all.
+        """
+        chunk = self._chunk(joints)
+        if anchors is None:
+            return encode(self.target, chunk, self.anchor)
+        T_base = self._in_base(chunk)
+        moved = np.stack([anchor.T_world_base for anchor in anchors])
+        T = {f"T_world_{hand}": moved @ T_base[hand] for hand in ARMS}
+        return encode_rows(self.target, dataclasses.replace(chunk, **T), anchors)
+
+    def backward(
+        self, numbers: np.ndarray, start: np.ndarray | None = None, anchors: Sequence[Anchor] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Joint vectors of wrist-layout numbers, each frame from the one before; legs, if any, keep ``start``.
 
         Args:
             numbers: Shape (n, A).
             start: Joint vector (D,) to start from; it also says where the redundant elbows and the waist are.
+            anchors: As of `forward`.
 
         Returns:
             Joint vectors (n, D), and the pose error of each frame [m and rad in one norm]; above
             `policy.kinematics.forward.IK_TOLERANCE` the nearest pose was taken.
         """
-        chunk = decode(self.target, np.asarray(numbers, dtype=float), self.anchor)
+        numbers = np.asarray(numbers, dtype=float)
+        if anchors is None:
+            chunk = decode(self.target, numbers, self.anchor)
+            T_base = self._in_base(chunk)
+        else:
+            chunk = decode_rows(self.target, numbers, anchors)
+            inward = np.stack([anchor.T_base_world for anchor in anchors])
+            T_base = {hand: inward @ getattr(chunk, f"T_world_{hand}") for hand in ARMS}
         first = self.anchor if start is None else self._anchor_at(start)
-        q_body, errors = self._follow(self._in_base(chunk), chunk.q_waist, first.q_body)
+        q_body, errors = self._follow(T_base, chunk.q_waist, first.q_body)
         parts = {
             **{part: q_body[:, where] for part, where in self.robot.limbs.items()},
             "left_hand": chunk.q_lhand,
@@ -226,9 +257,11 @@ class RoundTrip:
         )
 
 
-def round_trip(conversion: JointConversion, joints: np.ndarray, numbers: np.ndarray) -> RoundTrip:
+def round_trip(
+    conversion: JointConversion, joints: np.ndarray, numbers: np.ndarray, anchors: Sequence[Anchor] | None = None
+) -> RoundTrip:
     """Go back from the numbers (n, A) that were stored for joint vectors (n, D) of one episode, and compare."""
-    back, errors = conversion.backward(numbers, joints[0])
+    back, errors = conversion.backward(numbers, joints[0], anchors)
     before, after = conversion.wrists(joints), conversion.wrists(back)
     position, rotation = 0.0, 0.0
     for hand in ARMS:
@@ -252,10 +285,10 @@ def round_trip(conversion: JointConversion, joints: np.ndarray, numbers: np.ndar
 
 def _check_target(target: ActionSpec) -> None:
     for slot in target.slots:
-        if slot.mode != "absolute" or slot.frame != "pelvis" or slot.name.endswith("_arm"):
+        if slot.mode != "absolute" or slot.frame not in ("pelvis", "stance") or slot.name.endswith("_arm"):
             raise SpecError(
                 f"'{target.name}' cannot be filled frame by frame: slot '{slot.name}' is {slot.mode} in the frame "
-                f"{slot.frame}; a layout of absolute wrist poses in the pelvis, such as wbc32 or wbc27, can"
+                f"{slot.frame}; a layout of absolute wrist poses in stance or pelvis, such as wbc32 or wbc27, can"
             )
     if target.slot("left_wrist_rotation") is None or target.slot("right_wrist_rotation") is None:
         raise SpecError(f"'{target.name}' has no wrist rotations; wbc32 and wbc27 have")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from policy.action_spec.describe import called
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset
 from policy.dataset.joint_conversion import JointConversion, RoundTrip
@@ -70,7 +71,7 @@ class ConvertedDataset:
         source = self.source
         said = [
             f"{source.folder} ({source.version}): {len(source.episodes)} episodes, {source.frames} frames at "
-            f"{source.fps:g} Hz to {self.spec.id}",
+            f"{source.fps:g} Hz to {called(self.spec)}",
         ]
         said += [f"  assumed {name}: {value}" for name, value in self.assumptions.items()]
         said += [f"  note: {note}" for note in self.notes[:_NOTES_SHOWN]]

@@ -1,1 +1,1 @@
-"""Forward and inverse kinematics of the arms, numpy only."""
+"""Forward and inverse kinematics of arms and legs, numpy only."""

@@ -110,7 +110,7 @@ class Kinematics:
         Levenberg-Marquardt on the pose errors in the frames' own axes, joints clipped to their limits.
 
         Args:
-            goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
+            goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso; of soles under left, right.
             joints: Which of the body joints may move.
             q_body: Posture to start from, shape (m,), [rad].
 
@@ -118,7 +118,7 @@ class Kinematics:
             Posture, shape (m,), [rad], and the norm of the remaining error [m and rad].
         """
         pin = self._pin
-        wanted = [(self.frames[name], pin.SE3(T)) for name, T in goals.items()]
+        wanted = [self._goal(name, T) for name, T in goals.items()]
         low, high = (x[self.idx_q[joints]] for x in (self.model.lowerPositionLimit, self.model.upperPositionLimit))
 
         def errors(q_body: np.ndarray) -> np.ndarray:
@@ -152,6 +152,13 @@ class Kinematics:
             else:
                 damping *= 10.0
         return q, float(np.linalg.norm(error))
+
+    def _goal(self, name: str, T: np.ndarray) -> tuple[int, pin.SE3]:
+        """Frame of a goal, and where it has to be."""
+        if name in self.frames:
+            return self.frames[name], self._pin.SE3(T)
+        frame, center = self._soles[name]
+        return frame, self._pin.SE3(T) * self._pin.SE3(np.eye(3), -center)
 
     def _configuration(self, q_body: np.ndarray) -> np.ndarray:
         q = self._neutral.copy()

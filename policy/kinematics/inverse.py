@@ -107,6 +107,32 @@ def upper_body(robot: RobotSpec) -> np.ndarray:
     return np.concatenate([robot.limbs[limb] for limb in ("waist", *ARMS.values())])
 
 
+def leg_joints(
+    T_base_soles: dict[str, np.ndarray], q_body: np.ndarray, *, robot: RobotSpec | None = None
+) -> np.ndarray:
+    """Posture whose legs put the soles where they are to be.
+
+    Args:
+        T_base_soles: Middles of the soles in the pelvis (4, 4), under the keys left and right.
+        q_body: Posture to start from, shape (m,), [rad]; waist and arms stay in it.
+        robot: Whose body; the G1's with Dex3 hands if None.
+
+    Returns:
+        Shape (m,), [rad].
+
+    Raises:
+        ChunkError: If the legs do not reach.
+    """
+    robot, q = robot or g1(), np.array(q_body, dtype=float)
+    for side, T in T_base_soles.items():
+        q, error = reach({side: T}, robot.limbs[f"{side}_leg"], q, q_body, robot=robot)
+        if not error <= IK_TOLERANCE:
+            raise ChunkError(
+                f"the legs cannot hold the pelvis there: {error:.3g} (m and rad) remain, {IK_TOLERANCE:g} is allowed"
+            )
+    return q
+
+
 def reach(
     goals: dict[str, np.ndarray],
     joints: np.ndarray,
@@ -119,7 +145,7 @@ def reach(
     """Posture nearest to some goals, from the step before, and where that fails from other starts.
 
     Args:
-        goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso.
+        goals: Wanted poses in the pelvis (4, 4), under the keys lhand, rhand, torso; of soles under left, right.
         joints: Which of the body joints may move.
         q: Posture at the step before, shape (m,), [rad].
         q_first: Posture at the start of the path, shape (m,), [rad].

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from policy.action_spec.builtin import as_spec
+from policy.action_spec.describe import called
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.state import state_layout
 from policy.errors import SpecError
@@ -121,7 +122,7 @@ def open_checkpoint(
     layouts = _run(findings, "spec", lambda: _layouts(folder, config, as_spec(spec), options))
     if layouts:
         vouched = ", vouched for by the user" if options.assume_spec else ""
-        findings.append(Finding("spec", "ok", f"actions are {layouts[ACTION].id}{vouched}"))
+        findings.append(Finding("spec", "ok", f"actions are {called(layouts[ACTION])}{vouched}"))
     processors = _run(findings, "processors", lambda: read_processors(folder, config, options))
     if processors:
         findings.append(Finding("processors", "ok", f"{' and '.join(f'{name}.json' for name in PROCESSORS)} loaded"))

@@ -5,7 +5,7 @@ the JSON of an `ActionSpec` with its hash:
 
 =====================  ===========================================================================================
 ``action_spec.json``   layout of the actions after the post-processor
-``state_spec.json``    layout of ``observation.state``; without it, the layout of the action, absolute (`state_layout`)
+``state_spec.json``    layout of ``observation.state``; without it, that of the action (`state_layout`)
 =====================  ===========================================================================================
 """
 

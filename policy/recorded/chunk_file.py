@@ -25,12 +25,13 @@ from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
+from policy.action_spec.frame_guess import pelvis_guess
 from policy.action_spec.spec import ActionSpec
 from policy.archive import read_arrays
 from policy.chunk import ActionChunk
 from policy.errors import FileFormatError, RotationError, SpecError, did_you_mean
 from policy.geometry.rotations import quaternion_to_matrix
-from policy.geometry.se3 import make_transform
+from policy.geometry.se3 import inverse, make_transform, yaw_frame
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
 from policy.recorded.exports import retargeted
 from policy.writing import whole
@@ -83,10 +84,15 @@ class ChunkFile:
                     f"{did_you_mean(name, robot.joint_names)}joints: {known}"
                 )
             q[robot.joint_names.index(name)] = angle
-        T = nominal.T_world_base
+        T, stance = nominal.T_world_base, None
         if self.q0_base is not None:
             T = make_transform(quaternion_to_matrix(self.q0_base[3:], "xyzw"), self.q0_base[:3])
-        return Anchor(T, q[:n], *robot.by_hand(q[n:]), robot)
+        legs = {robot.joint_names[i] for side in ("left", "right") for i in robot.limbs[f"{side}_leg"]}
+        if not legs & set(self.q0_joints or {}):
+            # Legs that are not given do not say where the soles are: they are on the floor, as in the stance.
+            stance = yaw_frame(T) @ inverse(nominal.T_world_base)
+            stance[2, 3] = 0.0
+        return Anchor(T, q[:n], *robot.by_hand(q[n:]), robot, stance)
 
     def chunk(self) -> ActionChunk:
         """The actions in world.
@@ -155,9 +161,14 @@ def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None, 
         mask=arrays.get("mask"),
     )
     try:
-        file.anchor()
+        anchor = file.anchor()
     except (SpecError, RotationError) as error:
         raise FileFormatError(str(error), path=str(path)) from error
+    if assume is None and arrays["spec"].astype(str).item().strip() == spec.name:
+        # A name without a version says the last one; files from before it are not to be carried out in another frame.
+        with np.errstate(over="ignore", invalid="ignore"):
+            for guess in pelvis_guess(spec, actions, anchor):
+                raise FileFormatError(f"the name '{spec.name}' is {spec.id}, but {guess}", path=str(path))
     return file
 
 

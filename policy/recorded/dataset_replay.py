@@ -13,15 +13,18 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
-from policy.dataset.checks import check_times, column_layout, wrist_layout
+from policy.dataset.checks import check_times, column_layout, wrist_layouts
 from policy.dataset.format import ACTION, STATE, Dataset, Episode
 from policy.dataset.joint_values import require_finite
 from policy.dataset.naming.sources import find_source
 from policy.dataset.naming.vouched import column_names, require_same_names
 from policy.dataset.open import open_dataset
-from policy.errors import DatasetError, SpecError
+from policy.dataset.pelvis.legs import recorded_legs
+from policy.dataset.pelvis.rows import decode_rows, in_own_pelvis
+from policy.dataset.pelvis.wrists import recorded_layout
+from policy.errors import DatasetError
 from policy.findings import Finding
-from policy.reading import SPEC_MAX, ReadingError, listed, read_text
+from policy.reading import listed
 from policy.recorded.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.recorded.replay import ReplayPolicy
 from policy.suspicion.rows import state_findings
@@ -32,6 +35,8 @@ def open_episode(
     read_as: Sequence[str] = (),
 ) -> ReplayPolicy:  # fmt: skip
     """Policy that plays an episode's actions: wrists whose layout the dataset names, or joints.
+
+    Wrists that were recorded in each step's own pelvis are played where they were, if the dataset has the legs too.
 
     Args:
         folder: Dataset (v3.0, v2.1, v2.0).
@@ -51,11 +56,11 @@ def open_episode(
     check_times(dataset, [dataset.episodes[number]])
     episode, source = dataset.episodes[number], find_source(dataset, ACTION)
     actions = source.of(dataset.table(episode, list(source.features)), episode)
-    spec, notes = _layout(dataset, robot) if assume is None else assume, source.notes
+    spec, notes = recorded_layout(dataset, ACTION, robot) if assume is None else assume, source.notes
     if assume is not None:
         require_same_names(assume, tuple(zip(source.parts, source.names, strict=True)), ACTION)
-    if spec is None and (name := wrist_layout(source, robot)):
-        spec = builtin(name, robot)
+    if spec is None and (named := wrist_layouts(source, robot)):
+        spec = _only(named, dataset, robot)
     columns = None
     if spec is None:
         joints = column_layout(dataset, source, robot=robot)
@@ -75,8 +80,23 @@ def open_episode(
     notes += settled(found, read_as, f"{folder}#{number}")
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
     spec = dataclasses.replace(spec_as_said(spec, read_as), fps=fps)
-    chunk = with_notes(decode(spec, actions, anchor), notes)
+    legs = recorded_legs(dataset, robot=robot) if in_own_pelvis(spec) else None
+    chunk = (
+        decode(spec, actions, anchor) if legs is None else decode_rows(spec, actions, legs.anchors(dataset, episode))
+    )
+    chunk = with_notes(chunk, notes)
     return ReplayPolicy(chunk, name=f"{Path(folder).name}#{number}", spec=spec)
+
+
+def _only(named: Sequence[str], dataset: Dataset, robot: RobotSpec | None) -> ActionSpec:
+    """The layout whose features the actions are named by, if there is one of these names."""
+    if len(named) > 1:
+        raise DatasetError(
+            f"{dataset.folder} names its actions as {' and '.join(named)} do, which are in different frames, and has "
+            f"no meta/action_spec.json that says which: --assume-spec {named[0]} or {named[1]} does",
+            feature=ACTION,
+        )
+    return builtin(named[0], robot)
 
 
 def _of_state(dataset: Dataset, episode: Episode, spec: ActionSpec, read_as: Sequence[str]) -> list[Finding]:
@@ -95,14 +115,3 @@ def _of_state(dataset: Dataset, episode: Episode, spec: ActionSpec, read_as: Seq
         return []
     state, action = (read_as_said(spec, values, dataset.fps, read_as)[0] for values in (state, action))
     return state_findings(state, action, column_names(spec)[0])
-
-
-def _layout(dataset: Dataset, robot: RobotSpec | None) -> ActionSpec | None:
-    """What ``meta/action_spec.json`` says, None without it."""
-    file = dataset.folder / "meta" / "action_spec.json"
-    if not file.exists():
-        return None
-    try:
-        return ActionSpec.from_json(read_text(file, SPEC_MAX), robot)
-    except (OSError, ReadingError, SpecError) as error:
-        raise DatasetError(f"{file}: {error}") from error

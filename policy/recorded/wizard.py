@@ -112,13 +112,19 @@ def lines(numbers: Numbers, found: list[Fit]) -> list[str]:
     seen = "numbers not seen" if numbers.values is None else f"{len(numbers.values)} rows seen"
     said = [f"{numbers.source}: {numbers.dim} numbers a step{rate}, {seen}"]
     for one in found:
-        said.append(f"  {one.spec.name:<20} {'fits' if one.fits else 'does not'}")
+        said.append(f"  {label(one.spec):<20} {'fits' if one.fits else 'does not'}")
         said += [f"  {'':<20} {why}" for why in one.why]
     if not found:
         said.append(f"  no layout has {numbers.dim} numbers; write your own: wholebody layouts NAME --write is a start")
     elif not any(one.fits for one in found):
         said.append("  none fits: see what speaks against the nearest, and write your own as JSON")
     return said
+
+
+def label(spec: ActionSpec) -> str:
+    """Name of a layout, with its version where a built-in one has several."""
+    versions = sum(builtin(name).name == spec.name for name in LAYOUTS)
+    return f"{spec.name}-v{spec.version}" if versions > 1 else spec.name
 
 
 def _fit(spec: ActionSpec, numbers: Numbers) -> Fit:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from policy import convert
+from policy import builtin, convert
 from tests.support import tiny_policies as tiny
 from tests.support.dataset_cases import write_v30
 from wholebody.cli.main import app
@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
     for motion in (folder / "motion.csv", folder / "DIR" / "motion.csv"):
         convert(folder / "chunk.npz", motion)
     write_v30(folder / "DATASET", cameras=False)
-    tiny.write_checkpoint("act", folder / "CHECKPOINT")
+    tiny.write_checkpoint("act", folder / "CHECKPOINT", spec=builtin("wbc32"))
     return folder
 
 

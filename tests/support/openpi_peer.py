@@ -22,8 +22,8 @@ IMAGE = (np.arange(2 * 3 * 3) * 14).astype(np.uint8).reshape(2, 3, 3)
 """The first image in that request; the second is one brighter everywhere."""
 IMAGES = {"head": IMAGE, "left_wrist": IMAGE + 1}
 """Both, by our names of the cameras."""
-STATE = state_numbers(state_layout(builtin("wbc32")), observation()).astype(np.float32)
-"""The state in it: that of the stance."""
+STATE = state_numbers(state_layout(builtin("wbc32-v1")), observation()).astype(np.float32)
+"""The state in it: that of the stance, 32 numbers of the first wbc32, as it was recorded."""
 
 
 class Peer:

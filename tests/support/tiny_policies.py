@@ -18,7 +18,7 @@ import torch
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
-from policy.action_spec.state import state_layout, state_numbers
+from policy.action_spec.state import aligned_state, state_layout, state_numbers
 from policy.lerobot.policy import LeRobotPolicy
 from policy.lerobot.spec import write_specs
 from policy.observation import Observation
@@ -28,7 +28,8 @@ WIDTH, DEPTH = 64, 2
 TEXT_POLICIES = ("pi05", "pi0", "smolvla")
 POLICIES = ("pi05", "pi0", "smolvla", "act", "diffusion")
 CAMERAS = ("head", "left_wrist", "right_wrist")
-SPEC = builtin("wbc32")
+SPEC = builtin("wbc32-v1")
+"""Of checkpoints that exist: their layout stays what it was."""
 HALF_RANGE = 0.02
 """Half the range of every number in the made-up statistics around the stance [m, rad]."""
 
@@ -153,19 +154,21 @@ def observation(time=0.0, *, size=64, cameras=CAMERAS, task="pick up the can", s
 
 def stats(spec=SPEC, *, cameras=CAMERAS):
     """Statistics around the stance, as LeRobot writes them: mean, std, min, max and quantiles."""
-    middle = state_numbers(state_layout(spec), observation())
+    visual = {"mean": np.full((3, 1, 1), 0.5), "std": np.full((3, 1, 1), 0.3)}
+    layouts = {"observation.state": state_layout(spec), "action": aligned_state(spec)}
+    numbers = {key: _around_stance(layout) for key, layout in layouts.items()}
+    return numbers | {f"observation.images.{name}": visual for name in cameras}
+
+
+def _around_stance(layout):
+    middle = state_numbers(layout, observation())
     low, high = middle - HALF_RANGE, middle + HALF_RANGE
-    for slot in spec.slots:
+    for slot in layout.slots:
         if slot.kind == "rot6d":
             low[slot.indices], high[slot.indices] = (np.clip(end[slot.indices], -1.0, 1.0) for end in (low, high))
     spread = np.full(len(middle), 0.5 * HALF_RANGE)
     one = {"mean": middle, "std": spread, "min": low, "max": high, "q01": low, "q99": high}
-    visual = {"mean": np.full((3, 1, 1), 0.5), "std": np.full((3, 1, 1), 0.3)}
-    numbers = {
-        key: {name: np.asarray(value, np.float32) for name, value in one.items()}
-        for key in ("observation.state", "action")
-    }
-    return numbers | {f"observation.images.{name}": visual for name in cameras}
+    return {name: np.asarray(value, np.float32) for name, value in one.items()}
 
 
 def config(kind, *, spec=SPEC, cameras=CAMERAS, size=64, folder=None, **changes):

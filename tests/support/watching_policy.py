@@ -10,7 +10,7 @@ from policy import ActionChunk, Anchor, builtin
 class Reaching:
     """Sees the robot: its chunk holds the measured wrists, and says what it was asked."""
 
-    name, sees_robot, spec = "reaching", True, builtin("wbc32")
+    name, sees_robot, spec = "reaching", True, builtin("wbc32-v1")
 
     def __init__(self):
         self.resets, self.asked, self.prefixes = [], [], []

@@ -182,7 +182,7 @@ def _require_no_path(name: str) -> None:
 
 
 def layout_named(text: str, robot: RobotSpec | None = None) -> ActionSpec | None:
-    """A layout that the user names: a built-in one or a JSON file; None for no text.
+    """A layout that the user names: a built-in one, its state (``wbc32_state``), or a JSON file; None for no text.
 
     Raises:
         SpecError: If there is none of that name, or the file is malformed.
@@ -190,11 +190,14 @@ def layout_named(text: str, robot: RobotSpec | None = None) -> ActionSpec | None
     """
     from policy.action_spec.builtin import builtin
     from policy.action_spec.spec import ActionSpec
+    from policy.action_spec.state import STATE_OF, state_layout
     from policy.errors import SpecError
     from policy.reading import SPEC_MAX, ReadingError, read_text
 
     if not text:
         return None
+    if text.endswith(STATE_OF):
+        return state_layout(builtin(text.removesuffix(STATE_OF), robot))
     if not text.endswith(".json"):
         return builtin(text, robot)
     try:

@@ -39,7 +39,7 @@ ROTATIONS = [
     {"kind": "rot6d", "size": 6, "unit": "1", "rot6d_layout": "interleaved"},
 ]
 MODES = ("absolute", "relative_se3", "relative_add", "delta", "delta_se3")
-FRAMES = ("pelvis", "pelvis_yaw", "torso", "world")
+FRAMES = ("pelvis", "pelvis_yaw", "torso", "stance", "world")
 
 
 def pose_spec(rotation, mode, frame="pelvis", *, unit="m", tcp_offset=(0.0, 0.0, 0.0), hand_mode="absolute"):
@@ -110,11 +110,14 @@ def test_every_layout_comes_back(name):
     assert np.abs(encode(spec, again, ANCHOR) - encode(spec, once, ANCHOR)).max() < 1e-9
 
 
-def test_wbc32_is_the_pelvis_times_the_numbers():
+@pytest.mark.parametrize(
+    ("name", "T_world_frame"), [("wbc32", ANCHOR.T_world_stance), ("wbc32-v1", ANCHOR.T_world_base)]
+)
+def test_wbc32_is_its_frame_times_the_numbers(name, T_world_frame):
     R = rotvec_to_matrix(np.array([0.3, -0.2, 0.9]))
     row = np.concatenate([[0.3, 0.2, 0.1], R[:, 0], R[:, 1], [0.3, -0.2, 0.1], R[:, 0], R[:, 1], np.arange(14) / 20.0])
-    chunk = decode(builtin("wbc32"), row[None], ANCHOR)
-    assert np.allclose(chunk.T_world_lhand[0], ANCHOR.T_world_base @ make_transform(R, np.array([0.3, 0.2, 0.1])))
+    chunk = decode(builtin(name), row[None], ANCHOR)
+    assert np.allclose(chunk.T_world_lhand[0], T_world_frame @ make_transform(R, np.array([0.3, 0.2, 0.1])))
     assert np.allclose(chunk.q_rhand[0], np.arange(7, 14) / 20.0)
 
 
@@ -122,7 +125,7 @@ def test_an_absolute_pose_layout_needs_no_kinematics(monkeypatch):
     monkeypatch.setattr("policy.action_spec.anchor.kinematics", lambda: pytest.fail("kinematics were used"))
     actions = np.tile([0.3, 0.2, 0.1, 1, 0, 0, 0, 1, 0], 2)
     fresh = dataclasses.replace(ANCHOR)
-    decode(builtin("wbc32"), np.concatenate([actions, np.zeros(14)])[None], fresh)
+    decode(builtin("wbc32-v1"), np.concatenate([actions, np.zeros(14)])[None], fresh)
 
 
 def test_gr00t_is_the_reference_times_the_relative_pose():
@@ -156,6 +159,7 @@ def test_frames_are_what_their_names_say():
         "pelvis": ANCHOR.T_world_base,
         "pelvis_yaw": yaw_frame(ANCHOR.T_world_base),
         "torso": ANCHOR.T_world_base @ ANCHOR.poses["torso"],
+        "stance": ANCHOR.T_world_stance,
     }
     for frame, T_world_frame in expected.items():
         spec = pose_spec(ROTATIONS[4], "absolute", frame)

@@ -50,6 +50,8 @@ def test_limits_are_the_layouts_own_or_the_joints():
     (thumb,) = (row for row in rows(builtin("wbc32")) if row[1] == "right_hand_thumb_1.pos")
     assert thumb[-2:] == ["-1.047", "0.611"]
     (wrist,) = (row for row in rows(builtin("wbc32")) if row[1] == "left_wrist_x.pos")
+    assert wrist == ["0", "left_wrist_x.pos", "0.138"]
+    (wrist,) = (row for row in rows(builtin("wbc32-v1")) if row[1] == "left_wrist_x.pos")
     assert wrist == ["0", "left_wrist_x.pos", "0.177"]
 
 
@@ -67,13 +69,23 @@ def test_each_number_of_a_rotation_is_the_element_that_its_line_names(layout):
 def test_a_tool_point_is_said():
     slots = builtin("wbc32").slots
     moved = (dataclasses.replace(slots[0], tcp_offset=(0.05, 0.0, 0.0)), *slots[1:])
-    assert "left_wrist_yaw_link moved by (0.05, 0.0, 0.0) m in the pelvis" in "\n".join(
+    assert "left_wrist_yaw_link moved by (0.05, 0.0, 0.0) m in the stance" in "\n".join(
         lines(dataclasses.replace(builtin("wbc32"), slots=moved))
     )
 
 
 def test_a_summary_is_one_line():
-    assert summary("wbc32").startswith("wbc32               Two wrist poses and all fingers: 32 numbers")
+    assert summary("wbc32").startswith("wbc32               Two wrist poses in the stance, all fingers: 32 numbers")
+    assert summary("wbc32-v1").startswith("wbc32-v1            The first wbc32")
+
+
+def test_a_version_names_the_other_its_frame_and_the_state_that_goes_with_it():
+    said = lines(builtin("wbc32"))
+    assert "version 1 has the wrists in the pelvis: wbc32-v1-9425ce13fd02" in said
+    assert "version 2 has the wrists in the stance: wbc32-v2-ed4f53491c16" in lines(builtin("wbc32-v1"))
+    (state,) = (line for line in said if line.startswith("state: "))
+    assert state.startswith("state: 23 numbers, with left_grasp, right_grasp, base_height, base_tilt in place")
+    assert state.endswith(" of left_hand, right_hand")
 
 
 def test_an_orientation_that_is_free_is_said():

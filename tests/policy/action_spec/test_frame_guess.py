@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from policy import Anchor, ReplayPolicy, builtin, decode, encode, scripted_policy
+from policy import Anchor, FileFormatError, ReplayPolicy, builtin, decode, encode, scripted_policy
 from policy.action_spec.describe import stance_numbers
 from tests.support.policy_cases import anchor_somewhere, observation, wandering_chunk
 
-WBC32 = builtin("wbc32")
+STANCE, WBC32 = builtin("wbc32"), builtin("wbc32-v1")
 
 
 def in_frame(frame):
@@ -50,12 +50,34 @@ def test_a_pelvis_anywhere_is_no_reason_to_guess():
 
 def test_a_chunk_file_in_world_says_so_in_every_chunk_it_plays_and_so_in_its_verdict(tmp_path):
     actions = np.tile(stance_numbers(WBC32), (10, 1))
-    np.savez(tmp_path / "right.npz", actions=actions, fps=30.0, spec="wbc32")
+    np.savez(tmp_path / "right.npz", actions=actions, fps=30.0, spec="wbc32-v1")
     assert ReplayPolicy.from_npz(tmp_path / "right.npz").infer(observation()).notes == ()
     actions[:, [2, 11]] += Anchor.nominal().T_world_base[2, 3]
-    np.savez(tmp_path / "wrong.npz", actions=actions, fps=30.0, spec="wbc32")
+    np.savez(tmp_path / "wrong.npz", actions=actions, fps=30.0, spec="wbc32-v1")
     (note,) = ReplayPolicy.from_npz(tmp_path / "wrong.npz").infer(observation()).notes
     assert "look like positions in world" in note
+
+
+def test_numbers_of_version_1_are_not_carried_out_as_version_2(tmp_path):
+    actions = encode(WBC32, scripted_policy("reach").infer(observation()), Anchor.nominal())
+    (note,) = decode(STANCE, actions, Anchor.nominal()).notes
+    assert "these look like positions in the pelvis, as version 1 of wbc32 has them: left_wrist_position begins" in note
+    np.savez(tmp_path / "old.npz", actions=actions, fps=30.0, spec="wbc32")
+    with pytest.raises(
+        FileFormatError, match=r"the name 'wbc32' is wbc32-v2-ed4f53491c16, but .* name the layout wbc32-v1"
+    ):
+        ReplayPolicy.from_npz(tmp_path / "old.npz")
+    ReplayPolicy.from_npz(tmp_path / "old.npz", assume=WBC32)
+    np.savez(tmp_path / "meant.npz", actions=actions, fps=30.0, spec="wbc32-v2")
+    assert ReplayPolicy.from_npz(tmp_path / "meant.npz").infer(observation()).notes == (note,)
+
+
+@pytest.mark.parametrize("name", ["reach", "wave", "lissajous", "two_hand_lift", "pick_low", "pick_high"])
+def test_what_is_in_the_stance_is_not_guessed_to_be_elsewhere(name):
+    policy, anchor = scripted_policy(name), Anchor.nominal()
+    for k in range(8):
+        chunk = policy.infer(observation(0.8 * k))
+        assert decode(STANCE, encode(STANCE, chunk, anchor), anchor).notes == ()
 
 
 def test_numbers_in_millimetres_are_told_that_positions_are_in_metres():

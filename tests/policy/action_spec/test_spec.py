@@ -18,7 +18,8 @@ from policy.joints import joints_of, permutation
 
 # A released layout never changes: whoever has to change these numbers has to make a new version.
 PINNED = {
-    "wbc32": (32, "9425ce13fd02"),
+    "wbc32": (32, "ed4f53491c16"),
+    "wbc32-v1": (32, "9425ce13fd02"),
     "wbc27": (27, "84dcda68c48a"),
     "unifolm23": (23, "51f33e72dede"),
     "joint28": (28, "1ba219932771"),
@@ -48,7 +49,20 @@ def changed(spec, name, **changes):
 def test_built_in_layouts_are_pinned(name):
     spec = builtin(name)
     assert (spec.dim, spec.hash[:12]) == PINNED[name]
-    assert spec.id == f"{name}-v1-{spec.hash[:12]}"
+    assert spec.id == f"{spec.name}-v{spec.version}-{spec.hash[:12]}"
+    assert name in (spec.name, f"{spec.name}-v{spec.version}")
+
+
+def test_a_layout_is_found_by_name_by_version_and_by_its_whole_id():
+    first, last = builtin("wbc32-v1"), builtin("wbc32")
+    assert (first.name, first.version, last.version) == ("wbc32", 1, 2)
+    assert builtin(first.id) == first
+    assert builtin("wbc32-v2") == builtin(last.id) == last
+    assert first.hash == "9425ce13fd0246dbd3e6b0df97f92ec2a3dfb8f3b4a5e46a51b4fe12f53186d5"
+    with pytest.raises(SpecError, match="did you mean 'wbc32-v1'"):
+        builtin("wbc32-v3")
+    with pytest.raises(SpecError, match="version is 1, expected 2; slot 'left_wrist_position' has frame pelvis"):
+        require_same(last, first)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -74,7 +88,8 @@ def test_wbc32_says_what_the_design_says():
     assert spec.feature_names[18] == "left_hand_thumb_0.pos"
     assert spec.feature_names[21] == "left_hand_middle_0.pos"
     assert spec.feature_names[28] == "right_hand_index_0.pos"
-    assert {s.frame for s in spec.slots} == {"pelvis"}
+    assert {s.frame for s in spec.slots if "wrist" in s.name} == {"stance"}
+    assert {s.frame for s in builtin("wbc32-v1").slots} == {"pelvis"}
     assert {s.mode for s in spec.slots} == {"absolute"}
     assert spec.slot("left_wrist_rotation").rot6d_layout == "cols"
 
@@ -145,7 +160,7 @@ def test_3_a_free_orientation_is_in_the_json_and_the_hash_and_a_given_one_leaves
 
 def test_fps_horizon_and_version_are_part_of_the_contract_and_the_name_is_not():
     spec = builtin("wbc32")
-    for change in ({"fps": 50.0}, {"horizon": 10}, {"version": 2}):
+    for change in ({"fps": 50.0}, {"horizon": 10}, {"version": 3}):
         assert dataclasses.replace(spec, **change).hash != spec.hash
     require_same(spec, dataclasses.replace(spec, name="mine"))
 

@@ -23,7 +23,7 @@ MM, HUNDREDTH_DEGREE = 1e-3, np.deg2rad(0.01)
 
 def test_wrists_are_where_pinocchio_puts_them():
     q = swinging(frames=3).astype(float)
-    numbers = JointConversion(DEX3, WBC32, waist=(0.2, -0.1, 0.15)).forward(q)
+    numbers = JointConversion(DEX3, builtin("wbc32-v1"), waist=(0.2, -0.1, 0.15)).forward(q)
     q_body = Anchor.nominal().q_body.copy()
     for joint, angle in zip(
         ("waist_yaw_joint", "waist_roll_joint", "waist_pitch_joint"), (0.2, -0.1, 0.15), strict=True

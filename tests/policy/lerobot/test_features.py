@@ -154,9 +154,9 @@ def test_an_image_under_another_prefix_is_refused():
 
 
 def test_a_layout_that_the_user_vouches_for_gets_the_checkpoints_length(tmp_path):
-    spec = tiny.shorter(builtin("wbc32"), 20)
+    spec = tiny.shorter(builtin("wbc32-v1"), 20)
     folder = tiny.write_checkpoint("act", tmp_path / "act", spec=spec, with_spec=False)
-    policy = LeRobotPolicy.from_pretrained(folder, assume_spec="wbc32")
+    policy = LeRobotPolicy.from_pretrained(folder, assume_spec="wbc32-v1")
     assert policy.spec == dataclasses.replace(spec, name="wbc32")
 
 

@@ -24,7 +24,7 @@ from tests.support import tiny_policies as tiny
 from wholebody.cli.main import app
 from wholebody.cli.sources import is_checkpoint, open_source
 
-WBC32 = builtin("wbc32")
+WBC32 = builtin("wbc32-v1")
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_a_layout_of_50_steps_beside_an_act_of_100_is_refused_with_the_command_t
 
 
 def test_c3_spec_writes_layouts_with_the_checkpoints_own_steps_and_its_datasets_rate(run, tmp_path):
-    done = wholebody("spec", run, "--layout", "wbc32", "--from", dataset(tmp_path / "data"))
+    done = wholebody("spec", run, "--layout", "wbc32-v1", "--from", dataset(tmp_path / "data"))
     folder = run / "checkpoints" / "last" / "pretrained_model"
     assert f"wrote {folder / ACTION_SPEC_FILE}: wbc32-v1-" in done.stdout
     assert "100 steps of 32 numbers at 15 Hz" in done.stdout
@@ -82,9 +82,9 @@ def test_c3_spec_writes_layouts_with_the_checkpoints_own_steps_and_its_datasets_
 
 
 def test_without_a_dataset_the_rate_is_the_layouts_and_said_to_be(run):
-    done = wholebody("spec", run, "--layout", "wbc32")
+    done = wholebody("spec", run, "--layout", "wbc32-v1")
     assert "30 Hz is taken from 'wbc32'" in done.stderr
-    assert wholebody("spec", run, "--layout", "wbc32", "--fps", "10").stderr == ""
+    assert wholebody("spec", run, "--layout", "wbc32-v1", "--fps", "10").stderr == ""
     assert LeRobotPolicy.from_pretrained(run, spec=dataclasses.replace(WBC32, fps=10.0)).spec.horizon == 100
 
 
@@ -113,14 +113,16 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(run, tmp_path):
 @pytest.mark.parametrize("below", ["", "checkpoints", "checkpoints/last", "checkpoints/000100/pretrained_model"])
 def test_c4_the_last_checkpoint_of_a_training_run_is_found(run, below):
     assert is_checkpoint(str(run / below))
-    wholebody("spec", run / below, "--layout", "wbc32")
+    wholebody("spec", run / below, "--layout", "wbc32-v1")
     assert open_source(str(run / below), 60.0, None).spec.horizon == 100
 
 
 @pytest.mark.parametrize("command", ["run", "check", "doctor", "spec"])
 def test_c4_a_hub_id_gets_the_command_that_downloads_it(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    options = {"run": ("--duration", "1"), "check": ("--duration", "1"), "spec": ("--layout", "wbc32")}.get(command, ())
+    options = {"run": ("--duration", "1"), "check": ("--duration", "1"), "spec": ("--layout", "wbc32-v1")}.get(
+        command, ()
+    )
     try:
         done = wholebody(command, "lerobot/pi05_base", *options)
         said = done.stdout + done.stderr

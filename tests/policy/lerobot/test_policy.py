@@ -328,7 +328,7 @@ def test_relative_actions_are_added_to_the_state_they_answer(tmp_path):
 
 def test_relative_actions_need_a_state_in_the_same_slots(tmp_path):
     folder = tiny.write_checkpoint("pi05", tmp_path / "pi05", statistics=relative_stats(), use_relative_actions=True)
-    other = builtin("wbc32")
+    other = builtin("wbc32-v1")
     turned = [other.slots[1], *other.slots[:1], *other.slots[2:]]
     at, slots = 0, []
     for slot in turned:
@@ -394,12 +394,12 @@ def test_a_checkpoint_without_a_layout_needs_someone_who_vouches(tmp_path):
     folder = tiny.write_checkpoint("act", tmp_path / "act", with_spec=False)
     with pytest.raises(CheckpointError, match=r"action_spec\.json is missing.*--assume-spec wbc32"):
         tiny.load(folder)
-    policy = tiny.load(folder, assume_spec="wbc32")
-    assert policy.spec.hash == builtin("wbc32").hash
+    policy = tiny.load(folder, assume_spec="wbc32-v1")
+    assert policy.spec.hash == builtin("wbc32-v1").hash
 
 
 def test_a_checkpoint_of_another_layout_of_the_same_size_is_refused(tmp_path_factory):
-    other = builtin("wbc32")
+    other = builtin("wbc32-v1")
     rows = [dataclasses.replace(s, rot6d_layout="rows") if s.kind == "rot6d" else s for s in other.slots]
     wanted = dataclasses.replace(other, name="rows32", slots=tuple(rows))
     with pytest.raises(CheckpointError, match="has rot6d_layout cols, expected rows"):

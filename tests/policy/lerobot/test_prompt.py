@@ -5,11 +5,14 @@ The tokenizer of these tests has one token a character; Gemma's has one a digit,
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.builtin import builtin
 from policy.errors import ObservationError
 from policy.findings import CheckpointError
+from policy.geometry.se3 import make_transform
 from policy.lerobot.policy import LeRobotPolicy
 from policy.lerobot.prompt import check_prompt, longest_prompt, token_count, tokenizer_step
 from tests.support import tiny_policies as tiny
@@ -118,3 +121,29 @@ def test_a_tokenizer_that_is_not_on_the_machine_is_named(tmp_path, tmp_path_fact
                 LeRobotPolicy.from_pretrained(folder)
         policy = LeRobotPolicy.from_pretrained(folder, tokenizer=folder / "elsewhere", clamp=1.0)
     assert len(policy.infer(tiny.observation())) == 50
+
+
+def test_the_state_of_wbc32_in_the_stance_goes_through_pi05_as_it_is(tmp_path):
+    """23 numbers at the unmodified max_state_dim of 32; height and lean of the pelvis are bins of the prompt."""
+    spec = builtin("wbc32")
+    with tiny.tiny_backbones():
+        folder = tiny.write_checkpoint("pi05", tmp_path / "stance", spec=spec)
+    policy = tiny.load(folder, seed=0, clamp=1.0)
+    config, state = policy.checkpoint.network.config, policy.checkpoint.state
+    assert (config.max_state_dim, config.robot_state_feature.shape) == (32, (23,))
+    seen = tiny.observation()
+    lower = dataclasses.replace(
+        seen, T_world_base=seen.T_world_base @ make_transform(np.eye(3), np.array([0, 0, 0.01]))
+    )
+    batches = [policy.inputs.batch(each, Anchor.measured(each), "go")[0] for each in (seen, lower)]
+    bins = [batch["task"][0].split("State: ")[1].split(";")[0].split() for batch in batches]
+    assert [len(each) for each in bins] == [23, 23]
+    at = state.slot("base_height").start
+    # Higher above soles that went up with it: nothing changes but what is measured in world, and that is not in it.
+    assert bins[0] == bins[1]
+    bent = dataclasses.replace(seen, q_body=seen.q_body + 0.02 * (np.isin(np.arange(29), (3, 9))))
+    batch, _ = policy.inputs.batch(bent, Anchor.measured(bent), "go")
+    assert batch["task"][0].split("State: ")[1].split(";")[0].split()[at] != bins[0][at]
+    chunk = policy.infer(seen)
+    assert chunk.spec_id == policy.spec.id
+    assert policy.spec.slot("left_wrist_position").frame == "stance"

@@ -109,4 +109,4 @@ def test_openpis_client_gets_the_actions_of_the_policy_itself_for_its_images_sta
 
 def as_poses(actions):
     anchor = Anchor.nominal()
-    return encode(builtin("wbc32"), decode(builtin("wbc32"), actions, anchor), anchor)
+    return encode(builtin("wbc32-v1"), decode(builtin("wbc32-v1"), actions, anchor), anchor)

@@ -8,16 +8,18 @@ import pytest
 from policy import builtin, write_chunk_file
 from policy.errors import PolicyError
 from policy.recorded.example import example_file
-from policy.recorded.wizard import BY_NAMES, fits, lines, numbers_of
+from policy.recorded.wizard import BY_NAMES, fits, label, lines, numbers_of
 from tests.support.public_headers import written
 from tests.support.written_datasets import write_dataset
 
 
 def answers(source):
-    return {one.spec.name: one for one in fits(numbers_of(source))}
+    return {label(one.spec): one for one in fits(numbers_of(source))}
 
 
-@pytest.mark.parametrize("name", ["wbc32", "joint28", "openhlm34", "decoupled_wbc43", "inspire26", "brainco26"])
+@pytest.mark.parametrize(
+    "name", ["wbc32-v1", "wbc32-v2", "joint28", "openhlm34", "decoupled_wbc43", "inspire26", "brainco26"]
+)
 def test_a_chunk_fits_its_own_layout(tmp_path, name):
     write_chunk_file(tmp_path / "a.npz", example_file(builtin(name)))
     found = answers(tmp_path / "a.npz")
@@ -52,7 +54,8 @@ def test_a_checkpoint_has_a_width_and_no_numbers(tmp_path):
     config = {"output_features": {"action": {"shape": [32]}}, "chunk_size": 25}
     (tmp_path / "config.json").write_text(json.dumps(config))
     numbers = numbers_of(tmp_path)
-    (found,) = fits(numbers)
+    first, found = fits(numbers)
+    assert {label(one.spec) for one in (first, found)} == {"wbc32-v1", "wbc32-v2"}
     assert (found.spec.name, found.spec.horizon) == ("wbc32", 25)
     assert "numbers not seen" in lines(numbers, [found])[0]
     assert "a checkpoint alone does not say" in found.why[0]

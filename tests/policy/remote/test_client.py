@@ -34,10 +34,10 @@ from tests.support.policy_cases import observation
 
 pytestmark = pytest.mark.alone
 
-WBC32 = builtin("wbc32")
+WBC32 = builtin("wbc32-v1")
 LONG = 60.0
 """A time-out that is not what ends a wait, on a slow and busy machine neither [s]."""
-OPTIONS = {"assume_spec": "wbc32", "connect_timeout": LONG, "timeout": LONG, "first_timeout": LONG}
+OPTIONS = {"assume_spec": "wbc32-v1", "connect_timeout": LONG, "timeout": LONG, "first_timeout": LONG}
 BRIEF = {"timeout": 0.4, "first_timeout": 0.4}
 """Time-outs that do end waits [s]."""
 MANY = 40
@@ -210,7 +210,7 @@ def test_a_server_that_does_not_state_its_layout_is_refused_unless_the_user_vouc
         with pytest.raises(SpecError, match=r"does not say what its actions are.*assume_spec"):
             connect(peer, assume_spec=None)
         with pytest.raises(SpecError, match="--assume-spec wbc32"):
-            RemotePolicy.connect(peer.uri, spec="wbc32", **OPTIONS | {"assume_spec": None})
+            RemotePolicy.connect(peer.uri, spec="wbc32-v1", **OPTIONS | {"assume_spec": None})
         assert connect(peer).spec == WBC32
 
 
@@ -222,7 +222,7 @@ def test_a_layout_in_the_metadata_of_an_openpi_server_is_agreed_on(as_text):
     with Peer(lambda wire: (wire.send(metadata), wire.stall())) as peer:
         assert RemotePolicy.connect(peer.uri, **options).spec == builtin("joint28")
         with pytest.raises(SpecError, match="spec 'joint28' is not 'wbc32': dim is 28, expected 32"):
-            RemotePolicy.connect(peer.uri, spec="wbc32", **options)
+            RemotePolicy.connect(peer.uri, spec="wbc32-v1", **options)
 
 
 def test_another_layout_for_the_state_can_be_named():

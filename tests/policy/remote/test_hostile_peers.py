@@ -102,7 +102,7 @@ def answer():
 
 
 def connect(peer):
-    return RemotePolicy.connect(peer.uri, assume_spec="wbc32", **OPTIONS)
+    return RemotePolicy.connect(peer.uri, assume_spec="wbc32-v1", **OPTIONS)
 
 
 def seen(time=0.0):

@@ -54,12 +54,12 @@ def test_c4_a_run_on_an_openpi_server_sends_images_grey_where_there_are_no_pictu
         wire.stall()
 
     with Peer(script) as peer:
-        policy = RemotePolicy.connect(peer.uri, assume_spec="wbc32", placeholder_cameras=True, task="tidy up")
+        policy = RemotePolicy.connect(peer.uri, assume_spec="wbc32-v1", placeholder_cameras=True, task="tidy up")
         (warning,) = policy.warnings
         assert "head, left_wrist see grey" in warning.sentence
         policy.infer(observation())
         policy.close()
-        blind = RemotePolicy.connect(peer.uri, assume_spec="wbc32")
+        blind = RemotePolicy.connect(peer.uri, assume_spec="wbc32-v1")
         with pytest.raises(ObservationError, match="no image 'head'"):
             blind.infer(observation())
         blind.close()

@@ -68,11 +68,11 @@ def test_openpis_client_sends_images_state_and_prompt_to_our_server_without_a_ke
 
 def test_openpis_server_gets_images_state_and_prompt_from_our_client_without_a_key_map():
     with openpi_server() as uri:
-        policy = RemotePolicy.connect(uri, assume_spec="wbc32", placeholder_cameras=True, task="pick up the can")
+        policy = RemotePolicy.connect(uri, assume_spec="wbc32-v1", placeholder_cameras=True, task="pick up the can")
         for k in range(3):
             at = observation(0.5 * k, lean=0.1 * k)
             chunk = policy.infer(at)
-            actions = encode(builtin("wbc32"), chunk, Anchor.measured(at))
+            actions = encode(builtin("wbc32-v1"), chunk, Anchor.measured(at))
             np.testing.assert_allclose(actions, np.tile(STATE, (10, 1)), atol=1e-6)
         pictures = {name: np.zeros((48, 64, 3), np.uint8) for name in ("head", "left_wrist")}
         with pytest.raises(RemoteServerError, match=r"observation/image is uint8 \(48, 64, 3\)"):

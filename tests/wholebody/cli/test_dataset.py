@@ -32,7 +32,7 @@ def test_the_folder_is_named_after_dataset_and_layout_if_none_is_given(convert, 
     assert (code, err) == (0, "")
     folder = joints.with_name("joints_wbc32")
     assert (folder / "meta" / "info.json").exists()
-    assert f"3 episodes, {sum(LENGTHS)} frames at 30 Hz to wbc32-v1-" in out
+    assert f"3 episodes, {sum(LENGTHS)} frames at 30 Hz to wbc32-v2-" in out
     assert "assumed waist_pitch_joint [rad]: 0.0" in out
     assert "0 of 35 frames not reached" in out
     assert str(folder) in out
@@ -67,7 +67,7 @@ def test_a_layout_may_be_a_json_file(convert, joints, tmp_path):
     (tmp_path / "tool.json").write_text(json.dumps({**slots, "name": "tool32"}))
     code, out, _ = convert(joints, tmp_path / "out", "--to", tmp_path / "tool.json")
     assert code == 0
-    assert "tool32-v1-" in out
+    assert "tool32-v2-" in out
 
 
 @pytest.mark.parametrize(

@@ -26,9 +26,10 @@ def test_layouts_without_a_name_lists_them_one_a_line():
 def test_c2_layouts_prints_every_slot_unit_frame_limit_and_stance_and_writes_an_example(tmp_path):
     said = layouts("wbc32", "--write", tmp_path / "example.npz")
     for words in (
-        "left_wrist_position: position [m], left_wrist_yaw_link in the pelvis\n",
-        "pelvis: as measured at the observation",
-        "  2   left_wrist_z.pos                0.081\n",
+        "left_wrist_position: position [m], left_wrist_yaw_link in the stance\n",
+        "frame stance: between the soles, level",
+        "version 1 has the wrists in the pelvis",
+        "  2   left_wrist_z.pos                0.860\n",
         "  12  right_wrist_r6_0.pos R[0, 0]    1.000\n",
         "  25  right_hand_thumb_0.pos          0.000   -1.047    1.047\n",
     ):

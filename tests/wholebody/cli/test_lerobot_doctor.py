@@ -83,14 +83,14 @@ def test_without_lerobot_the_package_that_brings_it_is_named(tmp_path_factory, m
 def test_a_layout_that_nobody_named_is_an_error_and_vouching_helps(tmp_path):
     folder = tiny.write_checkpoint("act", tmp_path / "act", with_spec=False)
     assert "--assume-spec wbc32" in diagnose(folder).stdout
-    done = diagnose(folder, "--assume-spec", "wbc32")
+    done = diagnose(folder, "--assume-spec", "wbc32-v1")
     assert done.exit_code == 0
     assert "vouched for by the user" in done.stdout
 
 
 def test_a_layout_that_is_asked_for_must_be_the_checkpoints(tmp_path_factory):
     folder = tiny.saved("act", tmp_path_factory)
-    assert diagnose(folder, "--spec", "wbc32").exit_code == 0
+    assert diagnose(folder, "--spec", "wbc32-v1").exit_code == 0
     done = diagnose(folder, "--spec", "wbc27")
     assert done.exit_code == 2
     assert "error   spec" in done.stdout

@@ -124,8 +124,8 @@ def test_a_wave_is_feasible_and_json_stands_alone_on_standard_output():
 
 def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judged(inside, tmp_path):
     path, output = tmp_path / "far.npz", tmp_path / "verdicts.json"
-    # Both wrists 3 m ahead of the pelvis, level: rotations by their first two columns.
-    wrist = [3.0, 0.2, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    # Both wrists 3 m ahead of the soles, at the height of the pelvis: rotations by their first two columns.
+    wrist = [3.0, 0.2, 0.779, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     np.savez(path, actions=np.tile([*wrist, *wrist, *np.zeros(14)], (10, 1)), fps=30.0, spec="wbc32")
     broken = tmp_path / "broken.npz"
     broken.write_bytes(b"PK")

@@ -22,13 +22,16 @@ def spec(
             autocompletion=completed_layout,
         ),
     ] = "",
-    state: Annotated[str, Option(help="What its state is; the layout of the actions, absolute, if not given.")] = "",
+    state: Annotated[
+        str, Option(help="What its state is, such as wbc32_state; that of the actions if not given.")
+    ] = "",
     dataset: Annotated[
         Path | None, Option("--from", help="Dataset it was trained on: says rate and names, and layout if converted.")
     ] = None,
     fps: Annotated[float | None, Option(help="Steps a second, where there is no dataset.")] = None,
 ) -> None:
     """Write down what a checkpoint's numbers mean. Action and state spec have its steps and rate."""
+    from policy.action_spec.describe import called
     from policy.lerobot.fit import fit_layouts
     from policy.lerobot.spec import ACTION_SPEC_FILE, STATE_SPEC_FILE, write_specs
 
@@ -38,7 +41,7 @@ def spec(
     write_specs(fitted.folder, fitted.spec, fitted.state)
     written = fitted.spec
     say(
-        f"wrote {fitted.folder / ACTION_SPEC_FILE}: {written.id}, {written.horizon} steps of {written.dim} numbers at "
-        f"{written.fps:g} Hz",
+        f"wrote {fitted.folder / ACTION_SPEC_FILE}: {called(written)}, {written.horizon} steps of "
+        f"{written.dim} numbers at {written.fps:g} Hz",
         f"wrote {fitted.folder / STATE_SPEC_FILE}: {fitted.state.id}, {fitted.state.dim} numbers",
     )
