@@ -19,7 +19,8 @@ MAGNITUDE_MAX = 1e6
 """Largest number of a target that is taken at all [m, rad, m/s]; beyond it no arithmetic is safe."""
 _POSES = ("T_world_lhand", "T_world_rhand")
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
-_OPTIONAL = ("q_larm", "q_rarm", "q_waist", "q_legs", "base_height", "base_velocity")
+_FORCES = {"f_world_lpalm": (3,), "f_world_rpalm": (3,), "force_max": (2,), "stiffness": (2,)}
+_OPTIONAL = ("q_larm", "q_rarm", "q_waist", "q_legs", "base_height", "base_velocity", *_FORCES)
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,10 @@ class ActionChunk:
         q_legs: Left and right leg joints that the source had in mind, shape (H, 12) of the G1, [rad]; a hint.
         base_height: Pelvis height above the floor, shape (H,), [m]; a hint.
         base_velocity: Planar velocity of the pelvis x, y [m/s] and yaw rate [rad/s], shape (H, 3).
+        f_world_lpalm, f_world_rpalm: Force that the world is expected to put on each palm, shape (H, 3), [N]: where it
+            touches, the hand pushes against it, and the body leans.
+        force_max: Largest force with which left and right hand push, shape (H, 2), [N]; the controller's if None.
+        stiffness: Of each hand while it touches, shape (H, 2), [N/m]; the controller's if None.
         notes: What decoding changed, one sentence each (values clipped to the spec's limits).
     """
 
@@ -59,6 +64,10 @@ class ActionChunk:
     q_legs: np.ndarray | None = None
     base_height: np.ndarray | None = None
     base_velocity: np.ndarray | None = None
+    f_world_lpalm: np.ndarray | None = None
+    f_world_rpalm: np.ndarray | None = None
+    force_max: np.ndarray | None = None
+    stiffness: np.ndarray | None = None
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -99,6 +108,10 @@ class ActionChunk:
         for name, shape in _shapes(robot or g1()).items():
             if name not in _OPTIONAL or getattr(self, name) is not None:
                 self._check_array(name, (steps, *shape))
+        for name in ("force_max", "stiffness"):
+            value = getattr(self, name)
+            if value is not None and not (np.asarray(value) >= 0.0).all():
+                raise ChunkError(f"{name} is {np.min(value):g}; it must not be negative", slot=name)
         if after is not None:
             self._check_order(after)
 
@@ -156,4 +169,4 @@ def _shapes(robot: RobotSpec) -> dict[str, tuple[int, ...]]:
     arms = {f"q_{side[0]}arm": (len(robot.limbs[f"{side}_arm"]),) for side in ("left", "right")}
     joints = {"q_lhand": (left,), "q_rhand": (right,), **arms, "q_waist": (len(robot.limbs["waist"]),)}
     joints["q_legs"] = (len(robot.limbs["left_leg"]) + len(robot.limbs["right_leg"]),)
-    return {**joints, "base_height": (), "base_velocity": (3,)}
+    return {**joints, "base_height": (), "base_velocity": (3,), **_FORCES}

@@ -6,12 +6,13 @@ from math import exp, hypot, sqrt
 
 import numpy as np
 
+from policy.chunk import ActionChunk
 from wholebody.config.touch import TouchConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import PALM
 from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface
-from wholebody.robot.touch import FORCE, MOBILITY, MOMENT, PUSH_MAX, SHARE, STIFFNESS
+from wholebody.robot.touch import FORCE, MOBILITY, MOMENT, PUSH_MAX, SHARE, STIFFNESS, TOLD
 from wholebody.types import Reason, Status, StatusReport
 
 RELEASED = 0.5
@@ -46,6 +47,9 @@ SLIDES = 0.7
 TORQUE_SHARE = 0.85
 """Share of a joint's torque that a push may use, with what the arm's weight takes [no unit]; chosen: the rest turns the
 hand."""
+EARLY, TOLD_SHARE = 0.5, 0.9
+"""Share of the lean against a force that is told before it is felt, and of the force that tips with which a hand pushes
+that is told to [no unit]; chosen: a force that does not come leaves the body where it stands well."""
 FORGIVEN = 0.06
 """Largest distance by which a palm that touches may be short of where it is commanded along its push [m]; chosen: past
 it the body has gone where the hands cannot follow."""
@@ -86,6 +90,7 @@ class Touch:
         self.shares, self.since, self._moved = [0.0, 0.0], [float("nan")] * 2, np.zeros(2)
         self._settled, self.changed = True, False
         self._held = [False, False]
+        self._told, self._most, self._expected = None, [self._config.force_max] * 2, np.zeros((2, 3))
         self._into, self._palms, self._velocity = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
 
     @property
@@ -110,7 +115,9 @@ class Touch:
         if observer is None:
             return
         left, right = observer.sizes
-        if self._settled and left < found and right < found:
+        if self._told is not None:
+            self._listen(self._told, now)
+        elif self._settled and left < found and right < found:
             return
         palms = self._controller.palm_positions()
         if self._settled or elapsed <= 0.0:
@@ -127,9 +134,26 @@ class Touch:
                 self._find_normal(hand, elapsed)
                 self._bound(hand, palms, row)
             self._hold(hand, row)
-        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4
+        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self._expected.any()
         if self._settled:
             self._controller.lean[:] = self._controller.tipped[:] = self._moved[:] = 0.0
+
+    def expect(self, chunk: ActionChunk) -> None:
+        """Count from now on on the forces, limits and stiffnesses of a chunk; on none if it has none."""
+        told = (chunk.f_world_lpalm, chunk.f_world_rpalm, chunk.force_max, chunk.stiffness)
+        if self._told is not None or any(part is not None for part in told):
+            self._told = chunk
+
+    def _listen(self, chunk: ActionChunk, now: float) -> None:
+        """What a chunk says of the present; past its end nothing is expected."""
+        step, config, expected = round((now - chunk.t_obs) * chunk.fps), self._config, self._expected
+        over, step = step > len(chunk) - 1, min(max(step, 0), len(chunk) - 1)
+        for hand, force in enumerate((chunk.f_world_lpalm, chunk.f_world_rpalm)):
+            expected[hand] = 0.0 if force is None or over else force[step]
+        self._rows[:, TOLD : TOLD + 3] = -expected / config.mass
+        stiffness = config.stiffness if chunk.stiffness is None else chunk.stiffness[step]
+        self._rows[:, STIFFNESS] = stiffness / config.mass
+        self._most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step].tolist()
 
     def _advance(self, hand: int, size: float, now: float, elapsed: float) -> None:
         """Begin or end a touch by how hard a palm is pushed [N]."""
@@ -150,6 +174,8 @@ class Touch:
         com, palms, weight = controller.robot.com, controller.palm_positions(), GRAVITY * controller.robot.mass
         rows[:, FORCE:PUSH_MAX] = wrenches * np.array(self.shares)[:, None]
         f, m = self.forces, rows[:, MOMENT:PUSH_MAX].sum(axis=0)
+        # Before a hand touches what it is told of, the body leans half of the way.
+        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self._expected
         lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
         moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
         moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
@@ -196,12 +222,16 @@ class Touch:
         at, config = PALM * hand, self._config
         push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
+        told = self._rows[hand, TOLD : TOLD + 3]
+        push, told = (told, sqrt(told.dot(told))) if told.any() else (push, 0.0)
         size = sqrt(push.dot(push))
         if size == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
         tips, spends = self.tipping_force(palms[hand], -push / size), self.arm_force(hand, push / size)
-        most = min(config.force_max, share * tips, spends)
+        most = min(self._most[hand], share * tips, spends)
+        if told > 0.0:
+            most = max(most, min(1.5 * told * config.mass, self._most[hand], TOLD_SHARE * tips, spends))
         self._rows[hand, PUSH_MAX] = most / config.mass
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:

@@ -70,10 +70,9 @@ class Supervisor:
         self.handover, self._gated = Handover(beside, planning, self.config.dt), gate is not None
         self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config)
         self.touch, self.motors = self.carrying.touch, MotorWatch(self.controller)
-        self._planted, self._smoother = PlantedFeet(self.controller), None
+        self._planted, self._smoother, self._last_state = PlantedFeet(self.controller), None, None
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
-        self._last_state: RobotState | None = None
         self._forget(0.0)
 
     def _forget(self, now: float) -> None:
@@ -239,6 +238,7 @@ class Supervisor:
         if taken.chunk.spec_id != standing.HELD:
             self.chunk, self.plan_report, self._chunk_end = taken.chunk, taken.plan.report, float(taken.chunk.times[-1])
             last = self._chunk_end - taken.chunk.t_obs
+            self.touch.expect(taken.chunk)
         self._follower.begin(taken.plan, last, beyond=taken.beyond, speed_fraction=taken.speed_fraction)
 
     def _stand(self) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.robot.state import Robot
-from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOUCH, TURN_TOUCHING
+from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOLD, TOLD_GIVE, TOUCH, TURN_TOUCHING
 from wholebody.tasks.base import Objective, limited
 
 
@@ -19,6 +19,7 @@ class HandTask:
     A hand that touches is a mass on a spring whose force is bounded, in place of the linear rows:
     ``target = push - kd velocity + force / mass - drift`` with ``push = a_ref + kd velocity_ref + stiffness error``,
     no longer than ``push_max``. At rest the force on it is then ``- mass push``: it yields to a larger one.
+    Where it is told how hard to push, ``push`` along that is what it is told, more or less by `TOLD_GIVE`.
 
     Args:
         frame: Name of the tool frame.
@@ -75,6 +76,10 @@ class HandTask:
         )
         wanted = self.acceleration_ref + self.kd * (self.twist_ref - velocity) + feedback
         push = touch[STIFFNESS] * error[:3] + self.kd * self.twist_ref[:3] + self.acceleration_ref[:3]
+        if (size := float(np.linalg.norm(touch[TOLD : TOLD + 3]))) > 0.0:
+            told = touch[TOLD : TOLD + 3] / size
+            along = float(push @ told)
+            push += (size + min(max(along, -TOLD_GIVE * size), TOLD_GIVE * size) - along) * told
         yielding = limited(push, touch[PUSH_MAX]) - self.kd * velocity[:3] + touch[FORCE : FORCE + 3] * touch[MOBILITY]
         wanted[:3] = (1.0 - share) * wanted[:3] + share * yielding
         return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.trust * self.weight)

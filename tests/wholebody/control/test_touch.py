@@ -4,16 +4,21 @@ The studies (`python -m tests.studies.touch`) have the many cases; here are one 
 itself: the formula of the force that tips, an estimate that is right, no touch in free space.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models import g1
+from policy.action_spec.builtin import builtin
+from policy.errors import ChunkError
 from policy.scripted.contact import touch
-from policy.scripted.library import lissajous
+from policy.scripted.library import lissajous, scripted_policy
+from policy.scripted.policy import stance_pose, to_chunk
 from tests.support.felt import Run, robot_in
 from wholebody.config import ControllerConfig
 from wholebody.control.touch import GRAVITY
-from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason, Status
@@ -89,3 +94,46 @@ def test_nothing_is_touched_in_free_space(seed):
     plant.step = watched
     run_episode(policy, supervisor, plant, duration=policy.duration, config=EpisodeConfig(hold=0.5), sensors=sensors)
     assert not any(touched)
+
+
+def test_a_hand_that_is_told_of_a_force_pushes_with_it(supervisor):
+    """Told 12 N by a chunk that leads it further in: a fifth more, and what turning the hand adds to that."""
+    from_stance = stance_pose()
+    steps = 60
+    push = np.array([0.0, 0.0, 12.0])
+    motion = replace(
+        from_stance,
+        p_world_lpalm=np.linspace(from_stance.p_world_lpalm, [0.36, 0.2, 0.77], steps),
+        p_world_rpalm=np.tile(from_stance.p_world_rpalm, (steps, 1)),
+        f_world_lpalm=push,
+    )
+    plant, sup = MujocoPlant(SPEC, scene="table"), Supervisor(SPEC)
+    state = plant.state()
+    sup.reset(state)
+    chunk = to_chunk(motion, builtin("wbc32").id, 0, 0.0, 15.0, steps)
+    chunk.validate()
+    np.testing.assert_array_equal(chunk.f_world_lpalm, np.tile(push, (steps, 1)))
+    assert chunk.f_world_rpalm is None
+    sup.accept(chunk)
+    felt = []
+    while state.time < 3.9:
+        state = plant.step(sup.step(state))
+        felt.append(sup.touch.forces[0, 2])
+    assert 12.0 * 0.8 <= np.median(felt[-200:]) <= 12.0 * 1.3
+
+
+def test_forces_limits_and_stiffness_of_a_chunk_are_checked():
+    chunk = scripted_policy("wave").infer(observe(SPEC, *standing()))
+    with pytest.raises(ChunkError, match=r"f_world_lpalm has shape \(3,\)"):
+        replace(chunk, f_world_lpalm=np.zeros(3)).validate()
+    with pytest.raises(ChunkError, match="force_max is -1; it must not be negative"):
+        replace(chunk, force_max=np.full((len(chunk), 2), -1.0)).validate()
+    with pytest.raises(ChunkError, match="stiffness is nan at step 0"):
+        replace(chunk, stiffness=np.full((len(chunk), 2), np.nan)).validate()
+
+
+def standing():
+    """A supervisor, and the state that it stands in."""
+    found, state = Supervisor(SPEC), MujocoPlant(SPEC).state()
+    found.reset(state)
+    return found, state

@@ -69,8 +69,9 @@ def touch(controller, rng, size):
     if controller.compiled is None:
         return
     for row in controller.touch:
+        told = rng.integers(2) * rng.normal(scale=5.0, size=3)
         wrench = min(size, 1.0) * np.concatenate([rng.normal(scale=10.0, size=3), rng.normal(size=3)])
-        row[:] = [rng.uniform() * rng.integers(2), *wrench, rng.uniform(0.0, 30.0), 300.0, 0.5]
+        row[:] = [rng.uniform() * rng.integers(2), *wrench, rng.uniform(0.0, 30.0), 300.0, 0.5, *told]
     controller.lean[:], controller.tipped[:] = 0.02 * rng.normal(size=(2, 2))
 
 

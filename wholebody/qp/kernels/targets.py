@@ -6,11 +6,13 @@ contacts, of two palms, of pelvis and torso; blocks of six rows that are compute
 
 from __future__ import annotations
 
+import math
+
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.frames import shorten
 from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, MOMENTUM_DRIFT
 from wholebody.robot.kernels.rotation import rotation_between
-from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TURN_TOUCHING
+from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOLD, TOLD_GIVE, TURN_TOUCHING
 
 DAMPING = 10.0
 """With which joints slow down where the program does without the hands [1/s]; chosen, no trial is on record."""
@@ -52,6 +54,14 @@ def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None
     share, stiffness, largest = touch[SHARE], touch[STIFFNESS], touch[PUSH_MAX]
     for k in range(3):
         push[k] = stiffness * (ref[9 + k] - q[k] - x[k]) + kd * ref[12 + k] + ref[18 + k]
+    told = math.sqrt(touch[TOLD] ** 2 + touch[TOLD + 1] ** 2 + touch[TOLD + 2] ** 2)
+    if told > 0.0:
+        along = 0.0
+        for k in range(3):
+            along += push[k] * touch[TOLD + k] / told
+        more = told + min(max(along, -TOLD_GIVE * told), TOLD_GIVE * told) - along
+        for k in range(3):
+            push[k] += more * touch[TOLD + k] / told
     shorten(push, 0, largest)
     for k in range(3):
         wanted = push[k] - kd * velocity[k] + touch[FORCE + k] * touch[MOBILITY] - drift[k]
