@@ -14,8 +14,8 @@ WALL_AHEAD = 0.45
 """How far ahead of the world origin the face of the wall is [m]."""
 WALL_BESIDE = 0.45
 """How far to either side of the world origin the faces of the corridor are [m]."""
-BAR = (0.43, -0.12, 0.88)
-"""Middle of the upright bar that drawer and locked door are pulled by [m]."""
+BAR = (0.43, -0.12, 0.78)
+"""Middle of the upright bar that drawer and locked door are pulled by [m]; chosen: a drawer under a worktop."""
 LEVER = (0.45, -0.12, 0.95)
 """Axis of the door's lever at the height of its bar [m]; the bar points to the left (+y)."""
 LEVER_LENGTH, LEVER_RADIUS = 0.13, 0.01

@@ -163,7 +163,7 @@ def press(*, force: float = BUTTON_FORCE[1], hold: float = 0.5) -> ScriptedPolic
     )
 
 
-def pull_drawer(*, force: float = DRAWER_FRICTION, pull: float = 0.27) -> ScriptedPolicy:
+def pull_drawer(*, force: float = DRAWER_FRICTION, pull: float = 0.30) -> ScriptedPolicy:
     """The right hand closes around the bar of the drawer, pulls it open, lets go and moves aside.
 
     Args:
@@ -180,11 +180,12 @@ def pull_drawer(*, force: float = DRAWER_FRICTION, pull: float = 0.27) -> Script
             one_hand("right", 3.7, at_bar),
             one_hand("right", 5.0, None, 1.0),
             one_hand("right", 5.4, None, force=ahead),
-            one_hand("right", 8.4, at_bar + out),
-            one_hand("right", 8.9, None, force=np.zeros(3)),
-            one_hand("right", 10.0, None, 0.0),
-            one_hand("right", 11.2, at_bar + out + aside),
-            one_hand("right", 12.2, None),
+            one_hand("right", 11.4, at_bar + out),
+            one_hand("right", 12.4),
+            one_hand("right", 12.9, force=np.zeros(3)),
+            one_hand("right", 14.0, None, 0.0),
+            one_hand("right", 15.2, at_bar + out + aside),
+            one_hand("right", 16.2),
         ],
     )
 
@@ -200,7 +201,8 @@ def turn_handle(*, hold: float = 0.5) -> ScriptedPolicy:
     angles = np.linspace(0.0, LEVER_TURN + 0.1, 5)
     # The lever turns about x, the hand stays level on it and is pushed across the lever.
     arc = [np.array(LEVER) + np.array([-0.005, arm * np.cos(a), rest - arm * np.sin(a)]) for a in angles]
-    sizes = (low + (high - low) * angles / LEVER_TURN) / arm
+    # The edge of the palm that is nearer to the axis lies on the lever.
+    sizes = (low + (high - low) * angles / LEVER_TURN) / (arm - PALM_FACE)
     pushes = [size * np.array([0.0, np.sin(a), np.cos(a)]) for size, a in zip(sizes, angles, strict=True)]
     points = [one_hand("right", 2.5, arc[0] + over, 1.0), one_hand("right", 3.5, arc[0])]
     points += [one_hand("right", 3.5 + 0.5 * i, arc[i], force=pushes[i]) for i in range(1, 5)]

@@ -108,7 +108,9 @@ def test_forces_point_as_the_world_pushes_back():
     assert forces["pull_drawer"][1].max(axis=0) == pytest.approx([30.0, 0.0, 0.0])
     lever = forces["turn_handle"][1]
     most = np.linalg.norm(lever, axis=1).max()
-    assert most == pytest.approx((1.0 + (LEVER_TURN + 0.1) / LEVER_TURN) / 0.10)  # of its torque, at 0.10 m
+    assert most == pytest.approx(
+        (1.0 + (LEVER_TURN + 0.1) / LEVER_TURN) / (0.10 - PALM_FACE)
+    )  # of its torque, at the palm's edge
     assert (lever[:, 1:] >= 0.0).all()
     assert forces["hand_over"][0].min(axis=0) == pytest.approx([0.0, 0.0, -9.81])
     left, right = forces["lift_box"]
@@ -124,7 +126,7 @@ def test_tasks_go_to_the_places_of_their_scenes():
     assert np.abs(pressed[pressed[:, 0].argmax(), 1:] - BUTTON[1:]).max() < 1e-9
     low = turn_handle().script(t).p_world_rpalm[:, 2].min()
     assert LEVER[2] - low > (0.10 * np.sin(LEVER_TURN)) - HAND_HALF - 0.01
-    out = pull_drawer(pull=0.27).script(np.array([5.4, 8.4])).p_world_rpalm
+    out = pull_drawer(pull=0.27).script(np.array([5.4, 11.4])).p_world_rpalm
     assert out[0] - out[1] == pytest.approx([0.27, 0.0, 0.0])
     held = lift_box().script(np.array([6.0, 9.0]))
     width = (held.p_world_lpalm - held.p_world_rpalm)[:, 1]
