@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -39,6 +40,7 @@ class Controller(ABC):
         tipped: How far it moves the centre of pressure, shape (2,), [m].
         tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
         command: What the last tick sent; None after a reset.
+        added: Torques that are sent beside those of the program, motor order, shape (n_joints,), [N m]; None for none.
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig) -> None:
@@ -48,6 +50,7 @@ class Controller(ABC):
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled, self._elapsed = None, config.dt
         self.command: JointCommand | None = None
+        self.added: np.ndarray | None = None
         self._share = TorqueShare(spec, config.robot.torque) if config.robot.torque < 1.0 else None
         self.touch, self.lean, self.tipped = np.zeros((2, TOUCH)), np.zeros(2), np.zeros(2)
 
@@ -90,6 +93,8 @@ class Controller(ABC):
         self.set_reference(reference)
         self._elapsed = self.config.dt if elapsed is None else min(elapsed, INTEGRATED_MAX)
         command, report = self._tick(state)
+        if self.added is not None:
+            command = replace(command, tau=command.tau + self.added)
         self.command = command if self._share is None else self._share.of(command)
         return self.command, report
 

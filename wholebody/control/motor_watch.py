@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.gains import GainSchedule
+from wholebody.control.torque_loss import EVERY, TorqueLoss
 from wholebody.estimation.motor_response import PERIOD_MAX, MotorObserver, MotorResponse
 from wholebody.types import RobotState
 
 SHIFT = 0.2
 """Share of the time by which commands are led ahead or back once a delay is known [no unit]; chosen: 30 ms within
 0.15 s, hands a fifth faster meanwhile."""
+
+LATE_MAX, PERIODS_MAX = 0.012, 1.5
+"""Time from a command to its torque up to which torques are compared [s], and the longest time between two states for
+that [control periods]; chosen: a realistic robot has 7 ms; torques that change by 30 N m/s are off by 0.4 N m then."""
 
 
 class MotorWatch:
@@ -20,16 +27,18 @@ class MotorWatch:
         controller: Only a `WholeBodyController` that ticks every 4 ms or more often is watched.
 
     Attributes:
-        observer: What finds out how the motors answer, or None.
+        observer: What finds out how the motors answer, or None. loss: What they leave out, and what makes up for it.
     """
 
     def __init__(self, controller: Controller) -> None:
         self._controller, self.observer = controller, None
-        self._dt, self._ahead = controller.config.dt, 0.0
+        self._dt, self._ahead, self._shape = controller.config.dt, 0.0, (controller.spec.n_joints,)
+        self._before: RobotState | None = None
         if isinstance(controller, WholeBodyController) and controller.config.dt <= PERIOD_MAX:
             robot = controller.robot
             self._schedule = GainSchedule(controller.spec, robot, controller.config)
             limbs = [controller.spec.joints[motor].group for motor in robot.motor_to_pin]
+            self.loss = TorqueLoss(controller.spec, robot.pin_to_motor, controller.config.dt)
             self.observer = MotorObserver(limbs, robot.pin_to_motor, controller.config.dt)
 
     @property
@@ -40,8 +49,11 @@ class MotorWatch:
     def reset(self) -> None:
         """Motors are taken to be quick until they are seen."""
         self._ahead = 0.0
+        self._before, self._ticks = None, 0
         if self.observer is not None:
             self.observer.reset()
+            self.loss.reset()
+            self._controller.added = None
             self._controller.set_gains(self._schedule.gains(self.observer.response))
 
     def arrival(self, now: float) -> float:
@@ -66,5 +78,16 @@ class MotorWatch:
             return
         if controller.command is not None:
             observer.sent(controller.command)
+            self._compare(state)
         if state is not None and observer.look(state, now):
             controller.set_gains(self._schedule.gains(observer.response))
+
+    def _compare(self, state: RobotState | None) -> None:
+        """Make up for what motors leave out; not for those that are late, whose torques belong to other commands."""
+        before, self._before, self._ticks = self._before, state, (self._ticks + 1) % EVERY
+        if self._ticks or state is None or before is None or self.response.total > LATE_MAX:
+            return
+        known = state.tau is not None and np.shape(state.tau) == self._shape and np.isfinite(state.tau).all()
+        if known and 0.0 < state.time - before.time < PERIODS_MAX * self._dt:
+            self.loss.look(before, state, self._controller.command)
+            self._controller.added = self.loss.added

@@ -1,0 +1,70 @@
+"""Strategy: the observer on torques by hand; then robots whose motors leave torque out or add some, told to nobody."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models import g1
+from policy.scripted.library import reach
+from wholebody.control.torque_loss import EVERY, MOST, TorqueLoss
+from wholebody.episode.run import EpisodeConfig, run_episode
+from wholebody.execution.supervisor import Supervisor
+from wholebody.robot.state import Robot
+from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
+from wholebody.types import JointCommand, RobotState
+
+SPEC, DT = g1(), 0.002
+ROBOT = Robot(SPEC)
+N = SPEC.n_joints
+
+
+def made_up(share, asked=10.0, seconds=1.0):
+    """What is added after a while to a torque of which motors deliver a share."""
+    loss, zero = TorqueLoss(SPEC, ROBOT.pin_to_motor, DT), np.zeros(N)
+    before = RobotState(0.0, np.zeros(7 + N), np.zeros(6 + N))
+    for _ in range(round(seconds / DT / EVERY)):
+        added = zero if loss.added is None else loss.added
+        command = JointCommand(0.0, zero, zero, np.minimum(asked, 0.3 * SPEC.effort_max) + added, SPEC.kp, SPEC.kd)
+        loss.look(before, replace(before, tau=(share * command.tau)[ROBOT.motor_to_pin]), command)
+    return loss.added
+
+
+def test_motors_that_deliver_what_they_are_asked_for_get_nothing_more():
+    assert made_up(1.0) is None
+    assert made_up(0.97) is None
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7, 1.3])
+def test_what_is_left_out_is_made_up_for_up_to_the_slack(share):
+    knee = SPEC.index("left_knee_joint")
+    assert share * (10.0 + made_up(share, seconds=3.0)[knee]) == pytest.approx(10.0, abs=1.1)
+
+
+def test_what_is_added_has_a_bound():
+    assert (np.abs(made_up(0.0, asked=100.0, seconds=5.0)) <= MOST * SPEC.effort_max + 1e-9).all()
+
+
+@pytest.fixture(scope="module")
+def supervisor():
+    return Supervisor(SPEC)
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [{"feed_forward": 0.5}, {"feed_forward": 1.3}, {"delivered": ((".*_ankle_pitch_joint", 0.5),)}],
+    ids=["half the feed-forward", "too much of it", "weak ankles"],
+)
+def test_a_robot_whose_motors_leave_torque_out_reaches(supervisor, errors):
+    policy, plant = reach(0.45, 0.6), RealisticPlant(SPEC, RobotErrors(**errors))
+    result = run_episode(policy, supervisor, plant, duration=policy.duration, config=EpisodeConfig(hold=0.5))
+    assert result.fall is None
+    assert result.errors[-1].max() < 0.003
+    assert supervisor.controller.added is not None
+
+
+def test_the_robot_of_the_model_is_left_as_it_is(supervisor):
+    policy = reach(0.45, 0.6)
+    run_episode(policy, supervisor, MujocoPlant(SPEC), duration=policy.duration, config=EpisodeConfig(hold=0.5))
+    assert supervisor.controller.added is None
