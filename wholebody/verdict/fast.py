@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
@@ -27,19 +27,34 @@ from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJud
 from wholebody.planning.judgement.chunk_program import STARTS
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
+from wholebody.planning.preparation import prepare
 from wholebody.resources import processors
 from wholebody.robot.feet import Feet
 from wholebody.types import RobotState, check_state
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.input_steps import far_from_stance, last_step, within
-from wholebody.verdict.plan_run import PlanRun
-from wholebody.verdict.repair import Repairer
+from wholebody.verdict.plan_run import PlanRun, Suspect
+from wholebody.verdict.repair import (  # fmt: skip
+    MORE,
+    MORE_TRIES,
+    Change,
+    Repairer,
+    changed,
+    hands_of,
+    slowed,
+    slower_by,
+    towards,
+)
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.why.explainer import Explainer
+from wholebody.verdict.why.explainer import Explainer, would_change
+from wholebody.verdict.why.sentence import with_changes
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
+LED_SLOWER, LED_SHARES, LED_MAX = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 0.15
+"""Slow-downs and shares of the way to a plan that are tried where no single change does, and how far a palm may be led
+by an offer [m]; chosen: what a person would still call the same motion, slower or nearer."""
 SUSPECTS = 3
 """Chunks that were not followed as given among which the first with a cause is looked for."""
 Start = Literal["first", "stance"]
@@ -179,12 +194,67 @@ class FastChecker:
             return verdict
         every = len(run.suspects) <= SUSPECTS
         for suspect in run.suspects[:SUSPECTS]:
-            told = self.explainer.explained(verdict, suspect, run.result.orientation_free, run.result.start)
+            free = run.result.orientation_free
+            sound = partial(self._sound, suspect, free)
+            told = self.explainer.explained(verdict, suspect, free, run.result.start, sound)
             if told.causes:
-                return told
+                return self._with_some_change(told, suspect, free)
             every = every and told.why_complete
         finds = every and len(run.suspects) > 0 and self.judge.scene is None
         return replace(verdict, search_finds=finds, why_complete=every)
+
+    def _with_some_change(self, verdict: Verdict, suspect: Suspect, free: tuple[bool, bool]) -> Verdict:
+        """A verdict whose causes no single change cures, with one of all: slower, and led to where plans have hands."""
+        if any(one.chunk is not None for one in verdict.would_do):
+            return verdict
+        change = self._led(suspect, free)
+        if change is None:
+            return verdict
+        would_do = [would_change(self.judge, suspect.chunk, change), *verdict.would_do]
+        alone = len(verdict.causes) == 1
+        return replace(
+            verdict,
+            would_do=would_do,
+            causes=[
+                with_changes(replace(one, sentence=one.told), would_do) if alone else one for one in verdict.causes
+            ],
+        )
+
+    def _led(self, suspect: Suspect, free: tuple[bool, bool]) -> Change | None:
+        """The chunk led to where plans at several speeds have the hands, half the way if that holds."""
+        judge, inside = self.judge, prepare(suspect.chunk, self.judge.planner.hand_limits).chunk
+        for factor in LED_SLOWER:
+            slow = slowed(inside, factor)
+            begin = suspect.begin
+            if judge.begins_with(suspect.chunk, begin):
+                begin = judge.first_pose(slow)
+            plan = judge.planner.plan(slow, suspect.now, begin.body, begin.hands, quick=True)
+            goal, given = hands_of(plan, slow), slowed(suspect.chunk, factor)
+
+            def led(share: float, slow: ActionChunk = slow, goal: list = goal, given: ActionChunk = given) -> Change:
+                chunk = towards(slow, goal, share, share, judge.planner.offsets)
+                return Change("led", factor, *changed(judge, given, chunk), chunk)  # noqa: B023 - called in this round
+
+            for share in LED_SHARES:
+                one = led(share)
+                if one.moved <= LED_MAX and self._sound(suspect, free, one) is not None:
+                    return one
+        return None
+
+    def _sound(self, suspect: Suspect, free: tuple[bool, bool], change: Change) -> Change | None:
+        """A change, or up to a sixth more of a slow-down, that is feasible when the changed chunk is checked."""
+        for more in (MORE**k for k in range(MORE_TRIES)):
+            tried = change if more == 1.0 else slower_by(suspect.chunk, change, more)
+            begin = suspect.begin
+            if self.judge.begins_with(suspect.chunk, begin):
+                begin = self.judge.first_pose(tried.chunk)
+            run = PlanRun(self.judge, free)
+            run.follow(tried.chunk, begin, suspect.now, np.inf)
+            if run.verdict("", {}).verdict == "feasible":
+                return tried
+            if change.kind != "slower":
+                break
+        return None
 
     def _odds(self, run: PlanRun) -> Odds | None:
         """What is likely to become of the chunks, each by itself; None of a body that was not learned."""

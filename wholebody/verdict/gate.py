@@ -15,7 +15,7 @@ from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.types import Reason, StatusReport
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.report import gist
+from wholebody.verdict.headline import headline
 from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.verdict import Verdict
 
@@ -118,6 +118,6 @@ def _decision(request: PlanRequest, verdict: Verdict, slower: float, seconds: fl
     reason = None if verdict.verdict == "feasible" else verdict.violations[0].code
     reason = Reason.NOT_JOINED if reason is Reason.REFUSED else reason
     return Decision(
-        time=request.due, seq=request.chunk.seq, answer=ANSWERS[verdict.verdict], reason=reason, said=gist(verdict),
+        time=request.due, seq=request.chunk.seq, answer=ANSWERS[verdict.verdict], reason=reason, said=headline(verdict),
         slower=slower, moved=verdict.moved_max_m, turned=verdict.moved_turn_max_rad, seconds=seconds,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import FINGER_TOLERANCE, PalmErrors, demandable
 from wholebody.execution.handover import ends_at_rest
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
-from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
@@ -59,6 +59,12 @@ class Suspect:
     begin: Begin
     now: float
     plan: ChunkPlan
+
+
+JUDGED_AT_ONCE = OF_NUMBERS | {Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE}
+"""Bounds without a tolerance, of which any excess counts; the others are of a planned motion."""
+RATES = tuple(one for one in Limit if one.name.startswith(("HAND_", "TURN_")))
+"""Speeds, accelerations and jerks of hands."""
 
 
 class PlanRun:
@@ -216,5 +222,17 @@ class PlanRun:
         verdict = judge(name, result, settings, bounds=self.judge.config.verdict)
         if Limit.SCENE_DISTANCE in self.margins:
             verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE])
-        tightest = sorted(self.margins.values(), key=lambda one: one.share)
+        feasible = verdict.verdict == "feasible"
+        tightest = sorted((on_one_scale(one, feasible) for one in self.margins.values()), key=lambda one: one.share)
         return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)
+
+
+def on_one_scale(one: Margin, feasible: bool) -> Margin:
+    """A margin whose share is 0 at the most that is done as given, and negative beyond.
+
+    A plan may exceed the bounds of a motion by their tolerances; what the chunk's own numbers exceed without moving a
+    palm of a feasible input is at 0.
+    """
+    share = one.share if one.code in JUDGED_AT_ONCE else one.share + 1.0
+    share = one.margin / one.bound if one.code in RATES and one.margin < 0.0 else share
+    return replace(one, share=max(share, 0.0) if feasible else share)

@@ -183,6 +183,12 @@ def slowed(chunk: ActionChunk, factor: float) -> ActionChunk:
     )
 
 
+def slower_by(chunk: ActionChunk, change: Change, more: float) -> Change:
+    """A slow-down of a chunk that is so many times more."""
+    factor = change.slower * more
+    return replace(change, slower=factor, chunk=slowed(chunk, factor))
+
+
 def hands_of(plan: ChunkPlan, chunk: ActionChunk) -> list[np.ndarray]:
     """Wrist poses (H, 4, 4) of both hands at the steps of a chunk by its plan."""
     times = plan.start + plan.rate * np.arange(len(chunk)) / chunk.fps

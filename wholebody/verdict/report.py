@@ -16,7 +16,7 @@ from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why.sentence import Tick, WouldDo
+from wholebody.verdict.why.sentence import Tick, change_said
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -35,32 +35,6 @@ PHRASES = {
 }
 """What a violation with a number and a bound says; one in seconds says how long, the others are their subject alone."""
 
-WHY_NOT = {
-    Reason.SCENE_CONTACT: "it would go into what stands there",
-    Reason.FALL: "the robot falls",
-    Reason.REFUSED: "the input is refused",
-    Reason.NO_CHUNK: "nothing of it was executed",
-    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand is moved by {value}, which is another motion"),
-    Reason.INTO_FLOOR: "a hand would go into the floor, and is moved by {value}",
-    Reason.TURNED: "a hand is turned by {value}, which is another motion",
-    Reason.NOT_FOLLOWED: "the hands lose the motion",
-}
-CHANGES = {
-    Reason.TOO_FAST_FOR_BALANCE: "slowed down",
-    Reason.TRACKING: "slowed down",
-    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand moved"),
-    Reason.TURNED: "a hand turned",
-    Reason.FAR_START: "it begins elsewhere",
-    Reason.TRACKING_ERROR: "not everywhere on time",
-    Reason.STARVED: "it waited for chunks",
-    Reason.SCENE_CONTACT: "into what stands there",
-    Reason.FINGER_LIMIT: "fingers only to the end of their range",
-    Reason.SELF_CONTACT: "the robot touches itself",
-    Reason.TORQUE_LIMIT: "at a motor's limit",
-    Reason.HANDS_DROPPED: "the hands gave way to balance",
-    Reason.QP_FAILED: "the torques were held for a while",
-}
-"""In words, what a violation did to the input."""
 SEARCH_FINDS = "no bound: a plan, or a search with more effort, finds a motion, once the hands are on the chunk"
 MORE_CAUSES, NO_CAUSE_YET = "there may be more causes, and smaller changes that would do", "no cause was found yet"
 ROWS = {
@@ -79,7 +53,7 @@ ROWS = {
 
 def lines(verdict: Verdict) -> list[str]:
     """The verdict first, then the worst violations, then how it went."""
-    text = [f"{verdict.verdict.upper().replace('_', ' ')}  {verdict.name}: {gist(verdict)}"]
+    text = [str(verdict)]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
     if verdict.search_finds:
         text.append(f"  because  {SEARCH_FINDS}")
@@ -173,14 +147,6 @@ def margin_line(margin: Margin) -> str:
     return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {margin.time:.2f} s"
 
 
-def change_said(one: WouldDo) -> str:
-    """A single change for people."""
-    if one.bound is None:
-        return said(one.slower, one.moved, one.turned, one.lighter)
-    value, bound = (quantity(number, one.bound.unit) for number in (one.bound.value, one.bound.bound))
-    return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
-
-
 def tick_line(tick: Tick) -> str:
     """What the tick's program says, the bounds alone: what moves and what is asked for takes part in every proof."""
     bounds = [name for name in tick.rows if name.partition(".")[0] in ROWS]
@@ -199,18 +165,6 @@ def to_json(verdicts: Sequence[Verdict]) -> str:
 def json_line(verdict: Verdict) -> str:
     """A verdict as one line of JSON, never with NaN or Infinity."""
     return json.dumps(verdict.as_dict(), allow_nan=False)
-
-
-def gist(verdict: Verdict) -> str:
-    """The answer in a few words."""
-    if verdict.verdict == "feasible":
-        return "done as given"
-    worst = [violation for violation in verdict.violations if violation.severity is not Severity.NOTE]
-    if verdict.verdict == "infeasible":
-        said = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
-        return next(said, "it cannot be done")
-    said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
-    return "done, but " + (", ".join(said) or "not as given")
 
 
 def _worlds(worlds: Worlds) -> str:

@@ -126,9 +126,24 @@ class Verdict:
     search_finds: bool = False
     tick: Tick | None = None
 
+    def __str__(self) -> str:
+        """The answer, the input, and one sentence about it."""
+        return f"{self.verdict.upper().replace('_', ' ')}  {self.name}: {self.headline}"
+
+    @property
+    def headline(self) -> str:
+        """One sentence that a person can act on, the same wherever a verdict is told."""
+        from wholebody.verdict.headline import headline  # which knows verdicts
+
+        return headline(self)
+
     def as_dict(self) -> dict:
         """Plain data for JSON, as `verdict.schema.json` describes it."""
-        return asdict(self) | {"violations": [asdict(v) | {"margin": v.margin} for v in self.violations]}
+        plain = asdict(replace(self, would_do=[replace(one, chunk=None) for one in self.would_do]))
+        for one in plain["would_do"]:
+            del one["chunk"]
+        told = {"violations": [asdict(v) | {"margin": v.margin} for v in self.violations], "headline": self.headline}
+        return plain | told
 
 
 def with_why(verdict: Verdict, asked: Verdict) -> Verdict:

@@ -132,7 +132,7 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
     assert verdict.violations[4].step == 6
     text = lines(verdict)
     assert text[:4] == [
-        "INFEASIBLE  motion: the robot falls",
+        "INFEASIBLE  motion: the robot falls, pelvis at 0.19 m at step 9 (1.30 s)",
         "  fall: pelvis at 0.19 m at 1.30 s (step 9)",
         "    of which came tracking_error, torque_limit 2 times",
         "  out_of_reach: right palm commanded 120 mm from where it was asked to be (bound 50 mm) at 1.20 s (step 6)",
@@ -149,7 +149,7 @@ def test_of_hands_what_is_farthest_past_its_own_bound_is_listed_first_and_told()
     why = [Reason.OUT_OF_REACH] * 5 + [Reason.INTO_FLOOR] * 5
     verdict = judge("motion", result(moved=moved, reasons=why, moved_turns=np.deg2rad(100.0)))
     assert codes(verdict) == ["into_floor", "turned", "out_of_reach"]
-    assert lines(verdict)[0].endswith("a hand would go into the floor, and is moved by 340 mm")
+    assert "left palm at step 7 (1.23 s) led away by 340 mm (bound 50 mm), below the floor" in lines(verdict)[0]
     assert codes(judge("motion", result(moved=moved, reasons=why, fall=Fall(9.0, "x"))))[:2] == ["fall", "into_floor"]
 
 
@@ -194,7 +194,7 @@ def test_a_verdict_names_the_configuration_and_the_versions_it_was_made_with():
 def test_1_an_episode_of_which_nothing_was_executed_is_not_feasible():
     verdict = judge("nothing", EpisodeResult())
     assert (verdict.verdict, codes(verdict)) == ("infeasible", ["no_chunk"])
-    assert lines(verdict)[0] == "INFEASIBLE  nothing: nothing of it was executed"
+    assert lines(verdict)[0].startswith("INFEASIBLE  nothing: nothing of it was executed; ")
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
 
 

@@ -27,7 +27,7 @@ RATES = (
     (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
     (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
 )
-"""Of each row the first that is exceeded is a cause: what is too fast is too sudden, too."""
+"""Of each row the one that asks for the largest slow-down is a cause; the order of each in time is its place in it."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
     numbers = Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE
     exceeded = _exceeded(margins, numbers)
     for row in RATES[: 1 if program.free.all() else 2]:
-        exceeded += _exceeded(margins, row)[:1] + _exceeded(first, row)[:1]
+        exceeded += _worst(margins, row) + _worst(first, row)
     points = judge.asked(chunk)[0]
     for one in exceeded:
         side = int(one.subject.startswith("right"))
@@ -107,6 +107,15 @@ def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
 
 def _exceeded(margins: Mapping[Limit, Margin], codes: Iterable[Limit]) -> list[Margin]:
     return [margins[code] for code in codes if code in margins and margins[code].margin < 0.0]
+
+
+def _worst(margins: Mapping[Limit, Margin], row: tuple[Limit, ...]) -> list[Margin]:
+    """Of the rates exceeded the one that needs the largest slow-down: a k-th rate falls with its k-th power."""
+
+    def slowdown(one: Margin) -> float:
+        return (one.value / one.bound) ** (1.0 / (1 + row.index(one.code)))
+
+    return sorted(_exceeded(margins, row), key=slowdown)[-1:]
 
 
 def _begins_there(program: ChunkProgram) -> bool:
@@ -123,8 +132,9 @@ def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
     witnesses = {name: witness for name, witness in found.items() if witness is not None}
     nearest = program.nearest()
     _, knot, side = nearest.worst
-    time = min(float(nearest.targets.steps[knot]), (len(program.chunk) - 1) / program.chunk.fps)
-    where = time, side, tuple(nearest.targets.T_palms[knot, side, :3, 3].tolist())
+    # The stop after the last step is the plan's: what the chunk asks for there is its last step.
+    step = min(max(round(float(nearest.targets.steps[knot]) * program.chunk.fps), 0), len(program.chunk) - 1)
+    where = step / program.chunk.fps, side, tuple(program.judge.asked(program.chunk)[0][step, side].tolist())
     best: dict[Limit, Margin] = {}
     for one in program.margins(nearest):
         if NAMES[one.code] in kinds:

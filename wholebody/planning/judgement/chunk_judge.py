@@ -227,6 +227,11 @@ class ChunkJudge:
         before = plan.rest(s, rate, self.config.planner.posture.dt)
         return Begin(body, time_scaled(hands, rate, 0.0), before)
 
+    def begins_with(self, chunk: ActionChunk, begin: Begin) -> bool:
+        """Whether a chunk is begun at rest, with the hands at its first step."""
+        away = np.linalg.norm(self.at(begin)[0] - self.asked(chunk)[0][0], axis=1).max()
+        return bool(away < self.config.verdict.palm_feasible and not np.any(begin.body.v) and begin.before is None)
+
     def asked(self, chunk: ActionChunk) -> tuple[np.ndarray, np.ndarray]:
         """Palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) that a chunk asks for."""
         T = np.stack([chunk.T_world_lhand, chunk.T_world_rhand], axis=1)

@@ -80,7 +80,8 @@ class Margin:
         value, bound: In the unit.
         unit: Of `Limit`.
         margin: Room in the unit; negative, how far it is exceeded.
-        share: The same in terms of what a plan that is followed may exceed the bound by; -1 and less is a no.
+        share: The same in terms of what a plan that is followed may exceed the bound by; -1 and less is a no. In a
+            verdict, on one scale: 0 is the most that is done as given, and what is negative is not.
     """
 
     code: Limit

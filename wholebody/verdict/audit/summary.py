@@ -18,7 +18,7 @@ RANK = ("crashed", "timed_out", "malformed", "infeasible", "feasible_after_repai
 ROWS_MAX = 2000
 """Rows of the page; the tables have all of them."""
 TOLD = 3
-"""Violations of an input that are named, and notes."""
+"""Notes of an input that are named."""
 NOTE_MAX = 200
 """Most characters of a note [no unit]; chosen: two lines of the table."""
 HEADINGS = ("", "input", "what speaks against it", "moved by", "length", "slower")
@@ -68,18 +68,12 @@ def _bar(code: str, count: int, total: int) -> str:
     )
 
 
-def _when(violation: dict) -> str:
-    time = violation["time"]
-    return violation["code"] if time is None else f"{violation['code']} at {time:.2f} s"
-
-
 def _row(one: Outcome) -> str:
     verdict = one.verdict
     answer = f'<span class="answer {one.answer}">{one.answer.replace("_", " ")}</span>'
     why, moved = escape(one.message.removeprefix(f"{one.name}: ")), ""
     if verdict:
-        against = [v for v in verdict["violations"] if v["severity"] != "note"][:TOLD]
-        why = "; ".join([escape(_when(v)) for v in against] + [f"<i>{escape(note)}</i>" for note in _notes(verdict)])
+        why = "; ".join([escape(verdict.get("headline", ""))] + [f"<i>{escape(note)}</i>" for note in _notes(verdict)])
         moved = f"{1e3 * verdict['moved_max_m']:.0f} mm, {np.degrees(verdict['moved_turn_max_rad']):.0f}°"
     slower = "" if one.slower is None else f"{one.slower:.2f} ×"
     numbers = "".join(f'<td class="number">{cell}</td>' for cell in (moved, f"{one.motion_s:.1f} s", slower))

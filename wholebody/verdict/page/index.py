@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from policy.writing import write_text
+from wholebody.verdict.headline import headline
 from wholebody.verdict.page.page import HERE
-from wholebody.verdict.report import gist
 from wholebody.verdict.verdict import Verdict
 
 RANK = ("infeasible", "feasible_after_repair", "feasible")
@@ -61,7 +61,7 @@ def _unjudged(name: str) -> str:
 
 def _row(v: Verdict, page: str | None) -> str:
     name = escape(v.name) if page is None else f'<a href="{escape(page)}">{escape(v.name)}</a>'
-    why = "; ".join([gist(v), *(cause.sentence for cause in v.causes[:1])])
+    why = headline(v)
     turned = np.degrees(v.moved_turn_max_rad)
     numbers = (f"{1e3 * v.moved_max_m:.0f} mm, {turned:.0f}°", f"{1e3 * v.max_m:.0f} mm", f"{v.time_factor:.2f}")
     cells = "".join(f'<td class="number">{number}</td>' for number in numbers)

@@ -26,12 +26,13 @@ from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
+from wholebody.verdict.headline import headline
 from wholebody.verdict.page.drawing import CAMERA, REACH, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
 from wholebody.verdict.page.reach_layer import reach_fields
 from wholebody.verdict.page.timelines import Panel, panels
-from wholebody.verdict.report import change_said, gist, lines, violation_line
+from wholebody.verdict.report import change_said, lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
 from wholebody.verdict.why.sentence import Why
@@ -193,7 +194,7 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
     return {
         "name": verdict.name,
         "verdict": verdict.verdict,
-        "gist": gist(verdict),
+        "gist": headline(verdict),
         "causes": [_cause(one, shown.since) for one in verdict.causes],
         "would": [change_said(one) for one in verdict.would_do],
         "repaired": shown.ghost.words if shown.ghost else "",

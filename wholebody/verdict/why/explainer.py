@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
@@ -12,15 +12,17 @@ from queue import SimpleQueue
 import numpy as np
 
 from policy.chunk import ActionChunk
+from policy.geometry.rotations import angle_between
 from wholebody.episode.tracking_error import FINGER_TOLERANCE
 from wholebody.planning.judgement.cause import Cause, causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
+from wholebody.planning.judgement.chunk_margins import HANDS
 from wholebody.planning.judgement.chunk_program import AT_REST, ChunkProgram
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
 from wholebody.planning.judgement.motion_search import EVERY
 from wholebody.planning.plan import ChunkPlan
 from wholebody.verdict.plan_run import PlanRun, Suspect
-from wholebody.verdict.repair import Change, Kind
+from wholebody.verdict.repair import Change, Kind, slowed
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
@@ -63,7 +65,14 @@ class Explainer:
         """What asks the tick's program."""
         return TickProver(self._judge.spec, self._judge.config)
 
-    def explained(self, verdict: Verdict, suspect: Suspect, free: tuple[bool, bool], start: float) -> Verdict:
+    def explained(
+        self,
+        verdict: Verdict,
+        suspect: Suspect,
+        free: tuple[bool, bool],
+        start: float,
+        sound: Callable[[Change], Change | None] = lambda change: change,
+    ) -> Verdict:
         """A verdict with what is found of a chunk that is not followed as given.
 
         Args:
@@ -71,6 +80,7 @@ class Explainer:
             suspect: The chunk.
             free: Whether nothing is asked of the left and the right palm's orientation.
             start: Time of the first step of the input [s].
+            sound: A change, or a little more of it, that is feasible when it is checked; None if none is.
         """
         chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
         for twin in self._twins:
@@ -107,7 +117,8 @@ class Explainer:
             finally:
                 idle.put(self._judge)
             changes = [one.result() for one in asked]
-        would_do = [WouldDo(x.kind, x.slower, x.moved, x.turned, x.lighter) for x, _ in changes if x is not None]
+        found = [x if x.kind == "lighter" else sound(x) for x, _ in changes if x is not None]
+        would_do = [would_change(self._judge, chunk, x) for x in found if x is not None]
         would_do = [one for one in would_do + raised if makes_sense(one)]
         told = [with_changes(told[0], would_do)] if len(told) == 1 else told
         every = every and all(complete for _, complete in changes)
@@ -136,6 +147,21 @@ class Explainer:
             return holds(changed, TRY_WORK * max(len(changed) / STEPS, 1.0))
 
         return SingleChanges(judge, chunk, plan, at_first, holds, work)
+
+
+def would_change(judge: ChunkJudge, chunk: ActionChunk, change: Change) -> WouldDo:
+    """A change for a verdict: which hand it moves most, at which step and by what."""
+    told = WouldDo(change.kind, change.slower, change.moved, change.turned, change.lighter)
+    if change.kind == "lighter":
+        return told
+    told = replace(told, chunk=change.chunk)
+    by = judge.asked(change.chunk)[0] - judge.asked(slowed(chunk, change.slower))[0]
+    if change.kind == "slower" or len(by) == 0:
+        return told
+    turned = angle_between(judge.asked(change.chunk)[1], judge.asked(slowed(chunk, change.slower))[1])
+    size = turned if change.kind == "turned" else np.linalg.norm(by, axis=2)
+    step, side = np.unravel_index(size.argmax(), size.shape)
+    return replace(told, hand=HANDS[side], step=int(step), by=tuple(by[step, side].tolist()))
 
 
 def makes_sense(one: WouldDo) -> bool:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+from policy.chunk import ActionChunk
 from wholebody.planning.judgement.cause import Cause
 from wholebody.planning.judgement.chunk_margins import AT_START
 from wholebody.planning.judgement.limits import Limit, Margin
-from wholebody.verdict.quantity import quantity, said
+from wholebody.verdict.quantity import MOVED_MIN, quantity, said
 
 SAID = {
     Limit.START: "its first step is {value} away from it",
@@ -48,12 +49,14 @@ class WouldDo:
     """A single change that makes a chunk feasible, the smallest of its kind that was found.
 
     Attributes:
-        kind: ``slower``, ``moved``, ``turned``, ``lighter`` or ``bound``.
+        kind: ``slower``, ``moved``, ``turned``, ``led``: all three as far as is needed, ``lighter`` or ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         lighter: Mass less in the hands, both together [kg].
         bound: A bound of the robot, and the value that a plan with all others kept has instead; it need not be the
             least one.
+        hand, step, by: Which hand is moved most, at which step, and by what (3,), x forward, y left, z up [m].
+        chunk: As changed, feasible; None for a bound and a load. Not part of the JSON.
     """
 
     kind: str
@@ -62,6 +65,10 @@ class WouldDo:
     turned: float = 0.0
     lighter: float = 0.0
     bound: Margin | None = None
+    hand: str = ""
+    step: int | None = None
+    by: tuple[float, ...] = ()
+    chunk: ActionChunk | None = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +103,8 @@ class Why:
         members: Where each is met, at times since the first step of the input.
         time: When the hand of the sentence is there, likewise [s].
         irreducible: Whether no plan is found with them alone, and one without any one of them.
-        sentence: The same for a person.
+        sentence: The same for a person, with what would do where that is known.
+        told: The sentence without that.
     """
 
     codes: tuple[Limit, ...]
@@ -104,33 +112,55 @@ class Why:
     time: float
     irreducible: bool
     sentence: str
+    told: str = ""
 
 
 def why(cause: Cause, since: float = 0.0, fps: float = 0.0) -> Why:
     """A cause for a verdict, its times moved on by ``since`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
-    told, time = sentence(cause, since), cause.where[0] + since
-    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=told)
+    told, time = sentence(cause, since, fps), cause.where[0] + since
+    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=told, told=told)
 
 
-def sentence(cause: Cause, since: float = 0.0) -> str:
-    """Which hand, where, when, and what stands in the way."""
+def sentence(cause: Cause, since: float = 0.0, fps: float = 0.0) -> str:
+    """Which hand, where, when, in steps where their rate [Hz] is known, and what stands in the way."""
     time, side, (x, y, z) = cause.where
     ahead = f"{abs(x):.2f} m {'ahead' if x >= 0.0 else 'behind'}"
     aside = f"{abs(y):.2f} m to the {'left' if y >= 0.0 else 'right'}"
     hand = "right hand" if side else "left hand"
-    *reasons, last = dict.fromkeys(map(_said, cause.members))
+    *reasons, last = dict.fromkeys(map(bound_said, cause.members))
     told = f"{', '.join(reasons)} and {last}" if reasons else last
-    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time + since:.2f} s: {told}"
+    step = f" (step {round((time + since) * fps)})" if fps else ""
+    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time + since:.2f} s{step}: {told}"
 
 
 def with_changes(one: Why, changes: Sequence[WouldDo]) -> Why:
     """The only cause of a chunk with the changes of the chunk that would do."""
-    told = [said(x.slower, x.moved, x.turned, x.lighter) for x in changes if x.bound is None]
+    told = [change_said(x) for x in changes if x.bound is None]
     return replace(one, sentence=f"{one.sentence}; it would do {', or '.join(told)}") if told else one
 
 
-def _said(one: Margin) -> str:
+def change_said(one: WouldDo) -> str:
+    """A single change for people."""
+    if one.bound is not None:
+        value, bound = (quantity(number, one.bound.unit) for number in (one.bound.value, one.bound.bound))
+        return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
+    told = said(one.slower, one.moved, one.turned, one.lighter)
+    if not one.hand:
+        return told
+    told = told.replace("with a hand", f"with the {one.hand}", 1)
+    return f"{told} ({_way(one.by)} at step {one.step})" if one.moved > MOVED_MIN else told
+
+
+def _way(by: Sequence[float]) -> str:
+    """A displacement in words, its main direction first."""
+    words = (("forward", "back"), ("left", "right"), ("up", "down"))
+    parts = sorted(((abs(x), word[x < 0.0]) for x, word in zip(by, words, strict=True)), reverse=True)
+    return " and ".join(f"{quantity(size, 'm')} {word}" for size, word in parts if size > 0.3 * parts[0][0])
+
+
+def bound_said(one: Margin) -> str:
+    """What a bound says where it stands in the way."""
     if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
         return STRAIGHT.format(side=one.subject.partition("_")[0])
     subject, _, other = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ").partition(" - ")

@@ -1,0 +1,142 @@
+"""The first line of a verdict: one sentence that a person can act on, the same wherever a verdict is told."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from wholebody.planning.judgement.limits import OF_NUMBERS, Margin
+from wholebody.types import Reason
+from wholebody.verdict.quantity import quantity
+from wholebody.verdict.violations import MOVING, Severity, Violation
+from wholebody.verdict.why.sentence import bound_said, change_said
+
+if TYPE_CHECKING:
+    from wholebody.verdict.verdict import Verdict
+
+ANOTHER = "which is another motion"
+WHY_NOT = {
+    Reason.SCENE_CONTACT: "it would go into what stands there",
+    Reason.FALL: "the robot falls",
+    Reason.REFUSED: "the input is refused",
+    Reason.NO_CHUNK: "nothing of it was executed",
+    **dict.fromkeys((*MOVING, Reason.MOVED), f"a hand is moved by {{value}}, {ANOTHER}"),
+    Reason.INTO_FLOOR: "a hand would go into the floor, and is moved by {value}",
+    Reason.TURNED: "a hand is turned by {value}, which is another motion",
+    Reason.NOT_FOLLOWED: "the hands lose the motion",
+}
+CHANGES = {
+    Reason.TOO_FAST_FOR_BALANCE: "slowed down",
+    Reason.TRACKING: "slowed down",
+    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand moved"),
+    Reason.TURNED: "a hand turned",
+    Reason.FAR_START: "it begins elsewhere",
+    Reason.TRACKING_ERROR: "not everywhere on time",
+    Reason.STARVED: "it waited for chunks",
+    Reason.SCENE_CONTACT: "into what stands there",
+    Reason.FINGER_LIMIT: "fingers only to the end of their range",
+    Reason.SELF_CONTACT: "the robot touches itself",
+    Reason.TORQUE_LIMIT: "at a motor's limit",
+    Reason.HANDS_DROPPED: "the hands gave way to balance",
+    Reason.QP_FAILED: "the torques were held for a while",
+}
+"""In words, what a violation did to the input."""
+LIKELY = 0.5
+"""Probability from which a fall is called likely [no unit]; definition."""
+OF_A_HAND = (*MOVING, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR)
+"""Violations whose subject is a palm, and whose bound is a distance or an angle of it."""
+BECAUSE = {
+    Reason.OUT_OF_REACH: "out of reach",
+    Reason.STEPS_JUMP: "its steps jump",
+    Reason.NOISY_CHUNK: "its steps scatter",
+    Reason.POSTURE_INFEASIBLE: "no posture there is balanced",
+    Reason.INTO_FLOOR: "below the floor",
+}
+"""Why a hand is moved, in words."""
+
+
+def gist(verdict: Verdict) -> str:
+    """The answer in a few words."""
+    if verdict.verdict == "feasible":
+        return "done as given"
+    worst = _worst(verdict)
+    if verdict.verdict == "infeasible":
+        said = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
+        return next(said, "it cannot be done")
+    said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
+    return "done, but " + (", ".join(said) or "not as given")
+
+
+def headline(verdict: Verdict) -> str:
+    """What happens, to which hand, when, by how much against which bound; what without supervisor; what would do."""
+    told, detail = gist(verdict), _detail(verdict)
+    if detail and verdict.verdict == "feasible_after_repair":
+        told = f"{told} ({detail})"
+    elif detail:
+        told = detail if detail.endswith(ANOTHER) else f"{told}, {detail}"
+    return "; ".join(part for part in (told, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
+
+
+def _worst(verdict: Verdict) -> list[Violation]:
+    return [one for one in verdict.violations if one.severity is not Severity.NOTE]
+
+
+def _detail(verdict: Verdict) -> str:
+    """Hand, step, bound and by how much: of the cause, or of the worst number, or of the worst violation."""
+    worst = _worst(verdict)
+    if not worst:
+        return ""
+    if verdict.verdict == "infeasible":
+        if verdict.causes:
+            return f"because {verdict.causes[0].told}"
+        if (number := _number(verdict.margins)) is not None and worst[0].code is not Reason.INTO_FLOOR:
+            return f"because {number}"
+    first = worst[0] if verdict.verdict == "infeasible" else next((x for x in worst if x.code in OF_A_HAND), worst[0])
+    return _violation(first)
+
+
+def _number(margins: list[Margin]) -> str | None:
+    """The bound on its own numbers that an input exceeds most."""
+    over = [one for one in margins if one.code in OF_NUMBERS and one.margin < 0.0]
+    if not over:
+        return None
+    one = min(over, key=lambda x: x.share)
+    times = f", {one.value / one.bound:.3g} times that" if one.bound > 0.0 and one.unit not in ("m", "rad") else ""
+    return f"{one.subject} at step {one.step} ({one.time:.2f} s): {bound_said(one)}{times}"
+
+
+def _violation(one: Violation) -> str:
+    when = "" if one.step is None else f" at step {one.step}"
+    when += "" if one.time is None else f" ({one.time:.2f} s)"
+    if one.code in OF_A_HAND:
+        why = f", {BECAUSE[one.code]}" if one.code in BECAUSE else ""
+        away = "off by" if one.code in (Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR) else "led away by"
+        away = "turned away by" if one.unit == "rad" else away
+        value, bound = quantity(one.value, one.unit), quantity(one.bound, one.unit)
+        another = f", {ANOTHER}" if one.severity is Severity.INFEASIBLE and one.code is not Reason.NOT_FOLLOWED else ""
+        return f"{one.subject}{when} {away} {value} (bound {bound}){why}{another}"
+    if one.code is Reason.TOO_FAST_FOR_BALANCE:
+        return f"{quantity(one.value, one.unit)} times slower"
+    return f"{one.subject}{when}" if one.code in (Reason.FALL, Reason.REFUSED) else ""
+
+
+def _supervised(verdict: Verdict) -> str:
+    """What becomes of the robot under the supervisor, where that is not said yet."""
+    if verdict.verdict != "infeasible" or verdict.follow == "as_given" or verdict.fell:
+        return ""
+    if any(one.code in (Reason.REFUSED, Reason.NO_CHUNK) for one in verdict.violations):
+        return "with the supervisor the robot stands where it is"
+    return "with the supervisor the robot stays on its feet and the hands go as near as they can"
+
+
+def _alone(verdict: Verdict) -> str:
+    """What would become of it without the supervisor."""
+    if verdict.odds is None or verdict.follow == "as_given":
+        return ""
+    p = verdict.odds.fall_as_given.p
+    return f"without the supervisor a fall is likely ({100 * p:.0f} %)" if p >= LIKELY else ""
+
+
+def _would(verdict: Verdict) -> str:
+    """The changes of the input that would do."""
+    changes = [change_said(one) for one in verdict.would_do if one.bound is None]
+    return f"it would do {', or '.join(changes)}" if changes else ""
