@@ -116,6 +116,7 @@ class Reason(StrEnum):
     SELF_CONTACT = "self_contact", None, "two bodies of the robot touched"
     SCENE_CONTACT = "scene_contact", None, "the robot touched something else, its feet on the floor left out"
     CHUNK_NOTE = "chunk_note", None, "what decoding changed in a chunk or found odd, how often, and the first one"
+    HANDS_ONLY = "hands_only", None, "root and legs of a motion are not followed: its hands are, where it stands"
 
     # A chunk is followed, but not as it was given.
     STEPS_JUMP = "steps_jump", Status.SLOWED, "steps jump: the nearest that a hand can do is followed"

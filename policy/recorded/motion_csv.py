@@ -33,6 +33,10 @@ CSV_QUATERNION_TOLERANCE = 1e-2
 """Retargeted files carry three to six digits."""
 FILE_MAX = 80 * 2**20
 """Largest file [bytes]: `STEPS_MAX` rows of 36 numbers with eight digits."""
+HANDS_ONLY = "hands only: the feet of this motion "
+"""How a note begins that says that root and legs of a motion are not followed."""
+FEET_MOVE, FEET_TURN = 0.25, np.deg2rad(45.0)
+"""How far a pelvis goes or turns at most while the feet may stay [m, rad]; chosen: a lean, a twist of the legs."""
 _MAGNITUDE_MAX = 1e3
 """Neither metres nor radians of a motion come near it: such a file has another unit or is damaged."""
 
@@ -157,9 +161,24 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
     at = np.arange(int(np.floor(motion.duration * fps + 1e-9)) + 1) / fps
     T_l, T_r = (anchor.T_world_base @ interpolate(poses[hand], times, at) for hand in ("lhand", "rhand"))
     fingers = [np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand)]
-    chunk = ActionChunk(builtin("wbc32", motion.robot).id, 0, 0.0, float(fps), T_l, T_r, *fingers)
+    where = builtin("wbc32", motion.robot).id, 0, 0.0, float(fps)
+    chunk = ActionChunk(*where, T_l, T_r, *fingers, notes=_of_feet(motion))
     chunk.validate(robot=motion.robot)
     return chunk
+
+
+def _of_feet(motion: Motion) -> tuple[str, ...]:
+    """What is said of a motion whose pelvis goes where no pelvis goes over feet that stay."""
+    R, p = motion.T_world_base[:, :3, :3], motion.T_world_base[:, :2, 3]
+    away = float(np.linalg.norm(p - p[0], axis=1).max())
+    yaw = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+    turned = float(np.abs(yaw - yaw[0]).max())
+    if away <= FEET_MOVE and turned <= FEET_TURN:
+        return ()
+    path = float(np.linalg.norm(np.diff(p, axis=0), axis=1).sum())
+    parts = [f"travel {path:.1f} m"] if away > FEET_MOVE else []
+    parts += [f"turn by {np.rad2deg(turned):.0f} deg"] if turned > FEET_TURN else []
+    return (HANDS_ONLY + " and ".join(parts),)
 
 
 def _read_table(path: Path, columns: tuple[str, ...]) -> np.ndarray:

@@ -62,6 +62,8 @@ def gist(verdict: Verdict) -> str:
     if verdict.verdict == "infeasible":
         said = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
         return next(said, "it cannot be done")
+    if all(one.code is Reason.HANDS_ONLY for one in worst):
+        return "the hands do it as given, from where the robot stands"
     said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
     return "done, but " + (", ".join(said) or "not as given")
 
@@ -69,11 +71,12 @@ def gist(verdict: Verdict) -> str:
 def headline(verdict: Verdict) -> str:
     """What happens, to which hand, when, by how much against which bound; what without supervisor; what would do."""
     told, detail = gist(verdict), _detail(verdict)
+    hands = [one.subject for one in verdict.violations if one.code is Reason.HANDS_ONLY]
     if detail and verdict.verdict == "feasible_after_repair":
         told = f"{told} ({detail})"
     elif detail:
         told = detail if detail.endswith(ANOTHER) else f"{told}, {detail}"
-    return "; ".join(part for part in (told, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
+    return "; ".join(part for part in (*hands, told, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
 
 
 def _worst(verdict: Verdict) -> list[Violation]:

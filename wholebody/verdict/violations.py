@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from policy.recorded.motion_csv import HANDS_ONLY
 from wholebody.config import START_MAX
 from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.result import EpisodeResult
@@ -237,6 +238,9 @@ def _contacts(result: EpisodeResult) -> Iterator[Violation]:
 def _notes(result: EpisodeResult) -> Iterator[Violation]:
     """The first of all notes that differ in their numbers only, with how many there were."""
     for note, times in _first_of_each((re.sub(r"[\d.]+", "", note.text), note) for note in result.notes):
+        if note.text.startswith(HANDS_ONLY):
+            yield Violation(code=Reason.HANDS_ONLY, severity=Severity.REPAIR, subject=note.text, time=note.time)
+            continue
         subject = f"{note.text}{times and f',{times}'}"
         yield Violation(code=Reason.CHUNK_NOTE, severity=Severity.NOTE, subject=subject, time=note.time)
 
