@@ -161,7 +161,7 @@ def test_a_mesh_that_is_not_whole_is_refused(tmp_path, content):
 def test_two_processes_may_fill_the_cache_at_once(empty_cache):
     code = "from models import g1; from models.urdf import light_urdf; print(light_urdf(g1(hands=False)))"
     running = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    paths = {process.communicate(timeout=120)[0].strip() for process in running}
+    paths = {process.communicate(timeout=1000)[0].strip() for process in running}
     assert [process.returncode for process in running] == [0, 0]
     assert len(paths) == 1
     path = light_urdf(g1(hands=False))

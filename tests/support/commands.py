@@ -7,5 +7,5 @@ import sys
 def wholebody(*arguments, cwd=None):
     code = "from wholebody.cli.main import main; main()"
     return subprocess.run(
-        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=250, check=False, cwd=cwd
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=1000, check=False, cwd=cwd
     )

@@ -56,7 +56,7 @@ def test_a_served_policy_is_announced_used_from_another_process_and_ended_by_ctr
             assert all(chunk.arrays()[name].tobytes() == value.tobytes() for name, value in expected.arrays().items())
         policy.close()
         run = command("run", uri, "--duration", "0.2", "--hold", "0.2", "--json", "-")
-        done = subprocess.run(run, capture_output=True, text=True, timeout=250, check=False)
+        done = subprocess.run(run, capture_output=True, text=True, timeout=1000, check=False)
         assert done.returncode == 0, done.stderr
         (verdict,) = json.loads(done.stdout)
         assert (verdict["name"], verdict["fell"]) == (uri, False)
@@ -94,7 +94,7 @@ def test_a_server_that_is_not_there_ends_with_a_sentence_and_code_2(monkeypatch,
     ],
 )
 def test_misuse_ends_with_a_sentence_and_code_2(arguments, complaint):
-    done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=1000, check=False)
     assert done.returncode == 2
     assert complaint in done.stderr
     assert "Traceback" not in done.stderr
