@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from wholebody.planning.judgement.limits import OF_NUMBERS, Margin
 from wholebody.types import Reason
+from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why.sentence import bound_said, change_said
-
-if TYPE_CHECKING:
-    from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.sentence import Why, WouldDo, bound_said, change_said
 
 ANOTHER = "which is another motion"
 WHY_NOT = {
@@ -54,7 +52,20 @@ BECAUSE = {
 """Why a hand is moved, in words."""
 
 
-def gist(verdict: Verdict) -> str:
+class Told(Protocol):
+    """What is told of a `wholebody.verdict.verdict.Verdict`."""
+
+    verdict: str
+    follow: str
+    fell: bool
+    violations: list[Violation]
+    margins: list[Margin]
+    causes: list[Why]
+    would_do: list[WouldDo]
+    odds: Odds | None
+
+
+def gist(verdict: Told) -> str:
     """The answer in a few words."""
     if verdict.verdict == "feasible":
         return "done as given"
@@ -68,7 +79,7 @@ def gist(verdict: Verdict) -> str:
     return "done, but " + (", ".join(said) or "not as given")
 
 
-def headline(verdict: Verdict) -> str:
+def headline(verdict: Told) -> str:
     """What happens, to which hand, when, by how much against which bound; what without supervisor; what would do."""
     told, detail = gist(verdict), _detail(verdict)
     hands = [one.subject for one in verdict.violations if one.code is Reason.HANDS_ONLY]
@@ -79,11 +90,11 @@ def headline(verdict: Verdict) -> str:
     return "; ".join(part for part in (*hands, told, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
 
 
-def _worst(verdict: Verdict) -> list[Violation]:
+def _worst(verdict: Told) -> list[Violation]:
     return [one for one in verdict.violations if one.severity is not Severity.NOTE]
 
 
-def _detail(verdict: Verdict) -> str:
+def _detail(verdict: Told) -> str:
     """Hand, step, bound and by how much: of the cause, or of the worst number, or of the worst violation."""
     worst = _worst(verdict)
     if not worst:
@@ -122,7 +133,7 @@ def _violation(one: Violation) -> str:
     return f"{one.subject}{when}" if one.code in (Reason.FALL, Reason.REFUSED) else ""
 
 
-def _supervised(verdict: Verdict) -> str:
+def _supervised(verdict: Told) -> str:
     """What becomes of the robot under the supervisor, where that is not said yet."""
     if verdict.verdict != "infeasible" or verdict.follow == "as_given" or verdict.fell:
         return ""
@@ -131,7 +142,7 @@ def _supervised(verdict: Verdict) -> str:
     return "with the supervisor the robot stays on its feet and the hands go as near as they can"
 
 
-def _alone(verdict: Verdict) -> str:
+def _alone(verdict: Told) -> str:
     """What would become of it without the supervisor."""
     if verdict.odds is None or verdict.follow == "as_given":
         return ""
@@ -139,7 +150,7 @@ def _alone(verdict: Verdict) -> str:
     return f"without the supervisor a fall is likely ({100 * p:.0f} %)" if p >= LIKELY else ""
 
 
-def _would(verdict: Verdict) -> str:
+def _would(verdict: Told) -> str:
     """The changes of the input that would do."""
     changes = [change_said(one) for one in verdict.would_do if one.bound is None]
     return f"it would do {', or '.join(changes)}" if changes else ""
