@@ -15,9 +15,9 @@ from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.types import Reason, StatusReport
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.headline import headline
 from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.headline import headline
 
 Passed = Literal["cleared", "repaired", "held"]
 ANSWERS: dict[str, Passed] = {"feasible": "cleared", "feasible_after_repair": "repaired", "infeasible": "held"}

@@ -133,7 +133,7 @@ class Verdict:
     @property
     def headline(self) -> str:
         """One sentence that a person can act on, the same wherever a verdict is told."""
-        from wholebody.verdict.headline import headline  # which knows verdicts
+        from wholebody.verdict.why.headline import headline  # which knows verdicts
 
         return headline(self)
 

@@ -17,12 +17,12 @@ from wholebody.types import Reason
 from wholebody.verdict.audit.outcome import Outcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 from wholebody.verdict.calibration.odds import Chance, Odds
-from wholebody.verdict.headline import headline
 from wholebody.verdict.page.index import write_index
 from wholebody.verdict.plan_run import on_one_scale
 from wholebody.verdict.report import lines
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity, Violation
+from wholebody.verdict.why.headline import headline
 from wholebody.verdict.why.sentence import WouldDo
 
 ODDS = Odds(

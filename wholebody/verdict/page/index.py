@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from policy.writing import write_text
-from wholebody.verdict.headline import headline
 from wholebody.verdict.page.page import HERE
 from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.headline import headline
 
 RANK = ("infeasible", "feasible_after_repair", "feasible")
 HEADINGS = ("", "input", "why", "moved by", "palms at most", "time factor")

@@ -26,7 +26,6 @@ from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
-from wholebody.verdict.headline import headline
 from wholebody.verdict.page.drawing import CAMERA, REACH, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
@@ -35,6 +34,7 @@ from wholebody.verdict.page.timelines import Panel, panels
 from wholebody.verdict.report import change_said, lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
+from wholebody.verdict.why.headline import headline
 from wholebody.verdict.why.sentence import Why
 
 HERE = Path(__file__).parent
