@@ -23,7 +23,7 @@ def drive(robot, policy, seconds, task=""):
     said = None
     while robot.now() < seconds:
         state = estimator.state(**robot.read())
-        chunk = executor.poll(partial(observe, spec, supervisor, state, task))
+        chunk = executor.poll(partial(observe, spec, supervisor, state, task, now=robot.now()))
         answer = supervisor.take_refusal() if chunk is None else supervisor.accept(chunk, robot.now())
         if answer is not None and answer.status is Status.HOLD and answer.reason:
             executor.refused(answer.reason, answer.detail)

@@ -22,7 +22,7 @@ from wholebody.reference import HandMotion, ReferenceSmoother, rest_row
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import SupportPolygon
-from wholebody.types import JointCommand, RobotState
+from wholebody.types import JointCommand, RobotState, StatusReport
 
 DAMPING_KD = 8.0
 """Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
@@ -129,6 +129,16 @@ class Reflex:
             self._back = WayBack(self._controller.robot, self._hold_still(state), self._planted.stance)
         self.active, self.status = True, statuses.GOING_BACK
         return GO_BACK
+
+    def go_to(self, state: RobotState, posture: np.ndarray, status: StatusReport) -> None:
+        """Go to a posture (nq,) from where the robot is, whatever it does, and stay there."""
+        self._back = WayBack(self._controller.robot, self._hold_still(state), posture)
+        self.active, self.status = True, status
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether the way to where the robot goes off any plan is over."""
+        return self._back is not None and self._back.is_over
 
     def advance(self, elapsed: float) -> None:
         """Go on towards the stance for so long [s], if that is where to go and the balance allows it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from wholebody.control.tick_report import TickReport
 from wholebody.errors import InputError
 from wholebody.estimation.plausibility import Plausibility
 from wholebody.estimation.prediction import ROUNDING, StatePredictor
+from wholebody.estimation.steady_clock import CONSISTENT, SteadyClock
 from wholebody.robot.standing import has_lost_standing
 from wholebody.robot.state import Robot
 from wholebody.types import Reason, RobotState, Status, StatusReport, check_state
@@ -20,13 +22,13 @@ GO_ON = 0.1
 """Time without a usable state after which the plan is brought to a stop [s]; derived: an error grows 1.4 times
 meanwhile, at the 3.5/s of a pendulum of 0.8 m."""
 BRIDGED_MAX = 0.5
-"""Time after which the robot is taken to be at rest where it was predicted last [s]; chosen, no trial is on record."""
+"""Time after which a robot for which no program has a solution is taken to be at rest where it was predicted last [s];
+chosen: a plan is brought to a stop in 0.4 s."""
 MOVING = 0.02
 """Largest speed below which a state that repeats itself to the bit is that of a robot at rest [m/s, rad/s]; chosen, no
 trial is on record."""
-CONSISTENT = 5
-"""States in a row: so many that follow from each other are believed although they do not follow from the prediction,
-and so many say that standing is lost; chosen: 10 ms at 500 Hz, in which nothing can be done about a fall."""
+SAID = frozenset({Reason.STATE_INVALID, Reason.STATE_JUMPED, Reason.STATE_FROM_FUTURE, Reason.CLOCK_STEPPED})
+"""What is said of a single state already."""
 
 
 class StateMonitor:
@@ -37,25 +39,26 @@ class StateMonitor:
 
     Args:
         robot: Its model.
+        period: Control period [s].
 
     Attributes:
+        clock: The steady scale of time, on which all of its states are.
         bridged: Time since the last usable state came [s]; 0 if the present one is.
     """
 
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self._predictor, self._plausibility = (
-            StatePredictor(robot),
-            Plausibility(robot.spec.is_finger[robot.motor_to_pin]),
-        )
+    def __init__(self, robot: Robot, period: float = 0.002) -> None:
+        self._robot, self.clock, fingers = robot, SteadyClock(period), robot.spec.is_finger[robot.motor_to_pin]
+        self._predictor, self._plausibility = StatePredictor(robot), Plausibility(fingers)
         self.bridged, self._now = 0.0, 0.0
         self._measured: RobotState | None = None
         self._present: RobotState | None = None
 
-    def reset(self, state: RobotState) -> None:
-        """Begin with a valid state."""
+    def reset(self, state: RobotState, now: float | None = None) -> None:
+        """Begin with a valid state at a present time [s], that of the state if not given."""
+        self.clock.reset(state.time, state.time if now is None else now)
+        state = self.clock.placed(state)
         self._measured = self._present = self._newest = state
-        self._now = state.time
+        self._now = self.clock.now
         self.bridged, self._agreeing, self._lost = 0.0, 0, 0
         self._predictor.reset()
         self._plausibility.follows(state, state, 0.0)  # loaded now, not in a tick
@@ -70,20 +73,54 @@ class StateMonitor:
         """Whether the robot stands no more: in several states in a row, none of them a fault."""
         return self._lost >= CONSISTENT
 
-    def trusted(self, state: RobotState, now: float) -> RobotState:
+    def trusted(self, state: RobotState, now: float | None = None) -> RobotState:
         """A measured state carried on to the present time [s], or the last usable one: what `usable` would go on with.
 
         Nothing is remembered of it; before the first `reset` it is the measured state.
+
+        Args:
+            state: As measured.
+            now: Present time on the clock that `seen` is given [s]; that of the state if not given.
         """
         if self._measured is None:
             return state
+        clock, placed = self.clock, self.clock.placed(state)
+        steady = placed.time if now is None else clock.steady(now)
         agreeing, newest = self._agreeing, self._newest
-        fault = self._fault(state, max(now - self._now, 0.0))
+        fault = clock.fault(placed.time, steady) or self._fault(placed, max(steady - self._now, 0.0))
         self._agreeing, self._newest = agreeing, newest
-        return self._predictor.carried(state if fault is None else self._measured, now)
+        if fault is not None:
+            placed, steady = self._present, steady if isfinite(steady) else self._now
+        carried = self._predictor.carried(placed, steady)
+        return replace(carried, time=carried.time + clock.shift) if clock.shift else carried
+
+    def seen(
+        self, state: RobotState, now: float | None, tick: TickReport | None, ahead: float = 0.0
+    ) -> tuple[RobotState, float, StatusReport | None]:
+        """The state to go on with on the steady scale of time, time since the last call [s], and what is wrong.
+
+        Args:
+            state: As measured.
+            now: Present time [s]; that of the state if there is none.
+            tick: What the last tick did, or None before the first.
+            ahead: How far past the present the state is wanted [s].
+        """
+        _, stepped = self.clock.advance(state.time, now)
+        state, fault = self.clock.place(state)
+        wanted = self.clock.now + ahead
+        elapsed = max(wanted - self._now, 0.0)
+        used, report = self.usable(state, wanted, elapsed, tick, fault)
+        if report is None and stepped is not None:
+            report = StatusReport(Status.HOLD, *stepped)
+        return used, elapsed, report
 
     def usable(
-        self, state: RobotState, now: float, elapsed: float, tick: TickReport | None
+        self,
+        state: RobotState,
+        now: float,
+        elapsed: float,
+        tick: TickReport | None,
+        fault: tuple[Reason, str] | None = None,
     ) -> tuple[RobotState, StatusReport | None]:
         """The state to go on with, and what is wrong with the measured one.
 
@@ -92,25 +129,26 @@ class StateMonitor:
             now: Present time [s].
             elapsed: Time since the last call [s].
             tick: What the last tick did, or None before the first.
+            fault: What is known to be wrong with the state's time.
         """
         self._now = now
         if tick is not None and elapsed > 0.0:
             dv = np.zeros(self._robot.nv) if tick.solution is None else tick.solution.dv
             self._predictor.commanded(now - elapsed, dv)
-        fault, report = self._fault(state, elapsed), None
+        fault, report = fault or self._fault(state, elapsed), None
         if fault is None:
             self._measured, self.bridged = state, 0.0
         else:
             self.bridged += elapsed
             reason, detail = fault
-            said = reason in (Reason.STATE_INVALID, Reason.STATE_JUMPED) or self.bridged > TOLERATED
-            report = StatusReport(Status.HOLD, reason, detail) if said else None
-        if self.bridged > BRIDGED_MAX:
+            report = StatusReport(Status.HOLD, reason, detail) if reason in SAID or self.bridged > TOLERATED else None
+        if fault is None:
+            self._present = self._predictor.carried(state, now)
+        elif self.bridged > BRIDGED_MAX and (tick is None or tick.solution is None):
             self._present = RobotState(now, self._present.q, np.zeros(self._robot.nv))
         else:
-            carried = self._predictor.carried(self._measured, now)
-            self._present = carried if fault is None else replace(carried, tau=None)
-        if not 0.0 < self.bridged <= GO_ON:  # a prediction that short says nothing of falls
+            self._present = replace(self._predictor.carried(self._present, now), tau=None)
+        if fault is None:  # a prediction says nothing of falls
             self._lost = self._lost + 1 if has_lost_standing(self._present) else 0
         return self._present, report
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.joints import layout_robot
-from wholebody.planning.plan import PlanReport
+from wholebody.errors import StateError
+from wholebody.execution.plan_follower import PlanFollower
+from wholebody.execution.state_monitor import StateMonitor
+from wholebody.planning.plan import ChunkPlan, PlanReport
+from wholebody.reference import HandMotion
 from wholebody.types import Reason, Status, StatusReport
 
 RATE_SAID = 0.98
@@ -25,6 +31,11 @@ GOING_BACK = StatusReport(
 NO_HANDS = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
 FAILED = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
 STANDING_LOST = StatusReport(Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped")
+LOWERING = StatusReport(Status.HOLD, Reason.LOWERING, "the robot goes into its crouch")
+LOWERED = StatusReport(
+    Status.HOLD, Reason.LOWERED, "the robot crouches on stiff legs: the last command may be kept; `raise_` ends it"
+)
+RAISING = StatusReport(Status.HOLD, Reason.RAISING, "the robot stands up")
 NOT_JOINED = StatusReport(
     Status.HOLD,
     Reason.NOT_JOINED,
@@ -68,3 +79,53 @@ def plan_status(report: PlanReport, rate: float, s: float | None = None) -> Stat
     if rate < RATE_SAID:
         return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed")
     return TRACKING
+
+
+class Following:
+    """What a supervisor follows, for those who watch it."""
+
+    chunk: ActionChunk | None
+    plan: ChunkPlan | None
+    monitor: StateMonitor
+    _follower: PlanFollower | None
+    _now: float
+
+    def _following(self) -> PlanFollower:
+        """The follower of this episode; a `StateError` before the first one."""
+        if self._follower is None:
+            raise StateError("the supervisor has no state yet: call `reset` with a measured state of standing first")
+        return self._follower
+
+    @property
+    def time_factor(self) -> float:
+        """Time spent on chunks over chunk time covered; 1 is unslowed."""
+        return self._following().time_factor
+
+    @property
+    def moved_for(self) -> Reason | None:
+        """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
+        return None if self.plan is None else self.plan.report.moved_at(self._follower.s)
+
+    @property
+    def rate(self) -> float:
+        """Speed along the plan, 1 at the chunk's own."""
+        return self._following().rate
+
+    def palm_reference(self) -> dict[str, np.ndarray]:
+        """Commanded palm poses in world, 4x4, by side."""
+        return dict(zip(("left", "right"), self._following().palm_poses(), strict=True))
+
+    def ahead(self, times: np.ndarray) -> tuple[HandMotion, HandMotion] | None:
+        """What both hands will be commanded at times near the present, as planned and at the present speed.
+
+        Args:
+            times: Shape (n,), [s]; past the end of the plan its last pose is held.
+
+        Returns:
+            Rows (n, 40) a hand, derivatives with respect to the path; None while no chunk is followed.
+        """
+        if self.plan is None or self.chunk is None:
+            return None
+        follower = self._follower
+        s = follower.s + follower.rate * (np.asarray(times) - self.monitor.clock.shift - self._now)
+        return tuple(path.sample(np.clip(s, self.plan.start, self.plan.end)) for path in self.plan.paths)

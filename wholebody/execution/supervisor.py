@@ -12,10 +12,11 @@ from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.motor_watch import MotorWatch
 from wholebody.control.tick_report import TickLevel, TickReport
-from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
+from wholebody.execution.ending.lowering import Lowering
+from wholebody.execution.ending.stiff_legs import StiffLegs
 from wholebody.execution.gate import Gate, gated, why_not
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
@@ -25,7 +26,7 @@ from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.reference import HandMotion, ReferenceSmoother
+from wholebody.reference import ReferenceSmoother
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
 
 RETRY = 0.2
@@ -33,7 +34,7 @@ RETRY = 0.2
 `planning.lead`."""
 
 
-class Supervisor:
+class Supervisor(statuses.Following):
     """Owns planner and controller; the only thing a runtime talks to.
 
     `accept` takes chunks as they come, `step` answers every control period. Neither raises on bad input: a chunk that
@@ -68,9 +69,10 @@ class Supervisor:
         compute = gated(lambda request: request.plan_with(self.planner), gate)
         beside = SimulatedPlanner(compute, planning) if planner is None else planner(compute)
         self.handover, self._gated = Handover(beside, planning, self.config.dt), gate is not None
-        self.monitor, self.carrying = StateMonitor(self.robot), Carrying(self.controller, self.config)
-        self.touch, self.motors = self.carrying.touch, MotorWatch(self.controller)
+        self.carrying, self._legs = Carrying(self.controller, self.config), StiffLegs(spec)
+        self.monitor, self.motors = StateMonitor(self.robot, self.config.dt), MotorWatch(self.controller)
         self._planted, self._smoother, self._last_state = PlantedFeet(self.controller), None, None
+        self.touch, self._lowering = self.carrying.touch, None
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
         self._forget(0.0)
@@ -93,53 +95,15 @@ class Supervisor:
         self.motors.reset()
         self.controller.reset(state)
         self._planted.reset(state)
-        self.monitor.reset(state)
+        self.monitor.reset(state, now)
+        self._legs.reset()
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows, touch=self.touch)
         self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother, self._planted)
-        self._last_state = state
-        self._forget(state.time if now is None else now)
-
-    def _following(self) -> PlanFollower:
-        """The follower of this episode; a `StateError` before the first one."""
-        if self._follower is None:
-            raise StateError("the supervisor has no state yet: call `reset` with a measured state of standing first")
-        return self._follower
-
-    @property
-    def time_factor(self) -> float:
-        """Time spent on chunks over chunk time covered; 1 is unslowed."""
-        return self._following().time_factor
-
-    @property
-    def moved_for(self) -> Reason | None:
-        """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
-        return None if self.plan is None else self.plan.report.moved_at(self._follower.s)
-
-    @property
-    def rate(self) -> float:
-        """Speed along the plan, 1 at the chunk's own."""
-        return self._following().rate
-
-    def palm_reference(self) -> dict[str, np.ndarray]:
-        """Commanded palm poses in world, 4x4, by side."""
-        return dict(zip(("left", "right"), self._following().palm_poses(), strict=True))
-
-    def ahead(self, times: np.ndarray) -> tuple[HandMotion, HandMotion] | None:
-        """What both hands will be commanded at times near the present, as planned and at the present speed.
-
-        Args:
-            times: Shape (n,), [s]; past the end of the plan its last pose is held.
-
-        Returns:
-            Rows (n, 40) a hand, derivatives with respect to the path; None while no chunk is followed.
-        """
-        if self.plan is None or self.chunk is None:
-            return None
-        follower = self._follower
-        s = follower.s + follower.rate * (np.asarray(times) - self._now)
-        return tuple(path.sample(np.clip(s, self.plan.start, self.plan.end)) for path in self.plan.paths)
+        self._lowering = Lowering(self.controller, self._reflex, self._planted)
+        self._last_state = self.monitor.clock.placed(state)
+        self._forget(self.monitor.clock.now)
 
     def accept(self, chunk: ActionChunk, now: float | None = None) -> StatusReport:
         """Take a chunk, or refuse it with a reason; a refused chunk changes nothing.
@@ -155,7 +119,12 @@ class Supervisor:
             StateError: Before the first `reset`.
         """
         self._following()
-        now = self._now if now is None else now
+        if now is not None and not np.isfinite(now):
+            return self._refuse(statuses.refused(Reason.CLOCK_INVALID, f"the present time is {now}"))
+        if self._lowering.active:
+            return statuses.refused(self.status.reason, f"{self.status.detail}; chunks are followed after `raise_`")
+        chunk, shift = self.monitor.clock.chunk(chunk), self.monitor.clock.shift
+        now = self._now if now is None else now - shift
         if (fault := statuses.chunk_fault(chunk, self._newest, now, self.spec)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
@@ -164,6 +133,28 @@ class Supervisor:
         if self.handover.busy or self.plan is None:
             return self.take_refusal() or statuses.TRACKING
         return self.take_refusal() or statuses.plan_status(self.plan.report, self._follower.rate)
+
+    @property
+    def lowered(self) -> bool:
+        """Whether the last command may be kept for ever: the robot crouches on stiff legs."""
+        return self._lowering is not None and self._lowering.stays and self._legs.share == 1.0
+
+    def lower(self) -> StatusReport:
+        """Go into a crouch that needs no controller, whatever the robot does now; `lowered` says when it is there."""
+        return self._leave(down=True)
+
+    def raise_(self) -> StatusReport:
+        """Stand up from the crouch, or on the way to it: chunks are taken again once the stance is reached."""
+        return self._leave(down=False)
+
+    def _leave(self, *, down: bool) -> StatusReport:
+        self._following()
+        if not self._fallen:
+            self._lowering.begin(self._last_state, down=down)
+            self.handover.cancel()
+            self.plan = self.chunk = self._newest = self._waiting = self._refused = None
+            self.status = self._reflex.status
+        return self.status
 
     def take_refusal(self) -> StatusReport | None:
         """Why the chunk that was accepted last is not followed after all, said once; None if there is nothing."""
@@ -263,19 +254,36 @@ class Supervisor:
             StateError: Before the first `reset`.
         """
         follower = self._following()
-        if now is None:
-            now = state.time if np.isfinite(state.time) else self.motors.sent(self._now) + self.config.dt
-        now, measured = self.motors.arrival(now), now
-        elapsed = max(now - self._now, 0.0)
-        state, fault = self.monitor.usable(state, now, elapsed, self.last_tick)
+        ahead = self.motors.arrival(0.0)
+        state, elapsed, fault = self.monitor.seen(state, now, self.last_tick, ahead)
+        measured, blind = self.monitor.clock.now, self.monitor.bridged > GO_ON
+        now = measured + ahead
         if self._fallen or self.monitor.standing_lost:
             self._fallen, self._now, self._last_state = True, now, state
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
+        led = not (blind or self._lowering.active)
+        if not led:
+            self.handover.cancel()
         self._exchange(now)
         self.carrying.look(state, follower.row, elapsed)
         self.motors.look(self.monitor.fresh, measured)
+        if led:
+            self._keep_planning()
+        self._reflex.advance(elapsed)
+        self._lowering.look(state)
+        self._last_state, self._now = state, max(now, self._now)
+        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind else 1.0)
+        command, self.last_tick = self.controller.step(state, reference, elapsed)
+        self._judge()
+        self.status = fault or (self.status if self._lowering.active else self.touch.status(self.status))
+        self.controller.command = self._legs.stiffened(command, blind or self._lowering.stays, elapsed)
+        return self.controller.command
+
+    def _keep_planning(self) -> None:
+        """Stand where the plan is lost; ask for the plan that is wanted now."""
+        follower = self._follower
         if self.carrying.changed and not self.handover.busy:
             self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
         lost = follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)
@@ -284,14 +292,6 @@ class Supervisor:
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
-        self._reflex.advance(elapsed)
-        self._last_state, self._now = state, max(now, self._now)
-        allowed = 1.0 if self.monitor.bridged <= GO_ON else 0.0
-        reference = follower.reference(state.q, elapsed, allowed=allowed)
-        command, self.last_tick = self.controller.step(state, reference, elapsed)
-        self._judge()
-        self.status = fault or self.touch.status(self.status)
-        return command
 
     def _judge(self) -> None:
         """Status after a tick, worst first."""

@@ -33,6 +33,11 @@ class WayBack:
         self.seconds = float(np.abs(self._way[3:]).max()) / SPEED
         self._share = 0.0
 
+    @property
+    def is_over(self) -> bool:
+        """Whether all of it has been gone."""
+        return self._share >= 1.0
+
     def posture(self, later: float) -> np.ndarray:
         """Configuration that much later [s], shape (nq,)."""
         share = self._later(later)

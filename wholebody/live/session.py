@@ -19,6 +19,7 @@ from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.episode.warm_up import compile_plan
+from wholebody.errors import InputError
 from wholebody.execution.background_planner import ThreadPlanner
 from wholebody.execution.gate import Gate, judged_elsewhere
 from wholebody.execution.planner_process import PlannerProcess
@@ -32,6 +33,8 @@ from wholebody.types import RobotState
 
 WARM_UP = 1.0
 """Time for which the loop first runs on a robot that stands still [s]; chosen: it loads what is compiled."""
+LOWER_MAX = 12.0
+"""Longest time in which the robot is lowered at the end [s]; measured: from reaches it takes 5.3 s at most."""
 START_IN = 0.1
 """From the decision to let time run until it does [s]; chosen: both processes are there by then."""
 
@@ -105,7 +108,7 @@ class Session:
         loop.executor.close()
 
     def run(self, sources: Mapping[str, Policy], tell: Callable[[float], None], asking: ExecutorConfig) -> None:
-        """Run policies, the first one first; an interrupt (Ctrl-C) ends it in order.
+        """Run policies, the first one first; an interrupt (Ctrl-C) ends it in order. Then the robot is lowered.
 
         Args:
             sources: Sources of chunks, by name; a person can choose another one on the page.
@@ -127,9 +130,27 @@ class Session:
         self._robot.go(monotonic() + START_IN)
         try:
             self.loop.run(going)
+            person.asking(False)
+            self._lower(tell)
         finally:
             person.asking(False)
             signal.signal(signal.SIGINT, before)
+
+    def _lower(self, tell: Callable[[float], None]) -> None:
+        """Leave the robot in a crouch that its last command holds; another interrupt leaves it on the way there."""
+        loop, supervisor, end = self.loop, self.supervisor, self.loop.clock.now() + LOWER_MAX
+        try:
+            supervisor.lower()
+        except InputError as error:
+            self.missed.append(str(error))
+            return
+        loop.stopped = False
+
+        def going(now: float) -> bool:
+            tell(now)
+            return not supervisor.lowered and loop.told.fallen is None and now < end
+
+        loop.run(going)
 
     def close(self) -> dict[str, float | str]:
         """End the processes; how the robot's kept time, and why it fell."""

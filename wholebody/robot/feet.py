@@ -69,9 +69,12 @@ class Feet:
         middles = [R @ foot.sole_center + p for foot, R, p in zip(spec.feet, self.R, self.p, strict=True)]
         return Floor(normal / np.linalg.norm(normal), np.mean(middles, axis=0))
 
-    def stance(self, spec: RobotSpec, model: pin.Model) -> np.ndarray:
-        """The stance with the soles on these feet, shape (nq,): pelvis upright over them, the legs give way."""
-        q, data = stance_q(spec, model), model.createData()
+    def stance(self, spec: RobotSpec, model: pin.Model, posture: np.ndarray | None = None) -> np.ndarray:
+        """The stance, or another posture (nq,), with the soles on these feet, shape (nq,).
+
+        The pelvis is over them as it was over its own, and the legs give way.
+        """
+        q, data = stance_q(spec, model) if posture is None else posture.copy(), model.createData()
         nominal = Feet.at(spec, model, q, data)
         if not self.differ(nominal, CLOSE, CLOSE):
             return q

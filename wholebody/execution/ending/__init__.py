@@ -1,0 +1,1 @@
+"""How a robot that stands is left: blind, or lowered and no longer led."""
