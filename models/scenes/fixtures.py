@@ -52,11 +52,11 @@ def add_corridor(mj: mujoco.MjSpec) -> list[float]:
 def add_drawer(mj: mujoco.MjSpec) -> list[float]:
     """A drawer of 3 kg on a chest, held by 30 N of dry friction; its bar pulls it out along -x, 0.35 m at most."""
     front, y, z = BAR[0] + _BOW, BAR[1], BAR[2]
-    _solid(mj.worldbody, "chest", _BOX, (0.20, 0.30, 0.5 * (z - 0.12)), (front + 0.22, y, 0.5 * (z - 0.12)), _PAINT)
+    _solid(mj.worldbody, "chest", _BOX, (0.20, 0.20, 0.5 * (z - 0.12)), (front + 0.22, y, 0.5 * (z - 0.12)), _PAINT)
     drawer = mj.worldbody.add_body(name="drawer", pos=(front, y, z))
     _slide(drawer, (-1.0, 0.0, 0.0), 0.35, frictionloss=DRAWER_FRICTION, damping=[5.0, 0.0, 0.0])
-    _solid(drawer, "drawer", _BOX, (0.01, 0.28, 0.11), (0.01, 0.0, 0.0), _PAINT, mass=1.0)
-    _solid(drawer, "drawer_tray", _BOX, (0.18, 0.26, 0.09), (0.20, 0.0, 0.0), _PAINT, mass=1.6)
+    _solid(drawer, "drawer", _BOX, (0.01, 0.18, 0.11), (0.01, 0.0, 0.0), _PAINT, mass=1.0)
+    _solid(drawer, "drawer_tray", _BOX, (0.18, 0.16, 0.09), (0.20, 0.0, 0.0), _PAINT, mass=1.6)
     _bow(drawer)
     return [0.0]
 
