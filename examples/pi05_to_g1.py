@@ -104,7 +104,7 @@ def main(path: str | Path, seconds: float = 0.5) -> Trace:
     observation = observe(robot, supervisor, state, TASK, cameras(policy))
     trace = network_by_hand(policy, observation)
 
-    # 8. Numbers become poses: wbc32's are in the pelvis as measured in this observation.
+    # 8. Numbers become poses, in the frame of the layout as it was measured in this observation.
     chunk = decode(policy.spec, trace.actions, Anchor.measured(observation), t_obs=observation.time)
     for name, value in chunk.arrays().items():
         show(f"chunk.{name}", value)
