@@ -21,6 +21,9 @@ under it is far."""
 FORCE_TIME_CONSTANT = 0.008
 """Of the filter of torques from which the force on a palm is found [s]; chosen: a touch is to be found within 30 ms,
 and the noise of encoder speeds is 1 N behind it."""
+DELAYS = 4.0
+"""Multiple of the delay of states and motors that this time constant is at least [no unit]; derived: at the frequency
+at which a force that is counted on comes back reversed, a sixth of it is then left."""
 TORQUE_ERROR = 0.5
 """Standard deviation of the torques of an arm together that no weight accounts for [N m]; chosen: dry friction of its
 seven joints is 0.1 to 0.3 each in Unitree's models."""
@@ -83,12 +86,14 @@ class LoadObserver:
         """Standard deviation of what is seen now, shape (2,), [kg]."""
         return self._memory.error
 
-    def look(self, state: RobotState, assumed: np.ndarray) -> bool:
+    def look(self, state: RobotState, assumed: np.ndarray, age: float = 0.0) -> bool:
         """Take in a state before the tick that answers it; whether `loads` and `known` may be other ones now.
 
         Args:
             state: As measured; without torques nothing is learned.
             assumed: Masses that the tick before counted on, shape (2,), [kg].
+            age: Time over which the state was carried on from when it was measured [s]: forces are filtered for
+                `DELAYS` times as long, for what the program does about them comes back that much later.
         """
         before, tau = self._before, state.tau
         self._before = None if tau is None else state.time
@@ -99,7 +104,7 @@ class LoadObserver:
         if tau.shape != (len(v) - 6,) or not isfinite(tau.dot(tau)):
             self._before = None
             return False
-        keep, keep_fast = exp(-dt / TIME_CONSTANT), exp(-dt / FORCE_TIME_CONSTANT)
+        keep, keep_fast = exp(-dt / TIME_CONSTANT), exp(-dt / max(FORCE_TIME_CONSTANT, DELAYS * age))
         self._observe(self._tick, self._memory, v, tau, assumed, dt, keep, keep_fast, TORQUE_ERROR)
         self._count = (self._count + 1) % EVERY
         if self._count:

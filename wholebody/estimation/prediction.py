@@ -32,21 +32,27 @@ class StatePredictor:
     def __init__(self, robot: Robot) -> None:
         self._model = robot.model
         self._times, self._dv = np.zeros(2 * TICKS), np.zeros((2 * TICKS, robot.nv))
+        self._tau = np.zeros((2 * TICKS, robot.n_joints))
         self._n = 0
 
     def reset(self) -> None:
         """Nothing was commanded yet."""
         self._n = 0
 
-    def commanded(self, time: float, dv: np.ndarray) -> None:
-        """Accelerations (nv,) that were commanded at this time [s] and hold until the next ones."""
+    def commanded(self, time: float, dv: np.ndarray, tau: np.ndarray) -> None:
+        """Accelerations (nv,) and torques (n_joints,) that were commanded at this time [s], until the next ones."""
         if self._n == len(self._times):
-            self._times[:TICKS], self._dv[:TICKS], self._n = self._times[TICKS:], self._dv[TICKS:], TICKS
-        self._times[self._n], self._dv[self._n] = time, dv
+            for kept in (self._times, self._dv, self._tau):
+                kept[:TICKS] = kept[TICKS:]
+            self._n = TICKS
+        self._times[self._n], self._dv[self._n], self._tau[self._n] = time, dv, tau
         self._n += 1
 
     def carried(self, state: RobotState, now: float) -> RobotState:
-        """A state, carried on to the present time [s], by `CARRIED_MAX` at most; itself if that is its own."""
+        """A state, carried on to the present time [s], by `CARRIED_MAX` at most; itself if that is its own.
+
+        Its torques change by what those commanded have changed since: they belong to its accelerations.
+        """
         told, now = now, min(now, state.time + CARRIED_MAX)
         seconds = state.age(now)
         if seconds <= ROUNDING:
@@ -59,4 +65,8 @@ class StatePredictor:
         # An acceleration moves the state for as long as it holds, and for the rest of the time by the speed it left.
         step = seconds * state.v + (held * (now - 0.5 * (begin + end))) @ dv
         q, v = pin.integrate(self._model, state.q, step), state.v + held @ dv
-        return replace(state, time=told, q=q, v=v)
+        tau = state.tau
+        if tau is not None and self._n > 0:
+            # Torques are those of the period that ended with the state.
+            tau = tau + self._tau[self._n - 1] - self._tau[max(first - 1, 0)]
+        return replace(state, time=told, q=q, v=v, tau=tau)

@@ -69,18 +69,19 @@ class Carrying:
         self._planned, self._now, self._due = Loads(), -inf, inf
         self._count_on(self._config.left, self._config.right)
 
-    def look(self, state: RobotState, row: np.ndarray, elapsed: float) -> None:
+    def look(self, state: RobotState, row: np.ndarray, elapsed: float, age: float = 0.0) -> None:
         """Take in a state before the tick that answers it.
 
         Args:
             state: As measured.
             row: Packed reference of the last tick: where the palms are commanded to be.
             elapsed: Time since that tick [s].
+            age: Time over which the state was carried on [s].
         """
         observer, self._now = self.observer, state.time
         if observer is None:
             return
-        news = observer.look(state, self._masses)
+        news = observer.look(state, self._masses, age)
         self.touch.look(row, state.time, elapsed)
         if not news or not self._learns:
             return

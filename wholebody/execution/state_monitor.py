@@ -61,7 +61,13 @@ class StateMonitor:
         self._now = self.clock.now
         self.bridged, self._agreeing, self._lost = 0.0, 0, 0
         self._predictor.reset()
+        self._tau = np.zeros(self._robot.n_joints)
         self._plausibility.follows(state, state, 0.0)  # loaded now, not in a tick
+
+    @property
+    def age(self) -> float:
+        """Time over which the present state is carried on from the last that was measured [s]."""
+        return self._present.time - self._measured.time
 
     @property
     def fresh(self) -> RobotState | None:
@@ -133,8 +139,9 @@ class StateMonitor:
         """
         self._now = now
         if tick is not None and elapsed > 0.0:
-            dv = np.zeros(self._robot.nv) if tick.solution is None else tick.solution.dv
-            self._predictor.commanded(now - elapsed, dv)
+            found, still = tick.solution, np.zeros(self._robot.nv)
+            dv, self._tau = (still, self._tau) if found is None else (found.dv, found.tau)
+            self._predictor.commanded(now - elapsed, dv, self._tau)
         fault, report = fault or self._fault(state, elapsed), None
         if fault is None:
             self._measured, self.bridged = state, 0.0
