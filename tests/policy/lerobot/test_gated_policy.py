@@ -17,7 +17,7 @@ SPEC.loader.exec_module(EXAMPLE)
 
 @pytest.fixture(scope="module")
 def parts(tmp_path_factory):
-    path = write_checkpoint("act", tmp_path_factory.mktemp("act"), cameras=("head",))
+    path = write_checkpoint("act", tmp_path_factory.mktemp("act"), spec=EXAMPLE.LAYOUT, cameras=("head",))
     policy = ACTPolicy.from_pretrained(path)
     return policy, *make_pre_post_processors(policy.config, pretrained_path=str(path))
 
