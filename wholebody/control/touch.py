@@ -50,6 +50,11 @@ hand."""
 EARLY, TOLD_SHARE = 0.5, 0.9
 """Share of the lean against a force that is told before it is felt, and of the force that tips with which a hand pushes
 that is told to [no unit]; chosen: a force that does not come leaves the body where it stands well."""
+BELIEVED = 150.0
+"""Largest force on a palm that the program counts on [N]; chosen: twice what tips the robot."""
+OWN = -0.005
+"""Room of a pair of the robot's own bodies below which they touch [m]; derived: the program keeps 8 mm between them,
+and hulls are known to a millimetre."""
 FORGIVEN = 0.06
 """Largest distance by which a palm that touches may be short of where it is commanded along its push [m]; chosen: past
 it the body has gone where the hands cannot follow."""
@@ -78,6 +83,9 @@ class Touch:
         self._rows, robot = controller.touch, controller.robot
         joints = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
         self._arms = [6 + arm for arm in joints]
+        # Body 0 is the base, the others belong to the joints.
+        fingers = [robot.joint_indices(tool.finger_joints) for tool in robot.spec.tools]
+        self._bodies = [1 + np.concatenate(parts) for parts in zip(joints, fingers, strict=True)]
         self._torques = [robot.spec.effort_max[robot.motor_to_pin][arm] for arm in joints]
         self.reset()
 
@@ -103,13 +111,14 @@ class Touch:
         """Whether a hand touches, or did a moment ago."""
         return not self._settled
 
-    def look(self, row: np.ndarray, now: float, elapsed: float) -> None:
+    def look(self, row: np.ndarray, now: float, elapsed: float, follows: bool = True) -> None:
         """Take in what the observer saw of the last state.
 
         Args:
             row: Packed reference of the last tick.
             now: Present time [s].
             elapsed: Time since the last tick [s].
+            follows: Whether the robot follows a plan: off any, hands are let go of and whirl, and nothing is a touch.
         """
         observer, found = self._observer, self._config.force_found
         if observer is None:
@@ -127,7 +136,8 @@ class Touch:
             self._velocity = keep * self._velocity + (1.0 - keep) * (palms - self._palms) / elapsed
             self._palms = palms
         for hand, size in enumerate((left, right)):
-            self._advance(hand, size, now, elapsed)
+            own = not follows or (size > found and self._touches_itself(hand))
+            self._advance(hand, 0.0 if own else size, now, elapsed)
         self._count_on(observer.wrenches, elapsed)
         for hand in range(2):
             if self.shares[hand] > 0.0:
@@ -155,6 +165,12 @@ class Touch:
         self._rows[:, STIFFNESS] = stiffness / config.mass
         self._most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step].tolist()
 
+    def _touches_itself(self, hand: int) -> bool:
+        """Whether an arm touches another part of the robot: that force is none of the world's."""
+        tick = self._controller.compiled.tick
+        near = tick.pairs[: tick.n_pairs, 9] < OWN
+        return bool(near.any() and np.isin(tick.pair_body[: tick.n_pairs][near], self._bodies[hand]).any())
+
     def _advance(self, hand: int, size: float, now: float, elapsed: float) -> None:
         """Begin or end a touch by how hard a palm is pushed [N]."""
         share, touches = self.shares[hand], self.since[hand] == self.since[hand]
@@ -172,7 +188,8 @@ class Touch:
         """Tell the program of forces and moments (2, 6), and lean against them."""
         controller, rows = self._controller, self._rows
         com, palms, weight = controller.robot.com, controller.palm_positions(), GRAVITY * controller.robot.mass
-        rows[:, FORCE:PUSH_MAX] = wrenches * np.array(self.shares)[:, None]
+        sizes = np.linalg.norm(wrenches[:, :3], axis=1)
+        rows[:, FORCE:PUSH_MAX] = wrenches * (np.array(self.shares) * BELIEVED / np.maximum(sizes, BELIEVED))[:, None]
         f, m = self.forces, rows[:, MOMENT:PUSH_MAX].sum(axis=0)
         # Before a hand touches what it is told of, the body leans half of the way.
         f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self._expected

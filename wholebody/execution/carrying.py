@@ -69,7 +69,7 @@ class Carrying:
         self._planned, self._now, self._due = Loads(), -inf, inf
         self._count_on(self._config.left, self._config.right)
 
-    def look(self, state: RobotState, row: np.ndarray, elapsed: float, age: float = 0.0) -> None:
+    def look(self, state: RobotState, row: np.ndarray, elapsed: float, age: float = 0.0, follows: bool = True) -> None:
         """Take in a state before the tick that answers it.
 
         Args:
@@ -77,12 +77,13 @@ class Carrying:
             row: Packed reference of the last tick: where the palms are commanded to be.
             elapsed: Time since that tick [s].
             age: Time over which the state was carried on [s].
+            follows: Whether the robot follows a plan.
         """
         observer, self._now = self.observer, state.time
         if observer is None:
             return
         news = observer.look(state, self._masses, age)
-        self.touch.look(row, state.time, elapsed)
+        self.touch.look(row, state.time, elapsed, follows)
         if not news or not self._learns:
             return
         blocked, known, least = self._blocked(row), observer.known.tolist(), self._config.follow

@@ -267,7 +267,7 @@ class Supervisor(statuses.Following):
         if not led:
             self.handover.cancel()
         self._exchange(now)
-        self.carrying.look(state, follower.row, elapsed, self.monitor.age)
+        self.carrying.look(state, follower.row, elapsed, self.monitor.age, not self._reflex.active)
         self.motors.look(self.monitor.fresh, measured)
         if led:
             self._keep_planning()
