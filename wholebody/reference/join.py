@@ -30,6 +30,9 @@ DURATIONS = np.geomspace(0.1, 4.0, 17)
 HALVINGS = 8
 """How often the step between two of them is halved for a motion that is on its way; chosen: to 0.1 % of the time, so
 that a way which is joined anew at every step is as short as one that is joined once."""
+ASTRAY = 1.1
+"""Multiple of its distance from the path that a motion on its way there comes to at most [no unit]; chosen: rates that
+lead away are given up instead, as an acceleration that lasts would lead metres away."""
 PATIENCE = 2.5
 """Longer than that nothing is joined for the sake of comfort [s]; chosen, no trial is on record."""
 
@@ -92,9 +95,11 @@ def join_curve(
     # The rates of a path at its first knot are only guessed: where they make no difference they are given up at once.
     rough = _excursion(velocity + acceleration, DURATIONS[0]) > 1.0
     settling = join_duration(velocity, limits.scaled(HURRY)) if rough else DURATIONS[0]
-    if under_way < min(from_rest, duration):
+    on_its_way = max(under_way, patience * under_way / from_rest)
+    astray = _excursion(error, on_its_way) > ASTRAY * _excursion(place, on_its_way)
+    if under_way < min(from_rest, duration) and not astray:
         # The motion is on its way to the path already: one that gave up its rates would begin anew.
-        duration = max(under_way, patience * under_way / from_rest)
+        duration = on_its_way
         joined = _corrected(curve, error[None], s, [duration])
     else:
         # An acceleration that lasted as long would lead metres away.
