@@ -16,7 +16,7 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import as_spec
 from policy.action_spec.codec import encode_valid
 from policy.action_spec.spec import ActionSpec
-from policy.action_spec.state import state_layout, state_numbers
+from policy.action_spec.state import aligned_state, state_numbers
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import nearest_rotation, quaternion_to_matrix
 from policy.geometry.se3 import make_transform, translated
@@ -57,7 +57,7 @@ def record_executed(
         SpecError: If there is no such layout.
     """
     robot = robot or g1()
-    spec = state_layout(as_spec(layout, robot))
+    spec = aligned_state(as_spec(layout, robot))
     missing = [name for name in robot.joint_names if name not in record["joint_names"]]
     if missing:
         raise InputError(f"the recording has no joint '{missing[0]}': it is not of the robot {robot.name}")

@@ -20,8 +20,8 @@ def test_the_loop_runs_on_the_wall_clock_and_says_how_punctual_it_was():
     assert answer.returncode == 0, answer.stderr
     told = json.loads(answer.stdout)
     loop = told["loop"]
-    # A second of settling, three of asking, one of holding, at 2 ms.
-    assert loop["ticks"] + loop["missed_ticks"] == pytest.approx(2500, abs=30)
+    # A second of settling, three of asking, one of holding, at 2 ms; then it is lowered, which takes up to 6 s.
+    assert 2470 <= loop["ticks"] + loop["missed_ticks"] <= 2530 + 3000
     assert took > 5.0
     assert sum(loop["late_ms"].values()) == loop["ticks"]
     assert not told["fell"]

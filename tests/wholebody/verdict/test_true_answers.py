@@ -80,7 +80,10 @@ def test_2_a_hand_kept_out_of_the_floor_did_not_do_what_was_asked(checker):
     assert found[Reason.INTO_FLOOR].value > 0.15
     assert found[Reason.INTO_FLOOR].severity == "infeasible"
     assert verdict.moved_max_m == pytest.approx(verdict.max_m, abs=0.01)
-    assert lines(verdict)[0].startswith("INFEASIBLE  input: a hand would go into the floor, and is moved by 2")
+    first = lines(verdict)[0]
+    assert first.startswith("INFEASIBLE  input: left palm at step ")
+    assert "led away by 2" in first
+    assert "below the floor, which is another motion" in first
 
 
 def test_2_a_jump_that_no_hand_does_is_another_motion(checker):
@@ -220,9 +223,9 @@ def test_6_a_lissajous_that_is_followed_as_given_is_not_called_slowed(checker):
     assert (verdict.verdict, found, verdict.time_factor) == ("feasible", {}, pytest.approx(1.0, abs=1e-3))
 
 
-@pytest.mark.parametrize(("down", "answer"), [(0.068, "feasible"), (0.07, "infeasible")])
-def test_hands_that_press_on_a_table_are_infeasible_where_that_takes_the_robot_down(down, answer):
-    """1.7 and 3.7 mm: it was "done as given" up to 20 mm, and the robot fell."""
+@pytest.mark.parametrize(("down", "foretold_answer"), [(0.068, "feasible"), (0.07, "infeasible")])
+def test_hands_that_press_on_a_table_stand_and_the_check_without_simulation_knows_no_touch(down, foretold_answer):
+    """1.7 and 3.7 mm: the robot fell of the second. It pushes no harder than it may now; plans know nothing of that."""
     time = np.linspace(0.0, 1.0, 90)[:, None]
     T = [np.tile(STANCE.T_world_base @ STANCE.poses[hand], (90, 1, 1)) for hand in ("lhand", "rhand")]
     for poses in T:
@@ -232,4 +235,4 @@ def test_hands_that_press_on_a_table_are_infeasible_where_that_takes_the_robot_d
     fast = FastChecker(scene="table")
     checker = Checker("table", episode=EpisodeConfig(begin=fast.first_state(policy)))
     foretold, (verdict, _, result) = fast.check(policy, "input", policy.duration), judged(checker, policy)
-    assert (foretold.verdict, verdict.verdict, result.fall is not None) == (answer, answer, answer == "infeasible")
+    assert (foretold.verdict, verdict.verdict, result.fall) == (foretold_answer, "feasible", None)
