@@ -33,6 +33,8 @@ that a way which is joined anew at every step is as short as one that is joined 
 ASTRAY = 1.1
 """Multiple of its distance from the path that a motion on its way there comes to at most [no unit]; chosen: rates that
 lead away are given up instead, as an acceleration that lasts would lead metres away."""
+STRAIGHT = 0.99
+"""Cosine of the angle up to which a hand moves straight towards its path [no unit]; chosen: 8 degrees."""
 PATIENCE = 2.5
 """Longer than that nothing is joined for the sake of comfort [s]; chosen, no trial is on record."""
 
@@ -97,7 +99,7 @@ def join_curve(
     settling = join_duration(velocity, limits.scaled(HURRY)) if rough else DURATIONS[0]
     on_its_way = max(under_way, patience * under_way / from_rest)
     astray = _excursion(error, on_its_way) > ASTRAY * _excursion(place, on_its_way)
-    if under_way < min(from_rest, duration) and not astray:
+    if under_way < min(from_rest, duration) and not astray and _heads_there(error):
         # The motion is on its way to the path already: one that gave up its rates would begin anew.
         duration = on_its_way
         joined = _corrected(curve, error[None], s, [duration])
@@ -140,6 +142,12 @@ def _excursion(error: np.ndarray, duration: float) -> float:
     """Largest ratio of a correction to what is called no difference."""
     values = _BASIS[0] @ (error * np.array([[1.0], [duration], [duration**2]]))
     return max(float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True))
+
+
+def _heads_there(error: np.ndarray) -> bool:
+    """Whether a hand moves straight towards the path, as one does whose chunk says again what the one before said."""
+    place, velocity = error[0, POSITION], error[1, POSITION]
+    return float(place @ velocity) <= -STRAIGHT * float(np.linalg.norm(place) * np.linalg.norm(velocity))
 
 
 def _bounds(limits: HandLimits) -> np.ndarray:
