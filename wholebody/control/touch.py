@@ -214,8 +214,10 @@ class Touch:
             time = REST_TIME
         if (size := sqrt(push.dot(push))) > 0.0:
             keep = exp(-elapsed / time) if into.any() else 0.0
-            into[:] = keep * into + (1.0 - keep) * push / size
-            into /= sqrt(into.dot(into))
+            turned = keep * into + (1.0 - keep) * push / size
+            # A push that turns round at once leaves no direction: then the one before stays.
+            if (length := sqrt(turned.dot(turned))) > 0.0:
+                into[:] = turned / length
 
     def _hold(self, hand: int, row: np.ndarray) -> None:
         """Notice that a hand is held back: short of where it is commanded along its push, and no longer on its way."""
