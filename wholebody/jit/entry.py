@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from threading import RLock
 from types import FunctionType, ModuleType
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "forceinline": True}
@@ -31,6 +32,8 @@ PACKAGES = ("wholebody",)
 
 _IMPORT = re.compile(r"^(?:from|import) ([\w.]+)", re.MULTILINE)
 _registered: set[Callable] = set()
+_COMPILING = RLock()
+"""Held while anything is compiled: kernels are registered for all entries alike."""
 
 
 class Entry:
@@ -55,7 +58,9 @@ class Entry:
     def native(self, *arguments: object) -> Callable:
         """The native entry, made for arguments of these kinds on first use: for who calls it too often for a detour."""
         if self._native is None:
-            self._native = self.compile(*arguments)
+            with _COMPILING:
+                if self._native is None:
+                    self._native = self.compile(*arguments)
         return self._native
 
     @property

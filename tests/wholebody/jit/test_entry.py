@@ -5,6 +5,8 @@ in this process, from the cache in another one, and after a change of the module
 import importlib
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -115,3 +117,42 @@ def test_a_cache_from_before_the_class_of_an_argument_moved_is_not_read(chain, t
         (tmp_path / f"{other}.py").write_text("")
         command = [sys.executable, "-c", MOVED.format(where=name), str(tmp_path)]
         assert float(subprocess.run(command, capture_output=True, text=True, check=True).stdout) == 3.0
+
+
+def test_threads_that_meet_cold_compile_one_after_another_and_each_entry_once():
+    """Two threads that judged first registered the same kernels at once, and one failed in numba."""
+    guard, inside, made = threading.Lock(), [0], []
+
+    class Slow(Entry):
+        def compile(self, *arguments):
+            with guard:
+                inside[0] += 1
+                made.append((self, inside[0]))
+            threading.Event().wait(0.02)
+            with guard:
+                inside[0] -= 1
+            return self.function
+
+    entries, begin = [Slow(lambda: 1), Slow(lambda: 2)], threading.Barrier(8)
+
+    def call(k):
+        begin.wait()
+        return entries[k % 2]()
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(call, range(8))) == [1, 2] * 4
+    assert sorted(entries.index(one) for one, _ in made) == [0, 1]
+    assert all(together == 1 for _, together in made)
+
+
+def test_an_entry_compiled_while_another_is_compiled_waits_for_nobody(chain):
+    class Outer(Entry):
+        def compile(self, *arguments):
+            assert Entry(chain.total)(np.ones(3)) == 3.0
+            return super().compile(*arguments)
+
+    def call():
+        return Outer(chain.widest)(np.array([1.0, 2.0, 6.0]), np.zeros(3))
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(call).result(timeout=300) == 3.0
