@@ -15,7 +15,7 @@ from wholebody.types import Reason
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = ("models", "policy", "wholebody", "tests", "benchmarks", "examples")
-DOCUMENTS = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
+DOCUMENTS = (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"))
 
 
 def typed(text, program):
@@ -139,7 +139,7 @@ def test_every_name_that_a_code_block_imports_exists(document):
             assert exists(f"{module}.{name}"), f"{document.name}: from {module} import {name}"
 
 
-@pytest.mark.parametrize("document", sorted((ROOT / "docs").glob("*.md")), ids=lambda path: path.name)
+@pytest.mark.parametrize("document", sorted((ROOT / "docs").rglob("*.md")), ids=lambda path: path.name)
 def test_the_settings_that_are_named_exist_and_have_the_values_that_are_told(document):
     pattern = r"`((?:planner|planning|safety|verdict|body|hands)\.(?!schema)[a-z_.]*[a-z_])`(?: = ([\d.]*\d))?"
     for name, told in re.findall(pattern, document.read_text()):
