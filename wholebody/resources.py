@@ -27,7 +27,7 @@ def processors() -> list[int]:
 
 
 def end_with_parent() -> None:
-    """In a process of ours: end as soon as the one that began it is gone, killed too, whatever is being computed."""
+    """End a process of ours as soon as the one that began it is gone, killed too, whatever is being computed."""
     parent = parent_process()
     if parent is None:
         return

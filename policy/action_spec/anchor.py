@@ -40,7 +40,7 @@ class Anchor:
 
     @classmethod
     def measured(cls, observation: Observation, robot: RobotSpec | None = None) -> Anchor:
-        """At the pelvis and joints of an observation of a robot, the G1 with Dex3 hands if not given.
+        """Anchor at the pelvis and joints of an observation of a robot, the G1 with Dex3 hands if not given.
 
         Raises:
             ObservationError: If the observation is malformed.
@@ -59,7 +59,7 @@ class Anchor:
 
     @classmethod
     def nominal(cls, T_world_feet: np.ndarray | None = None, robot: RobotSpec | None = None) -> Anchor:
-        """At the pelvis of the default stance, upright and heading along the feet.
+        """Anchor at the pelvis of the default stance, upright and heading along the feet.
 
         Args:
             T_world_feet: Midpoint of the soles on the floor, x forward, shape (4, 4); the world frame if None.

@@ -111,7 +111,7 @@ class ActionSpec:
         return tuple(f"{slot.name.removeprefix('no_')} is ignored: {slot.reason}" for slot in ignored)
 
     def without(self, names: Iterable[str], reason: str) -> ActionSpec:
-        """The same layout with some slots ignored, for a reason.
+        """Layout with some slots ignored, for a reason.
 
         Raises:
             SpecError: If there is no such slot, or a hand would have no place to go.
@@ -136,7 +136,7 @@ class ActionSpec:
         return tuple(f and not self.slot(f"{side}_arm") for f, side in zip(free, sides, strict=True))
 
     def with_free_orientation(self) -> ActionSpec:
-        """The same layout for tasks that do not depend on the orientations of the wrists."""
+        """Layout for tasks that do not depend on the orientations of the wrists."""
         slots = (
             dataclasses.replace(slot, orientation="free") if slot.name.endswith("_wrist_rotation") else slot
             for slot in self.slots

@@ -245,7 +245,7 @@ class RoundTrip:
     unreached: int
 
     def merged(self, other: RoundTrip) -> RoundTrip:
-        """Of both sets of frames."""
+        """Statistics of both sets of frames."""
         joints = {name: max(largest, other.joints[name]) for name, largest in self.joints.items()}
         return RoundTrip(
             self.frames + other.frames,

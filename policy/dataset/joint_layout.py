@@ -91,14 +91,14 @@ class JointLayout:
 
     @property
     def spec(self) -> ActionSpec:
-        """The same vector without legs, in the order arms, hands, waist; joints in the layout's unit."""
+        """Layout of the vector without legs, in the order arms, hands, waist; joints in the layout's unit."""
         parts = self._parts()
         name = f"joint{sum(part['size'] for part in parts)}"
         return ActionSpec(name=name, slots=stack(*parts), robot=self.robot)
 
     @property
     def whole_spec(self) -> ActionSpec:
-        """The same vector with its legs, if it has them, behind the rest."""
+        """Layout of the vector with its legs, if it has them, behind the rest."""
         legs = [joints(self.robot, leg) | {"unit": self.unit} for leg in LEGS] if self.has_legs else []
         parts = [*self._parts(), *legs]
         name = f"joint{sum(part['size'] for part in parts)}"

@@ -78,7 +78,7 @@ def widened(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float) -
 
 
 def plain(stats: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """As lists, for JSON and parquet."""
+    """Statistics as lists, for JSON and parquet."""
     return {key: {name: np.asarray(value).tolist() for name, value in found.items()} for key, found in stats.items()}
 
 

@@ -70,7 +70,7 @@ def _episode_stats(file: Path, cameras: list[str]) -> dict[int, dict[str, Any]]:
 
 
 def read_tasks(file: Path) -> tuple[str, ...]:
-    """As `in_numbers`."""
+    """Tasks of a dataset by number; see `in_numbers`."""
     return in_numbers(((line["task_index"], line["task"]) for line in _lines(file, "task_index", "task")), file)
 
 

@@ -100,7 +100,7 @@ def _camera_stats(row: Mapping[str, Any], cameras: list[str]) -> dict[str, dict[
 
 
 def read_tasks(folder: Path) -> tuple[str, ...]:
-    """As `in_numbers`."""
+    """Tasks of a dataset by number; see `in_numbers`."""
     file = folder / "meta" / "tasks.parquet"
     table = read_parquet(file)
     names = [name for name in table.column_names if name != "task_index"]

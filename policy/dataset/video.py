@@ -72,7 +72,7 @@ def _boxes(stream: BinaryIO, start: int, end: int) -> Iterator[tuple[bytes, tupl
 
 
 def _duration(stream: BinaryIO, start: int, end: int) -> float:
-    """Of a movie [s]."""
+    """Duration of a movie [s]."""
     boxes = dict(_boxes(stream, start, end))
     if b"mvhd" not in boxes:
         raise ReadingError("is no whole MP4 file: its index has no header")

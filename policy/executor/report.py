@@ -48,7 +48,7 @@ class Delivery:
 
     @property
     def latency(self) -> float:
-        """From the observation to the answer [s]."""
+        """Time from the observation to the answer [s]."""
         return self.done - self.t_obs
 
 
@@ -84,12 +84,12 @@ class ExecutionReport:
             self._log.warning("%.3f s: %s: %s", time, code, detail)
 
     def recovered(self) -> None:
-        """From here on the next event of every code is logged again."""
+        """Let the next event of every code be logged again."""
         self._told.clear()
 
     @property
     def latencies(self) -> np.ndarray:
-        """Of every delivery, shape (n,), [s]."""
+        """Latencies of every delivery, shape (n,), [s]."""
         return np.array([delivery.latency for delivery in self.deliveries])
 
     def summary(self) -> str:

@@ -181,7 +181,7 @@ def _check_plausible(
 
 
 def _check_modes(config: PreTrainedConfig, pre: Any, post: Any) -> Iterator[Finding]:
-    """The same normalisation of a kind of number wherever it is named: one that is not undone is not one."""
+    """Refuse a kind of number with different normalisations: one that is not undone is not one."""
     cure = "take config.json and both processors from the same training run"
     for kind, key in (("ACTION", ACTION), ("STATE", STATE)):
         said = getattr(config, "normalization_mapping", {}).get(kind)

@@ -47,7 +47,7 @@ class ReplayPolicy:
         self._clock = EpisodeClock()
 
     def held(self, seconds: float) -> ReplayPolicy:
-        """The same recording after its first step was held, for the fewest steps that last so long [s]."""
+        """Recording with its first step held for the fewest steps that last so long [s]."""
         more = int(np.ceil(seconds * self.episode.fps - 1e-6))
         steps = np.maximum(np.arange(-more, len(self.episode)), 0)
         longer = {name: value[steps] for name, value in self.episode.arrays().items()}

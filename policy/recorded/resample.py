@@ -11,7 +11,7 @@ from policy.geometry.se3 import bracket, interpolate
 
 
 def resampled(chunk: ActionChunk, t_obs: float, steps: int, fps: float | None = None) -> ActionChunk:
-    """The same motion on another grid: straight in positions and joints, geodesic in rotations, held at both ends.
+    """Motion on another grid: straight in positions and joints, geodesic in rotations, held at both ends.
 
     Args:
         chunk: A valid chunk.

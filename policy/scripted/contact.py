@@ -258,7 +258,7 @@ def lift_box(*, mass: float = 2.0, squeeze: float = 25.0, depth: float = 0.04) -
 
 
 def _hands(which: tuple[str, ...], time: float, left: np.ndarray, closing: float | None) -> Waypoint:
-    """The same of one hand or both, given for the left one."""
+    """Waypoint of one hand or both, given for the left one."""
     palms = {"lpalm": left, "lgrasp": closing} if "left" in which else {}
     if "right" in which:
         palms |= {"rpalm": left * MIRROR_Y, "rgrasp": closing}

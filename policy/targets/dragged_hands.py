@@ -37,7 +37,7 @@ class _Approach:
 
     @classmethod
     def to(cls, target: np.ndarray, T: np.ndarray, rate: np.ndarray, time: float) -> _Approach:
-        """From a pose (4, 4) with velocity and angular velocity (6,), world axes."""
+        """Way to the target from a pose (4, 4) with velocity and angular velocity (6,), world axes."""
         turn = matrix_to_rotvec(T[:3, :3] @ target[:3, :3].T)
         offset = np.concatenate([T[:3, 3] - target[:3, 3], turn])
         # A palm that has the largest speed already does not become faster with this frequency, one at rest less fast.

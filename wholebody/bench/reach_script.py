@@ -146,5 +146,5 @@ class ReachScript:
         )
 
     def packed(self, k: int) -> PackedReference:
-        """The same, packed before the clock starts."""
+        """References of the script, packed before the clock starts."""
         return PackedReference(self._rows[k])

@@ -70,7 +70,7 @@ def make_judging(audited: Audited, folder: Path) -> Callable[[str], Outcome]:
 
 
 def _changed(outcome: Outcome, policy: Policy, judge: Judge, folder: Path | None) -> Outcome:
-    """With how much slower a recording is feasible by its plans, and its repair where there is a folder for it."""
+    """How much slower a recording is feasible by its plans, and its repair where there is a folder for it."""
     from policy.errors import SpecError
     from policy.recorded.replay import ReplayPolicy
     from wholebody.verdict.audit.episode_repair import EpisodeRepairer

@@ -55,7 +55,7 @@ class Diagnosis:
         return [f"{finding.level:<8}{finding.check:<12}{finding.sentence}" for finding in self.findings]
 
     def to_json(self) -> str:
-        """The same as JSON: checkpoint, verdict, exit_code, and checks, each with check, level, text and cure."""
+        """JSON of the diagnosis: checkpoint, verdict, exit_code, and checks, each with check, level, text and cure."""
         checks = [vars(finding) for finding in self.findings]
         head = {"checkpoint": self.checkpoint, "verdict": LEVELS[self.exit_code], "exit_code": self.exit_code}
         return json.dumps(head | {"checks": checks}, indent=2, ensure_ascii=False)

@@ -259,7 +259,7 @@ def _come(name: str, future: Future[Answer], quiet: bool, title: str = "") -> An
 
 
 def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, pages: Pages | None) -> None:
-    """In a process of its own: the judge of all its inputs."""
+    """Make, in a process of its own, the judge of all its inputs."""
     global _judge  # noqa: PLW0603 - a process has one
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_DFL)

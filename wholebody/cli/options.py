@@ -167,7 +167,7 @@ class Judging:
 
 @dataclass(frozen=True)
 class Asking:
-    """When a policy is asked, and what becomes of its answers."""
+    """Options of when a policy is asked, and of what becomes of its answers."""
 
     latency_ms: Annotated[
         tuple[float, float] | None,
@@ -212,7 +212,7 @@ class Network:
     num_steps: Annotated[int, Option(help="Checkpoint: denoising steps; 0: as saved.")] = 0
 
     def choices(self) -> dict[str, Any]:
-        """The same as fields of `policy.lerobot.checkpoint.LoadOptions`."""
+        """Fields of `policy.lerobot.checkpoint.LoadOptions` by name."""
         return {"tokenizer": self.tokenizer, "device": self.device or None, "num_steps": self.num_steps or None}
 
 
@@ -223,7 +223,7 @@ class Sampling(Network):
     seed: Annotated[int | None, Option(help="Checkpoint: makes sampling reproducible.")] = None
 
     def choices(self) -> dict[str, Any]:
-        """As in `Network`."""
+        """Fields of `Network` by name."""
         return super().choices() | {"seed": self.seed}
 
 

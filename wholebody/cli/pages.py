@@ -59,7 +59,7 @@ class Pages:
 
     @property
     def folder(self) -> Path:
-        """Of the pages of several inputs."""
+        """Folder of the pages of several inputs."""
         return self.path.with_suffix("")
 
     def place(self, name: str) -> Path:

@@ -101,7 +101,7 @@ def make_fast_checker(options: Simulation, scene: str, quiet: bool = False, *, a
 
 
 def settings_of(options: Simulation) -> ControllerConfig:
-    """As the file has them, for the robot and the planning time asked for."""
+    """Settings of the file, for the robot and the planning time asked for."""
     from wholebody.config import ControllerConfig
     from wholebody.config.file import load_config
 

@@ -119,7 +119,7 @@ class Proximity:
             self._measure(unknown, room)
 
     def copy(self) -> Proximity:
-        """The same shapes, measured independently."""
+        """Copy of the shapes that is measured independently."""
         other = copy(self)
         other._scratch = other._warm = None
         other.distance, other.bound, other.rows = self.distance.copy(), self.bound.copy(), self.rows.copy()

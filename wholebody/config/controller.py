@@ -230,7 +230,7 @@ WEIGHTS_STOP = replace(WEIGHTS_FALLBACK, position=10.0, orientation=10.0)
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
-    """From a chunk to a feasible plan."""
+    """Settings of the way from a chunk to a feasible plan."""
 
     posture: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     weights_fallback: TrajectoryConfig = WEIGHTS_FALLBACK

@@ -81,7 +81,7 @@ def _require_plain(text: str) -> None:
 
 
 def config_from(changes: object, place: Place = lambda names: "configuration") -> ControllerConfig:
-    """The same from plain data.
+    """Settings from plain data.
 
     Args:
         changes: Nested mappings.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class PlanningConfig:
-    """When a plan is asked for, and how long it takes in simulation, where time goes on meanwhile."""
+    """Settings of when a plan is asked for, and of how long it takes in simulation, where time goes on meanwhile."""
 
     lead: float = 0.1
     """Time from asking for a plan to the instant at which it takes over [s]; 0: at once, the robot waits."""

@@ -98,7 +98,7 @@ class WholeBodyController(Controller):
         )
 
     def _joint_limits(self) -> JointLimits:
-        """Those of the robot, with knees and elbows kept from where they are straight."""
+        """Joint limits of the robot, with knees and elbows kept from where they are straight."""
         spec, robot, safety, order = self.spec, self.robot, self.config.safety, self.robot.motor_to_pin
         q_min, q_max, ddq_max = spec.position_min[order], spec.position_max[order], spec.acceleration_max[order]
         knees, elbows = spec.parts("knee")[order], spec.parts("elbow")[order]
@@ -136,7 +136,7 @@ class WholeBodyController(Controller):
         )
 
     def stand_on_floor(self, feet: Feet) -> None:
-        """As of `Controller`; the program has both for all feet."""
+        """Set slope and friction of the floor as `Controller` does; the program has both for all feet."""
         super().stand_on_floor(feet)
         self.floor.distance = self.config.safety.floor_distance + feet.floor(self.spec).rise
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())

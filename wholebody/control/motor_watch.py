@@ -57,13 +57,13 @@ class MotorWatch:
             self._controller.set_gains(self._schedule.gains(self.observer.response))
 
     def arrival(self, now: float) -> float:
-        """When a command of the present time reaches the motors [s]: for then the robot is predicted, and led."""
+        """Time at which a command of the present reaches the motors [s]: the robot is predicted, and led, for then."""
         most = SHIFT * self._dt
         self._ahead += min(max(self.response.delay - self._ahead, -most), most)
         return now + self._ahead
 
     def sent(self, now: float) -> float:
-        """When a command was sent that reaches the motors at a time [s]."""
+        """Time at which a command was sent that reaches the motors at a given time [s]."""
         return now - self._ahead
 
     def look(self, state: RobotState | None, now: float) -> None:

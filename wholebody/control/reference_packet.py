@@ -72,7 +72,7 @@ class BodyReference:
 
 @dataclass(frozen=True, slots=True)
 class PackedReference:
-    """The same as one row, for a source that computes many at once; see `BodyReference.pack`."""
+    """Body reference as one row, for a source that computes many at once; see `BodyReference.pack`."""
 
     row: np.ndarray
 

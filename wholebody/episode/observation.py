@@ -21,7 +21,7 @@ def observation_of(
     task: str = "",
     images: Mapping[str, np.ndarray] | None = None,
 ) -> Observation:
-    """The same where there is no supervisor: the robot's model knows the order of the joints."""
+    """Observation where there is no supervisor: the robot's model knows the order of the joints."""
     joints = state.q[7:][robot.pin_to_motor]
     fingers = fingers_of(spec, joints)
     T = np.eye(4)

@@ -92,7 +92,7 @@ class EpisodeResult:
 
     @property
     def times(self) -> np.ndarray:
-        """When each chunk step was due, shape (n,), [s]."""
+        """Times at which the chunk steps were due, shape (n,), [s]."""
         return self.palms.times
 
     @property

@@ -23,7 +23,7 @@ FINGER_TOLERANCE = 1e-3
 
 @dataclass
 class PalmErrors:
-    """Of the palms at n steps of the chunks, each at its own time: what was asked, commanded and measured, compared.
+    """Errors of the palms at n steps of the chunks, each at its own time: asked, commanded and measured, compared.
 
     Attributes:
         times: When each step was due, shape (n,), [s].

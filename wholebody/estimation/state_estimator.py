@@ -149,7 +149,7 @@ class StateEstimator:
         return self.estimate(Readings(time, quat, w, self._all(joints, "joints"), self._all(speeds, "speeds"), tau, f))
 
     def estimate(self, readings: Readings) -> RobotState:
-        """The same for readings as arrays.
+        """Estimate from readings as arrays.
 
         Readings of the IMU or the legs that are no numbers, or a quaternion that is none, give a state that is not
         finite and change nothing: the supervisor predicts the robot meanwhile and says so (`state_invalid`). Readings

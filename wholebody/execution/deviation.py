@@ -57,6 +57,6 @@ class Deviation:
         return max(float(np.linalg.norm(a.translation - b.translation)) for a, b in pairs)
 
     def _poses(self, q: np.ndarray) -> list[pin.SE3]:
-        """Of both wrists in world."""
+        """Poses of both wrists in world."""
         pin.framesForwardKinematics(self._model, self._data, q)
         return [self._data.oMf[wrist].copy() for wrist in self._wrists]

@@ -48,7 +48,7 @@ def gated(compute: Compute, gate: Gate | None) -> Compute:
 
 
 def judged_elsewhere(request: PlanRequest, plan: ChunkPlan) -> None:
-    """For a supervisor whose plans are judged in the process that computes them: all that come are cleared."""
+    """Gate of a supervisor whose plans are judged in the process that computes them: all that come are cleared."""
 
 
 def why_not(answer: PlanAnswer) -> StatusReport:

@@ -13,7 +13,7 @@ SPEED = 0.5
 
 
 class WayBack:
-    """From one target of a robot that stands to the stance, in joints, trunk and centre of mass.
+    """Way from one target of a robot that stands to the stance, in joints, trunk and centre of mass.
 
     Legs cannot do all of it with both feet where they are: the whole-body program weighs what it asks for. The centre
     of mass counts most, and moves inside the soles from one end to the other.

@@ -160,7 +160,7 @@ def _source(file: Path) -> tuple[bytes, tuple[str, ...]]:
 
 
 def _named(function: Callable, version: int) -> Callable:
-    """The same function under a name with a number, for which numba's cache on disk has files of its own.
+    """Function under a name with a number, for which numba's cache on disk has files of its own.
 
     It would read the files of another version before it sees that they are out of date, and fails where the class of an
     argument has moved since.

@@ -59,7 +59,7 @@ class Glance:
     source: int
 
     def message(self) -> tuple[np.ndarray | float, ...]:
-        """As parts of a message."""
+        """Parts of the message."""
         followed, status = self.followed, self.followed.status
         reason = 0 if not status.reason else 1 + REASONS.index(status.reason)
         asked = np.full((2, 4, 4), np.nan) if followed.asked is None else followed.asked

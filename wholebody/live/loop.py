@@ -32,7 +32,7 @@ class Statue:
         self._state, self.origin = state, monotonic()
 
     def receive(self, timeout: float) -> RobotState:
-        """The same as ever, of the present time."""
+        """Resting state, stamped with the present time."""
         sleep(timeout)
         return replace(self._state, time=monotonic() - self.origin)
 

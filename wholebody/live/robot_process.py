@@ -186,7 +186,7 @@ class _Simulation:
         self._fall: Fall | None = None
 
     def run(self) -> None:
-        """Until told to end, or the other side is gone."""
+        """Step the robot until told to end, or until the other side is gone."""
         dt = self._plant.control_dt
         try:
             while not self._obeyed():

@@ -181,6 +181,6 @@ class Session:
 
 
 def _planner_begins(robot: RobotSpec) -> None:
-    """In the planner's process: it gives way, and has planned once before it is asked."""
+    """Prepare the planner's process: it gives way, and has planned once before it is asked."""
     pacing.give_way()
     compile_plan(robot)

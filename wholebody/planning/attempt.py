@@ -78,7 +78,7 @@ class Attempt:
 
     @property
     def start_error(self) -> float:
-        """The same at the first knot, where the plan begins, whatever the targets [m]."""
+        """Palm error at the first knot, where the plan begins, whatever the targets [m]."""
         return float(self.distance[0].max())
 
     @property
@@ -97,7 +97,7 @@ class Attempt:
 
     @property
     def start_violation(self) -> float:
-        """The same at the first knot, whose accelerations take the start to the second one."""
+        """Largest excess at the first knot, whose accelerations take the start to the second one."""
         return float(self.knots.violation[0])
 
     @property

@@ -224,7 +224,7 @@ class ChunkPlanner:
         )
 
     def targets(self, prepared: PreparedChunk, now: float, commanded: HandMotion, slowdown: float) -> Targets:
-        """Of a prepared chunk at one speed; a slower path begins with more motion per parameter, so nothing jumps."""
+        """Targets of a prepared chunk at one speed; slower paths begin faster per parameter: nothing jumps."""
         paths, projected = prepared.paths(now, commanded, slowdown)
         steps = self._steps(now - prepared.chunk.t_obs, max(path.span[1] for path in paths), slowdown)
         motions = [path.sample(steps) for path in paths]
@@ -292,7 +292,7 @@ class ChunkPlanner:
         return self._last_held[1]
 
     def _begun_held(self, held: Held, q: np.ndarray) -> np.ndarray:
-        """From a configuration (nq,) over to postures that hold the load, for the second to the last knot."""
+        """Blend from a configuration (nq,) over to postures that hold the load, for the second to the last knot."""
         body, time = self.optimizer.body, self.config.posture.dt * np.arange(1, len(held.q))
         rows = np.tile(q, (len(time), 1))
         for row, still, share in zip(rows, held.q[1:], np.minimum(time / POSTURE_TIME, 1.0), strict=True):
@@ -306,7 +306,7 @@ class ChunkPlanner:
         return s0 + dt * np.arange(int(np.ceil((end - s0) / dt)) + 1)
 
     def _continued(self, before: np.ndarray, T_palms: np.ndarray) -> np.ndarray:
-        """Of configurations from the second knot on, the first ones that are near the palms wanted, (k, nq)."""
+        """First ones of the configurations from the second knot on that are near the palms wanted, (k, nq)."""
         n = min(len(before), len(T_palms) - 2)
         off = np.linalg.norm(self.optimizer.palms(before[:n])[:, :, :3, 3] - T_palms[1 : n + 1, :, :3, 3], axis=2).max(
             axis=1

@@ -108,7 +108,7 @@ class ChunkPlan:
         return 1.0 / self.report.slowdown
 
     def rest(self, s: float, rate: float, knot: float) -> np.ndarray:
-        """From a parameter on [s], followed at a rate: configurations (k, nq), a time ``knot`` apart [s]."""
+        """Rest of the plan from a parameter on [s], followed at a rate: configurations (k, nq), ``knot`` apart [s]."""
         step = rate * knot
         at = s + step * np.arange(1.0, 1.0 + (self.end - s) / max(step, 1e-3))
         return self.trajectory.q[[self.trajectory.row(x) for x in at]]

@@ -131,7 +131,7 @@ class PostureSolver:
         return PosturePaths(self.body, self._weights)
 
     def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS) -> Solution:
-        """As `wholebody.planning.posture.solve`, with a search from at most so many ``starts``."""
+        """Still, balanced posture for two wrist poses, searched for from at most ``starts`` starts; see `solve`."""
         targets = np.stack([wrist_target(T_world_lhand, "T_world_lhand"), wrist_target(T_world_rhand, "T_world_rhand")])
         T_palms, missed = self._shifted(targets, 1.0), []
         for _ in self._attempts(T_palms, self._reaching, starts):
@@ -173,7 +173,7 @@ class PostureSolver:
         fps: float = 30.0,
         seq: int = 0,
     ) -> PosturePath:
-        """As `wholebody.planning.posture.path_to`."""
+        """Balanced way to a posture as a chunk; `path_to` has the details."""
         if not isinstance(posture, Solution):
             raise InputError(f"posture is a {type(posture).__name__}; give what `wholebody.solve` returns, a Solution")
         if not (DURATION_MIN <= duration <= DURATION_MAX and FPS_MIN <= fps <= FPS_MAX):

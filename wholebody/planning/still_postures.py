@@ -216,7 +216,7 @@ class RandomPostures:
             T[:] = [pin.updateFramePlacement(model, data, palm).homogeneous for palm in body.palms]
 
     def nearest(self, T_palms: np.ndarray, n: int, lever: float) -> np.ndarray:
-        """Those n whose worse palm is nearest to its pose, the nearest first, shape (n, 36).
+        """The n postures whose worse palm is nearest to its pose, the nearest first, shape (n, 36).
 
         Args:
             T_palms: Poses wanted in world, shape (2, 4, 4).

@@ -99,7 +99,7 @@ class BodyState:
 
     @classmethod
     def still(cls, q: np.ndarray, nv: int) -> BodyState:
-        """At rest at ``q``."""
+        """Trajectory at rest at ``q``."""
         return cls(q.copy(), np.zeros(nv))
 
 

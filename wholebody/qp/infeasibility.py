@@ -57,7 +57,7 @@ class FarkasCertificate:
 
     @property
     def excess(self) -> float:
-        """By how much the weighed bounds contradict themselves; a proof has more than 0."""
+        """Amount by which the weighed bounds contradict themselves; a proof has more than 0."""
         return -_bound(self.rows, self.y)
 
     @property

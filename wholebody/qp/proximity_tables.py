@@ -53,7 +53,7 @@ def proximity_tables(spec: RobotSpec, proximity: Proximity, clearance: FloorClea
 
 
 def no_tables() -> tuple[Fields, Fields]:
-    """The same fields for a program without distances."""
+    """Fields of the tables for a program without distances."""
     none, no_ints = np.zeros(0), np.zeros(0, dtype=np.int64)
     pairs, points = np.zeros((0, 2), dtype=np.int64), np.zeros((0, 3))
     reals = {"reach": none, "rounds": np.zeros((0, 8)), "vertices": points, "margin": none, "floor_reach": none}

@@ -55,7 +55,7 @@ class PiecewiseQuintic:
         return PiecewiseQuintic(mine.breaks, mine.coefficients + its.coefficients)
 
     def split(self, points: np.ndarray) -> PiecewiseQuintic:
-        """The same curve with breaks at ``points`` as well, which may lie outside."""
+        """Curve with breaks at ``points`` as well, which may lie outside."""
         breaks = np.union1d(self.breaks, points)
         i = np.clip(np.searchsorted(self.breaks, breaks[:-1], side="right") - 1, 0, len(self.coefficients) - 1)
         coefficients, delta = self.coefficients[i], breaks[:-1] - self.breaks[i]

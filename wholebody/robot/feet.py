@@ -38,7 +38,7 @@ class Feet:
 
     @classmethod
     def at(cls, spec: RobotSpec, model: pin.Model, q: np.ndarray, data: pin.Data | None = None) -> Feet:
-        """Those of a configuration (nq,); ``data`` is overwritten."""
+        """Feet of a configuration (nq,); ``data`` is overwritten."""
         data = model.createData() if data is None else data
         pin.forwardKinematics(model, data, q)
         poses = [pin.updateFramePlacement(model, data, frame_id(model, foot.frame)) for foot in spec.feet]

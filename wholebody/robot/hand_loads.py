@@ -32,7 +32,7 @@ class Loads:
 
     @property
     def most(self) -> tuple[float, float]:
-        """With the reserve [kg]."""
+        """Loads with the reserve [kg]."""
         return self.masses[0] + self.reserve[0], self.masses[1] + self.reserve[1]
 
     def beyond(self, other: Loads) -> float:

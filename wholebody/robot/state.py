@@ -42,12 +42,12 @@ class Robot:
 
     @property
     def mass(self) -> float:
-        """Of the robot with what it carries [kg]."""
+        """Mass of the robot with what it carries [kg]."""
         return self.loads.total
 
     @cached_property
     def scratch(self) -> pin.Data:
-        """For passing computations in the thread of the control loop: whoever uses it overwrites it. One is 5 MB."""
+        """Memory for passing computations in the control loop's thread: whoever uses it overwrites it. One is 5 MB."""
         return self.model.createData()
 
     def frame_id(self, name: str) -> int:

@@ -128,14 +128,14 @@ class RealisticPlant(MujocoPlant):
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
     def reset(self, begin: RobotState | None = None) -> RobotState:
-        """As of `MujocoPlant`; commands on their way are forgotten."""
+        """Reset as `MujocoPlant` does; commands on their way are forgotten."""
         self._sent.clear()
         if self._answer is not None:
             self._answer.reset()
         return super().reset(begin)
 
     def state(self) -> RobotState:
-        """As of `MujocoPlant`; torques are those that the motors tell."""
+        """State as of `MujocoPlant`, with the torques that the motors report."""
         state = super().state()
         if self._answer is None or self._answer.told is None:
             return state

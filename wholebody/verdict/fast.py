@@ -126,7 +126,7 @@ class FastChecker:
             time += following
 
     def first_state(self, policy: Policy) -> RobotState:
-        """At rest, with the hands at the first step of what a policy answers to a robot in its stance."""
+        """State at rest, with the hands at the first step of what a policy answers to a robot in its stance."""
         policy.reset()
         body = self.judge.first_pose(policy.infer(self._observation(self.judge.stance(), 0.0))).body
         return RobotState(0.0, body.q, body.v)

@@ -92,7 +92,7 @@ class ChunkGate:
         return refused(Reason.NOT_CLEARED, decision.said) if held else None
 
     def summary(self, late: int = 0) -> GateSummary:
-        """Of all since the last `begin`, and how many plans came too late."""
+        """Counts of cleared, repaired and held chunks since the last `begin`, and of plans that came too late."""
         last = list({decision.seq: decision for decision in self.decisions}.values())
         count = Counter(decision.answer for decision in last)
         repaired = [decision for decision in last if decision.answer == "repaired"]
@@ -110,7 +110,7 @@ class ChunkGate:
 
 
 def gate_of(config: ControllerConfig, by_layout: Mapping[str, tuple[bool, bool]], scene: str = "floor") -> ChunkGate:
-    """For another process to make: of settings, of which palms' orientation each layout leaves free, and of a scene."""
+    """Gate for another process to make: of settings, of the palms with free orientation by layout, of a scene."""
     return ChunkGate(FastChecker(config, scene), by_layout=by_layout)
 
 

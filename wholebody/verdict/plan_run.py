@@ -68,15 +68,18 @@ RATES = tuple(one for one in Limit if one.name.startswith(("HAND_", "TURN_")))
 
 
 class PlanRun:
-    """Chunks planned one after the other, and what they come to."""
+    """Chunks planned one after the other, and what they come to.
+
+    Args:
+        judge: Plans and judges each chunk.
+        free: Whether the orientation of the left and the right palm is free.
+        by_path: Compare palms where the plan is on its path; at the steps' own times if not.
+        at_once: The first chunk begins with its first step; where its plan does if not.
+    """
 
     def __init__(
         self, judge: ChunkJudge, free: tuple[bool, bool], *, by_path: bool = False, at_once: bool = False
     ) -> None:
-        """Of palms whose orientation may be free, compared at the steps' own times, or else where the plan is then.
-
-        The first chunk begins with its first step if it came ``at_once``, or else where its plan does.
-        """
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
         self._by_path, self._at_once = by_path, at_once
         self.margins: dict[Limit, Margin] = {}
@@ -215,7 +218,7 @@ class PlanRun:
                 self.palms.fingers.setdefault(tool.finger_joints[joint], one)
 
     def verdict(self, name: str, settings: dict) -> Verdict:
-        """By the same rules as that of an episode."""
+        """Verdict by the same rules as that of an episode."""
         result = self.result
         result.palms = self.palms.errors()
         result.time_factor = self._spent / self._travelled if self._travelled else 1.0

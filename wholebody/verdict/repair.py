@@ -81,7 +81,7 @@ class Repairer:
         return self._lasts(chunk, self._begin or self._first_pose(chunk))
 
     def _first_pose(self, chunk: ActionChunk) -> Begin:
-        """That of the last chunk, where both begin alike."""
+        """Start posture of this chunk; kept for the next one that begins alike."""
         first = tuple(values[0].tobytes() for values in chunk.arrays().values())
         if self._last_first is None or self._last_first[0] != (first, self._judge.loads):
             self._last_first = (first, self._judge.loads), self._judge.first_pose(chunk)
@@ -99,7 +99,7 @@ class Repairer:
         return None
 
     def _size(self, change: Change) -> float:
-        """In terms of what a repair may move and turn a palm, the larger of both."""
+        """Size of a change in terms of what a repair may move and turn a palm, the larger of both."""
         bounds = self._judge.config.verdict
         return max(change.moved / bounds.palm_repair, change.turned / bounds.turn_repair)
 

@@ -168,7 +168,7 @@ def json_line(verdict: Verdict) -> str:
 
 
 def _worlds(worlds: Worlds) -> str:
-    """In how many realistic worlds an input held."""
+    """Line that says in how many realistic worlds an input held."""
     n, seeds = len(worlds.seeds), worlds.seeds
     fell = f"; fell with seeds {', '.join(map(str, worlds.fell))}" if worlds.fell else "; none fell"
     return (

@@ -44,7 +44,7 @@ def _share(below: Callable[[float], bool]) -> float:
 
 
 def _chance(k: int, n: int, p: float) -> float:
-    """That k of n are true, each with the chance p, which is neither 0 nor 1."""
+    """Binomial probability of k successes in n trials, each with the chance p, 0 < p < 1."""
     return exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) + k * log(p) + (n - k) * log(1.0 - p))
 
 

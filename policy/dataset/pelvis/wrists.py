@@ -38,7 +38,7 @@ def recorded_layout(dataset: Dataset, key: str, robot: RobotSpec | None = None) 
 
 @dataclass(frozen=True)
 class WristConversion:
-    """From one absolute wrist layout to another.
+    """Conversion from one absolute wrist layout to another.
 
     Attributes:
         source: Layout of the rows.

@@ -94,7 +94,7 @@ class KinematicController(Controller):
         return TickReport(None, compiled.answer, TickLevel.FULL)
 
     def _readable(self, solvers: tuple[str, ...]) -> TickReport:
-        """The same in readable Python; it failed if there is no acceptable answer: the robot is told to stay."""
+        """Answer of the readable formulation; without an acceptable one it failed, and the robot is told to stay."""
         program, answer = self.build(), None
         for name in solvers:
             answer = solve(program, name)

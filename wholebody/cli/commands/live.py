@@ -108,7 +108,7 @@ def live(
 
 
 def _settings(around: Around) -> ControllerConfig:
-    """As the file has them, for the robot asked for."""
+    """Settings of the file, for the robot asked for."""
     from wholebody.config import ControllerConfig
     from wholebody.config.file import load_config
 

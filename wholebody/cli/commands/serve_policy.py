@@ -25,7 +25,7 @@ class Served(Sampling):
     allow_random_weights: Annotated[bool, Option(help="Checkpoint: go on without weights, for timing.")] = False
 
     def choices(self) -> dict[str, Any]:
-        """As in `Network`."""
+        """Fields of `Network` by name."""
         return super().choices() | {
             "task": self.task,
             "dtype": self.dtype or None,

@@ -110,7 +110,7 @@ def _exceeded(margins: Mapping[Limit, Margin], codes: Iterable[Limit]) -> list[M
 
 
 def _worst(margins: Mapping[Limit, Margin], row: tuple[Limit, ...]) -> list[Margin]:
-    """Of the rates exceeded the one that needs the largest slow-down: a k-th rate falls with its k-th power."""
+    """Exceeded rate that needs the largest slow-down: a k-th rate falls with its k-th power."""
 
     def slowdown(one: Margin) -> float:
         return (one.value / one.bound) ** (1.0 / (1 + row.index(one.code)))

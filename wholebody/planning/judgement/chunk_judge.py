@@ -135,11 +135,11 @@ class ChunkJudge:
         return StillPostures(self.planner.optimizer.body, self.config.planner.posture, 2)
 
     def stance(self) -> Begin:
-        """At rest in the stance."""
+        """Start at rest in the stance."""
         return self._at_rest(stance_q(self.spec, self.robot.model))
 
     def first_pose(self, chunk: ActionChunk) -> Begin:
-        """At rest in a balanced posture with the hands where the chunk begins, or as near to it as one is found."""
+        """Start at rest in a balanced posture, hands where the chunk begins, or as near to it as one is found."""
         found = self.postures.solve(chunk.T_world_lhand[0], chunk.T_world_rhand[0], starts=STARTS)
         q = found.q.copy()
         for tool, fingers, limits in zip(
@@ -150,7 +150,7 @@ class ChunkJudge:
         return self._at_rest(q)
 
     def present(self, state: RobotState) -> Begin:
-        """As measured, hands commanded to do what they do."""
+        """Start as measured, hands commanded to do what they do."""
         begin = self._at_rest(state.q, state.v)
         for i, tool in enumerate(self.spec.tools):
             twist = self.robot.velocity(tool.wrist_frame)

@@ -29,7 +29,7 @@ BEFORE = 2
 
 
 def chunk_margins(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: RobotSpec) -> Iterator[Margin]:
-    """Of a chunk as given: least room to each kind of bound on its numbers.
+    """Least room of a chunk as given to each kind of bound on its numbers.
 
     Args:
         chunk: As given, valid.

@@ -192,7 +192,7 @@ class ChunkProgram:
         return self._nearest
 
     def nearest_track(self) -> tuple[SampledTrajectory, tuple[HandMotion, HandMotion]]:
-        """The same as it would be followed, and the hands as given at its rows."""
+        """Nearest motion as it would be followed, and the hands as given at its rows."""
         steps = self.targets.steps
         curve = curve_through(steps, self.nearest().knots.q, self.begin.body.v)
         end = steps[-1] + steps[1] - steps[0]
@@ -242,7 +242,7 @@ class ChunkProgram:
         return all(self._rests_at(k, near, enforced & AT_REST) for k, near in self._hard[-2:])
 
     def _rests_at(self, k: int, near: np.ndarray, enforced: frozenset[Limit]) -> bool:
-        """The same at one knot; what is known of more or of fewer kinds is not searched for again."""
+        """Whether a posture at rest does one knot; what is known of more or fewer kinds is not searched for again."""
         for (knot, kinds), found in self._at_rest.items():
             if knot == k and (kinds >= enforced if found else kinds <= enforced):
                 return found

@@ -127,7 +127,7 @@ class _Pass:
         self.logit = (total @ layers[-2]).reshape(2, -1).sum(axis=0) + layers[-1]
 
     def gradients(self, held: np.ndarray) -> list[np.ndarray]:
-        """Of the mean cross-entropy, in the order of the layers."""
+        """Gradients of the mean cross-entropy, in the order of the layers."""
         off = ((likely(self.logit) - held) / len(held)).astype(np.float32)
         back = np.tile(off, 2)[:, None]
         found = [self._total.T @ back, off.sum(keepdims=True)]
@@ -143,6 +143,6 @@ class _Pass:
 
 
 def _hard_swish(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `kernel.hard_swish`, and its derivative."""
+    """Values of `kernel.hard_swish`, and its derivative."""
     share = np.clip(z * np.float32(1.0 / 6.0) + np.float32(0.5), 0.0, 1.0)
     return z * share, share + ((share > 0.0) & (share < 1.0)) * z * np.float32(1.0 / 6.0)

@@ -52,7 +52,7 @@ class Turn(StrEnum):
 
     @property
     def rotations(self) -> np.ndarray:
-        """Of the left and the right palm in world, shape (2, 3, 3)."""
+        """Rotations of the left and the right palm in world, shape (2, 3, 3)."""
         R = rotvec_to_matrix(np.array(self.rotvec))
         return np.array([R, MIRROR @ R @ MIRROR])
 
@@ -70,7 +70,7 @@ by a third where the trunk leans."""
 
 
 def _shoulders() -> np.ndarray:
-    """Of the trunk in each of these postures, upright first, shape (27, 2, 3), [m]."""
+    """Shoulders of the trunk in each of these postures, upright first, shape (27, 2, 3), [m]."""
     found = []
     for hip, lean, twist in product(HIPS, np.deg2rad(LEANS), np.deg2rad(TWISTS)):
         middle = np.array([SHOULDER_AHEAD * np.sin(lean), 0.0, hip + SHOULDER_UP * np.cos(lean)])
@@ -115,7 +115,7 @@ class Pairs:
         return Pairs(*(np.concatenate(field) for field in fields))
 
     def mirrored(self) -> Pairs:
-        """The same to the other side of the body."""
+        """Mirror image of the pair, on the other side of the body."""
         return Pairs(self.points[:, ::-1] @ MIRROR, self.turns, self.loads[:, ::-1])
 
     def poses(self, i: int) -> np.ndarray:
@@ -134,7 +134,7 @@ def draw(n: int, generator: np.random.Generator) -> Pairs:
 
 
 def draw_often_asked(n: int, generator: np.random.Generator) -> Pairs:
-    """The same, but for shares of `OFTEN`: mirror images, one palm at rest, and palms near each other."""
+    """Pairs as of `draw`, but for shares of `OFTEN`: mirror images, one palm at rest, and palms near each other."""
     pairs = draw(n, generator)
     left, right = pairs.points[:, 0], pairs.points[:, 1]
     mirrored, resting, near = np.split(generator.permutation(n), np.cumsum([round(share * n) for share in OFTEN]))[:3]

@@ -35,7 +35,7 @@ class Centroidal:
         self._loads.carry(loads, self._tables[0])
 
     def __call__(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """At configurations (K, nq), whose quaternions have length 1, and velocities (K, nv).
+        """Evaluate at configurations (K, nq), whose quaternions have length 1, and velocities (K, nv).
 
         Returns:
             Centre of mass, its velocity and the angular momentum about it, (K, 3) each, and the rotations of the

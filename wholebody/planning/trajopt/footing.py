@@ -47,7 +47,7 @@ class Footing:
 
     @classmethod
     def of(cls, spec: RobotSpec, feet: Feet, least: float) -> Footing:
-        """On these feet, each with its least share of the weight."""
+        """Footing on these feet, each with its least share of the weight."""
         corners, floor = feet.corners(spec), feet.floor(spec)
         support = convex_polygon(corners[:, :, :2].reshape(-1, 2))
         within = (corners.reshape(-1, 3) - floor.origin) @ floor.axes
@@ -55,7 +55,7 @@ class Footing:
         return cls(feet, floor, corners, support, convex_polygon(within[:, :2]), pressure)
 
     def tables(self, c: TrajectoryConfig, friction: float, least: float) -> dict[str, np.ndarray]:
-        """Those of `arrays.Tables` that say where the robot stands."""
+        """Fields of `arrays.Tables` that say where the robot stands."""
         return {
             "R_feet": self.feet.R.copy(),
             "p_feet": self.feet.p.copy(),
@@ -77,7 +77,7 @@ class Footing:
         return np.tile(points, (len(forces), 1)), np.repeat(forces, len(points), axis=0)
 
     def _rows_in_floor(self) -> np.ndarray:
-        """Those of a wrench in the floor's axes about its origin from those in world, shape (6, 6)."""
+        """Matrix from a wrench in world to one in the floor's axes about its origin, shape (6, 6)."""
         T = np.zeros((6, 6))
         T[:3, :3] = T[3:, 3:] = self.floor.axes.T
         T[3:, :3] = -self.floor.axes.T @ pin.skew(self.floor.origin)

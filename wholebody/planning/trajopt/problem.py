@@ -68,7 +68,7 @@ class TrajectoryProblem:
 
     @property
     def q_fingers(self) -> np.ndarray:
-        """In the order of their bodies, shape (K, n_fingers)."""
+        """Finger joints in the order of their bodies, shape (K, n_fingers)."""
         return self._task.q_fingers
 
     def begin(self, T_palms: np.ndarray, q_fingers: np.ndarray, v_start: np.ndarray) -> None:

@@ -91,7 +91,7 @@ class RobotTables:
 
     @classmethod
     def of(cls, spec: RobotSpec, config: TrajectoryConfig, friction: float, force_min: float) -> RobotTables:
-        """The same, made once for the last robot: a copy for each who changes loads and feet takes 1 ms, not 80."""
+        """Cached tables of the last robot, as a copy whose loads and feet can be changed: 1 ms, not 80."""
         made = _made(spec, config, friction, force_min)
         other, t = copy(made), made.tables
         other.model, other.proximity = made.model.copy(), made.proximity.copy()
@@ -143,7 +143,7 @@ class RobotTables:
         )
 
     def _com_stance_bare(self, q: np.ndarray) -> np.ndarray:
-        """As `_com_stance` with empty hands, whatever they carry now."""
+        """Centre of mass of the stance with empty hands, whatever they carry now."""
         carried = self._loads.present
         self._loads.carry((0.0, 0.0))
         com = _com_stance(self.model, self.data, q)

@@ -92,12 +92,12 @@ def penalties(n_edges: int, softness: float) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def tolerances(n_edges: int) -> np.ndarray:
-    """By how much the bounds of a knot may be exceeded by a plan that is followed, (n_inequalities,)."""
+    """Tolerances of a knot: how much a plan that is followed may exceed its bounds, (n_inequalities,)."""
     return _kept(_each(n_edges, [bound.tolerance for bound in BOUNDS]))
 
 
 def _kept(values: np.ndarray) -> np.ndarray:
-    """The same array, which nobody may change: it is handed out again."""
+    """Array made read-only: it is handed out again."""
     values.flags.writeable = False
     return values
 

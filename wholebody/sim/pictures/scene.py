@@ -86,7 +86,7 @@ class Mark:
 
     @property
     def name(self) -> str:
-        """The same in every scene, for those who move what they have drawn; no two marks of a scene have the same."""
+        """Name of the mark, the same in every scene, for those who move what they have drawn; unique in a scene."""
         return "_".join(part for part in (self.show.name.lower(), self.kind.value, self.side) if part)
 
 

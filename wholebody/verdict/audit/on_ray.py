@@ -19,7 +19,7 @@ MISSING = "--ray needs the extra of that name: pip install 'g1-wholebody[ray]'"
 
 
 class _Actor:
-    """On a node of the cluster: judges what comes, in the folder of the audit."""
+    """Worker on a node of the cluster: judges what comes, in the folder of the audit."""
 
     def __init__(self, make: Callable[[], Judging], folder: str) -> None:
         os.chdir(folder)

@@ -61,7 +61,7 @@ def may_be_slower(name: str) -> bool:
 
 
 def file_name(name: str) -> str:
-    """Of the repaired input: its own, and a few letters that tell it from others of that name."""
+    """File name of the repaired input: its own, and a few letters that tell it from others of that name."""
     source, episode = whence(name)
     mark = sha256(str(Path(source).absolute()).encode()).hexdigest()[:6]
     return f"{Path(source).stem}{'' if episode is None else f'_{episode:06d}'}_{mark}.npz"

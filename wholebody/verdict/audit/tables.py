@@ -39,7 +39,7 @@ def require_packages() -> None:
 
 
 def written(text: str) -> str:
-    """As files may have it: names of files need not be UTF-8."""
+    """Text as files may have it: names of files need not be UTF-8."""
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
 
 

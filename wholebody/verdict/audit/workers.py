@@ -108,7 +108,7 @@ def _heard(worker: _Worker) -> Outcome | None:
 
 
 def too_long(name: str, limit: float) -> Outcome:
-    """Of an input that takes more than a limit [s]."""
+    """Answer for an input that takes more than a limit [s]."""
     return Outcome(name=name, ending="timed_out", message=f"not judged within {limit:g} s (--limit)")
 
 
@@ -119,7 +119,7 @@ def _end(worker: _Worker) -> None:
 
 
 def _work(make: Callable[[], Judging], pipe: Connection) -> None:
-    """In a process: judge what comes, until nothing comes any more."""
+    """Judge what comes, in a process of its own, until nothing comes any more."""
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_IGN)
     end_with_parent()

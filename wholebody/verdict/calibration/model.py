@@ -103,7 +103,7 @@ class Calibration:
         return np.sqrt(np.einsum("mi,ij,mj->m", z, self.shape, z) / len(self.names))
 
     def unlike(self, x: np.ndarray) -> tuple[str, ...]:
-        """In which quantities the chunk farthest out of (m, n) is unlike those fitted to; none if it is like them."""
+        """Quantities in which the chunk farthest out of (m, n) is unlike those fitted to; none if it is like them."""
         distance = self.distance(x)
         worst = int(distance.argmax())
         if distance[worst] <= self.card["near"]:

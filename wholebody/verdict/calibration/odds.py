@@ -21,7 +21,7 @@ class Chance:
 
 @dataclass(frozen=True, kw_only=True)
 class Odds:
-    """Of the chunk of an input that is likeliest to make the robot fall, and of the one least likely to be followed.
+    """Odds of the chunk of an input that is likeliest to make the robot fall, and of the one least likely followed.
 
     Attributes:
         fall_as_given: That the robot falls where it is followed without plans, until 4 s after its last step.

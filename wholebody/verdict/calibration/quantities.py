@@ -17,7 +17,7 @@ WINDOW = 0.05
 
 
 def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: ChunkJudgement) -> dict[str, float]:
-    """By name, each a finite number: room to bounds, what the plan changes, and how the chunk moves the palms.
+    """Quantities by name, each a finite number: room to bounds, what the plan changes, how the chunk moves the palms.
 
     Args:
         judge: What judged it.
@@ -49,7 +49,7 @@ def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: Chunk
 
 
 def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:
-    """Of palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) at a rate [Hz]."""
+    """Quantities of palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) at a rate [Hz]."""
     speed, acceleration = np.diff(p, axis=0) * fps, np.diff(p, 2, axis=0) * fps**2
     turn = angle_between(R[1:], R[:-1])
     both, middle = acceleration.sum(axis=1), p.mean(axis=1)
@@ -76,7 +76,7 @@ def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:
 
 
 def _smooth(at: np.ndarray, p: np.ndarray, fps: float) -> dict[str, float]:
-    """Of palm points (H, 2, 3) that begin at (2, 3) and end at rest [m], through a window, at a rate [Hz]."""
+    """Palm points (H, 2, 3) that begin at (2, 3) and end at rest [m], smoothed through a window, at a rate [Hz]."""
     reach = int(np.ceil(3.0 * WINDOW * fps))
     window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (WINDOW * fps)) ** 2)
     held = np.concatenate([np.repeat(at[None], 2 * reach, 0), p, np.repeat(p[-1:], 2 * reach, 0)])

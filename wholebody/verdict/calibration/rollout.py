@@ -51,7 +51,7 @@ class Rollout:
         self._body, self._effort = robot.joint_indices(list(effort)), np.array(list(effort.values()))
 
     def quantities(self, chunk: ActionChunk, begin: Begin, loads: tuple[float, float]) -> dict[str, float]:
-        """By name, each a finite number: how far the program gets, and with how much room.
+        """Quantities by name, each a finite number: how far the program gets, and with how much room.
 
         Times for which it has no answer any more, drops the hands, or has the capture point at or past its bound [s],
         room of centre of pressure, capture point and centre of mass to the edge of the soles, least and last [m], slack

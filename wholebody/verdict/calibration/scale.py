@@ -12,7 +12,7 @@ SPREAD_MIN = 1e-6
 
 @dataclass(frozen=True)
 class Scale:
-    """Of n quantities.
+    """Scale of n quantities.
 
     Attributes:
         unit: Of each, where its logarithm begins, shape (n,).
@@ -28,7 +28,7 @@ class Scale:
 
     @staticmethod
     def of(x: np.ndarray) -> Scale:
-        """Of quantities (m, n)."""
+        """Scale fitted to quantities (m, n)."""
         unit = np.maximum(np.median(np.abs(x), axis=0), 1e-3)
         logs = _logarithm(x, unit)
         mean, spread = logs.mean(axis=0), logs.std(axis=0)

@@ -49,7 +49,7 @@ class Trees:
         )
 
     def probabilities(self, x: np.ndarray) -> np.ndarray:
-        """Of quantities (m, n) by every draw, shape (2, draws, m)."""
+        """Probabilities of quantities (m, n) by every draw, shape (2, draws, m)."""
         shape, m = self.leaf.shape[:-1], len(x)
         quantity, bound, leaf = (part.reshape(-1, part.shape[-1]) for part in (self.quantity, self.bound, self.leaf))
         tree, score = np.arange(len(leaf)), np.empty((m, *shape[:2]))

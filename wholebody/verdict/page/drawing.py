@@ -104,7 +104,7 @@ def snapshot(
 
 
 def _creased(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same with a vertex for each direction in which its faces look: light is smooth along a face, not over edges.
+    """Mesh with a vertex for each direction in which its faces look: light is smooth along a face, not over edges.
 
     Thin shells, whose two sides meet in a vertex, have no normal there otherwise.
     """

@@ -41,7 +41,7 @@ class Watched:
         return longer
 
     def reset(self, task: str = "") -> None:
-        """As the policy does, and forget the chunks."""
+        """Reset the policy, and forget the chunks."""
         self.chunks.clear()
         self._policy.reset(task)
 

@@ -226,7 +226,7 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
 
 
 def _cause(why: Why, since: float) -> dict[str, Any]:
-    """In the time of the run, as everything else on the page."""
+    """Cause in the time of the run, as everything else on the page."""
     time = why.time + since
     return {"sentence": why.sentence.replace(f"at {why.time:.2f} s", f"at {time:.2f} s", 1), "time": time}
 

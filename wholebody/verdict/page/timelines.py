@@ -104,7 +104,7 @@ def _balance(frames: Frames) -> Panel:
 
 
 def _joints(frames: Frames, spec: RobotSpec) -> Iterator[Panel]:
-    """Of torque, range and speed, the joint of the body that has the least room."""
+    """Least room of the body's joints in torque, range and speed."""
     record, motors, joints = frames.record, frames.record["motor_names"].tolist(), frames.record["joint_names"].tolist()
     body = np.isin(motors, spec.body_joints)
     share = frames.most(record["torque_asked"][:, body]) / record["effort_max"][body]
@@ -134,7 +134,7 @@ def _worst(name: str, values: np.ndarray, names: list[str], chosen: np.ndarray, 
 
 
 def _distances(frames: Frames, spec: RobotSpec, config: ControllerConfig) -> Iterator[Panel]:
-    """Of bodies of the robot to each other, and of hands and forearms to the floor."""
+    """Distances of bodies of the robot to each other, and of hands and forearms to the floor."""
     model, distance = load_pinocchio(spec), config.safety.self_distance
     proximity = Proximity(spec, model, None, stance_q(spec, model), distance)
     floor, data, near, low = FloorClearance(spec, model, proximity.geometry), model.createData(), [], []

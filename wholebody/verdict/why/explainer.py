@@ -188,7 +188,7 @@ def _holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: t
 
 
 def _raised(program: ChunkProgram, causes: Sequence[Why], since: float) -> list[WouldDo]:
-    """For each bound of an only cause, the value in a plan that keeps all others."""
+    """Value of each bound of an only cause in a plan that keeps all others."""
     out = []
     for kind in causes[0].codes if len(causes) == 1 else ():
         if kind in EVERY and (one := program.raised(kind)) is not None:

@@ -51,7 +51,7 @@ class SingleChanges:
         self.chunk, self.complete = chunk, True
 
     def all(self) -> list[Change]:
-        """Of each kind the smallest that is found; none for what that kind does not cure."""
+        """Smallest change of each kind that is found; none for what that kind does not cure."""
         found = self.slower(), self.moved(), self.turned(), self.lighter()
         return [one for one in found if one is not None]
 
@@ -72,7 +72,7 @@ class SingleChanges:
         return self._led("turned", 0.0, 1.0)
 
     def lighter(self) -> Change | None:
-        """With the least share less of the loads that are told."""
+        """Lightening of the loads that are told, by the least share that helps."""
         loads = self._judge.loads
         if not sum(loads):
             return None

@@ -157,7 +157,7 @@ FREE = 1e8
 
 
 def variable_names(controller: WholeBodyController) -> list[str]:
-    """Of the accelerations of base and joints, and of the forces at the corners of the soles."""
+    """Names of the accelerations of base and joints, and of the forces at the corners of the soles."""
     base = [f"base.{axis}" for axis in AXES]
     joints = [f"acceleration.{name}" for name in controller.robot.joint_names]
     forces = [
