@@ -31,11 +31,11 @@ from wholebody.config import ControllerConfig
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.trajopt import entry_points
-from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
-from wholebody.planning.trajopt.problem import TrajectoryProblem
-from wholebody.planning.trajopt.workspace import Motion
 from wholebody.sim.plant import MujocoPlant
+from wholebody.trajopt import entry_points
+from wholebody.trajopt.optimizer import TrajectoryOptimizer
+from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.workspace import Motion
 from wholebody.verdict.check import Checker
 
 HEADINGS = (

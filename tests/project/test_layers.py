@@ -30,8 +30,8 @@ FLOORS = (
         "wholebody.limits",
         "wholebody.contacts",
     },
-    {"wholebody.planning", "wholebody.qp", "wholebody.sim"},
-    {"wholebody.control"},
+    {"wholebody.trajopt", "wholebody.qp", "wholebody.sim"},
+    {"wholebody.planning", "wholebody.control"},
     {"wholebody.backends"},
     {"wholebody.execution"},
     {"wholebody.episode"},
@@ -60,7 +60,7 @@ ADAPTER_ONLY = {"torch", "torchvision", "lerobot", "transformers", "safetensors"
 # Too slow or too big to come with `import wholebody`.
 HEAVY = ("pinocchio", "mujoco", "placo", "torch", "lerobot", "numba", "scipy", "qpsolvers", "matplotlib", "imageio")
 
-MODULE_LINES, FUNCTION_LINES, FOLDER_FILES, ROOMS = 320, 60, 16, 27
+MODULE_LINES, FUNCTION_LINES, FOLDER_FILES, ROOMS, PLANNING_FLOORS = 320, 60, 16, 28, 7
 
 
 def module_name(path, root):
@@ -164,11 +164,29 @@ def measured(root):
     """Rooms, floors in use, and arrows between rooms."""
     pairs = {(room(module), room(target)) for module, target in arrows(root)}
     rooms = {room(module) for module, _ in sources(root, *PACKAGES, "benchmarks")} - {"wholebody"}
+    return len(rooms), floors_in_use(rooms, pairs), len(pairs)
+
+
+def measured_inside(root, package):
+    """The same of the files and folders that lie directly in a package."""
+    prefix = f"{package}."
+    names, pairs = set(), set()
+    for module, path in sources(root, *package.split(".")[:1]):
+        if module.startswith(prefix):
+            name = module.removeprefix(prefix).split(".")[0]
+            names.add(name)
+            targets = {t.removeprefix(prefix).split(".")[0] for t in imports_of(path, root) if t.startswith(prefix)}
+            pairs |= {(name, target) for target in targets - {name}}
+    return len(names), floors_in_use(names, pairs), len(pairs)
+
+
+def floors_in_use(rooms, pairs):
+    """How high rooms stand on each other; a `CycleError` where some stand on themselves."""
     below = {name: {target for source, target in pairs if source == name} for name in rooms}
     level = {}
     for name in TopologicalSorter(below).static_order():
         level[name] = 1 + max((level.get(target, 0) for target in below.get(name, ())), default=0)
-    return len(rooms), max(level.values()), len(pairs)
+    return max(level.values())
 
 
 def test_every_import_follows_the_map():
@@ -183,6 +201,12 @@ def test_every_room_has_a_floor_and_there_are_few_of_both():
     print(f"{rooms} rooms on {floors} floors, {pairs} arrows, 0 circles, {len(violations(ROOT))} arrows back")
     assert rooms <= ROOMS
     assert floors <= len(FLOORS)
+
+
+def test_inside_the_planner_there_are_few_floors_and_none_leads_back():
+    rooms, floors, pairs = measured_inside(ROOT, "wholebody.planning")
+    print(f"wholebody.planning: {rooms} rooms on {floors} floors, {pairs} arrows, 0 circles")
+    assert floors <= PLANNING_FLOORS
 
 
 @pytest.mark.parametrize(("floors", "table"), [(FLOORS, 0), (POLICY_FLOORS, 1)])

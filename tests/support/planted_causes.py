@@ -34,13 +34,13 @@ from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
 from tests.support.proof import proves
 from tests.support.sent_chunks import FPS, SPEC, STANCE, STEPS
 from wholebody.config import ControllerConfig, LoadConfig, PlannerConfig, RobotConfig
-from wholebody.planning.judgement.cause import causes
-from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.judgement.limits import Limit
-from wholebody.planning.judgement.motion_search import EVERY, NAMES
 from wholebody.planning.trajectory import curve_through
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.why import explainer
+from wholebody.verdict.why.cause import causes
+from wholebody.verdict.why.chunk_program import ChunkProgram
+from wholebody.verdict.why.motion_search import EVERY, NAMES
 
 TIME = np.arange(STEPS) / FPS
 SLIPPERY, WEAK = 0.05, 10.0

@@ -5,10 +5,10 @@ import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio
 from wholebody.planning.still_postures import WITHIN
-from wholebody.planning.trajopt.layout import COM_EDGE, LOWER
-from wholebody.planning.trajopt.problem import TrajectoryProblem
-from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.planning.trajopt.weights import tolerances
+from wholebody.trajopt.layout import COM_EDGE, LOWER
+from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.weights import tolerances
 
 PELVIS = np.array([[-0.08, -0.06, -0.25], [0.08, 0.06, 0.02]])
 """Least and most that the pelvis is moved from the stance [m]."""

@@ -28,11 +28,11 @@ from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.trajectory import BodyState
-from wholebody.planning.trajopt.problem import TrajectoryProblem
-from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.reference import HandMotion
 from wholebody.robot.state import Robot
 from wholebody.sim import plant
+from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState
 
 CHILD = """

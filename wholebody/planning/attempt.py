@@ -9,10 +9,10 @@ import numpy as np
 
 from wholebody.config import PlannerConfig
 from wholebody.planning.trajectory import CentroidalTrack, SampledTrajectory, track_along
-from wholebody.planning.trajopt.layout import LOWER, WAIST
-from wholebody.planning.trajopt.optimizer import KnotTrajectory
 from wholebody.reference import HandPath
 from wholebody.reference.cubic import CubicBSpline
+from wholebody.trajopt.layout import LOWER, WAIST
+from wholebody.trajopt.optimizer import KnotTrajectory
 
 
 @dataclass(frozen=True)

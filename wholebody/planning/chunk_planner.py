@@ -29,13 +29,13 @@ from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import HELD, PARTED, PREVIEW, Begin, Overlap, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
-from wholebody.planning.trajopt.budget import Budget
-from wholebody.planning.trajopt.centroidal import Centroidal
-from wholebody.planning.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
+from wholebody.trajopt.budget import Budget
+from wholebody.trajopt.centroidal import Centroidal
+from wholebody.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.types import Reason
 
 SEARCH_SHARE = 0.7

@@ -12,9 +12,9 @@ import daqp
 import numpy as np
 
 from wholebody.planning.trajectory import COARSE, GRID, CentroidalTrack, SampledTrajectory
-from wholebody.planning.trajopt.footing import HALF_SOLE
-from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.kernels.pendulum import LOWEST_HEIGHT
+from wholebody.trajopt.footing import HALF_SOLE
+from wholebody.trajopt.robot_tables import RobotTables
 
 EDGE_MARGIN = 0.005
 """Distance from the edge of the support at which the pressure can still be held [m]; chosen: soles are soft there."""

@@ -18,9 +18,9 @@ from models.spec import RobotSpec
 from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision.hull_pairs import HullPairs, found_of, measured
 from wholebody.planning.floor_projection import HAND_BOX
-from wholebody.planning.trajopt.layout import DISTANCE
-from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.planning.trajopt.weights import tolerances
+from wholebody.trajopt.layout import DISTANCE
+from wholebody.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.weights import tolerances
 
 SHIFT, TURN = 0.002, 0.1
 """Shift of a palm and turn of a hand that cost the same [m, rad]; measured: with 0.06 rad overlapping hands are up to

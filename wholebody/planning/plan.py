@@ -9,8 +9,8 @@ import numpy as np
 
 from wholebody.planning.changes import MOVED_MIN, Change
 from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.planning.trajopt.optimizer import KnotTrajectory
 from wholebody.reference import HandPath
+from wholebody.trajopt.optimizer import KnotTrajectory
 from wholebody.types import Reason
 
 

@@ -36,8 +36,8 @@ from wholebody.planning.still_postures import (  # fmt: skip
     StillPostures,
     wrist_target,
 )
-from wholebody.planning.trajopt.layout import LOWER
-from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.layout import LOWER
+from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState, check_state
 
 NEAR = 0.02

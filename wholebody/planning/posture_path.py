@@ -10,7 +10,7 @@ import pinocchio as pin
 from policy.chunk import ActionChunk
 from wholebody.config import TrajectoryConfig
 from wholebody.planning.still_postures import WITHIN, Constraint, StillPostures, scattered
-from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.robot_tables import RobotTables
 
 CURVES, DETOUR = 200, 0.6
 """Most curves that are tried, and deviation of the last one's control point from the middle of the straight one, as a

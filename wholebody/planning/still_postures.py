@@ -1,6 +1,6 @@
 """Postures at rest with both feet in the stance: the trajectory optimiser's problem without velocities.
 
-Palms, bounds on configurations and distances are those of a plan (`wholebody.planning.trajopt`). At rest the
+Palms, bounds on configurations and distances are those of a plan (`wholebody.trajopt`). At rest the
 zero-moment point and the capture point are under the centre of mass, so the innermost of their three edges holds.
 """
 
@@ -15,7 +15,7 @@ import pinocchio as pin
 from policy.geometry.rotations import angle_between, nearest_rotation, rotation_residual
 from wholebody.config import TrajectoryConfig
 from wholebody.errors import InputError
-from wholebody.planning.trajopt.layout import (  # fmt: skip
+from wholebody.trajopt.layout import (  # fmt: skip
     BASE_HEIGHT,
     COM_EDGE,
     DISTANCE,
@@ -25,9 +25,9 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     TILT,
     WAIST,
 )
-from wholebody.planning.trajopt.problem import TrajectoryProblem
-from wholebody.planning.trajopt.robot_tables import RobotTables
-from wholebody.planning.trajopt.weights import tolerances
+from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.weights import tolerances
 
 POSITION_REACHED, ORIENTATION_REACHED = 1e-3, np.deg2rad(0.2)
 """Errors of a wrist up to which a target is reached [m, rad]; definition."""

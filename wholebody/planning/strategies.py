@@ -26,7 +26,7 @@ import numpy as np
 from wholebody.config import PlannerConfig, TrajectoryConfig
 from wholebody.planning.attempt import Attempt
 from wholebody.planning.limit_projection import JUMP
-from wholebody.planning.trajopt.budget import Budget
+from wholebody.trajopt.budget import Budget
 
 FIRM = 3.0
 """Factor on the scales of the palms where bounds are exceeded for them; chosen: the bounds weigh nine times as much."""

@@ -10,9 +10,9 @@ import pinocchio as pin
 from policy.geometry.rotations import matrix_to_quaternion, matrix_to_rotvec, quaternion_to_matrix
 from wholebody.jit.entry import Entry
 from wholebody.planning.kernels.along_curve import along_curve
-from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.robot.state import Robot
+from wholebody.trajopt.centroidal import Centroidal
 
 GRID = 0.002
 """Spacing of the sampled posture [s]; chosen: a control tick at 500 Hz."""

@@ -24,7 +24,6 @@ from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
-from wholebody.planning.judgement.chunk_program import STARTS
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.preparation import prepare
@@ -47,6 +46,7 @@ from wholebody.verdict.repair import (  # fmt: skip
     towards,
 )
 from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.chunk_program import STARTS
 from wholebody.verdict.why.explainer import Explainer, would_change
 from wholebody.verdict.why.sentence import with_changes
 

@@ -12,11 +12,12 @@ import numpy as np
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.calibration.odds import Chance, Odds
+from wholebody.verdict.causes import Tick
 from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why.sentence import Tick, change_said
+from wholebody.verdict.why.sentence import change_said
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {

@@ -12,16 +12,17 @@ from typing import Literal
 import numpy as np
 
 from wholebody.config.verdict import VerdictConfig
+from wholebody.episode.approach import approach_steps
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
-from wholebody.verdict.approach import approach_steps
 from wholebody.verdict.calibration.odds import Odds
+from wholebody.verdict.causes import Tick, Why, WouldDo
 from wholebody.verdict.consequences import folded
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
-from wholebody.verdict.why.sentence import Tick, Why, WouldDo
+from wholebody.verdict.why.headline import headline
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 Follow = Literal["planned", "gated", "as_given"]
@@ -133,8 +134,6 @@ class Verdict:
     @property
     def headline(self) -> str:
         """One sentence that a person can act on, the same wherever a verdict is told."""
-        from wholebody.verdict.why.headline import headline  # which knows verdicts
-
         return headline(self)
 
     def as_dict(self) -> dict:

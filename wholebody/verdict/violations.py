@@ -12,10 +12,10 @@ import numpy as np
 from policy.recorded.motion_csv import HANDS_ONLY
 from wholebody.config import START_MAX
 from wholebody.config.verdict import VerdictConfig
+from wholebody.episode.approach import approach_steps
 from wholebody.episode.result import EpisodeResult
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, Status
-from wholebody.verdict.approach import approach_steps
 
 SLOWDOWN_FEASIBLE = 1.01
 """Time factor up to which a motion counts as unslowed; chosen, no trial is on record."""

@@ -20,9 +20,9 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import PlanReport
 from wholebody.planning.preparation import most_near
 from wholebody.planning.trajectory import GRID, BodyState
-from wholebody.planning.trajopt.problem import RETURN_TIME
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.state import Robot
+from wholebody.trajopt.problem import RETURN_TIME
 from wholebody.types import Reason
 
 SPEC = g1()

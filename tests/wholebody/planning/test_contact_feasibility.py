@@ -9,8 +9,8 @@ from models.pinocchio_model import stance_q
 from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.planning.contact_feasibility import EDGE_MARGIN, RECOVERY_TIME, ContactFeasibility
 from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.state import Robot
+from wholebody.trajopt.robot_tables import RobotTables
 
 ROWS = 500
 """Of a track: a second."""

@@ -18,8 +18,8 @@ from wholebody.config import TrajectoryConfig
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.hands_apart import GRACE, NEAR, SHIFT, SHIFT_MAX, TOLERATED, TURN, HandHulls, HandsApart
-from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.sim.plant import MujocoPlant
+from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.verdict.fast import FastChecker
 
 SPEC, CLEARANCE = g1(), TrajectoryConfig().self_distance

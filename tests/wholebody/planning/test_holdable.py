@@ -10,10 +10,10 @@ from wholebody.config import ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.reachability.holdable import HoldablePlaces, arms_spent
 from wholebody.planning.trajectory import BodyState
-from wholebody.planning.trajopt.budget import Budget
 from wholebody.reference import HandMotion, rest_row
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
+from wholebody.trajopt.budget import Budget
 
 STANCE = stance_pose()
 HEAVY = Loads((2.0, 2.0))

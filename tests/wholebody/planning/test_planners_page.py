@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from wholebody.config import ControllerConfig
-from wholebody.planning.trajopt.weights import BOUNDS
+from wholebody.trajopt.weights import BOUNDS
 
 ROOT = Path(__file__).parents[3]
 

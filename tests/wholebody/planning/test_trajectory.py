@@ -7,8 +7,8 @@ import pytest
 from models import g1
 from models.pinocchio_model import stance_q
 from wholebody.planning.trajectory import GRID, _states, centroidal_along, curve_through, track_along
-from wholebody.planning.trajopt.centroidal import Centroidal
 from wholebody.robot.state import Robot
+from wholebody.trajopt.centroidal import Centroidal
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, stance_q
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
-from wholebody.planning.trajopt.robot_tables import RobotTables
 from wholebody.robot.body_table import body_table
 from wholebody.robot.hand_loads import HandLoads, Loads
 from wholebody.robot.state import Robot
+from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState
 
 SPEC = g1()

@@ -19,8 +19,8 @@ from wholebody.execution.background_planner import ThreadPlanner
 from wholebody.execution.gate import HeldError, gated
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.trajopt import budget
 from wholebody.sim.plant import MujocoPlant
+from wholebody.trajopt import budget
 from wholebody.types import Reason, Status, StatusReport
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker

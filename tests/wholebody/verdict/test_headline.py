@@ -11,19 +11,19 @@ from policy.recorded.motion_csv import Motion, motion_chunk
 from tests.support.outcome_cases import outcome_case
 from tests.support.sent_chunks import sent
 from wholebody import judge
-from wholebody.planning.judgement.cause import RATES, _of_plan, _worst
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.types import Reason
 from wholebody.verdict.audit.outcome import Outcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 from wholebody.verdict.calibration.odds import Chance, Odds
+from wholebody.verdict.causes import WouldDo
 from wholebody.verdict.page.index import write_index
 from wholebody.verdict.plan_run import on_one_scale
 from wholebody.verdict.report import lines
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity, Violation
+from wholebody.verdict.why.cause import RATES, _of_plan, _worst
 from wholebody.verdict.why.headline import headline
-from wholebody.verdict.why.sentence import WouldDo
 
 ODDS = Odds(
     fall_as_given=Chance(p=0.95, low=0.9, high=0.98), fall_s=0.0,

@@ -17,8 +17,8 @@ from tests.support.planted_causes import (
     planted,
     told,
 )
-from wholebody.planning.judgement.motion_search import EVERY
 from wholebody.verdict.plan_run import PlanRun
+from wholebody.verdict.why.motion_search import EVERY
 
 
 @pytest.mark.parametrize("kind", ["reach", "floor", "start", "jerk", "finger_range", "waist_torque", "scene"])

@@ -12,16 +12,17 @@ import pytest
 from tests.support.proof import proves
 from tests.support.sent_chunks import sent
 from tests.support.verdict_agreement import case
-from wholebody.planning.judgement.cause import causes
-from wholebody.planning.judgement.chunk_program import STARTS, ChunkProgram
 from wholebody.planning.judgement.limits import Limit, Margin
-from wholebody.planning.judgement.motion_search import NAMES
 from wholebody.resources import verdict_schema
+from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.fast import FastChecker, judge
 from wholebody.verdict.report import lines, to_json
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why import explainer
-from wholebody.verdict.why.sentence import Why, WouldDo, with_changes
+from wholebody.verdict.why.cause import causes
+from wholebody.verdict.why.chunk_program import STARTS, ChunkProgram
+from wholebody.verdict.why.motion_search import NAMES
+from wholebody.verdict.why.sentence import with_changes
 from wholebody.verdict.why.tick import TickProver
 
 

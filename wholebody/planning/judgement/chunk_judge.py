@@ -22,11 +22,11 @@ from wholebody.planning.posture import PostureSolver
 from wholebody.planning.still_postures import StillPostures
 from wholebody.planning.strategies import PREVIEW
 from wholebody.planning.trajectory import BodyState
-from wholebody.planning.trajopt.problem import TrajectoryProblem
 from wholebody.reference import HandMotion, rest_row, time_scaled
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.state import Robot
+from wholebody.trajopt.problem import TrajectoryProblem
 from wholebody.types import RobotState
 
 PALMS = ("left palm", "right palm")

@@ -11,8 +11,8 @@ import pinocchio as pin
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.config import TrajectoryConfig
 from wholebody.planning.judgement.limits import Limit, Margin
-from wholebody.planning.trajopt import weights
-from wholebody.planning.trajopt.layout import (  # fmt: skip
+from wholebody.trajopt import weights
+from wholebody.trajopt.layout import (  # fmt: skip
     BASE_HEIGHT,
     COM_EDGE,
     DISTANCE,
@@ -25,9 +25,9 @@ from wholebody.planning.trajopt.layout import (  # fmt: skip
     ZMP,
     n_inequalities,
 )
-from wholebody.planning.trajopt.limbs import SPARE
-from wholebody.planning.trajopt.problem import TrajectoryProblem
-from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.limbs import SPARE
+from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.robot_tables import RobotTables
 
 SIDES = {"front": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
 STEEP = 0.38

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from wholebody.config import TrajectoryConfig
 from wholebody.planning.still_postures import Round, StillPostures
-from wholebody.planning.trajopt.budget import Budget
-from wholebody.planning.trajopt.layout import LOWER, WAIST
-from wholebody.planning.trajopt.robot_tables import RobotTables
+from wholebody.trajopt.budget import Budget
+from wholebody.trajopt.layout import LOWER, WAIST
+from wholebody.trajopt.robot_tables import RobotTables
 
 PALM_SCALES = {"position": 0.01, "position_give": 0.3, "orientation": 0.3, "orientation_give": 0.5}
 """Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: hands that hold a load may turn,

@@ -26,6 +26,7 @@ from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
+from wholebody.verdict.causes import Why
 from wholebody.verdict.page.drawing import CAMERA, REACH, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
@@ -35,7 +36,6 @@ from wholebody.verdict.report import change_said, lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
 from wholebody.verdict.why.headline import headline
-from wholebody.verdict.why.sentence import Why
 
 HERE = Path(__file__).parent
 MISSING = "a report needs the extra of that name: pip install 'g1-wholebody[report]'"

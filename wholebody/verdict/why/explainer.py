@@ -14,17 +14,18 @@ import numpy as np
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from wholebody.episode.tracking_error import FINGER_TOLERANCE
-from wholebody.planning.judgement.cause import Cause, causes
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.chunk_margins import HANDS
-from wholebody.planning.judgement.chunk_program import AT_REST, ChunkProgram
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
-from wholebody.planning.judgement.motion_search import EVERY
 from wholebody.planning.plan import ChunkPlan
+from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.plan_run import PlanRun, Suspect
 from wholebody.verdict.repair import Change, Kind, slowed
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.why.sentence import Why, WouldDo, why, with_changes
+from wholebody.verdict.why.cause import Cause, causes
+from wholebody.verdict.why.chunk_program import AT_REST, ChunkProgram
+from wholebody.verdict.why.motion_search import EVERY
+from wholebody.verdict.why.sentence import why, with_changes
 from wholebody.verdict.why.single_changes import SingleChanges
 from wholebody.verdict.why.tick import TickProver
 

@@ -7,9 +7,10 @@ from typing import Protocol
 from wholebody.planning.judgement.limits import OF_NUMBERS, Margin
 from wholebody.types import Reason
 from wholebody.verdict.calibration.odds import Odds
+from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why.sentence import Why, WouldDo, bound_said, change_said
+from wholebody.verdict.why.sentence import bound_said, change_said
 
 ANOTHER = "which is another motion"
 WHY_NOT = {

@@ -18,14 +18,14 @@ from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import BodyReference, PalmReference
 from wholebody.control.tick_report import TickLevel
-from wholebody.planning.judgement.chunk_program import ChunkProgram
 from wholebody.planning.trajectory import GRID, SampledTrajectory
 from wholebody.qp.infeasibility import FarkasCertificate, LinearRows, infeasibility
 from wholebody.qp.problem import QuadraticProgram
 from wholebody.qp.solvers import solve
 from wholebody.reference import HandMotion
 from wholebody.types import RobotState
-from wholebody.verdict.why.sentence import Tick
+from wholebody.verdict.causes import Tick
+from wholebody.verdict.why.chunk_program import ChunkProgram
 
 EVERY_TICKS = 5
 """Control periods from one look at the hands to the next; chosen: 10 ms."""

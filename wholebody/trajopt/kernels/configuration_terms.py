@@ -1,0 +1,109 @@
+"""Residuals of one configuration with their Jacobian, and its bounds on tilt, height, joints and centre of mass."""
+
+from __future__ import annotations
+
+import math
+
+from wholebody.robot.kernels.frames import place_frame
+from wholebody.robot.kernels.rotation import logarithm, rotation_between
+from wholebody.robot.kernels.spatial import body_inertia, momentum_of
+from wholebody.trajopt.kernels.fixed_feet_kinematics import frame_rows, restore_feet
+from wholebody.trajopt.layout import (  # fmt: skip
+    BASE_HEIGHT,
+    COM,
+    COM_EDGE,
+    FREE_LOWER,
+    HEIGHT,
+    JOINTS,
+    LOWER,
+    N_BODY,
+    N_JOINTS,
+    PELVIS,
+    POSITION,
+    TILT,
+    TORSO,
+    UPPER,
+)
+
+
+def composite_inertias(robot, R, p, S, inertia, I_composite, F) -> None:
+    """Inertias of the bodies, of each with all that hangs on it, and the forces ``F`` for unit accelerations."""
+    n = inertia.shape[0]
+    for i in range(n):
+        body_inertia(robot.bodies[i], R[i], p[i], inertia[i])
+        for c in range(10):
+            I_composite[i, c] = inertia[i, c]
+    for i in range(n - 1, 0, -1):
+        k = robot.parent[i]
+        for c in range(10):
+            I_composite[k, c] += I_composite[i, c]
+        momentum_of(I_composite[i], S[5 + i], F[5 + i])
+    for j in range(6):
+        momentum_of(I_composite[0], S[j], F[j])
+
+
+def reduce_row(row, free, out) -> None:
+    """A row (N_BODY,) in the free directions, (N_FREE,)."""
+    for r in range(FREE_LOWER):
+        d = 0.0
+        for j in range(LOWER):
+            d += row[j] * free[r, j]
+        out[r] = d
+    for j in range(UPPER):
+        out[FREE_LOWER + j] = row[LOWER + j]
+
+
+def configuration_terms(k, robot, task, m, work) -> None:
+    """Put the feet of knot ``k`` back; fill palms, inertias, ``r`` and ``J``, and the bounds on configurations."""
+    q, free, R, p, S, r, J = m.q[k], m.free[k], m.R[k], m.p[k], m.S[k], m.r[k], m.J[k]
+    restore_feet(q, robot, R, p, S, free, work)
+    composite_inertias(robot, R, p, S, m.inertia[k], m.I_composite[k], m.F[k])
+    rows = work.rows
+    for f in range(2):
+        body = robot.frame_body[f]
+        place_frame(R[body], p[body], robot.frame_R[f], robot.frame_p[f], work.R, work.p)
+        frame_rows(S, robot.carries[f], work.p, rows)
+        rotation_between(work.R, task.T_palms[k, f, :3, :3], r[6 * f + 3 : 6 * f + 6])
+        for a in range(3):
+            m.palms[k, f, a, 3] = q[a] + work.p[a]
+            r[6 * f + a] = m.palms[k, f, a, 3] - task.T_palms[k, f, a, 3] + task.offset[k, 6 * f + a]
+            r[6 * f + 3 + a] += task.offset[k, 6 * f + 3 + a]
+            for b in range(3):
+                m.palms[k, f, a, b] = work.R[a, b]
+        for a in range(6):
+            reduce_row(rows[a], free, J[6 * f + a])
+    com = m.I_composite[k, 0]
+    for a in range(2):
+        r[COM + a] = q[a] + com[1 + a] / robot.mass - robot.com_stance[a]
+        for j in range(N_BODY):
+            rows[a, j] = m.F[k, j, a] / robot.mass
+        reduce_row(rows[a], free, J[COM + a])
+    for f in range(2):
+        body, start = robot.frame_body[2 + f], TORSO if f == 0 else PELVIS
+        place_frame(R[body], p[body], robot.frame_R[2 + f], robot.frame_p[2 + f], work.R, work.p)
+        frame_rows(S, robot.carries[2 + f], work.p, rows)
+        logarithm(work.R, r[start : start + 3])
+        for a in range(3):
+            reduce_row(rows[3 + a], free, J[start + a])
+        tilt(k, f, work.R, robot.limits[f], J[start : start + 3], m)
+    reduce_row(rows[2], free, J[HEIGHT])
+    r[HEIGHT] = q[2] - robot.q_stance[2]
+    m.violation[k, BASE_HEIGHT] = robot.limits[2] - q[2]
+    for i in range(N_JOINTS):
+        x = q[7 + i]
+        r[JOINTS + i] = x - robot.q_stance[7 + i]
+        high = x > 0.5 * (robot.q_min[i] + robot.q_max[i])
+        m.sign[k, POSITION + i] = 1.0 if high else -1.0
+        m.violation[k, POSITION + i] = x - robot.q_max[i] if high else robot.q_min[i] - x
+    for e in range(robot.normals.shape[0]):
+        x, y = q[0] + com[1] / robot.mass, q[1] + com[2] / robot.mass
+        m.violation[k, COM_EDGE + e] = robot.normals[e, 0] * x + robot.normals[e, 1] * y - robot.com_offsets[e]
+
+
+def tilt(k, f, R, limit, turn, m) -> None:
+    """The bound on a tilt; ``turn`` (3, N_FREE) are the rows of the frame's orientation."""
+    x, y = R[0, 2], R[1, 2]
+    lean = math.sqrt(x * x + y * y)
+    m.violation[k, TILT + f] = math.atan2(lean, R[2, 2]) - limit
+    for j in range(turn.shape[1]):
+        m.J_tilt[k, f, j] = (x * turn[1, j] - y * turn[0, j]) / lean if lean > 1e-6 else 0.0
