@@ -11,6 +11,7 @@ from time import monotonic, sleep
 import numpy as np
 
 from models.spec import RobotSpec
+from policy.clock import Clock
 from policy.executor.executor import Executor
 from wholebody.episode.chunk_seams import commanded_chunk
 from wholebody.episode.run import observe
@@ -81,6 +82,7 @@ class ControlLoop:
         robot: Where states come from and commands go.
         state: The one that the supervisor was reset with.
         task: What the policy is told to do.
+        clock: The robot's; the wall's since the robot's origin if not given.
 
     Attributes:
         executor: Where chunks come from, on the robot's clock; None: there are none.
@@ -92,13 +94,19 @@ class ControlLoop:
     """
 
     def __init__(
-        self, spec: RobotSpec, supervisor: Supervisor, robot: RobotLink, state: RobotState, task: str = ""
+        self,
+        spec: RobotSpec,
+        supervisor: Supervisor,
+        robot: RobotLink,
+        state: RobotState,
+        task: str = "",
+        clock: Clock | None = None,
     ) -> None:
         self.spec, self.supervisor, self.robot, self.state, self.task = spec, supervisor, robot, state, task
         self.executor: Executor | None = None
         self.dt = supervisor.config.dt
         self.lateness, self.told, self.errors = Lateness(self.dt), Told(), TrackingError(supervisor)
-        self.clock = RobotClock(robot)
+        self.clock = clock or RobotClock(robot)
         self.stopped = False
 
     def run(self, going: Callable[[float], bool]) -> None:

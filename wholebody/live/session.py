@@ -138,19 +138,8 @@ class Session:
 
     def _lower(self, tell: Callable[[float], None]) -> None:
         """Leave the robot in a crouch that its last command holds; another interrupt leaves it on the way there."""
-        loop, supervisor, end = self.loop, self.supervisor, self.loop.clock.now() + LOWER_MAX
-        try:
-            supervisor.lower()
-        except InputError as error:
-            self.missed.append(str(error))
-            return
-        loop.stopped = False
-
-        def going(now: float) -> bool:
-            tell(now)
-            return not supervisor.lowered and loop.told.fallen is None and now < end
-
-        loop.run(going)
+        if (why_not := lower(self.loop, tell)) is not None:
+            self.missed.append(why_not)
 
     def close(self) -> dict[str, float | str]:
         """End the processes; how the robot's kept time, and why it fell."""
@@ -178,6 +167,28 @@ class Session:
             "fell": told.fallen is not None,
             "not_granted": self.missed,
         }
+
+
+def lower(loop: ControlLoop, tell: Callable[[float], None]) -> str | None:
+    """Run a loop until its robot crouches; why it cannot, if it cannot.
+
+    Args:
+        loop: Whatever its robot does; chunks are not asked for.
+        tell: Called after every tick with the present time [s]; must not wait.
+    """
+    supervisor, end = loop.supervisor, loop.clock.now() + LOWER_MAX
+    try:
+        supervisor.lower()
+    except InputError as error:
+        return str(error)
+    loop.stopped = False
+
+    def going(now: float) -> bool:
+        tell(now)
+        return not supervisor.lowered and loop.told.fallen is None and now < end
+
+    loop.run(going)
+    return None
 
 
 def _planner_begins(robot: RobotSpec) -> None:

@@ -1,0 +1,131 @@
+"""A served robot whose time passes as the program lets it: one process, nothing depends on how fast it computes."""
+
+from __future__ import annotations
+
+from policy.clock import SimulatedClock
+from policy.executor.executor import Executor
+from policy.executor.simulated import SimulatedWorker
+from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
+from wholebody.episode.run import observe
+from wholebody.execution.supervisor import Supervisor
+from wholebody.live.loop import ControlLoop
+from wholebody.live.served.messages import Seen, Served
+from wholebody.live.served.program import Program
+from wholebody.live.served.wall import ASKING
+from wholebody.live.session import lower
+from wholebody.sim.fall import Fall, detect_fall
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import JointCommand, RobotState
+
+SETTLE = 1.0
+"""Simulated time of standing before the program sees the robot [s]; chosen: as in episodes."""
+
+
+class SteppedRobot:
+    """MuJoCo as a robot that moves when its state is asked for, by one period. A `RobotLink`.
+
+    Args:
+        plant: Robot and surroundings.
+        clock: Set to the plant's time.
+
+    Attributes:
+        origin: 0: its clock is its own.
+        fall: The fall, or None.
+    """
+
+    def __init__(self, plant: MujocoPlant, clock: SimulatedClock) -> None:
+        self.origin = 0.0
+        self.plant, self._clock, self.fall = plant, clock, None
+        self._command: JointCommand | None = None
+
+    def receive(self, timeout: float) -> RobotState:
+        """The state after another control period."""
+        state = self.plant.state() if self._command is None else self.plant.step(self._command)
+        self._clock.set(max(state.time, self._clock.now()))
+        return state
+
+    def send(self, command: JointCommand) -> None:
+        """Command the motors for the next period."""
+        self._command = command
+
+    def watch(self, loop: ControlLoop) -> Fall | None:
+        """The fall so far, or None."""
+        self.fall = self.fall or detect_fall(self.plant, loop.state, loop.supervisor.status.status)
+        return self.fall
+
+
+class InLockstep:
+    """Controller, planner and MuJoCo in one process, stepped.
+
+    A plan takes the simulated time that the settings say, a program's own computing takes none.
+
+    Args:
+        served: Which robot, where, and how.
+        settings: Of the controller.
+        program: The other program.
+
+    Attributes:
+        origin: 0: stamps are simulated time.
+
+    Raises:
+        WholebodyError: If a setting is wrong.
+    """
+
+    def __init__(self, served: Served, settings: ControllerConfig, program: Program) -> None:
+        spec = describe(settings.robot)
+        self.origin, self._program, self._clock = 0.0, program, SimulatedClock()
+        self._robot = SteppedRobot(MujocoPlant(spec, scene=served.scene, control_dt=settings.dt), self._clock)
+        self._supervisor = Supervisor(spec, settings)
+        state = self._robot.plant.state()
+        self._supervisor.reset(state, state.time)
+        self._loop = ControlLoop(spec, self._supervisor, self._robot, state, clock=self._clock)
+        self._executor = Executor(
+            program.stream, self._clock, config=ASKING, worker=SimulatedWorker(program.stream, self._clock, lambda: 0.0)
+        )
+        self._executor.lead = settings.planning.lead
+
+    def run(self) -> None:
+        """Until the program is gone or ends; then the robot is lowered."""
+        loop, program = self._loop, self._program
+        loop.run(lambda now: now < SETTLE - 0.5 * loop.dt)
+        program.until = self._clock.now()
+        self._executor.reset()
+        loop.executor = self._executor
+        program.tell(self.seen())
+
+        def going(now: float) -> bool:
+            self._robot.watch(loop)
+            while program.there and now + 0.5 * loop.dt > program.until:
+                program.serve(self, wait=True)
+            return program.there
+
+        program.serve(self, wait=True)
+        if program.there:
+            loop.run(going)
+        loop.executor = None
+        lower(loop, lambda now: self._robot.watch(loop))
+
+    def hasten(self) -> None:
+        """Ask for a chunk that goes to the newest target."""
+        self._executor.hasten()
+
+    def seen(self) -> Seen:
+        """What there is to see now."""
+        observation = observe(self._loop.spec, self._supervisor, self._loop.state, now=self._clock.now())
+        status = self._supervisor.status
+        said = (status.status.value, str(status.reason or ""))
+        return Seen(observation, self._robot.plant.objects(), said, self._robot.fall is not None)
+
+    def close(self) -> dict[str, object]:
+        """End everything; a summary of the run."""
+        told, fall = self._loop.told, self._robot.fall
+        return {
+            "fell": fall is not None,
+            "robot": {"fall": fall.cause if fall else ""},
+            "lowered": self._supervisor.lowered,
+            "seconds": self._clock.now(),
+            "chunks": {"accepted": told.accepted, "refused": dict(told.refusals)},
+            "reasons": dict(told.reasons),
+            "time_factor": self._supervisor.time_factor,
+        }

@@ -1,0 +1,80 @@
+"""What goes between a program and the robot that is served to it; only the program's own child is at the other end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from policy.observation import Observation
+
+Clocks = Literal["wall", "lockstep"]
+"""Whose time passes: that of the wall, or as much as the program lets pass."""
+
+
+@dataclass(frozen=True)
+class Served:
+    """Which robot is served, where, and how.
+
+    Attributes:
+        scene: Name of a scene, or a MuJoCo file (.xml).
+        robot: Name of the robot model; the default one if empty.
+        config: YAML file with changed settings of the controller; none if empty.
+        clock: Whose time passes.
+        report: Where a summary of the run is written at its end, as JSON, also if the program was killed; nowhere if
+            empty.
+    """
+
+    scene: str = "floor"
+    robot: str = ""
+    config: str = ""
+    clock: Clocks = "wall"
+    report: str = ""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where hands are to be at a time.
+
+    Attributes:
+        stamp: On the wall clock an instant of `time.monotonic`, in lockstep simulated time [s].
+        parts: As `policy.targets.stream.TargetStream.put` takes them, in world.
+    """
+
+    stamp: float
+    parts: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Advance:
+    """Let simulated time pass in lockstep, until an instant of it [s]."""
+
+    until: float
+
+
+@dataclass(frozen=True)
+class Ask:
+    """Wanted: what there is to see now."""
+
+
+@dataclass(frozen=True)
+class End:
+    """Lower the robot, and tell how it went."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What there is to see of robot and world.
+
+    Attributes:
+        observation: State of the robot; its time is the robot's own.
+        objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
+        status: What the controller says of itself, and why, in one word each.
+        fallen: Whether standing was lost.
+    """
+
+    observation: Observation
+    objects: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
+    status: tuple[str, str] = ("", "")
+    fallen: bool = False

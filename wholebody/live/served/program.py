@@ -1,0 +1,78 @@
+"""The other program, as the control loop knows it: what it says is done between two ticks."""
+
+from __future__ import annotations
+
+from multiprocessing.connection import Connection
+from typing import Protocol
+
+from policy.errors import PolicyError
+from policy.targets.stream import TargetStream
+from wholebody.live.served.messages import Advance, Ask, End, Seen, Target
+
+
+class ServedLoop(Protocol):
+    """A control loop that follows the targets of a program."""
+
+    @property
+    def origin(self) -> float:
+        """Stamp of a target at which the robot's clock is 0 [s]."""
+        ...
+
+    def hasten(self) -> None:
+        """Ask for a chunk that goes to the newest target."""
+        ...
+
+    def seen(self) -> Seen:
+        """What there is to see now."""
+        ...
+
+
+class Program:
+    """The other program, as the control loop knows it.
+
+    Args:
+        connection: To it.
+
+    Attributes:
+        stream: Where its targets go.
+        refused: How many targets could not be used, by reason.
+        there: Whether it is there and wants to go on.
+        asked_to_end: Whether it waits for a summary.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection, self.stream = connection, TargetStream()
+        self.refused: dict[str, int] = {}
+        self.there, self.asked_to_end, self.until = True, False, 0.0
+
+    def serve(self, robot: ServedLoop, wait: bool = False) -> None:
+        """Do what it said since; with ``wait`` until it has let time pass, or ends."""
+        try:
+            while self.there and (wait or self._connection.poll()):
+                message = self._connection.recv()
+                if isinstance(message, Advance):
+                    self.until = message.until
+                    return
+                self._do(message, robot)
+        except (EOFError, OSError):
+            self.there = False
+
+    def _do(self, message: object, robot: ServedLoop) -> None:
+        if isinstance(message, Ask):
+            self._connection.send(robot.seen())
+        elif isinstance(message, Target):
+            try:
+                self.stream.put(message.stamp - robot.origin, **message.parts)
+            except PolicyError as error:
+                self.refused[str(error)] = self.refused.get(str(error), 0) + 1
+            else:
+                robot.hasten()
+        elif isinstance(message, End):
+            self.there, self.asked_to_end = False, True
+
+    def tell(self, what: Seen | Exception | dict[str, object]) -> None:
+        """Say something, if it is there."""
+        try:
+            self._connection.send(what)
+        except OSError:
+            self.there = False

@@ -1,0 +1,97 @@
+"""A served robot on the wall clock: MuJoCo and planner in processes of their own, the control loop in this one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from policy.executor.executor import ExecutorConfig
+from policy.targets.stream import HORIZON
+from wholebody.config import ControllerConfig
+from wholebody.config.description import describe
+from wholebody.episode.run import observe
+from wholebody.live import wire
+from wholebody.live.robot_process import RobotProcess, World, WorldView
+from wholebody.live.served.messages import Seen, Served
+from wholebody.live.served.program import Program
+from wholebody.live.session import Session, SessionConfig
+from wholebody.types import RobotState
+
+if TYPE_CHECKING:
+    import socket
+
+
+ASKING = ExecutorConfig(replace_every=HORIZON // 2)
+"""A chunk is asked for at every new target, and when the last one is half over."""
+
+
+class _Viewed(RobotProcess):
+    """A robot whose world is shown to the one who serves it."""
+
+    def start(self, page: socket.socket | None = None) -> RobotState:
+        """Load the robot; it stands still until `go`. Answers its first state."""
+        self.view, other = wire.wire()
+        with other:
+            return super().start(other)
+
+
+class OnTheWall:
+    """A session whose policy is another program.
+
+    Args:
+        served: Which robot, where, and how.
+        settings: Of the controller.
+        program: The other program.
+
+    Raises:
+        WholebodyError: If the processes do not come up.
+    """
+
+    def __init__(self, served: Served, settings: ControllerConfig, program: Program) -> None:
+        self._program, world = program, World(describe(settings.robot), served.scene)
+        self._robot = _Viewed(world, settings.dt)
+        self._session = Session(settings, self._robot, SessionConfig(settle=0.0, hold=0.0))
+        self._objects, self._greeted, self._ended = np.zeros((0, 7)), False, False
+
+    @property
+    def origin(self) -> float:
+        """Instant of `time.monotonic` at which the robot's clock is 0 [s]."""
+        return self._robot.origin
+
+    def run(self) -> None:
+        """Until the program is gone or ends; then the robot is lowered."""
+        self._session.run({"targets": self._program.stream}, self._tick, ASKING)
+
+    def hasten(self) -> None:
+        """Ask for a chunk that goes to the newest target."""
+        if self._session.loop.executor is not None:
+            self._session.loop.executor.hasten()
+
+    def seen(self) -> Seen:
+        """What there is to see now."""
+        loop = self._session.loop
+        if (view := wire.newest(self._robot.view)) is not None:
+            self._objects = WorldView.of(view).objects
+        observation = observe(loop.spec, loop.supervisor, loop.state, now=loop.clock.now())
+        status = loop.supervisor.status
+        said = (status.status.value, str(status.reason or ""))
+        return Seen(observation, self._objects, said, loop.told.fallen is not None)
+
+    def close(self) -> dict[str, object]:
+        """End everything; a summary of the run."""
+        loop, supervisor = self._session.loop, self._session.supervisor
+        robot = self._session.close()
+        summary = self._session.summary()
+        fell = bool(summary["fell"] or robot.get("fall"))
+        return summary | {"robot": robot, "fell": fell, "lowered": supervisor.lowered, "seconds": loop.clock.now()}
+
+    def _tick(self, now: float) -> None:
+        """After every tick of the loop, those of lowering too."""
+        if not self._greeted:
+            self._greeted = True
+            self._program.tell(self.seen())
+        self._program.serve(self)
+        if not (self._program.there or self._ended):
+            self._ended = True
+            self._session.loop.stop()
