@@ -10,6 +10,7 @@ LATEST := .venv-latest
 OPENPI_VENV := .venv-openpi
 BIN := $(VENV)/bin
 PYTEST = -m pytest -q
+PLUGIN = lerobot_robot_wholebody
 # Extra arguments: make test ARGS="-k controller"
 ARGS ?=
 # Folder of recorded motions (.csv) for the long studies: make regression MOTIONS=~/motions
@@ -107,8 +108,9 @@ $(VENV)/.core-installed: requirements/core.txt pyproject.toml | $(VENV)/bin/pyth
 	requirements/install $(VENV) requirements/core.txt
 	@touch $@
 
-$(VENV)/.all-installed: requirements/all.txt pyproject.toml | $(VENV)/bin/python
+$(VENV)/.all-installed: requirements/all.txt pyproject.toml $(PLUGIN)/pyproject.toml | $(VENV)/bin/python
 	requirements/install $(VENV) requirements/all.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable ./$(PLUGIN)
 	@touch $@ $(VENV)/.core-installed
 
 # Unlocked on purpose: the newest placo, and the pin it asks for.

@@ -11,6 +11,7 @@ from tests.support.stored import Measured, StoredValues
 
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
 NEED_LEROBOT = [
+    "lerobot_robot_wholebody/*",
     "policy/lerobot/*",
     "policy/dataset/*",
     "policy/recorded/test_dataset_replay.py",

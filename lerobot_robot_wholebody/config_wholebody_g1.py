@@ -1,0 +1,52 @@
+"""Settings of the robot, as LeRobot's command lines have them: ``--robot.NAME=VALUE``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from lerobot.robots import RobotConfig
+
+LINKS = ("sim",)
+"""What a robot can be reached by so far."""
+CLOCKS = ("wall", "lockstep")
+TASKS = ("none", "reach")
+
+
+@dataclass(kw_only=True)
+class WholebodyCameraConfig:
+    """A camera of the robot, drawn from the scene once an observation; its name says which one it is."""
+
+    width: int = 320
+    """Of its pictures [px]."""
+    height: int = 240
+    """Of its pictures [px]."""
+
+
+@RobotConfig.register_subclass("wholebody_g1")
+@dataclass(kw_only=True)
+class WholebodyG1Config(RobotConfig):
+    """The balanced G1."""
+
+    link: str = "sim"
+    """What the robot is reached by: MuJoCo beside it."""
+    clock: str = "wall"
+    """Whose time passes: the wall's, or in lockstep as much as LeRobot waits."""
+    scene: str = "floor"
+    """Around the robot: floor, table, ... or a MuJoCo file (.xml)."""
+    cameras: dict[str, WholebodyCameraConfig] = field(default_factory=dict)
+    """By name, head, left_wrist or right_wrist: ``"{head: {width: 96, height: 96}}"``."""
+    task: str = "none"
+    """What is to be done: with reach each palm has a goal, which is shown to cameras and among the observations."""
+    seed: int = 0
+    """Of the task's goals."""
+    settings: str = ""
+    """YAML file with changed settings of the controller."""
+    report: str = ""
+    """Where a summary of the run is written at its end, as JSON; also where this program was killed."""
+
+    def __post_init__(self) -> None:
+        if self.link in ("twin", "dds"):
+            raise ValueError(f"--robot.link={self.link} is not built yet: the robot is reached by {', '.join(LINKS)}")
+        for name, known in (("link", LINKS), ("clock", CLOCKS), ("task", TASKS)):
+            if getattr(self, name) not in known:
+                raise ValueError(f"--robot.{name}={getattr(self, name)} is unknown; there are {', '.join(known)}")

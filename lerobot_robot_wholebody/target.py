@@ -1,0 +1,111 @@
+"""The numbers of actions and observations, and what an action makes of the ones before it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy import builtin
+from policy.action_spec.anchor import Anchor
+from policy.action_spec.codec import decode, encode_valid
+from policy.action_spec.hands import grasp_posture
+from policy.action_spec.state import aligned_state, state_layout, state_numbers
+from policy.errors import ChunkError
+from policy.geometry.se3 import make_transform
+from policy.observation import Observation
+
+GRASPS = ("left_grasp.pos", "right_grasp.pos")
+"""In place of a hand's fingers: 0 open to 1 closed."""
+_PARTS = {"left_wrist": "lhand", "right_wrist": "rhand", "left_hand": "q_lhand", "right_hand": "q_rhand"}
+
+
+class Numbers:
+    """Actions in wbc32, observations in the state that goes with it.
+
+    Attributes:
+        action_names, state_names: Of their numbers.
+        known: What an action may say, and what is observed only.
+        bounds: Least and largest position of each finger joint [rad].
+    """
+
+    def __init__(self) -> None:
+        self.spec = builtin("wbc32")
+        self.aligned, self._layout = aligned_state(self.spec), state_layout(self.spec)
+        self.action_names, self.state_names = self.spec.feature_names, self._layout.feature_names
+        joints = {joint.name: (joint.position_min, joint.position_max) for joint in self.spec.robot.joints}
+        slots = [self.spec.slot("left_hand"), self.spec.slot("right_hand")]
+        fingers = [pair for slot in slots for pair in zip(slot.feature_names, slot.joint_names, strict=True)]
+        self.bounds = {name: joints[joint] for name, joint in fingers}
+        self.known = tuple(dict.fromkeys((*self.action_names, *GRASPS, *self.state_names)))
+
+    def anchor(self, observation: Observation) -> Anchor:
+        """Where a robot stands."""
+        return Anchor.measured(observation, self.spec.robot)
+
+    def state(self, observation: Observation) -> dict[str, float]:
+        """The state's numbers by name."""
+        numbers = state_numbers(self._layout, observation, self.anchor(observation))
+        return dict(zip(self.state_names, numbers.tolist(), strict=True))
+
+
+class Accepted:
+    """The target as it was accepted last, number by number; at first what the robot does.
+
+    Args:
+        numbers: What they mean.
+        observation: Of the robot at first.
+    """
+
+    def __init__(self, numbers: Numbers, observation: Observation) -> None:
+        self._numbers = numbers
+        names, values = numbers.action_names, state_numbers(numbers.aligned, observation)
+        self._last = dict(zip(names, values.tolist(), strict=True))
+
+    def take(self, given: dict[str, float], observation: Observation) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+        """Parts of a target in world, and the numbers as they were accepted.
+
+        Args:
+            given: By name, finite.
+            observation: Whose stance the wrists are in.
+
+        Raises:
+            ChunkError: If wrist numbers are no rotation.
+        """
+        numbers, spec = self._numbers, self._numbers.spec
+        said = {name: value for name, value in given.items() if name in self._last}
+        grasps = {name: float(np.clip(given[name], 0.0, 1.0)) for name in GRASPS if name in given}
+        fingers = {name: self._closed(name, closing) for name, closing in grasps.items()}
+        for closed in fingers.values():
+            said = closed | said
+        said |= {name: float(np.clip(said[name], *bounds)) for name, bounds in numbers.bounds.items() if name in said}
+        anchor, going_back = numbers.anchor(observation), bool(given.keys() - said.keys() - grasps.keys())
+        try:
+            chunk = decode(spec, np.array([[(self._last | said)[name] for name in spec.feature_names]]), anchor)
+        except ChunkError:
+            turns = {name for name in said if "_wrist_r" in name}
+            if not (going_back and turns):
+                raise
+            # LeRobot's way back blends rotations number by number: where that gives none, a hand keeps its own.
+            return self.take({name: value for name, value in given.items() if name not in turns}, observation)
+        self._last = dict(zip(spec.feature_names, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
+        poses = {"lhand": chunk.T_world_lhand[0], "rhand": chunk.T_world_rhand[0]}
+        everything = poses | {"q_lhand": chunk.q_lhand[0], "q_rhand": chunk.q_rhand[0]}
+        parts = {part for prefix, part in _PARTS.items() if any(name.startswith(prefix) for name in said)}
+        accepted = {name: self._last[name] for name in given if name in self._last}
+        return everything, parts, accepted | grasps
+
+    def _closed(self, grasp: str, closing: float) -> dict[str, float]:
+        side = grasp.split("_", maxsplit=1)[0]
+        slot = self._numbers.spec.slot(f"{side}_hand")
+        return dict(
+            zip(slot.feature_names, grasp_posture(side, closing, self._numbers.spec.robot).tolist(), strict=True)
+        )
+
+
+def palm_of(T_wrist: np.ndarray, side: str, numbers: Numbers) -> np.ndarray:
+    """Palm point (3,) of a wrist pose (4, 4), in the same frame [m]."""
+    return T_wrist[:3, :3] @ np.asarray(numbers.spec.robot.tool(side).palm_offset) + T_wrist[:3, 3]
+
+
+def wrist_at(palm: np.ndarray, R: np.ndarray, side: str, numbers: Numbers) -> np.ndarray:
+    """Wrist pose (4, 4) whose palm point is there, turned so."""
+    return make_transform(R, palm - R @ np.asarray(numbers.spec.robot.tool(side).palm_offset))

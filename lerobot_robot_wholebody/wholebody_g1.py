@@ -1,0 +1,244 @@
+"""The balanced G1 as a robot of LeRobot: targets of wrists and fingers in, what they and the pelvis do out."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from functools import cached_property
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from lerobot.robots import Robot
+
+from lerobot_robot_wholebody import stage
+from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyG1Config
+
+if TYPE_CHECKING:
+    from lerobot_robot_wholebody.lerobot_loop import Loops
+    from lerobot_robot_wholebody.sight import Cameras
+    from lerobot_robot_wholebody.target import Accepted, Numbers
+    from lerobot_robot_wholebody.tasks import Reach
+    from wholebody.live.served.client import ServedRobot
+    from wholebody.live.served.messages import Seen
+
+AGAIN = 0.03
+"""Time after which a part that an action leaves out is said again [s]; chosen: about a step, since a hand that is told
+no more would go on as it went and then rest."""
+
+
+class WholebodyG1(Robot):
+    """The G1, whose controller and simulation are beside this process.
+
+    Args:
+        config: Settings.
+
+    Attributes:
+        phase: What LeRobot does: ``run``, or while recording ``episode`` or ``reset``.
+        phases: How many phases there were before the present one.
+        report: Summary of the run, after `disconnect`.
+        seen: What was seen last.
+    """
+
+    config_class = WholebodyG1Config
+    name = "wholebody_g1"
+
+    def __init__(self, config: WholebodyG1Config) -> None:
+        super().__init__(config)
+        self.config = config
+        self.phase, self.phases, self.report = "run", 0, {}
+        self._robot: ServedRobot | None = None
+        self._cameras: Cameras | None = None
+        self._loops: Loops | None = None
+        self.seen: Seen | None = None
+        self._accepted: Accepted | None = None
+        self._said: dict[str, Any] = {}
+        self._told: dict[str, float] = {}
+        self.observation: dict[str, Any] = {}
+
+    @cached_property
+    def numbers(self) -> Numbers:
+        """What the numbers of actions and observations mean."""
+        from lerobot_robot_wholebody.target import Numbers
+
+        return Numbers()
+
+    @cached_property
+    def task(self) -> Reach | None:
+        """What is to be done."""
+        from lerobot_robot_wholebody.tasks import Reach
+
+        return Reach(self.config.seed) if self.config.task == "reach" else None
+
+    @property
+    def cameras(self) -> dict[str, Any]:
+        """Cameras by name; LeRobot counts them."""
+        return self.config.cameras
+
+    @property
+    def observation_features(self) -> dict[str, Any]:
+        """Numbers of the state, goals of the task, pictures."""
+        shown = (*self.numbers.state_names, *(self.task.names if self.task else ()))
+        pictures = {name: (camera.height, camera.width, 3) for name, camera in self.cameras.items()}
+        return dict.fromkeys(shown, float) | pictures
+
+    @property
+    def action_features(self) -> dict[str, type]:
+        """Numbers of wrists and fingers."""
+        return dict.fromkeys(self.numbers.action_names, float)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the robot stands."""
+        return self._robot is not None and self._robot.running
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Nothing is calibrated."""
+        return True
+
+    def calibrate(self) -> None:
+        """Nothing is."""
+
+    def configure(self) -> None:
+        """Nothing is."""
+
+    def connect(self, calibrate: bool = True) -> None:
+        """Let the robot stand, everything loaded and compiled: the first step takes as long as any. All or nothing.
+
+        Raises:
+            ConnectionError: If it is connected.
+            WholebodyError: If a setting is wrong, or processes do not come up.
+        """
+        from lerobot_robot_wholebody.lerobot_loop import Loops
+        from lerobot_robot_wholebody.sight import Cameras
+        from lerobot_robot_wholebody.target import Accepted
+        from wholebody.live.served.client import ServedRobot
+        from wholebody.live.served.messages import Served
+
+        if self.is_connected:
+            raise ConnectionError(f"{self} is connected already")
+        stage.enter(self)
+        config = self.config
+        robot = ServedRobot(Served(config.scene, "", config.settings, config.clock, report=config.report))
+        try:
+            self._cameras = Cameras(config.scene, config.cameras, self.task.marks if self.task else 0)
+            self.seen = robot.start()
+            self._robot = robot
+            self._accepted = Accepted(self.numbers, self.seen.observation)
+            self._observed()
+            self.phase, self.phases, self._said = "run", 0, {}
+            self._told = {}
+            self._loops = Loops(self)
+        except BaseException:
+            self._end(robot)
+            raise
+
+    def get_observation(self) -> dict[str, Any]:
+        """The newest state, and pictures of that moment.
+
+        Raises:
+            ConnectionError: If the robot is not connected.
+            SimulationError: If its processes ended.
+        """
+        self._connected()
+        self.seen = self._robot.see()
+        return dict(self._observed())
+
+    def _observed(self) -> dict[str, Any]:
+        seen, task = self.seen, self.task
+        self.observation = self.numbers.state(seen.observation)
+        if task:
+            self.observation |= task.shown()
+        marks = task.in_world(self.numbers.anchor(seen.observation)) if task else []
+        self.observation |= self._cameras.look(seen, marks)
+        return self.observation
+
+    def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
+        """Say where wrists and fingers are to be now; what is not said stays as it was said last.
+
+        Numbers that are only observed are left aside, since LeRobot's way back to the first position says them too.
+
+        Args:
+            action: Any of the action's numbers; ``left_grasp.pos``, ``right_grasp.pos`` stand for a hand's fingers.
+
+        Returns:
+            The same numbers as they were accepted: fingers within their limits, rotations orthonormal.
+
+        Raises:
+            ValueError: If a name is unknown or a number not finite or no rotation; nothing is taken then.
+            ConnectionError: If the robot is not connected.
+        """
+        self._connected()
+        given = {name: self._number(name, value) for name, value in action.items()}
+        parts, said, accepted = self._accepted.take(given, self.seen.observation)
+        now = self.now()
+        for part, value in parts.items():
+            if part in said or now - self._told.get(part, -math.inf) > AGAIN:
+                self._said[part], self._told[part] = value, now
+        if self.config.clock == "wall":
+            self._say()
+        return accepted
+
+    def _number(self, name: str, value: object) -> float:
+        known = self.numbers.known + (self.task.names if self.task else ())
+        if name not in known:
+            like = difflib.get_close_matches(str(name), known, 1)
+            raise ValueError(f"'{name}' is no number of this robot{f'; did you mean {like[0]}?' if like else ''}")
+        number = float(value)
+        if not math.isfinite(number):
+            raise ValueError(f"'{name}' is {number}; a finite number is expected, and nothing of the action was taken")
+        return number
+
+    def _say(self) -> None:
+        if self._said:
+            self._robot.put(**self._said)
+            self._said = {}
+
+    def now(self) -> float:
+        """Present time: in lockstep what was let pass, else the wall's [s]."""
+        # Rounded: ninety times a thirtieth of a second are three, and no step more.
+        return round(self._robot.time, 9) if self.config.clock == "lockstep" else monotonic()
+
+    def let_pass(self, seconds: float) -> None:
+        """Let time pass in lockstep; LeRobot's own loops do it by their waiting.
+
+        Raises:
+            ValueError: On the wall clock, whose time passes by itself.
+        """
+        if self.config.clock != "lockstep":
+            raise ValueError("time passes by itself on the wall clock; --robot.clock=lockstep lets it pass by the step")
+        self._connected()
+        self._say()
+        if seconds > 0.0:
+            self._robot.advance(seconds)
+
+    def begin(self, phase: str) -> None:
+        """A phase of a recording begins; goals change with the reset, for whoever teleoperates to see."""
+        self.phase, self.phases = phase, self.phases + 1
+        if phase == "reset" and self.task:
+            self.task.next()
+
+    def disconnect(self) -> None:
+        """Lower the robot into a crouch that needs no controller, and end everything.
+
+        Raises:
+            ConnectionError: If the robot is not connected.
+        """
+        self._connected()
+        self._end(self._robot)
+
+    def _end(self, robot: ServedRobot) -> None:
+        """Whatever there is of it."""
+        loops, cameras, self._loops, self._cameras = self._loops, self._cameras, None, None
+        try:
+            self.report = robot.close()
+        finally:
+            self._robot = None
+            if loops is not None:
+                loops.leave()
+            if cameras is not None:
+                cameras.close()
+
+    def _connected(self) -> None:
+        if not self.is_connected:
+            raise ConnectionError(f"{self} is not connected; call connect first")

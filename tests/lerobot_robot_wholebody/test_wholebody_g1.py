@@ -1,0 +1,209 @@
+"""Strategy: the real robot of the plugin, in lockstep, so that nothing depends on how fast the computer is; it is
+connected once, and every test goes on from where the one before left it. What LeRobot itself does with it is in
+`test_stock_commands.py`.
+"""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lerobot_robot_wholebody import WholebodyG1, WholebodyG1Config
+from lerobot_robot_wholebody.target import Accepted, Numbers
+from policy.action_spec.anchor import Anchor
+from wholebody.errors import WholebodyError
+
+ROOT = Path(__file__).parents[2]
+STEP = 1.0 / 30.0
+
+
+def made(folder, **settings):
+    settings = {"clock": "lockstep", "calibration_dir": folder} | settings
+    return WholebodyG1(WholebodyG1Config(**settings))
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    robot = made(tmp_path_factory.mktemp("robot"), task="reach", id="one")
+    robot.connect()
+    yield robot
+    if robot.is_connected:
+        robot.disconnect()
+
+
+def go(robot, action, seconds):
+    """The observation after an action that was said every step for so long."""
+    for _ in range(round(seconds / STEP)):
+        robot.send_action(action)
+        robot.let_pass(STEP)
+    return robot.get_observation()
+
+
+def wrist(observation, side):
+    return np.array([observation[f"{side}_wrist_{axis}.pos"] for axis in "xyz"])
+
+
+def test_importing_the_plugin_loads_lerobots_own_modules_and_nothing_else():
+    code = (
+        "import sys, lerobot.robots, lerobot.teleoperators; before = set(sys.modules); import lerobot_robot_wholebody;"
+        "print(*sorted({name.split('.')[0] for name in set(sys.modules) - before}))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert set(done.stdout.split()) <= {"lerobot_robot_wholebody", "lerobot"}
+
+
+def test_every_number_survives_the_filter_of_rollouts(robot):
+    numbers = [name for name, kind in robot.observation_features.items() if kind is float]
+    assert len(robot.action_features) == 32
+    assert len(numbers) == 23 + 6
+    assert all(name.endswith(".pos") for name in (*robot.action_features, *numbers))
+
+
+def test_an_observation_has_the_features_that_were_announced(robot):
+    observation = robot.get_observation()
+    assert observation.keys() == robot.observation_features.keys()
+    assert all(math.isfinite(value) for value in observation.values())
+    assert 0.6 < observation["base_height.pos"] < 0.8
+
+
+def test_thirty_steps_of_a_thirtieth_are_a_second_though_that_is_no_multiple_of_two_milliseconds(robot):
+    begin, now = robot.seen.observation.time, robot.now()
+    for _ in range(30):
+        robot.let_pass(STEP)
+    robot.get_observation()
+    assert robot.now() - now == pytest.approx(1.0, abs=1e-9)
+    assert robot.seen.observation.time - begin == pytest.approx(1.0, abs=1.1e-3)
+
+
+def test_a_hand_that_nothing_is_said_of_stays(robot):
+    before = robot.get_observation()
+    after = go(robot, {"left_wrist_z.pos": before["left_wrist_z.pos"] + 0.1}, 1.5)
+    assert wrist(after, "left") - wrist(before, "left") == pytest.approx([0.0, 0.0, 0.1], abs=5e-3)
+    assert wrist(after, "right") == pytest.approx(wrist(before, "right"), abs=5e-3)
+
+
+def test_a_target_that_is_repeated_does_not_drift(robot):
+    before = robot.get_observation()
+    after = go(robot, {}, 2.0)
+    for side in ("left", "right"):
+        assert wrist(after, side) == pytest.approx(wrist(before, side), abs=2e-3)
+
+
+def test_a_closing_number_closes_a_hand(robot):
+    assert robot.send_action({"right_grasp.pos": 1.4}) == {"right_grasp.pos": 1.0}
+    after = go(robot, {}, 1.5)
+    assert after["right_grasp.pos"] > 0.8
+    assert after["left_grasp.pos"] < 0.2
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_an_action_with_a_number_that_is_none_is_refused_whole(robot, value):
+    before = robot.get_observation()
+    with pytest.raises(ValueError, match=r"right_wrist_y\.pos"):
+        robot.send_action({"left_wrist_x.pos": before["left_wrist_x.pos"] + 0.2, "right_wrist_y.pos": value})
+    after = go(robot, {}, 0.5)
+    assert wrist(after, "left") == pytest.approx(wrist(before, "left"), abs=3e-3)
+
+
+def test_a_name_that_there_is_not_is_refused_with_the_one_that_is_meant(robot):
+    with pytest.raises(ValueError, match=r"did you mean left_wrist_x\.pos"):
+        robot.send_action({"left_wrist_xx.pos": 0.3})
+
+
+def test_what_is_accepted_is_said_and_accepted_again_as_it_is(robot):
+    names = [name for name in robot.action_features if name.startswith(("left_wrist_r6", "left_hand"))]
+    asked = {name: robot._accepted._last[name] * 1.3 for name in names} | {"left_hand_index_0.pos": 5.0}
+    accepted = robot.send_action(asked)
+    assert accepted.keys() == asked.keys()
+    assert abs(accepted["left_hand_index_0.pos"]) < 2.0
+    assert sum(accepted[f"left_wrist_r6_{i}.pos"] ** 2 for i in range(3)) == pytest.approx(1.0, abs=1e-6)
+    assert robot.send_action(accepted) == pytest.approx(accepted, abs=1e-9)
+
+
+def test_an_observation_that_is_sent_back_leads_there(robot):
+    """`lerobot-rollout` goes back to its first observation so, number by number."""
+    first = robot.get_observation()
+    away = go(robot, {"left_wrist_x.pos": first["left_wrist_x.pos"] + 0.12}, 1.5)
+    assert np.linalg.norm(wrist(away, "left") - wrist(first, "left")) > 0.1
+    for share in np.linspace(0.0, 1.0, 60):
+        robot.send_action({name: away[name] * (1.0 - share) + first[name] * share for name in first})
+        robot.let_pass(STEP)
+    back = go(robot, {}, 0.5)
+    assert wrist(back, "left") == pytest.approx(wrist(first, "left"), abs=5e-3)
+
+
+def test_halfway_between_opposite_rotations_a_hand_keeps_its_own():
+    numbers, stance = Numbers(), Anchor.nominal().observation()
+    state, accepted = numbers.state(stance), Accepted(numbers, stance)
+    turned = {name: 0.0 if "_wrist_r6_" in name else value for name, value in state.items()}
+    parts, _, taken = accepted.take(turned, stance)
+    assert np.linalg.det(parts["lhand"][:3, :3]) == pytest.approx(1.0)
+    assert not any("_r6_" in name for name in taken)
+    with pytest.raises(ValueError, match="left_wrist_rotation"):
+        accepted.take({name: value for name, value in turned.items() if name in numbers.action_names}, stance)
+
+
+@pytest.mark.parametrize(("name", "value"), [("link", "dds"), ("link", "twin"), ("clock", "moon"), ("task", "dance")])
+def test_a_setting_that_cannot_be_is_refused_by_its_name(name, value):
+    with pytest.raises(ValueError, match=f"{name}={value}"):
+        WholebodyG1Config(**{name: value})
+
+
+def test_a_connect_that_fails_leaves_nothing(tmp_path):
+    robot = made(tmp_path, scene="moon", id="two")
+    with pytest.raises((WholebodyError, ValueError), match="moon"):
+        robot.connect()
+    assert not robot.is_connected
+    with pytest.raises(ConnectionError, match="not connected"):
+        robot.get_observation()
+
+
+def test_another_robot_of_the_same_id_is_refused(robot, tmp_path):
+    with pytest.raises(ValueError, match="id=one"):
+        made(tmp_path, id="one").connect()
+    assert robot.is_connected
+
+
+def test_the_end_is_a_robot_that_crouches_and_has_not_fallen(robot):
+    robot.disconnect()
+    assert not robot.report["fell"]
+    assert robot.report["lowered"]
+    assert robot.report["targets_refused"] == {}
+    for call in (robot.get_observation, robot.disconnect, lambda: robot.send_action({})):
+        with pytest.raises(ConnectionError, match="not connected"):
+            call()
+
+
+def test_a_robot_whose_processes_were_killed_says_so(tmp_path):
+    robot = made(tmp_path)
+    robot.connect()
+    os.kill(robot._robot._process.pid, signal.SIGKILL)
+    with pytest.raises(WholebodyError, match="processes ended"):
+        robot.get_observation()
+    robot.disconnect()
+    assert robot.report == {}
+
+
+@pytest.mark.alone
+def test_on_the_wall_clock_time_passes_by_itself(tmp_path):
+    robot = made(tmp_path, clock="wall")
+    robot.connect()
+    first = robot.get_observation()
+    end, later = time.monotonic() + 2.0, first
+    while time.monotonic() < end:
+        robot.send_action({"left_wrist_z.pos": first["left_wrist_z.pos"] + 0.1})
+        time.sleep(STEP)
+        later = robot.get_observation()
+    with pytest.raises(ValueError, match="by itself"):
+        robot.let_pass(STEP)
+    robot.disconnect()
+    assert later["left_wrist_z.pos"] - first["left_wrist_z.pos"] == pytest.approx(0.1, abs=0.02)
+    assert not robot.report["fell"]
+    assert robot.report["lowered"]
