@@ -14,7 +14,7 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
-from policy.geometry.se3 import make_transform
+from policy.geometry.se3 import make_transform, translated
 from policy.observation import Observation
 
 
@@ -138,7 +138,7 @@ def _stance_pose(robot: RobotSpec) -> ScriptedMotion:
     anchor = Anchor.nominal(robot=robot)
     T = {hand: anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")}
     palms = {
-        hand: T[hand][:3, 3] + T[hand][:3, :3] @ palm_offset(side, robot)
+        hand: translated(T[hand], palm_offset(side, robot))[:3, 3]
         for hand, side in (("lhand", "left"), ("rhand", "right"))
     }
     return ScriptedMotion(

@@ -12,6 +12,7 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.execution.chunk_executor import ChunkExecutor
 from wholebody.planning.plan import PlanReport
+from wholebody.robot.palms import palm_offsets
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason, RobotState
 
@@ -63,7 +64,7 @@ class TrackingError:
         robot, spec = supervisor.robot, supervisor.spec
         self._model, self._data = robot.model, robot.scratch
         self._palms = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
-        self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
+        self._offsets = palm_offsets(spec)
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
         self._ranges = [
             (tool.finger_joints, spec.position_min[i], spec.position_max[i])
@@ -184,7 +185,7 @@ def asked_palms(chunk: ActionChunk, time: float, spec: RobotSpec) -> np.ndarray:
         spec: The robot.
     """
     step = min(max((time - chunk.t_obs) * chunk.fps, 0.0), len(chunk) - 1.0)
-    k, offsets = min(int(step), max(len(chunk) - 2, 0)), [np.array(tool.palm_offset) for tool in spec.tools]
+    k, offsets = min(int(step), max(len(chunk) - 2, 0)), palm_offsets(spec)
     first, second = _palms(chunk, k, offsets), _palms(chunk, min(k + 1, len(chunk) - 1), offsets)
     return np.stack([T.homogeneous for T in _between(first, second, step - k)])
 
@@ -204,7 +205,7 @@ def start_jump(
         Distance [m] and angle [rad], each the larger of both hands.
     """
     k = int(np.clip(np.searchsorted(chunk.times, now - 1e-6), 0, len(chunk) - 1))
-    wanted = _palms(chunk, k, [np.array(tool.palm_offset) for tool in spec.tools])
+    wanted = _palms(chunk, k, palm_offsets(spec))
     jumps = [pin.SE3(commanded[side]).actInv(T) for side, T in zip(("left", "right"), wanted, strict=True)]
     distances = [float(np.linalg.norm(jump.translation)) for jump in jumps]
     return max(distances), max(float(np.linalg.norm(pin.log3(jump.rotation))) for jump in jumps)

@@ -22,6 +22,7 @@ from wholebody.execution.way_back import WayBack
 from wholebody.planning.plan import PlanReport
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandMotion, HandPath
+from wholebody.robot.palms import palm_offsets
 from wholebody.robot.standing import has_lost_standing
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
 
@@ -52,7 +53,7 @@ class AsGiven:
         self.spec, self.config = spec, replace(config, planning=replace(config.planning, lead=0.0))
         self.controller = make_controller(spec, self.config)
         self.robot = self.controller.robot
-        self._offsets = [np.array(tool.palm_offset) for tool in spec.tools]
+        self._offsets = palm_offsets(spec)
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
         self._memory = ReferenceMemory(np.zeros(row_length(self.robot.n_joints)))
         self.monitor, self._planted = StateMonitor(self.robot), PlantedFeet(self.controller)

@@ -21,6 +21,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother
 from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
+from wholebody.robot.palms import palm_offsets
 
 NO_PATH = np.zeros(0)
 WRIST_WEIGHT = 1.0 / 3.0
@@ -85,7 +86,7 @@ class PlanFollower:
         clock.rate = clock.share = clock.trust = 1.0
         self.row = np.zeros(row_length(robot.n_joints))
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
-        offsets = np.array([tool.palm_offset for tool in spec.tools])
+        offsets = palm_offsets(spec)
         self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.limits, offsets)
         for motion, offset, part in zip(smoother.motion.rows, offsets, self._palm_rows(), strict=True):
             kernel.palm(motion, offset, part)

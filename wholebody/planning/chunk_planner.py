@@ -32,6 +32,7 @@ from wholebody.planning.trajectory import BodyState, centroidal_along, curve_thr
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
+from wholebody.robot.palms import palm_offsets, palm_poses
 from wholebody.robot.state import Robot
 from wholebody.trajopt.budget import Budget
 from wholebody.trajopt.centroidal import Centroidal
@@ -75,7 +76,7 @@ class ChunkPlanner:
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
         self.centroidal = Centroidal(spec, self.model, [robot.frame_id(name) for name in trunk])
-        self.offsets = np.array([tool.palm_offset for tool in spec.tools])
+        self.offsets = palm_offsets(spec)
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
         self.hand_limits = tuple(HandLimits.of_fingers(low[i], high[i]) for i in fingers)
@@ -228,8 +229,7 @@ class ChunkPlanner:
         paths, projected = prepared.paths(now, commanded, slowdown)
         steps = self._steps(now - prepared.chunk.t_obs, max(path.span[1] for path in paths), slowdown)
         motions = [path.sample(steps) for path in paths]
-        T_palms = np.stack([motion.T_world_hand for motion in motions], axis=1)
-        T_palms[:, :, :3, 3] += np.einsum("khij,hj->khi", T_palms[:, :, :3, :3], self.offsets)
+        T_palms = palm_poses(np.stack([motion.T_world_hand for motion in motions], axis=1), self.offsets)
         fingers = [m.q_finger[:, : len(tool.finger_joints)] for m, tool in zip(motions, self.spec.tools, strict=True)]
         own = int(np.searchsorted(steps, prepared.times[-1], "right"))
         return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), own)

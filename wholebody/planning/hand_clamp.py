@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from policy.geometry.rotations import matrix_to_rotvec, rotvec_to_matrix
+from policy.geometry.se3 import translated
 from wholebody.config import PlannerConfig
 from wholebody.planning.attempt import Attempt
 from wholebody.planning.trajectory import GRID
@@ -54,7 +55,7 @@ def clamped(
     paths = []
     for i, path in enumerate(targets.paths):
         T = path.sample(s).T_world_hand
-        R, palm = T[led, :3, :3], T[led, :3, 3] + T[led, :3, :3] @ offsets[i]
+        R, palm = T[led, :3, :3], translated(T[led], offsets[i])[:, :3, 3]
         turn, way = matrix_to_rotvec(planned[:, i, :3, :3] @ np.swapaxes(R, 1, 2)), planned[:, i, :3, 3] - palm
         R = rotvec_to_matrix(turn_share[led, i, None] * (turn - left * turn[0])) @ R
         palm += share[led, i, None] * (way - left * way[0])

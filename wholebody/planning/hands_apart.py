@@ -18,6 +18,7 @@ from models.spec import RobotSpec
 from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision.hull_pairs import HullPairs, found_of, measured
 from wholebody.planning.floor_projection import HAND_BOX
+from wholebody.robot.palms import palm_offsets, palm_points
 from wholebody.trajopt.layout import DISTANCE
 from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.trajopt.weights import tolerances
@@ -54,7 +55,7 @@ class HandHulls:
     def __init__(self, spec: RobotSpec, body: RobotTables) -> None:
         model, shapes, geometry = body.full, body.shapes, body.proximity.geometry.geometryObjects
         self._model, self._data, self._q, self._fingers = model, model.createData(), body.q_full, body.fingers
-        self._offsets = np.array([tool.palm_offset for tool in spec.tools])
+        self._offsets = palm_offsets(spec)
         self._wrists = [model.getFrameId(tool.wrist_frame) for tool in spec.tools]
         moved = [model.subtrees[model.frames[wrist].parentJoint].tolist() for wrist in self._wrists]
         of_hand = np.array([[item.parentJoint in joints for item in geometry] for joints in moved])
@@ -120,7 +121,7 @@ class HandHulls:
     def _placed(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rotations (k, n, 3, 3) and origins (k, n, 3) of the bodies that the shapes are on."""
         R_wrists = T_palms[:, :, :3, :3]
-        p_wrists = T_palms[:, :, :3, 3] - np.einsum("khij,hj->khi", R_wrists, self._offsets)
+        p_wrists = palm_points(T_palms, -self._offsets)
         same = (q_fingers == q_fingers[0]).all()
         local = np.array([self._bent(q) for q in (q_fingers[:1] if same else q_fingers)])
         R = R_wrists[:, self._hand]

@@ -36,6 +36,7 @@ from wholebody.planning.still_postures import (  # fmt: skip
     StillPostures,
     wrist_target,
 )
+from wholebody.robot.palms import palm_offsets, palm_poses
 from wholebody.trajopt.layout import LOWER
 from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState, check_state
@@ -120,7 +121,7 @@ class PostureSolver:
         self._retreating = Round(gentle, 1.0, 40), Round(gentle, FIRM, 60)
         self._stage = (Round(gentle, FIRM, STAGE_STEPS),)
         self._one = StillPostures(body, self._weights, 2)
-        self._palm_offsets = np.array([tool.palm_offset for tool in spec.tools])
+        self._palm_offsets = palm_offsets(spec)
 
     @cached_property
     def _random(self) -> RandomPostures:
@@ -133,7 +134,7 @@ class PostureSolver:
     def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS) -> Solution:
         """Still, balanced posture for two wrist poses, searched for from at most ``starts`` starts; see `solve`."""
         targets = np.stack([wrist_target(T_world_lhand, "T_world_lhand"), wrist_target(T_world_rhand, "T_world_rhand")])
-        T_palms, missed = self._shifted(targets, 1.0), []
+        T_palms, missed = palm_poses(targets, self._palm_offsets), []
         for _ in self._attempts(T_palms, self._reaching, starts):
             found = self._solution(targets)
             if found.reached:
@@ -186,7 +187,7 @@ class PostureSolver:
             time, begin = start.time, check_state(start, self.spec.n_joints).q
         shares = minimum_jerk(np.linspace(0.0, 1.0, round(duration * fps) + 1))
         way = self._ways.between(begin, posture.q, shares)
-        wrists = self._shifted(way.T_palms, -1.0)
+        wrists = palm_poses(way.T_palms, -self._palm_offsets)
         robot = layout_robot(self.spec)
         hands, mine = [np.zeros((len(shares), n)) for n in robot.fingers], way.q[:, self.body.fingers]
         for hand, fingers in zip(hands, np.split(mine, [self.spec.fingers[0]], axis=1), strict=True):
@@ -233,18 +234,12 @@ class PostureSolver:
         excess = max(0.0, float(self._one.excess()[1]) - WITHIN)
         return 1e3 * excess + sum(found.position_error) + LEVER * sum(found.orientation_error)
 
-    def _shifted(self, T: np.ndarray, sign: float) -> np.ndarray:
-        """Poses (..., 2, 4, 4) of both wrists as those of the palms (1), or the other way round (-1)."""
-        T = T.copy()
-        T[..., :3, 3] += sign * np.einsum("...hij,hj->...hi", T[..., :3, :3], self._palm_offsets)
-        return T
-
     def _solution(self, targets: np.ndarray) -> Solution:
         """What the search has found."""
         body, one = self.body, self._one
         full = body.q_full.copy()
         body.put(full, one.q[1])
-        wrists = self._shifted(one.T_palms[1], -1.0)
+        wrists = palm_poses(one.T_palms[1], -self._palm_offsets)
         position = np.linalg.norm(wrists[:, :3, 3] - targets[:, :3, 3], axis=1)
         orientation = angle_between(wrists[:, :3, :3], targets[:, :3, :3])
         on_target = position.max() <= POSITION_REACHED and orientation.max() <= ORIENTATION_REACHED

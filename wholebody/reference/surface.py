@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from policy.chunk import ActionChunk
+from policy.geometry.se3 import translated
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def kept_out(chunk: ActionChunk, surfaces: Sequence[Surface | None], palm_offset
     for given, surface, offset in zip((chunk.T_world_lhand, chunk.T_world_rhand), surfaces, palm_offsets, strict=True):
         T = given
         if surface is not None:
-            palms = T[:, :3, 3] + T[:, :3, :3] @ offset
+            palms = translated(T, offset)[:, :3, 3]
             beyond = np.maximum((palms - surface.point) @ surface.into, 0.0)
             T = T.copy()
             T[:, :3, 3] -= beyond[:, None] * surface.into

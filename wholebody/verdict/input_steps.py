@@ -14,6 +14,7 @@ from policy.executor.executor import Executor
 from policy.geometry.rotations import angle_between
 from policy.joints import layout_robot
 from wholebody.config import START_MAX
+from wholebody.robot.palms import palm_offsets, palm_points
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.verdict import Verdict
 
@@ -31,10 +32,10 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     Returns:
         One sentence, or none.
     """
-    anchor, offsets = Anchor.nominal(robot=layout_robot(spec)), np.array([tool.palm_offset for tool in spec.tools])
+    anchor, offsets = Anchor.nominal(robot=layout_robot(spec)), palm_offsets(spec)
     stance = np.stack([anchor.T_world_base @ anchor.poses[hand] for hand in ("lhand", "rhand")])
     first = np.stack([chunk.T_world_lhand[0], chunk.T_world_rhand[0]])
-    here, there = (T[:, :3, 3] + np.einsum("hij,hj->hi", T[:, :3, :3], offsets) for T in (stance, first))
+    here, there = (palm_points(T, offsets) for T in (stance, first))
     away = np.linalg.norm(there - here, axis=1)
     turned = np.where(free, 0.0, angle_between(stance[:, :3, :3], first[:, :3, :3]))
     shares = np.maximum(away / START_MAX[0], turned / START_MAX[1])

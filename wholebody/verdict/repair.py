@@ -10,6 +10,7 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between, matrix_to_rotvec, rotvec_to_matrix
+from policy.geometry.se3 import translated
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge
 from wholebody.planning.plan import ChunkPlan
@@ -202,7 +203,7 @@ def towards(
     out = []
     for T, there, offset in zip((chunk.T_world_lhand, chunk.T_world_rhand), goal, offsets, strict=True):
         R, S = T[:, :3, :3], there[:, :3, :3]
-        p, q = T[:, :3, 3] + R @ offset, there[:, :3, 3] + S @ offset
+        p, q = (translated(at, offset)[:, :3, 3] for at in (T, there))
         led = T.copy()
         led[:, :3, :3] = rotvec_to_matrix(turn * matrix_to_rotvec(S @ np.swapaxes(R, 1, 2))) @ R
         led[:, :3, 3] = p + position * (q - p) - led[:, :3, :3] @ offset

@@ -25,6 +25,7 @@ from wholebody.planning.trajectory import BodyState
 from wholebody.reference import HandMotion, rest_row, time_scaled
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import Loads
+from wholebody.robot.palms import palm_points
 from wholebody.robot.state import Robot
 from wholebody.trajopt.problem import TrajectoryProblem
 from wholebody.types import RobotState
@@ -215,7 +216,7 @@ class ChunkJudge:
     def commanded(self, plan: ChunkPlan, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Palm points (n, 2, 3) [m] and rotations (n, 2, 3, 3) that a plan commands at parameters (n,) [s]."""
         T = np.stack([path.sample(s).T_world_hand for path in plan.paths], axis=1)
-        return self._palm_points(T), T[:, :, :3, :3]
+        return palm_points(T, self.planner.offsets), T[:, :, :3, :3]
 
     def later(self, plan: ChunkPlan, after: float) -> Begin:
         """Where a plan is after a time on it [s]."""
@@ -235,12 +236,12 @@ class ChunkJudge:
     def asked(self, chunk: ActionChunk) -> tuple[np.ndarray, np.ndarray]:
         """Palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) that a chunk asks for."""
         T = np.stack([chunk.T_world_lhand, chunk.T_world_rhand], axis=1)
-        return self._palm_points(T), T[:, :, :3, :3]
+        return palm_points(T, self.planner.offsets), T[:, :, :3, :3]
 
     def at(self, begin: Begin) -> tuple[np.ndarray, np.ndarray]:
         """Palm points (2, 3) [m] and rotations (2, 3, 3) that are commanded where a chunk is begun."""
         T = begin.hands.T_world_hand
-        return self._palm_points(T[None])[0], T[:, :3, :3]
+        return palm_points(T, self.planner.offsets), T[:, :3, :3]
 
     def _off(self, chunk: ActionChunk, plan: ChunkPlan, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         s = plan.start + plan.rate * (times - plan.start)
@@ -260,9 +261,6 @@ class ChunkJudge:
                 code=code, subject=PALMS[int(side)], time=time, step=int(step), value=value, bound=bound,
                 unit=code.unit, margin=bound - value, share=(bound - value) / bound,
             )  # fmt: skip
-
-    def _palm_points(self, T: np.ndarray) -> np.ndarray:
-        return T[:, :, :3, 3] + np.einsum("khij,hj->khi", T[:, :, :3, :3], self.planner.offsets)
 
     def _at_rest(self, q: np.ndarray, v: np.ndarray | None = None) -> Begin:
         v = np.zeros(self.robot.nv) if v is None else v
