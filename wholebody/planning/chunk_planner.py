@@ -15,7 +15,6 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
-from wholebody.planning import strategies
 from wholebody.planning.attempt import Attempt, Targets
 from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
@@ -27,7 +26,9 @@ from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
-from wholebody.planning.strategies import HELD, PARTED, PREVIEW, Begin, Overlap, Strategy
+from wholebody.planning.strategies import choice
+from wholebody.planning.strategies.rows import Asked, Overlap, Try
+from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.feet import Feet
@@ -124,7 +125,7 @@ class ChunkPlanner:
         prepared = self._prepared(chunk)
         targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
         chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
-        chosen = chosen or strategies.best(
+        chosen = chosen or choice.best(
             self.config, attempt, budget, self._asked(targets, start.q, budget, implausible=prepared.implausible)
         )
         return self._as_followed(chosen, prepared, now, commanded, budget)
@@ -141,7 +142,7 @@ class ChunkPlanner:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
         chosen = self._preview(targets(1.0), start)
-        chosen = chosen or strategies.as_given(self.config, attempt, budget, self._asked(targets, start.q, budget))
+        chosen = chosen or choice.as_given(self.config, attempt, budget, self._asked(targets, start.q, budget))
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
@@ -155,7 +156,7 @@ class ChunkPlanner:
         commanded: HandMotion,
         before: np.ndarray | None,
         budget: Budget,
-    ) -> tuple[Callable[[float], Targets], strategies.Try]:
+    ) -> tuple[Callable[[float], Targets], Try]:
         """What a prepared chunk asks for at a speed, and what plans it by a strategy; arguments as in `plan`."""
 
         @cache
@@ -267,7 +268,7 @@ class ChunkPlanner:
 
     def _asked(
         self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget, *, implausible: bool = False
-    ) -> strategies.Asked:
+    ) -> Asked:
         @cache
         def overlap(slowdown: float) -> Overlap:
             return self._overlap(targets(slowdown))
@@ -275,7 +276,7 @@ class ChunkPlanner:
         def lacking(slowdown: float) -> float:
             return self._held(targets(slowdown), q, budget).off if self._holding else 0.0
 
-        return strategies.Asked(implausible, overlap, lacking)
+        return Asked(implausible, overlap, lacking)
 
     def _overlap(self, targets: Targets) -> Overlap:
         T_palms, fingers, n = targets.T_palms, targets.q_fingers, targets.asked

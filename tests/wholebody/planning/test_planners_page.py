@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from wholebody.config import ControllerConfig
+from wholebody.planning.strategies.rows import APART, AT_A_SPEED, BETTER, TURNED
 from wholebody.trajopt.weights import BOUNDS
 
 ROOT = Path(__file__).parents[3]
@@ -42,3 +43,34 @@ def test_settings_named_on_the_planners_page_have_the_values_given_there():
     assert len(found) >= 6
     for name, value in found:
         assert getattr(planner, name) == float(value), name
+
+
+TABLES = {"At a speed": AT_A_SPEED, "*Better*": BETTER, "*Turned*": TURNED, "*Apart*": APART}
+
+
+def shown(row):
+    """A row of strategies as the page has it, and those that follow from it."""
+    names = {rows: name.lower() for name, rows in TABLES.items()}
+    when, kept = row.when.__doc__.rstrip("."), row.keep.__doc__.rstrip(".")
+    tried = row.strategy.name.replace("_", " ") if row.strategy else ""
+    further = names.get(row.better, "")
+    what = ", then ".join(part for part in (tried, further) if part) or (
+        "–" if row.reserve is None else "no budget is kept for later"
+    )
+    kept = kept if row.strategy else "the present one" if row.take else "–"
+    yield f"| {when} | {what} | {kept} | {'taken' if row.take else 'next row'} |"
+    for one in row.then:
+        yield next(shown(one)).replace("| ", "| – if kept: ", 1)
+
+
+def test_the_rows_of_strategies_are_on_the_planners_page():
+    """What is missing there can be pasted from here."""
+    text = (ROOT / "docs/planner.md").read_text()
+    for name, rows in TABLES.items():
+        lines = [
+            f"| {name}: when | Tried | Kept | Then |",
+            "|---|---|---|---|",
+            *(x for row in rows for x in shown(row)),
+        ]
+        table = "\n".join(lines)
+        assert table in text, table

@@ -20,7 +20,7 @@ from wholebody.planning.judgement.motion_margins import MotionMargins
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.posture import PostureSolver
 from wholebody.planning.still_postures import StillPostures
-from wholebody.planning.strategies import PREVIEW
+from wholebody.planning.strategies.strategy import PREVIEW
 from wholebody.planning.trajectory import BodyState
 from wholebody.reference import HandMotion, rest_row, time_scaled
 from wholebody.robot.feet import Feet

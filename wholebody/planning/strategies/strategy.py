@@ -1,0 +1,89 @@
+"""Ways to plan a chunk: what each weighs, and what its search begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from wholebody.config import PlannerConfig, TrajectoryConfig
+
+FIRM = 3.0
+"""Factor on the scales of the palms where bounds are exceeded for them; chosen: the bounds weigh nine times as much."""
+
+GENTLE = 2.0
+"""Factor on the scale of the palms' positions where they are led to what is held; measured: with 1 the plan of 2 kg
+spends 95 % of the waist's torque, with 3 palms stay 5 mm further off."""
+
+
+class Begin(Enum):
+    """What the search of an attempt begins with; where that ends, inverse kinematics from knot to knot goes on."""
+
+    PLAN_BEFORE = "the plan before, as long as it is near the palms wanted"
+    LAST_ATTEMPT = "the attempt before it at the same speed"
+    START = "the present state alone"
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """One way to plan a chunk.
+
+    Attributes:
+        name: As in reports.
+        weights: Of the optimiser, from the planner's settings.
+        begin: What its search begins with.
+        slower: Instead, for a path that is followed slower than the chunk's own speed.
+    """
+
+    name: str
+    weights: Callable[[PlannerConfig], TrajectoryConfig]
+    begin: Begin
+    slower: Strategy | None = None
+
+    def at(self, slowdown: float) -> Strategy:
+        """What is tried at a speed."""
+        return self if slowdown == 1.0 or self.slower is None else self.slower
+
+
+def _relaxed(config: PlannerConfig) -> TrajectoryConfig:
+    return replace(config.posture, orientation=config.orientation_relaxed)
+
+
+def _free(config: PlannerConfig) -> TrajectoryConfig:
+    return replace(config.posture, orientation=config.orientation_free)
+
+
+def _firm(config: PlannerConfig) -> TrajectoryConfig:
+    posture = config.posture
+    return replace(posture, position=FIRM * posture.position, orientation=FIRM * posture.orientation)
+
+
+def _firm_relaxed(config: PlannerConfig) -> TrajectoryConfig:
+    return replace(_firm(config), orientation=FIRM * config.orientation_relaxed)
+
+
+def _gentle_free(config: PlannerConfig) -> TrajectoryConfig:
+    posture = config.posture
+    return replace(posture, position=GENTLE * posture.position, orientation=FIRM * config.orientation_free)
+
+
+SLOWER = Strategy("slower", lambda c: c.posture, Begin.START)
+AS_GIVEN = Strategy("as_given", lambda c: c.posture, Begin.PLAN_BEFORE, SLOWER)
+PREVIEW = Strategy("preview", lambda c: c.posture, Begin.START)
+"""As given, with hardly any search: enough to tell that a plain chunk can be done."""
+ANEW = Strategy("as_given", lambda c: c.posture, Begin.START)
+"""As given again, where beginning with the plan before led to where the search cannot leave."""
+PARTED = Strategy("parted", _relaxed, Begin.PLAN_BEFORE, Strategy("parted", _relaxed, Begin.START))
+"""Towards `HandsApart`, where a chunk has the hands nearer to each other than plans bring them."""
+PARTED_FIRM = Strategy("parted", _firm_relaxed, Begin.LAST_ATTEMPT)
+FIRM_BOUNDS = Strategy("firm_bounds", _firm, Begin.LAST_ATTEMPT)
+FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, Begin.LAST_ATTEMPT)
+"""Firm bounds again, where palms may turn: a load is often held that way."""
+RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, Begin.LAST_ATTEMPT)
+FREE_ORIENTATION = Strategy("free_orientation", _free, Begin.LAST_ATTEMPT)
+HELD = Strategy("held", _gentle_free, Begin.START)
+"""Palms towards `HoldablePlaces`, the search beginning with its postures: for loads that cannot be held as given."""
+UNREACHABLE = Strategy("unreachable", lambda c: c.weights_unreachable, Begin.PLAN_BEFORE)
+FALLBACK = Strategy("fallback", lambda c: c.weights_fallback, Begin.PLAN_BEFORE)
+FALLBACK_ANEW = Strategy("fallback", lambda c: c.weights_fallback, Begin.START)
+STOP = Strategy("stop", lambda c: c.weights_stop, Begin.START)
