@@ -2,9 +2,6 @@
 
 from wholebody.config.controller import (
     START_MAX,
-    WEIGHTS_FALLBACK,
-    WEIGHTS_STOP,
-    WEIGHTS_UNREACHABLE,
     BodyConfig,
     ControllerConfig,
     HandConfig,
@@ -19,9 +16,6 @@ from wholebody.config.verdict import VerdictConfig
 
 __all__ = [
     "START_MAX",
-    "WEIGHTS_FALLBACK",
-    "WEIGHTS_STOP",
-    "WEIGHTS_UNREACHABLE",
     "BodyConfig",
     "ControllerConfig",
     "HandConfig",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import radians
 
 from wholebody.config.loads import LoadConfig
@@ -206,39 +206,11 @@ class TrajectoryConfig:
     """Time for which bodies may approach each other or the floor before they are too near, between two knots [s]."""
 
 
-WEIGHTS_FALLBACK = TrajectoryConfig(
-    position=0.02,
-    orientation=0.15,
-    orientation_give=0.1,
-    com=0.02,
-    zmp=0.03,
-    torso=0.2,
-    pelvis=0.2,
-    posture=0.5,
-    height=0.05,
-    smoothness=20.0,
-    stillness=2.0,
-)
-"""For chunks that cannot be followed: hands weigh little beside posture and balance, far less than any bound."""
-
-WEIGHTS_UNREACHABLE = replace(WEIGHTS_FALLBACK, position_give=0.1)
-"""For targets out of reach: as near to them as the bounds allow, with palm errors of up to 0.1 m in full."""
-
-WEIGHTS_STOP = replace(WEIGHTS_FALLBACK, position=10.0, orientation=10.0)
-"""For states from which no motion follows the hands safely: come to rest."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
     """Settings of the way from a chunk to a feasible plan."""
 
     posture: TrajectoryConfig = field(default_factory=TrajectoryConfig)
-    weights_fallback: TrajectoryConfig = WEIGHTS_FALLBACK
-    """For a chunk that cannot be followed within the bounds; step, limits and margins are those of `posture`."""
-    weights_unreachable: TrajectoryConfig = WEIGHTS_UNREACHABLE
-    """For a chunk that is out of reach; likewise."""
-    weights_stop: TrajectoryConfig = WEIGHTS_STOP
-    """Where no plan leads from the present motion to the chunk: the hands do not count; likewise."""
     orientation_relaxed: float = 0.02
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
     orientation_free: float = 0.05

@@ -24,10 +24,32 @@ _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 Place = Callable[[tuple[str, ...]], str]
 """Where in a file a setting is, for messages."""
 
+PUBLISHED = (
+    "dt",
+    "backend",
+    "solver",
+    "friction",
+    "planner.posture.torque_share",
+    "planner.posture.speed_share",
+    "planner.posture.com_margin",
+    "planner.posture.elbow_max",
+    "planner.posture.self_distance",
+    "planner.posture.floor_distance",
+    "planner.slowdowns",
+    "verdict",
+    "planning",
+    "robot.model",
+    "robot.body",
+    "robot.linkage_effort",
+    "robot.torque",
+    "robot.stance",
+    "loads",
+    "touch",
+)
+"""Settings, or groups of them, that depend on robot, world or task; the others are the controller's own, can be changed
+likewise, and are only shown where all are asked for."""
+
 RENAMED = {
-    "gentle": "weights_fallback",
-    "calm": "weights_unreachable",
-    "brake": "weights_stop",
     "turning": "orientation_relaxed",
     "loss_max": "tracking_error_max",
     "error_max": "mean_error_max",
@@ -93,9 +115,15 @@ def config_from(changes: object, place: Place = lambda names: "configuration") -
     return _structure(ControllerConfig(), changes, place, ())
 
 
-def dump_config(config: ControllerConfig) -> str:
-    """A configuration as YAML, every value written out under what the field means and its unit."""
-    return "\n".join(["# Every setting with its default, SI units.", *_documented(config, "")]) + "\n"
+def dump_config(config: ControllerConfig, *, everything: bool = True) -> str:
+    """A configuration as YAML, each value under what the field means and its unit.
+
+    Args:
+        config: Whose values.
+        everything: Write out internal settings too, not `PUBLISHED` alone.
+    """
+    about = "Every setting, the internal ones too" if everything else "Settings; `wholebody config --all` has the rest"
+    return "\n".join([f"# {about}. SI units.", *_documented(config, "", "", everything)]) + "\n"
 
 
 def _structure(owner: object, changes: object, place: Place, path: tuple[str, ...]) -> object:
@@ -171,16 +199,23 @@ def _line(node: yaml.Node | None, names: tuple[str, ...]) -> int:
     return line
 
 
-def _documented(owner: object, indent: str) -> Iterator[str]:
+def _documented(owner: object, path: str, indent: str, everything: bool) -> Iterator[str]:
     said = meanings(type(owner))
     for field in fields(owner):
-        value = getattr(owner, field.name)
+        value, name = getattr(owner, field.name), f"{path}{field.name}"
+        inside = any(one.startswith(f"{name}.") for one in PUBLISHED)
+        if not (everything or inside or _published(name)):
+            continue
         for line in said.get(field.name, "").splitlines():
             yield f"{indent}# {line.strip()}"
         if is_dataclass(value):
             yield f"{indent}{field.name}:"
-            yield from _documented(value, indent + "  ")
+            yield from _documented(value, f"{name}.", indent + "  ", everything)
         else:
             plain = list(value) if isinstance(value, tuple) else value
             text = yaml.safe_dump(plain, default_flow_style=True).removesuffix("\n...\n").strip()
             yield f"{indent}{field.name}: {text}"
+
+
+def _published(name: str) -> bool:
+    return any(name == one or name.startswith(f"{one}.") for one in PUBLISHED)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from typer import Option
+
 from wholebody.cli.console import say, waiting
 from wholebody.cli.options import RobotModel
 
 
-def config() -> None:
-    """Print every setting with its default, as YAML for --config."""
+def config(
+    *, everything: Annotated[bool, Option("--all", help="The controller's internal settings, too.")] = False
+) -> None:
+    """Print the settings with their defaults, as YAML for --config."""
     from wholebody.config import ControllerConfig
     from wholebody.config.file import dump_config
 
-    print(dump_config(ControllerConfig()), end="")
+    print(dump_config(ControllerConfig(), everything=everything), end="")
 
 
 def warmup(*, robot: RobotModel = "") -> None:

@@ -16,6 +16,26 @@ GENTLE = 2.0
 spends 95 % of the waist's torque, with 3 palms stay 5 mm further off."""
 
 
+HANDS_LIGHT = {
+    "position": 0.02,
+    "orientation": 0.15,
+    "orientation_give": 0.1,
+    "com": 0.02,
+    "zmp": 0.03,
+    "torso": 0.2,
+    "pelvis": 0.2,
+    "posture": 0.5,
+    "height": 0.05,
+    "stillness": 2.0,
+}
+"""Scales other than the planner's for chunks that cannot be followed [m, rad, m/s]; chosen: hands weigh little beside
+posture and balance, far less than any bound."""
+HANDS_AS_FAR = HANDS_LIGHT | {"position_give": 0.1}
+"""The same for targets out of reach [m, rad, m/s]; chosen: palm errors of up to 0.1 m in full."""
+HANDS_LEFT_OUT = HANDS_LIGHT | {"position": 10.0, "orientation": 10.0}
+"""The same where no motion follows the hands safely [m, rad, m/s]; chosen: the robot comes to rest."""
+
+
 class Begin(Enum):
     """What the search of an attempt begins with; where that ends, inverse kinematics from knot to knot goes on."""
 
@@ -83,7 +103,7 @@ RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, Begin.LAST_ATTEM
 FREE_ORIENTATION = Strategy("free_orientation", _free, Begin.LAST_ATTEMPT)
 HELD = Strategy("held", _gentle_free, Begin.START)
 """Palms towards `HoldablePlaces`, the search beginning with its postures: for loads that cannot be held as given."""
-UNREACHABLE = Strategy("unreachable", lambda c: c.weights_unreachable, Begin.PLAN_BEFORE)
-FALLBACK = Strategy("fallback", lambda c: c.weights_fallback, Begin.PLAN_BEFORE)
-FALLBACK_ANEW = Strategy("fallback", lambda c: c.weights_fallback, Begin.START)
-STOP = Strategy("stop", lambda c: c.weights_stop, Begin.START)
+UNREACHABLE = Strategy("unreachable", lambda c: replace(c.posture, **HANDS_AS_FAR), Begin.PLAN_BEFORE)
+FALLBACK = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), Begin.PLAN_BEFORE)
+FALLBACK_ANEW = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), Begin.START)
+STOP = Strategy("stop", lambda c: replace(c.posture, **HANDS_LEFT_OUT), Begin.START)
