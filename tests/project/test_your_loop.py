@@ -52,6 +52,14 @@ def test_c1_the_loop_of_the_page_is_that_of_the_example():
     assert len(code.partition("while ")[2].splitlines()[1:]) <= 10
 
 
+def test_the_loop_of_a_simulator_that_is_stepped_never_runs_out_of_steps(capsys):
+    """A thread would take real time, in which this simulation is over."""
+    ran = runpy.run_path(str(ROOT / "examples" / "stepped_loop.py"))
+    assert "starved" not in capsys.readouterr().out
+    assert len(ran["executor"].report.latencies) >= 4
+    assert ran["state"].q[2] > 0.7
+
+
 def test_the_loop_drives_a_robot_that_is_not_ours(policy, targets, capsys):
     robot = StandIn()
     drive(robot, policy, SECONDS)
