@@ -76,7 +76,7 @@ test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's o
 test-browser: $(VENV)/.all-installed ## Look at the live page in Chromium, from the system's packages
 	$(BIN)/python $(PYTEST) -m browser $(ARGS)
 
-fuzz-readers: $(VENV)/.all-installed ## Read 13,000 broken and hostile files under limits of memory and time
+fuzz-readers: $(VENV)/.all-installed ## Read 16,000 broken and hostile files under limits of memory and time
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.studies.fuzz_readers $(ARGS)
 
 bench: $(VENV)/.all-installed ## Time one controller tick

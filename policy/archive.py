@@ -90,6 +90,26 @@ def read_arrays(
         raise ReadingError(f"has an array that cannot be read: {error}") from error
 
 
+def array_names(path: Path, archive_max: int = ARCHIVE_MAX) -> tuple[str, ...]:
+    """Names of the arrays of an archive, without opening one.
+
+    Raises:
+        OSError: If it cannot be read.
+        ReadingError: If it is no archive, or holds something else.
+    """
+    require_file(path, archive_max)
+    try:
+        _require_small_directory(path)
+        with zipfile.ZipFile(path) as archive:
+            files = [member.filename for member in archive.infolist()]
+    except (*UNREADABLE, ValueError) as error:
+        raise ReadingError(f"is no .npz file, or a damaged or encrypted one ({error})") from error
+    names = tuple(file.removesuffix(".npy") for file in files if file.endswith(".npy"))
+    if len(names) != len(files) or len(set(names)) != len(names):
+        raise ReadingError("contains what is no array, or one twice")
+    return names
+
+
 def _require_small_directory(path: Path) -> None:
     """Refuse an archive with a hundred thousand entries before Python makes an object of each."""
     with path.open("rb") as stream:

@@ -21,6 +21,8 @@ SPEC_MAX = 2**20
 """Largest JSON of a layout, a policy's configuration or a processor [bytes]; real ones have 30 kB at most."""
 DEPTH_MAX = 32
 """Deepest nesting of JSON and YAML; real files have 6 levels."""
+VALUES_MAX = 8_000_000
+"""Most values of a JSON file, by its commas and brackets; chosen: of numbers they take 300 MB."""
 INTEGER_MAX = 2**63 - 1
 """Largest whole number in JSON: what 64 bits hold."""
 FPS_MIN, FPS_MAX = 0.1, 2000.0
@@ -91,6 +93,9 @@ def parse_json(text: str, *, finite: bool = False, integer_max: int = INTEGER_MA
             raise ReadingError(f"has a whole number of {len(digits)} digits; at most {integer_max:.3g} is read")
         return number
 
+    # A short text can become many objects: they are counted before there are any.
+    if (count := sum(map(text.count, ",[{"))) > VALUES_MAX:
+        raise ReadingError(f"has about {count} values; at most {VALUES_MAX} are read")
     try:
         data = json.loads(text, parse_int=integer, parse_float=_float, parse_constant=_refused if finite else None)
     except RecursionError as error:

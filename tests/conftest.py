@@ -25,6 +25,7 @@ collect_ignore_glob += [] if find_spec("viser") else ["wholebody/live/test_page*
 collect_ignore_glob += [] if find_spec("k3d") else ["wholebody/verdict/test_page*.py"]
 collect_ignore_glob += [] if find_spec("ray") else ["wholebody/verdict/test_audit_on_ray.py"]
 collect_ignore_glob += [] if find_spec("pyarrow") else ["wholebody/verdict/test_audit.py"]
+collect_ignore_glob += [] if find_spec("h5py") else ["policy/dataset/forms/test_hdf5.py"]
 # Recordings of people are not a part of this repository.
 MOTIONS = os.environ.get("G1_MOTIONS", "")
 collect_ignore_glob += [] if MOTIONS else ["studies/test_recorded_motions.py"]

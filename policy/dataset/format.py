@@ -7,7 +7,7 @@ episodes a file), v2.1 and v2.0 (one file an episode) give the same `Dataset`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -35,6 +35,7 @@ PATH_MAX = 300
 """Most characters of a path in ``meta/info.json``."""
 _FIELD = re.compile(r"(0[1-9])?d?")
 """Format of a number in a path, as in ``{file_index:03d}``."""
+NO_PYARROW = "datasets are read with pyarrow, which is not installed: pip install 'g1-wholebody[audit]'"
 Stats = Mapping[str, Mapping[str, Any]]
 """Statistics by feature and name, nested lists as in JSON."""
 
@@ -73,6 +74,10 @@ class Episode:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
+RowReader = Callable[[Episode], "pyarrow.Table"]
+"""Reads all columns of an episode."""
+
+
 @dataclass(frozen=True)
 class Dataset:
     """A dataset folder.
@@ -84,6 +89,7 @@ class Dataset:
         tasks: Text of each task index.
         episodes: In order.
         stats: Statistics over all episodes; empty where the dataset has none.
+        reader: Reads the rows of an episode where they are not in parquet files.
     """
 
     folder: Path
@@ -92,6 +98,7 @@ class Dataset:
     tasks: tuple[str, ...]
     episodes: tuple[Episode, ...]
     stats: Stats
+    reader: RowReader | None = field(default=None, compare=False, repr=False)
 
     @property
     def fps(self) -> float:
@@ -138,6 +145,9 @@ class Dataset:
         Raises:
             DatasetError: If the file is damaged, lacks a column, or holds something else there.
         """
+        if self.reader is not None:
+            rows = self.reader(episode)
+            return rows if columns is None else rows.select(columns)
         wanted = None if columns is None else (*columns, "episode_index")
         modified_ns = episode.file.stat().st_mtime_ns if episode.file.exists() else 0
         rows = _file(episode.file, modified_ns, wanted).slice(episode.first_row, episode.length)
@@ -190,9 +200,7 @@ def read_parquet(file: Path, columns: list[str] | None = None) -> pyarrow.Table:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise DatasetError(
-            "datasets are read with pyarrow, which is not installed: pip install 'g1-wholebody[lerobot]'"
-        ) from error
+        raise DatasetError(NO_PYARROW) from error
     try:
         reading.require_file(file, TABLE_MAX)
         stored = pyarrow.parquet.ParquetFile(file, memory_map=True)
@@ -252,46 +260,6 @@ def _within(file: Path, folder: Path) -> bool:
         return file.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):  # a circle of links, a name with a zero in it
         return False
-
-
-def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
-    """What is said of each episode, by its number.
-
-    Raises:
-        DatasetError: If a number or length is none, or the numbers are not those from 0 on.
-    """
-    if len(rows) > EPISODES_MAX:
-        raise DatasetError(f"{where} lists {len(rows)} episodes; at most {EPISODES_MAX} are read")
-    for row in rows:
-        index, length = row["episode_index"], row["length"]
-        if type(index) is not int or type(length) is not int or not 1 <= length <= ROWS_MAX:
-            raise DatasetError(
-                f"{where} has an episode_index {index!r:.40} of length {length!r:.40}; whole numbers are expected, "
-                f"a length from 1 to {ROWS_MAX}"
-            )
-        if not isinstance(row["tasks"], list | None) or not all(isinstance(task, str) for task in row["tasks"] or ()):
-            raise DatasetError(
-                f"{where} has tasks {row['tasks']!r:.60} in episode {index}; a list of texts is expected"
-            )
-    rows = sorted(rows, key=lambda row: row["episode_index"])
-    if [row["episode_index"] for row in rows] != list(range(len(rows))):
-        raise DatasetError(f"{where} does not list the episodes 0 to {len(rows) - 1} once each")
-    return rows
-
-
-def in_numbers(pairs: Iterable[tuple[int, str]], file: Path) -> tuple[str, ...]:
-    """Every task of a dataset, by its number.
-
-    Raises:
-        DatasetError: If they are no tasks, or not numbered from 0 on.
-    """
-    pairs = list(pairs)
-    if not all(type(number) is int and isinstance(text, str) for number, text in pairs):
-        raise DatasetError(f"{file} has a task that is no text, or whose task_index is no whole number")
-    pairs.sort()
-    if [number for number, _ in pairs] != list(range(len(pairs))):
-        raise DatasetError(f"{file} does not number its {len(pairs)} tasks from 0 on")
-    return tuple(text for _, text in pairs)
 
 
 def vectors(column: pyarrow.ChunkedArray, width: int, key: str, episode: Episode) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Open a LeRobot dataset folder of any format that is read."""
+"""Open a dataset of any form that is read: LeRobot's folders, JSON episodes of xr_teleoperate, HDF5."""
 
 from __future__ import annotations
 
@@ -7,10 +7,28 @@ from pathlib import Path
 from typing import Any
 
 from policy.dataset.format import Dataset, read_json
-from policy.dataset.v21 import read_v21
-from policy.dataset.v30 import read_v30
+from policy.dataset.forms.hdf5 import hdf5_files, read_hdf5
+from policy.dataset.forms.v21 import read_v21
+from policy.dataset.forms.v30 import read_v30
+from policy.dataset.forms.xr_json import episode_files, read_xr_json
 from policy.errors import DatasetError
 from policy.reading import FPS_MAX, FPS_MIN
+
+INFO = Path("meta", "info.json")
+"""What a LeRobot folder says of itself."""
+
+
+def dataset_files(path: str | Path) -> list[Path]:
+    """Files whose numbers a dataset is read from, without videos and pictures; none of what is no dataset."""
+    path = Path(path)
+    if (path / INFO).is_file():
+        return [file for part in ("meta", "data") for file in (path / part).rglob("*")]
+    return episode_files(path) or hdf5_files(path)
+
+
+def is_dataset(path: str | Path) -> bool:
+    """Whether a path is a dataset of a form that is read."""
+    return bool(Path(path, INFO).is_file() or episode_files(Path(path)) or hdf5_files(Path(path)))
 
 
 def open_dataset(folder: str | Path) -> Dataset:
@@ -20,7 +38,12 @@ def open_dataset(folder: str | Path) -> Dataset:
         DatasetError: If there is no dataset, it is of a format that is not read, or contradicts itself.
     """
     folder = Path(folder)
-    info = read_json(folder / "meta" / "info.json")
+    if not (folder / INFO).is_file():
+        if episode_files(folder):
+            return read_xr_json(folder)
+        if hdf5_files(folder):
+            return read_hdf5(folder)
+    info = read_json(folder / INFO)
     version = info.get("codebase_version")
     readers = {"v3.0": read_v30, "v2.1": read_v21, "v2.0": read_v21}
     if not isinstance(version, str) or version not in readers:

@@ -33,7 +33,7 @@ from policy.errors import FileFormatError, RotationError, SpecError, did_you_mea
 from policy.geometry.rotations import quaternion_to_matrix
 from policy.geometry.se3 import inverse, make_transform, yaw_frame
 from policy.reading import SPEC_MAX, STEPS_MAX, ReadingError, require_rate
-from policy.recorded.exports import retargeted
+from policy.recorded.exports import of_a_person
 from policy.writing import whole
 
 KEYS = ("actions", "fps", "spec", "t_obs", "q0_base", "q0_names", "q0_joints", "mask")
@@ -127,7 +127,7 @@ def read_chunk_file(path: str | Path, *, assume: ActionSpec | None = None, robot
     except OSError as error:
         raise FileFormatError(f"cannot be read: {error.strerror or error}", path=str(path)) from error
     except ReadingError as error:
-        how = retargeted(str(error), path.name)
+        how = of_a_person(path)
         raise FileFormatError(f"{error}; {how}" if how else str(error), path=str(path)) from error
 
 

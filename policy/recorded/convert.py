@@ -20,6 +20,7 @@ from policy.kinematics.inverse import upper_body_joints
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
 from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv, write_motion_csv
+from policy.recorded.motion_npz import is_motion_npz, read_motion_npz
 
 
 def convert(
@@ -34,6 +35,7 @@ def convert(
     """Convert a recording; the formats follow from the file names.
 
     * motion ``.csv`` to chunk ``.npz``: wrists relative to each frame's pelvis, anchored at the nominal stance.
+    * motion ``.npz`` to motion ``.csv`` or chunk ``.npz``: as it is, at its own rate; as a ``.csv``.
     * chunk ``.npz`` to chunk ``.npz``: another layout, with the same anchor.
     * chunk ``.npz`` to motion ``.csv``: the robot stays in its stance, arms and waist by inverse kinematics.
 
@@ -57,6 +59,13 @@ def convert(
     if formats == (".csv", ".npz"):
         chunk = motion_chunk(read_motion_csv(source, csv_fps, robot))
         _write(target, chunk, to, Anchor.nominal(robot=robot), {})
+    elif source.suffix.lower() == ".npz" and formats[1] in (".csv", ".npz") and is_motion_npz(source):
+        motion, _ = read_motion_npz(source, csv_fps, robot)
+        chunk = motion_chunk(motion)
+        if formats[1] == ".csv":
+            write_motion_csv(target, motion)
+        else:
+            _write(target, chunk, to, Anchor.nominal(robot=robot), {})
     elif formats == (".npz", ".npz"):
         file = read_chunk_file(source, assume=assume, robot=robot)
         chunk = file.chunk()

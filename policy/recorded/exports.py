@@ -1,8 +1,11 @@
-"""Exports of other tools that are not read, and the line that makes of each what is: nothing in them is opened."""
+"""Exports of other tools that are not read, and the line that makes of each what is: no pickle is opened."""
 
 from __future__ import annotations
 
 from pathlib import Path
+
+from policy.archive import array_names
+from policy.reading import ReadingError
 
 MOTION = (
     "python -c \"import numpy as np; d = {load}; np.savetxt('motion.csv', np.hstack([d['root_pos'], d['root_rot'], "
@@ -10,9 +13,8 @@ MOTION = (
 )
 """Writes a motion of GMR's names (root position, quaternion x y z w, joints in motor order) as 36 columns."""
 PICKLES = (".pkl", ".pickle", ".pt", ".pth", ".joblib")
-HDF5 = (".h5", ".hdf5")
-RETARGETED = ("root_pos", "root_rot", "dof_pos", "root_trans_offset", "dof", "poses", "trans")
-"""Arrays of retargeted motions: GMR's, PHC's, AMASS's."""
+HUMAN = ("poses", "trans")
+"""Arrays of a person's motion: AMASS's, SMPL's."""
 
 
 def advice(path: str | Path) -> str:
@@ -26,21 +28,20 @@ def advice(path: str | Path) -> str:
             + MOTION.replace("{load}", load)
             + ", then --csv-fps with its rate"
         )
-    if suffix in HDF5:
-        return "HDF5 is not read: LeRobot's porting scripts write such episodes as a dataset folder, which is"
-    if suffix == ".json" or (path / "data.json").is_file() or any(path.glob("episode_*/data.json")):
-        return (
-            "JSON episodes of xr_teleoperate are not read: unitree_lerobot's converter writes them as a dataset folder "
-            "(python unitree_lerobot/utils/convert_unitree_json_to_lerobot.py --raw-dir FOLDER --robot_type "
-            "Unitree_G1_Dex3), which is"
-        )
+    if suffix == ".json" and path.name == "data.json":
+        return f"an episode of xr_teleoperate is read by its folder, {path.parent.absolute()}"
     return ""
 
 
-def retargeted(names: object, file: str) -> str:
-    """What makes a motion of an archive whose arrays have these names; empty where they are no motion's."""
-    found = sorted({name for name in RETARGETED if name in str(names)})
-    if not found:
+def of_a_person(path: Path) -> str:
+    """What makes a motion of the G1 of an archive that has a person's; empty of any other."""
+    try:
+        names = array_names(path)
+    except (OSError, ReadingError):
         return ""
-    load = f"np.load('{file}')"
-    return f"it looks like a retargeted motion ({', '.join(found)}): {MOTION.replace('{load}', load)}"
+    if not set(HUMAN) <= set(names):
+        return ""
+    return (
+        "it is the motion of a person (SMPL), not of a G1: retarget it first, with GMR "
+        "(python scripts/smplx_to_robot.py --smplx_file FILE --robot unitree_g1 --save_path motion.pkl)"
+    )

@@ -87,14 +87,31 @@ def read_motion_csv(
     if not FPS_MIN <= fps <= FPS_MAX:
         text = f"fps is {fps}; a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}, such as {DEFAULT_FPS:g}"
         raise FileFormatError(text, path=str(path))
-    table, fps = _as_said(_read_table(path, columns), fps, robot, read_as)
+    return motion_of(_read_table(path, columns), fps, robot, read_as, str(path))
+
+
+def motion_of(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence[str], path: str) -> Motion:
+    """Motion of a table (n, 7 + m): root position, its quaternion x y z w, joints in motor order.
+
+    Args:
+        table: Numbers [m], [rad].
+        fps: Frames per second [Hz].
+        robot: The robot that moves.
+        read_as: As of `read_motion_csv`.
+        path: Where it is from, for messages.
+
+    Raises:
+        FileFormatError: Naming row and column of what is wrong.
+    """
+    columns = (*ROOT_COLUMNS, *robot.body_joints)
+    table, fps = _as_said(table, fps, robot, read_as)
     bad = ~np.isfinite(table) | (np.abs(table) > _MAGNITUDE_MAX)
     if bad.any():
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise FileFormatError(
             f"row {row + 1}, column {column + 1} ({columns[column]}) is {table[row, column]:g}; "
             f"a finite number of metres or radians below {_MAGNITUDE_MAX:g} is expected",
-            path=str(path),
+            path=path,
         )
     try:
         R = quaternion_to_matrix(table[:, 3:7], "xyzw", tolerance=CSV_QUATERNION_TOLERANCE)
@@ -104,7 +121,7 @@ def read_motion_csv(
         raise FileFormatError(
             f"row {row + 1}: columns 4 to 7 have norm {norms[row]:.4g}, not 1; they must be the root quaternion "
             "in the order x y z w",
-            path=str(path),
+            path=path,
         ) from error
     return Motion(float(fps), make_transform(R, table[:, :3]), table[:, 7:], robot)
 

@@ -19,6 +19,7 @@ from policy.observation import Observation
 from policy.recorded.chunk_file import read_chunk_file
 from policy.recorded.inspection import action_findings, motion_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.recorded.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
+from policy.recorded.motion_npz import is_motion_npz, read_motion_npz
 
 
 class ReplayPolicy:
@@ -100,7 +101,7 @@ def open_recording(
     robot: RobotSpec | None = None,
     read_as: Sequence[str] = (),
 ) -> ReplayPolicy:
-    """Policy that plays a file, by its suffix: chunk ``.npz``, or motion ``.csv`` anchored at the nominal stance.
+    """Policy that plays a file: chunk ``.npz``, or motion ``.csv`` or ``.npz`` anchored at the nominal stance.
 
     The robot is the G1 with Dex3 hands if none is given. What the numbers may be instead of what they are called is in
     the notes of the episode, unless ``read_as`` says what they are (`policy.suspicion.corrections.READ_AS`).
@@ -109,10 +110,13 @@ def open_recording(
         FileFormatError: If the suffix is another, the file is malformed, or its numbers cannot be what they are called.
     """
     suffix, name = Path(path).suffix.lower(), Path(path).stem
-    if suffix == ".csv":
-        motion = read_motion_csv(path, csv_fps, robot, read_as=read_as)
+    if suffix == ".csv" or (suffix == ".npz" and is_motion_npz(path)):
+        if suffix == ".csv":
+            motion, told = read_motion_csv(path, csv_fps, robot, read_as=read_as), ()
+        else:
+            motion, told = read_motion_npz(path, csv_fps, robot, read_as=read_as)
         quaternion = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
-        notes = settled(motion_findings(motion, quaternion), read_as, str(path))
+        notes = (*told, *settled(motion_findings(motion, quaternion), read_as, str(path)))
         return ReplayPolicy(with_notes(motion_chunk(motion), notes), name=name, spec=builtin("wbc32", robot))
     if suffix == ".npz":
         file = read_chunk_file(path, assume=assume, robot=robot)

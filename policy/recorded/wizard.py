@@ -19,7 +19,7 @@ from policy.dataset.checks import column_layout
 from policy.dataset.format import ACTION
 from policy.dataset.naming.sources import find_source
 from policy.dataset.naming.vouched import require_same_names
-from policy.dataset.open import open_dataset
+from policy.dataset.open import is_dataset, open_dataset
 from policy.errors import ChunkError, DatasetError, FileFormatError, PolicyError
 from policy.reading import SPEC_MAX, ReadingError, read_json
 from policy.recorded.chunk_file import KEYS
@@ -80,7 +80,7 @@ def numbers_of(source: str | Path) -> Numbers:
     path = Path(source)
     if path.suffix.lower() == ".npz":
         return _of_chunk(path)
-    if (path / "meta" / "info.json").is_file():
+    if is_dataset(path):
         return _of_dataset(path)
     return _of_checkpoint(path)
 

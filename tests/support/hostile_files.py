@@ -13,6 +13,7 @@ import re
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ import numpy as np
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
+from policy.dataset.open import open_dataset
 from policy.reading import SPEC_MAX, read_text
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
 from policy.recorded.dataset_replay import open_episode
@@ -30,6 +32,7 @@ from policy.recorded.wizard import fits, lines, numbers_of
 from policy.remote.msgpack_numpy import pack, unpack
 from policy.remote.wire import chunk_from_map, chunk_to_map
 from policy.scripted.library import scripted_policy
+from tests.support.other_forms import motion_arrays, write_robomimic, write_xr
 from tests.support.policy_cases import observation
 from tests.support.public_headers import written
 from tests.support.recordings import made_record, save
@@ -199,6 +202,17 @@ def read_looked_at(folder: Path) -> object:
     return [open_recording(folder / name).episode for name in ("chunk.npz", "motion.csv")]
 
 
+def read_other_form(place: Path) -> object:
+    """Every episode of a dataset in another form than LeRobot's."""
+    return [open_episode(place, episode.index).episode for episode in open_dataset(place).episodes]
+
+
+def write_retargeted(folder: Path) -> None:
+    """The same motion by each tool."""
+    for tool, arrays in motion_arrays(8)[0].items():
+        np.savez(folder / f"{tool}.npz", **arrays)
+
+
 READERS = {
     "chunk": Reader(write_chunk, lambda folder: read_chunk_file(folder / "chunk.npz").chunk()),
     "motion": Reader(write_motion, lambda folder: motion_chunk(read_motion_csv(folder / "motion.csv"))),
@@ -214,7 +228,18 @@ READERS = {
     "scene": Reader(write_scene, read_scene),
     "split": Reader(lambda folder: written(folder / "set", "43 without names, modality.json"), read_split),
     "looked_at": Reader(write_looked_at, read_looked_at),
+    "xr_json": Reader(
+        lambda folder: write_xr(folder / "set", frames=3), lambda folder: read_other_form(folder / "set")
+    ),
+    "retargeted": Reader(
+        write_retargeted, lambda folder: [open_recording(file).episode for file in sorted(folder.glob("*.npz"))]
+    ),
 }
+if find_spec("h5py"):
+    READERS["hdf5"] = Reader(
+        lambda folder: write_robomimic(folder / "demo.hdf5", frames=3),
+        lambda folder: read_other_form(folder / "demo.hdf5"),
+    )
 """Readers whose good inputs are made here; those of LeRobot's folders are given a folder to copy (`folder_reader`)."""
 
 

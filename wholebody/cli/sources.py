@@ -148,8 +148,10 @@ def files(folder: str) -> list[str]:
 
 
 def is_dataset(name: str) -> bool:
-    """Whether a name is the folder of a LeRobot dataset."""
-    return (Path(name) / "meta" / "info.json").is_file()
+    """Whether a name is a dataset: a LeRobot folder, JSON episodes of xr_teleoperate, HDF5."""
+    from policy.dataset.open import is_dataset as known
+
+    return known(name)
 
 
 def is_checkpoint(name: str) -> bool:

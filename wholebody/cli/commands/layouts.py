@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from wholebody.cli.console import check_places, say, write_text
 from wholebody.cli.options import completed_layout
-from wholebody.cli.sources import layout_named
+from wholebody.cli.sources import is_dataset, layout_named
 
 
 def layouts(
@@ -59,7 +59,7 @@ def _fitting(source: str, name: str, write: Path | None) -> None:
     from policy.lerobot.folder import checkpoint_folder
     from policy.recorded.wizard import BY_NAMES, fits, lines, numbers_of
 
-    place = source if source.endswith(".npz") or Path(source, "meta").is_dir() else checkpoint_folder(source)
+    place = source if source.endswith(".npz") or is_dataset(source) else checkpoint_folder(source)
     numbers = numbers_of(place)
     found = fits(numbers)
     say(*lines(numbers, found))

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from policy.dataset.open import dataset_files
 from wholebody.verdict.audit.journal import Journal
 from wholebody.verdict.audit.lists import write_lists
 from wholebody.verdict.audit.outcome import Outcome
@@ -79,9 +80,7 @@ def _done(outcome: Outcome | None, stamp: list[int], folder: str | Path) -> bool
 
 
 def _stamp(source: str, episode: int | None) -> list[int]:
-    """Size and time of change of a file, of a dataset those of all its files but videos; nothing if it is gone."""
-    files = [Path(source)]
-    if episode is not None:
-        files = [path for part in ("meta", "data") for path in (Path(source) / part).rglob("*")]
+    """Size and time of change of a file, of a dataset those of all files with numbers; nothing if it is gone."""
+    files = [Path(source)] if episode is None else dataset_files(source)
     about = [path.stat() for path in files if path.is_file()]
     return [sum(one.st_size for one in about), max(one.st_mtime_ns for one in about)] if about else []

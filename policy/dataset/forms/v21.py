@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, in_numbers, in_order, inside, read_json
+from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, inside, read_json
+from policy.dataset.forms.numbering import in_numbers, in_order
 from policy.dataset.stats import merged
 from policy.errors import DatasetError
 from policy.reading import JSON_MAX, ReadingError, parse_json, read_text

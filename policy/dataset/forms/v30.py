@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import Dataset, Episode, VideoSpan, in_numbers, in_order, inside, read_json, read_parquet
+from policy.dataset.format import Dataset, Episode, VideoSpan, inside, read_json, read_parquet
+from policy.dataset.forms.numbering import in_numbers, in_order
 from policy.errors import DatasetError
 
 _PLACES = ("data/", "videos/", "stats/", "meta/episodes/")

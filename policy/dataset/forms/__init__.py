@@ -1,0 +1,1 @@
+"""Forms in which datasets come: LeRobot's v3.0, v2.1 and v2.0, JSON episodes of xr_teleoperate, HDF5."""
