@@ -8,6 +8,7 @@ from policy.executor.simulated import SimulatedWorker
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
 from wholebody.episode.run import observe
+from wholebody.episode.warm_up import compile_plan
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live.loop import ControlLoop
 from wholebody.live.served.messages import Seen, Served
@@ -77,6 +78,7 @@ class InLockstep:
         self.origin, self._program, self._clock = 0.0, program, SimulatedClock()
         self._robot = SteppedRobot(MujocoPlant(spec, scene=served.scene, control_dt=settings.dt), self._clock)
         self._supervisor = Supervisor(spec, settings)
+        compile_plan(spec)
         state = self._robot.plant.state()
         self._supervisor.reset(state, state.time)
         self._loop = ControlLoop(spec, self._supervisor, self._robot, state, clock=self._clock)
