@@ -50,10 +50,11 @@ class Door:
         token: Part of the page's address.
         values: What each control may send, by its number; whoever makes a control enters it.
         handles: Names of what can be dragged.
+        visitors: How many pages are open.
     """
 
     def __init__(self, host: str) -> None:
-        self.token, self.values, self.handles = token_urlsafe(TOKEN_BYTES), {}, set()
+        self.token, self.values, self.handles, self.visitors = token_urlsafe(TOKEN_BYTES), {}, set(), 0
         names = {*LOOPBACK, host.lower()}
         with suppress(OSError):
             names |= {socket.gethostname().lower(), socket.getfqdn().lower()} if host in ANYWHERE else set()
@@ -115,7 +116,11 @@ class Door:
                 return process_request(connection, request)
 
             async def screened(connection: ServerConnection) -> None:
-                await handler(_Screened(connection, self))
+                self.visitors += 1  # in the server's thread alone
+                try:
+                    await handler(_Screened(connection, self))
+                finally:
+                    self.visitors -= 1
 
             options |= {"process_request": ask, "max_size": MESSAGE_MAX, "logger": quiet}
             return plain(screened, host, port, **options)

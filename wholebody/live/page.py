@@ -34,6 +34,11 @@ from wholebody.sim.pictures.scene import STATUS_COLOUR, Scene
 
 FPS = 30.0
 """Pictures a second [Hz]; chosen: what a browser shows smoothly."""
+FPS_AT_REST = 4.0
+"""Pictures a second of a robot that does not move [Hz]; chosen: a browser without a graphics card draws all the time
+otherwise."""
+MOVED = 2e-4
+"""Change of a coordinate from which the robot has moved since the last picture [rad, m]; chosen: a third of a pixel."""
 HISTORY = 20.0
 """Length of the time lines [s]; chosen."""
 LINES_PER_S = 10.0
@@ -87,7 +92,8 @@ class Page:
         """Meshes of robot and scene, each below a frame that follows its body; and the same as a ghost."""
         scene = self._server.scene
         scene.set_up_direction("+z")
-        scene.add_grid("/floor", width=4.0, height=4.0, plane="xy", cell_size=0.25, shadow_opacity=0.2)
+        grey = {"cell_color": (70, 70, 70), "section_color": (95, 95, 95)}
+        scene.add_grid("/floor", width=4.0, height=4.0, plane="xy", cell_size=0.25, shadow_opacity=0.2, **grey)
         self._server.initial_camera.position, self._server.initial_camera.look_at = (1.4, 0.95, 1.15), (0.1, 0.0, 0.65)
         self._frames, self._ghost, self._ghost_at = {}, {}, np.zeros(0)
         self._planned = scene.add_frame("/ghost", show_axes=False, visible=False)
@@ -134,7 +140,7 @@ class Page:
     def _make_panel(self) -> None:
         """Words, buttons, sliders and time lines."""
         gui = self._server.gui
-        gui.configure_theme(show_share_button=False, show_logo=False, control_layout="collapsible")
+        gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="collapsible")
         self._words = gui.add_html('<div style="padding:0 1em 0.5em;font-size:0.85em">the robot is being loaded</div>')
         source = gui.add_dropdown("source", self._sources, hint="where the chunks come from")
         source.on_update(lambda _: self._wish(Wish.SOURCE, self._sources.index(source.value)))
@@ -183,7 +189,7 @@ class Page:
     def run(self, loop: socket.socket, robot: socket.socket) -> None:
         """Show what comes until the loop is gone."""
         nq, nv = self._pin.nq, self._pin.nv
-        view, shown, drawn = None, -np.inf, -np.inf
+        view, shown, drawn, seen = None, -np.inf, -np.inf, np.full(nq, np.inf)
         while True:
             select([loop, robot], [], [], 0.02)
             try:
@@ -195,10 +201,13 @@ class Page:
             except EOFError:
                 return
             now = monotonic()
-            if message is None or view is None or now - shown < 0.8 / FPS:
+            if message is None or view is None or now - shown < 0.8 / FPS or not self._door.visitors:
                 continue
-            shown = now
             glance = Glance.of(message, nq, nv)
+            at_rest = np.abs(glance.state.q - seen).max() < MOVED and not self._dragging
+            if at_rest and now - shown < 1.0 / FPS_AT_REST:
+                continue
+            shown, seen = now, glance.state.q
             with self._server.atomic():
                 scene = self._show(glance, view)
                 if now - drawn >= 1.0 / LINES_PER_S:
