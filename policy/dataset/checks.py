@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset, Episode
 from policy.dataset.joint_layout import JointLayout, joint_layout
-from policy.dataset.joint_values import check_values
 from policy.dataset.naming.sources import Source
 from policy.dataset.video import check_video
 from policy.errors import DatasetError
@@ -57,37 +56,6 @@ def wrist_layouts(source: Source, robot: RobotSpec | None = None) -> list[str]:
     """Names of the built-in layouts of a robot's wrists whose features a source is named by; versions share them."""
     named = (name for name in LAYOUTS if source.names == builtin(name, robot).feature_names)
     return [name for name in named if builtin(name, robot).slot("left_wrist_position")]
-
-
-def check_joints(dataset: Dataset, layouts: Mapping[str, tuple[Source, JointLayout]]) -> list[str]:
-    """Read every joint of every episode.
-
-    Args:
-        dataset: Where they are.
-        layouts: Columns of action and state, and what they are.
-
-    Returns:
-        Notes about joints beyond their limits.
-
-    Raises:
-        DatasetError: If a number is not finite, is not in the unit that was said, or cannot be of the joint it is
-            called; names episode and frame.
-    """
-    notes: list[str] = []
-    for key, (source, layout) in layouts.items():
-        lengths = [episode.length for episode in dataset.episodes]
-        values = np.concatenate(list(source.numbers(dataset)))
-        try:
-            notes += check_values(layout, values, feature=key)
-        except DatasetError as error:
-            if error.frame is None:
-                raise
-            # A frame over all episodes means little to someone who has to leave one out.
-            at = int(np.searchsorted(np.cumsum(lengths), error.frame, side="right"))
-            frame, episode = error.frame - sum(lengths[:at]), dataset.episodes[at].index
-            text = f"{dataset.folder}, episode {episode}, frame {frame}: {error}"
-            raise DatasetError(text, feature=key, frame=error.frame) from error
-    return notes
 
 
 def check_times(dataset: Dataset, episodes: Iterable[Episode] | None = None) -> list[str]:

@@ -24,23 +24,22 @@ from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import (
     check_cameras,
     check_images,
-    check_joints,
-    check_times,
-    check_videos,
 )
 from policy.dataset.columns import numeric_columns, stored_columns
-from policy.dataset.format import ACTION, EPISODES_MAX, STATE, Dataset, Episode
+from policy.dataset.format import ACTION, STATE, Dataset, Episode
 from policy.dataset.joint_conversion import JointConversion, RoundTrip, round_trip
 from policy.dataset.naming.sources import Source, find_source
-from policy.dataset.open import open_dataset
+from policy.dataset.open import open_dataset, selected
 from policy.dataset.pelvis.conversions import Conversion, of_executed, row_conversions
 from policy.dataset.pelvis.legs import RecordedLegs, pelvis_taken, recorded_legs
 from policy.dataset.pelvis.rows import in_own_pelvis
 from policy.dataset.report import ConvertedDataset, left_out
+from policy.dataset.soundness import read_as_corrections, sound_episodes
 from policy.dataset.stats import narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
+from policy.suspicion.corrections import HANDS_ONLY
 
 PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 """Whether the joints of a feature were sent to the motors or read from them."""
@@ -74,6 +73,7 @@ class DatasetSettings:
         robot: The recorded robot; the G1 with Dex3 hands if None.
         action: What the actions are made of: ``requested``, the commanded joints, or ``executed``, the joints that were
             measured a row later; the others are kept as ``source.requested``.
+        read_as: What the numbers are instead of what they are called, of `policy.suspicion.corrections.READ_AS`.
     """
 
     to: str | ActionSpec = "wbc32"
@@ -89,6 +89,7 @@ class DatasetSettings:
     without_camera_stats: bool = False
     robot: RobotSpec | None = None
     action: Literal["requested", "executed"] = "requested"
+    read_as: tuple[str, ...] = ()
 
 
 def convert_dataset(
@@ -106,43 +107,45 @@ def convert_dataset(
         settings: How.
         progress: Called with frames done and frames in all.
 
+    An episode that is broken is left out, and named in the result.
+
     Raises:
-        DatasetError: If the dataset cannot be read or is in no layout that is understood; nothing is written.
+        DatasetError: If the dataset cannot be read, is in no layout that is understood, or all its episodes are broken;
+            nothing is written.
         SpecError: If the layout cannot be filled from that.
     """
     settings = settings or DatasetSettings()
     kinematics(settings.robot)  # reading the robot's description once is no part of the rate
     began = time.process_time()
-    if settings.action not in PROVENANCE_OF_ACTION:
-        raise DatasetError(f"action is '{settings.action}'; possible: {', '.join(PROVENANCE_OF_ACTION)}")
-    if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):
-        raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
-    dataset = _selected(open_dataset(source), settings.episodes)
+    _require(settings)
+    dataset = selected(open_dataset(source), settings.episodes)
     spec = dataclasses.replace(as_spec(settings.to, settings.robot), fps=dataset.fps)
     sources = {key: find_source(dataset, key) for key in (ACTION, STATE)}
-    legs = recorded_legs(dataset, settings.unit, settings.robot)
+    hands_only = HANDS_ONLY in settings.read_as
+    legs = None if hands_only else recorded_legs(dataset, settings.unit, settings.robot)
     given = {"assume": settings.assume, "unit": settings.unit, "robot": settings.robot}
     conversions = row_conversions(dataset, sources, spec, legs, settings.waist, settings.synergy, given)
     joints = {key: one for key, one in conversions.items() if isinstance(one, JointConversion)}
+    sources |= {key: read_as_corrections(sources[key], one.source, settings.read_as) for key, one in joints.items()}
+    legs = _corrected(legs, sources[STATE])
     notes = [
         *check_cameras(dataset, without_stats=settings.without_camera_stats),
         *(note for source in sources.values() for note in source.notes),
-        *check_joints(dataset, {key: (sources[key], one.source) for key, one in joints.items()}),
-        *check_times(dataset),
-        *check_videos(dataset),
         *left_out(joints),
     ]
+    sound = sound_episodes(dataset, {k: (sources[k], one.source) for k, one in conversions.items()}, settings.read_as)
     work = _Work(dataset, sources, conversions, settings, legs)
     with DatasetWriter(Path(target), work.info(), dataset.tasks, link=settings.link_videos) as writer:
-        for episode in dataset.episodes:
-            work.convert(episode, writer, progress)
+        sound.every(lambda episode: work.convert(episode, writer, progress))
         stats, more = work.stats()
         result = ConvertedDataset(
             folder=Path(target),
-            source=dataset,
+            source=sound.dataset,
+            left_out=sound.left_out,
+            read_as=settings.read_as,
             spec=spec,
             assumptions=pelvis_taken(spec, legs) | conversions[STATE].assumptions | conversions[ACTION].assumptions,
-            notes=(*notes, *more),
+            notes=(*notes, *sound.notes, *more),
             trips=dict(work.trips),
             cpu_seconds=time.process_time() - began,
         )
@@ -150,26 +153,18 @@ def convert_dataset(
     return result
 
 
-def episode_numbers(text: str) -> tuple[int, ...]:
-    """Episodes from ``0-3,7``.
+def _require(settings: DatasetSettings) -> None:
+    if settings.action not in PROVENANCE_OF_ACTION:
+        raise DatasetError(f"action is '{settings.action}'; possible: {', '.join(PROVENANCE_OF_ACTION)}")
+    if not (np.isfinite(settings.least_range) and settings.least_range >= 0.0):
+        raise DatasetError(f"least range is {settings.least_range}; it must be at least 0")
 
-    Raises:
-        DatasetError: If the text is no such list.
-    """
-    numbers: list[int] = []
-    for part in text.split(","):
-        first, _, last = part.strip().partition("-")
-        if (
-            len(part) > 40
-            or not first.isdecimal()
-            or not (last or first).isdecimal()
-            or int(last or first) < int(first)
-        ):
-            raise DatasetError(f"episodes '{text}' are no list of numbers and ranges such as 0-3,7")
-        if int(last or first) - int(first) >= EPISODES_MAX or len(numbers) > EPISODES_MAX:
-            raise DatasetError(f"episodes '{text:.60}' are more than {EPISODES_MAX}")
-        numbers += range(int(first), int(last or first) + 1)
-    return tuple(numbers)
+
+def _corrected(legs: RecordedLegs | None, states: Source) -> RecordedLegs | None:
+    """Legs whose numbers are read as those of the states that they are in."""
+    if legs is None or legs.feature != STATE or not states.whole:
+        return legs
+    return dataclasses.replace(legs, correct=states.correct)
 
 
 def provenance(key: str, settings: DatasetSettings) -> str:
@@ -217,6 +212,7 @@ class _Work:
         check_images(rows, [key for key in self.dataset.cameras if key in self._stored], episode)
         columns: dict[str, np.ndarray] = {}
         measured: dict[str, np.ndarray] = {}
+        trips: dict[str, RoundTrip] = {}
         anchors = None if self.legs is None else self.legs.anchors(self.dataset, episode)
         for key, conversion in self.conversions.items():
             source = self.sources[key]
@@ -224,8 +220,7 @@ class _Work:
             columns[key] = conversion.forward(joints, anchors).astype(np.float32)
             measured[key] = joints
             if self.settings.check and isinstance(conversion, JointConversion):
-                trip = round_trip(conversion, joints, columns[key], anchors)
-                self.trips[key] = self.trips[key].merged(trip) if key in self.trips else trip
+                trips[key] = round_trip(conversion, joints, columns[key], anchors)
             split = np.split(joints, np.cumsum(source.widths)[:-1], axis=1)
             for name, part in zip(source.features, split, strict=True):
                 if self.settings.keep_joints:
@@ -242,6 +237,9 @@ class _Work:
         rows = writer.numbered(rows)
         others = {key: x for key, x in self._described.items() if key not in self.conversions}
         columns |= dict(numeric_columns(rows, others, episode))
+        # Nothing of an episode is kept before all of it is done.
+        for key, trip in trips.items():
+            self.trips[key] = self.trips[key].merged(trip) if key in self.trips else trip
         for key, values in columns.items():
             self._columns.setdefault(key, []).append(values)
         writer.add(episode, rows, {**{key: statistics(x) for key, x in columns.items()}, **episode.camera_stats})
@@ -266,17 +264,6 @@ class _Work:
         if self.settings.episodes is not None and any(key in carried for key in self.dataset.cameras):
             notes.append("statistics of the cameras are those of all episodes of the source")
         return {**found, **carried}, notes
-
-
-def _selected(dataset: Dataset, numbers: tuple[int, ...] | None) -> Dataset:
-    if numbers is None:
-        return dataset
-    count = len(dataset.episodes)
-    wrong = [number for number in numbers if not 0 <= number < count]
-    if wrong or len(set(numbers)) != len(numbers) or not numbers:
-        what = f"there is no episode {wrong[0]}" if wrong else "each may be named once, one at least"
-        raise DatasetError(f"episodes {list(numbers)[:8]}: {what}; {dataset.folder} has 0 to {count - 1}")
-    return dataclasses.replace(dataset, episodes=tuple(dataset.episodes[number] for number in sorted(numbers)))
 
 
 def _still_note(key: str, names: list[str], settings: DatasetSettings) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import Dataset, read_json
+from policy.dataset.format import EPISODES_MAX, Dataset, read_json
 from policy.dataset.forms.hdf5 import hdf5_files, read_hdf5
 from policy.dataset.forms.v21 import read_v21
 from policy.dataset.forms.v30 import read_v30
@@ -56,6 +57,44 @@ def open_dataset(folder: str | Path) -> Dataset:
     if not dataset.episodes:
         raise DatasetError(f"{folder} has no episodes; record some, or download all of it")
     return dataset
+
+
+def episode_numbers(text: str) -> tuple[int, ...]:
+    """Episodes from ``0-3,7``.
+
+    Raises:
+        DatasetError: If the text is no such list.
+    """
+    numbers: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if (
+            len(part) > 40
+            or not first.isdecimal()
+            or not (last or first).isdecimal()
+            or int(last or first) < int(first)
+        ):
+            raise DatasetError(f"episodes '{text}' are no list of numbers and ranges such as 0-3,7")
+        if int(last or first) - int(first) >= EPISODES_MAX or len(numbers) > EPISODES_MAX:
+            raise DatasetError(f"episodes '{text:.60}' are more than {EPISODES_MAX}")
+        numbers += range(int(first), int(last or first) + 1)
+    return tuple(numbers)
+
+
+def selected(dataset: Dataset, numbers: tuple[int, ...] | None) -> Dataset:
+    """Dataset with some of its episodes; all if None.
+
+    Raises:
+        DatasetError: If there is no such episode, one is named twice, or none is.
+    """
+    if numbers is None:
+        return dataset
+    count = len(dataset.episodes)
+    wrong = [number for number in numbers if not 0 <= number < count]
+    if wrong or len(set(numbers)) != len(numbers) or not numbers:
+        what = f"there is no episode {wrong[0]}" if wrong else "each may be named once, one at least"
+        raise DatasetError(f"episodes {list(numbers)[:8]}: {what}; {dataset.folder} has 0 to {count - 1}")
+    return dataclasses.replace(dataset, episodes=tuple(dataset.episodes[number] for number in sorted(numbers)))
 
 
 def check_info(folder: Path, info: Mapping[str, Any]) -> None:

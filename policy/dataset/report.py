@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from policy.action_spec.describe import called
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import Dataset
 from policy.dataset.joint_conversion import JointConversion, RoundTrip
+from policy.errors import PolicyError
 from policy.reading import listed
 
 POSITION_BAR, ROTATION_BAR = 1e-4, np.deg2rad(0.01)
@@ -32,6 +33,8 @@ class ConvertedDataset:
         notes: What was odd.
         trips: Error of the way back to joints by feature; empty if it was not gone.
         cpu_seconds: Processor time of all of it [s].
+        left_out: Why episodes are not in it, by their number.
+        read_as: What the numbers were read as instead of what they are called.
     """
 
     folder: Path
@@ -41,6 +44,8 @@ class ConvertedDataset:
     notes: tuple[str, ...]
     trips: Mapping[str, RoundTrip]
     cpu_seconds: float
+    left_out: Mapping[int, PolicyError] = field(default_factory=dict)
+    read_as: tuple[str, ...] = ()
 
     @property
     def frames_per_second(self) -> float:
@@ -59,6 +64,8 @@ class ConvertedDataset:
                 "episodes": [episode.index for episode in source.episodes],
             },
             "layout": {"name": self.spec.name, "id": self.spec.id, "hash": self.spec.hash},
+            "episodes_left_out": {str(index): str(error) for index, error in self.left_out.items()},
+            "read_as": list(self.read_as),
             "frames": source.frames,
             "assumptions": dict(self.assumptions),
             "notes": list(self.notes),
@@ -73,6 +80,8 @@ class ConvertedDataset:
             f"{source.folder} ({source.version}): {len(source.episodes)} episodes, {source.frames} frames at "
             f"{source.fps:g} Hz to {called(self.spec)}",
         ]
+        said += [f"  left out episode {index}: {error}" for index, error in self.left_out.items()]
+        said += [f"  read as {code}" for code in self.read_as]
         said += [f"  assumed {name}: {value}" for name, value in self.assumptions.items()]
         said += [f"  note: {note}" for note in self.notes[:_NOTES_SHOWN]]
         if len(self.notes) > _NOTES_SHOWN:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +15,16 @@ from policy.action_spec.codec import encode
 from policy.action_spec.mask import full_mask
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
+from policy.dataset.inspection import action_findings, read_as_said, settled, with_notes
 from policy.errors import FileFormatError
 from policy.geometry.rotations import matrix_to_quaternion
 from policy.geometry.se3 import interpolate, inverse
 from policy.kinematics.inverse import upper_body_joints
 from policy.reading import FPS_MAX, FPS_MIN, STEPS_MAX
 from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_file
-from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv, write_motion_csv
-from policy.recorded.motion_npz import is_motion_npz, read_motion_npz
+from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, write_motion_csv
+from policy.recorded.motion_npz import is_motion_npz
+from policy.recorded.replay import read_motion
 
 
 def convert(
@@ -31,6 +35,7 @@ def convert(
     csv_fps: float = DEFAULT_FPS,
     assume: ActionSpec | None = None,
     robot: RobotSpec | None = None,
+    read_as: Sequence[str] = (),
 ) -> ActionChunk:
     """Convert a recording; the formats follow from the file names.
 
@@ -46,39 +51,46 @@ def convert(
         csv_fps: Frame rate of the CSV file, read or written [Hz].
         assume: Spec of a chunk file that does not say it (``--assume-spec``).
         robot: The robot that is recorded; the G1 with Dex3 hands if None.
+        read_as: What the numbers are instead of what they are called, of `policy.suspicion.corrections.READ_AS`.
 
     Returns:
-        What was converted, in world.
+        What was converted, in world, with what is odd about it in its notes.
 
     Raises:
-        FileFormatError: If a file is malformed or the pair of formats is not one of these.
+        FileFormatError: If a file is malformed, its numbers cannot be what they are called, or the pair of formats is
+            not one of these.
         ChunkError: If the arms cannot reach what a joint layout or a CSV needs.
     """
     source, target = Path(source), Path(target)
     formats = (source.suffix.lower(), target.suffix.lower())
-    if formats == (".csv", ".npz"):
-        chunk = motion_chunk(read_motion_csv(source, csv_fps, robot))
-        _write(target, chunk, to, Anchor.nominal(robot=robot), {})
-    elif source.suffix.lower() == ".npz" and formats[1] in (".csv", ".npz") and is_motion_npz(source):
-        motion, _ = read_motion_npz(source, csv_fps, robot)
-        chunk = motion_chunk(motion)
+    if formats[0] == ".csv" or (formats[0] == ".npz" and is_motion_npz(source)):
+        if formats not in ((".csv", ".npz"), (".npz", ".npz"), (".npz", ".csv")):
+            raise _no_pair(source, target)
+        motion, notes = read_motion(source, csv_fps, robot, read_as)
+        chunk = with_notes(motion_chunk(motion), notes)
         if formats[1] == ".csv":
             write_motion_csv(target, motion)
         else:
             _write(target, chunk, to, Anchor.nominal(robot=robot), {})
-    elif formats == (".npz", ".npz"):
+    elif formats in ((".npz", ".npz"), (".npz", ".csv")):
         file = read_chunk_file(source, assume=assume, robot=robot)
-        chunk = file.chunk()
-        _write(target, chunk, to, file.anchor(), _start_of(file))
-    elif formats == (".npz", ".csv"):
-        file = read_chunk_file(source, assume=assume, robot=robot)
-        chunk = file.chunk()
-        write_motion_csv(target, chunk_motion(chunk, file.anchor(), fps=csv_fps))
+        actions, fps = read_as_said(file.spec, file.actions, file.fps, read_as)
+        file = replace(file, actions=actions, fps=fps)
+        found = action_findings(file.spec, actions, file.anchor(), fps, file.q0_joints)
+        chunk = with_notes(file.chunk(), settled(found, read_as, str(source)))
+        if formats[1] == ".csv":
+            write_motion_csv(target, chunk_motion(chunk, file.anchor(), fps=csv_fps))
+        else:
+            _write(target, chunk, to, file.anchor(), _start_of(file))
     else:
-        raise FileFormatError(
-            f"cannot become '{target.name}'; possible are .csv to .npz, .npz to .npz and .npz to .csv", path=str(source)
-        )
+        raise _no_pair(source, target)
     return chunk
+
+
+def _no_pair(source: Path, target: Path) -> FileFormatError:
+    return FileFormatError(
+        f"cannot become '{target.name}'; possible are .csv to .npz, .npz to .npz and .npz to .csv", path=str(source)
+    )
 
 
 def chunk_motion(chunk: ActionChunk, anchor: Anchor, *, fps: float = DEFAULT_FPS) -> Motion:

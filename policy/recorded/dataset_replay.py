@@ -15,6 +15,7 @@ from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import check_times, column_layout, wrist_layouts
 from policy.dataset.format import ACTION, STATE, Dataset, Episode
+from policy.dataset.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.dataset.joint_values import require_finite
 from policy.dataset.naming.sources import find_source
 from policy.dataset.naming.vouched import column_names, require_same_names
@@ -25,7 +26,6 @@ from policy.dataset.pelvis.wrists import recorded_layout
 from policy.errors import DatasetError
 from policy.findings import Finding
 from policy.reading import listed
-from policy.recorded.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.recorded.replay import ReplayPolicy
 from policy.suspicion.rows import state_findings
 

@@ -13,12 +13,13 @@ from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.clock import EpisodeClock
+from policy.dataset.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.errors import FileFormatError
 from policy.geometry.rotations import matrix_to_quaternion
 from policy.observation import Observation
 from policy.recorded.chunk_file import read_chunk_file
-from policy.recorded.inspection import action_findings, motion_findings, read_as_said, settled, spec_as_said, with_notes
-from policy.recorded.motion_csv import DEFAULT_FPS, motion_chunk, read_motion_csv
+from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv
+from policy.recorded.motion_findings import motion_findings
 from policy.recorded.motion_npz import is_motion_npz, read_motion_npz
 
 
@@ -111,12 +112,7 @@ def open_recording(
     """
     suffix, name = Path(path).suffix.lower(), Path(path).stem
     if suffix == ".csv" or (suffix == ".npz" and is_motion_npz(path)):
-        if suffix == ".csv":
-            motion, told = read_motion_csv(path, csv_fps, robot, read_as=read_as), ()
-        else:
-            motion, told = read_motion_npz(path, csv_fps, robot, read_as=read_as)
-        quaternion = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
-        notes = (*told, *settled(motion_findings(motion, quaternion), read_as, str(path)))
+        motion, notes = read_motion(path, csv_fps, robot, read_as)
         return ReplayPolicy(with_notes(motion_chunk(motion), notes), name=name, spec=builtin("wbc32", robot))
     if suffix == ".npz":
         file = read_chunk_file(path, assume=assume, robot=robot)
@@ -126,3 +122,19 @@ def open_recording(
         notes = settled(found, read_as, str(path))
         return ReplayPolicy(with_notes(file.chunk(), notes), name=name, spec=file.spec)
     raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))
+
+
+def read_motion(
+    path: str | Path, csv_fps: float, robot: RobotSpec | None, read_as: Sequence[str]
+) -> tuple[Motion, tuple[str, ...]]:
+    """Read a motion ``.csv`` or ``.npz``, and what is to be said of it.
+
+    Raises:
+        FileFormatError: If it is malformed, or its numbers cannot be what they are called.
+    """
+    if Path(path).suffix.lower() == ".csv":
+        motion, told = read_motion_csv(path, csv_fps, robot, read_as=read_as), ()
+    else:
+        motion, told = read_motion_npz(path, csv_fps, robot, read_as=read_as)
+    quaternion = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
+    return motion, (*told, *settled(motion_findings(motion, quaternion), read_as, str(path)))

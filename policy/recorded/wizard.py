@@ -17,13 +17,13 @@ from policy.action_spec.spec import ActionSpec
 from policy.archive import read_arrays
 from policy.dataset.checks import column_layout
 from policy.dataset.format import ACTION
+from policy.dataset.inspection import action_findings
 from policy.dataset.naming.sources import find_source
 from policy.dataset.naming.vouched import require_same_names
 from policy.dataset.open import is_dataset, open_dataset
 from policy.errors import ChunkError, DatasetError, FileFormatError, PolicyError
 from policy.reading import SPEC_MAX, ReadingError, read_json
 from policy.recorded.chunk_file import KEYS
-from policy.recorded.inspection import action_findings
 
 ROWS_MAX = 600
 """Most rows that are looked at; chosen: 20 s at 30 Hz, in which every joint moves."""

@@ -20,7 +20,7 @@ ABOUT_THE_G1 = {
     "policy/suspicion/corrections.py": "thumbs of public data",
     "policy/suspicion/joint_table.py": "joints of public tables",
     "policy/suspicion/orders.py": "what joints of public data look like",
-    "policy/recorded/inspection.py": "joints of public files",
+    "policy/dataset/inspection.py": "joints of public files",
     "policy/lerobot/steps.py": "the steps of its converters",
     "wholebody/bench/reach_script.py": "the script that all peers run",
     "wholebody/bench/tick.py": "the same",

@@ -50,7 +50,7 @@ def open_source(
     from policy.recorded.replay import open_recording
     from policy.scripted.library import scripted_policy
 
-    said = tuple(part.strip() for part in read_as.split(",") if part.strip())
+    corrections = said(read_as)
     if name.startswith(("ws://", "wss://")):
         from policy.remote.client import RemotePolicy
         from policy.remote.openpi import KeyMap
@@ -61,15 +61,20 @@ def open_source(
     if number.isdecimal() and is_dataset(folder):
         from policy.recorded.dataset_replay import open_episode
 
-        return open_episode(folder, int(number), assume=assume, read_as=said, robot=robot)
+        return open_episode(folder, int(number), assume=assume, read_as=corrections, robot=robot)
     if is_checkpoint(name):
         from policy.lerobot.policy import LeRobotPolicy
 
         return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, placeholder_cameras=True, **options)
     if Path(name).suffix.lower() in (".npz", ".csv"):
-        return open_recording(name, csv_fps=csv_fps, assume=assume, read_as=said, robot=robot)
+        return open_recording(name, csv_fps=csv_fps, assume=assume, read_as=corrections, robot=robot)
     _require_no_path(name)
     return scripted_policy(name, robot)
+
+
+def said(read_as: str) -> tuple[str, ...]:
+    """Codes of ``--read-as``, which has commas between them."""
+    return tuple(part.strip() for part in read_as.split(",") if part.strip())
 
 
 def opened(name: str, given: Input, robot: RobotConfig | None = None, **options: Any) -> Policy:
@@ -130,8 +135,7 @@ def expanded(name: str, episodes: str) -> list[str]:
     """
     if not is_dataset(name):
         return [name] if is_checkpoint(name) else files(name) or [name]
-    from policy.dataset.conversion import episode_numbers
-    from policy.dataset.open import open_dataset
+    from policy.dataset.open import episode_numbers, open_dataset
     from policy.errors import DatasetError
 
     there = len(open_dataset(name).episodes)

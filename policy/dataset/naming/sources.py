@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +35,7 @@ class Source:
         widths: Columns of each.
         parts, names: Part and name of each column; no names where the dataset has none.
         notes: What was taken for granted.
+        correct: What is made of the numbers (n, dim) as a user says that they are to be read; nothing if None.
     """
 
     key: str
@@ -43,6 +44,7 @@ class Source:
     parts: tuple[str, ...]
     names: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    correct: Callable[[np.ndarray], np.ndarray] | None = field(default=None, compare=False, repr=False)
 
     @property
     def dim(self) -> int:
@@ -62,7 +64,8 @@ class Source:
         """
         pairs = zip(self.features, self.widths, strict=True)
         found = [vectors(rows.column(key), width, key, episode) for key, width in pairs]
-        return found[0] if len(found) == 1 else np.hstack(found)
+        values = found[0] if len(found) == 1 else np.hstack(found)
+        return values if self.correct is None else self.correct(values)
 
     def numbers(self, dataset: Dataset) -> Iterator[np.ndarray]:
         """Numbers (length, dim) of each episode in turn.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,12 +37,14 @@ class RecordedLegs:
         columns: Of the joints of both legs in motor order.
         scale: Radians in a unit of them.
         robot: Whose legs these are.
+        correct: What is made of the feature's numbers first, as of `policy.dataset.naming.sources.Source`.
     """
 
     feature: str
     columns: np.ndarray
     scale: float = 1.0
     robot: RobotSpec = field(default_factory=g1, repr=False)
+    correct: Callable[[np.ndarray], np.ndarray] | None = field(default=None, compare=False, repr=False)
 
     def anchors(self, dataset: Dataset, episode: Episode) -> list[Anchor]:
         """An anchor for each row of an episode, in a world whose origin is the row's stance.
@@ -51,7 +54,9 @@ class RecordedLegs:
         """
         width = int(dataset.feature(self.feature)["shape"][0])
         column = dataset.table(episode, [self.feature]).column(self.feature)
-        legs = self.scale * vectors(column, width, self.feature, episode)[:, self.columns].astype(float)
+        values = vectors(column, width, self.feature, episode)
+        values = values if self.correct is None else self.correct(values)
+        legs = self.scale * values[:, self.columns].astype(float)
         where = f"{dataset.folder}, episode {episode.index}"
         if not np.isfinite(legs).all():
             frame = int(np.argwhere(~np.isfinite(legs))[0][0])

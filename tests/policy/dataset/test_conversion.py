@@ -16,9 +16,9 @@ from lerobot.utils.feature_utils import dataset_to_policy_features
 
 from policy.action_spec.builtin import builtin
 from policy.action_spec.spec import ActionSpec
-from policy.dataset.conversion import DatasetSettings, convert_dataset, episode_numbers
+from policy.dataset.conversion import DatasetSettings, convert_dataset
 from policy.dataset.joint_conversion import JointConversion
-from policy.dataset.open import open_dataset
+from policy.dataset.open import episode_numbers, open_dataset
 from policy.dataset.stats import statistics
 from policy.errors import DatasetError, SpecError
 from tests.support.dataset_cases import IMAGE, LENGTHS, TASKS, VIDEO, image, joints_of, write_v21, write_v30

@@ -1,6 +1,7 @@
 """Datasets that are damaged, incomplete or of something else: refused before anything is written, with the cure."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -37,13 +38,24 @@ def old(tmp_path, v30):
 
 
 def refused(source, says, **settings):
-    """Convert, see it refused, and see that nothing was left behind."""
+    """Convert, see all of it refused and nothing left behind, or a broken episode left out and named."""
     target = source.with_name("wrists")
     before = sorted(source.parent.iterdir())
-    with pytest.raises(DatasetError, match=says) as caught:
-        convert_dataset(source, target, DatasetSettings(check=False, **settings))
-    assert sorted(source.parent.iterdir()) == before
-    return caught.value
+    result = None
+    try:
+        result = convert_dataset(source, target, DatasetSettings(check=False, **settings))
+    except DatasetError as error:
+        caught = error
+    if result is None:
+        assert sorted(source.parent.iterdir()) == before
+        assert re.search(says, str(caught)), caught
+        return caught
+    assert result.left_out
+    assert {index for index, error in result.left_out.items() if not re.search(says, str(error))} == set()
+    assert not set(result.left_out) & {episode.index for episode in result.source.episodes}
+    assert len(open_dataset(target).episodes) == len(result.source.episodes)
+    shutil.rmtree(target)
+    return next(iter(result.left_out.values()))
 
 
 def edit_json(file, change):
@@ -178,7 +190,7 @@ def test_columns_under_each_others_names_are_recognised_by_their_limits(source):
 def test_numbers_that_are_not_finite_are_named_by_episode_and_frame(source, tmp_path, bad):
     edit_numbers(source, "observation.state", put(14, 5, bad))
     error = refused(source, r"episode 1, frame 2: 'observation.state' column 5 \(kLeftWristPitch\) is (nan|inf)")
-    assert error.frame == 14
+    assert error.frame == 2
     # The message says to leave the episode out: that works.
     convert_dataset(source, tmp_path / "rest", DatasetSettings(episodes=(0, 2), check=False))
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import typer
 from typer import Argument, Option
 
 from wholebody.cli.console import check_places, progress_bar, say, write_text
-from wholebody.cli.options import AssumeSpec, CsvFps, JsonTo
-from wholebody.cli.sources import layout_named
+from wholebody.cli.judging import MALFORMED
+from wholebody.cli.options import AssumeSpec, CsvFps, JsonTo, ReadAs
+from wholebody.cli.sources import layout_named, said
 
 if TYPE_CHECKING:
     from policy.dataset.conversion import DatasetSettings
@@ -40,27 +42,33 @@ class Dataset:
 
 def convert(
     *,
-    source: Annotated[Path, Argument(help="Chunk .npz, motion .csv, or folder of a LeRobot dataset.")],
+    source: Annotated[Path, Argument(help="Chunk .npz, motion .csv or .npz, or a dataset: LeRobot's, JSON, HDF5.")],
     target: Annotated[Path | None, Argument(help="What to write; for a dataset, SOURCE_LAYOUT if not given.")] = None,
     to: Annotated[str, Option(help="Layout to write: built-in name or JSON file.")] = "wbc32",
     csv_fps: CsvFps = 60.0,
     assume_spec: AssumeSpec = "",
+    read_as: ReadAs = "",
     dataset: Dataset,
     json_to: JsonTo = "",
 ) -> None:
-    """Convert chunk files, motion files, or datasets of joints. Such a dataset becomes one of wrists."""
+    """Convert chunk files, motion files, or datasets of joints. Such a dataset becomes one of wrists.
+
+    Exit code 0 all converted, 2 something is malformed: a broken episode of a dataset is named and left out.
+    """
     layout, assumed = layout_named(to) or "wbc32", layout_named(assume_spec)
     if source.suffix.lower() in (".npz", ".csv") and not source.is_dir():
         from policy.recorded.convert import convert as convert_file
 
         if target is None:
             raise ValueError("name the file to write, ending in .npz or .csv")
-        convert_file(source, target, to=layout, csv_fps=csv_fps, assume=assumed)
-        say(f"wrote {target}")
+        chunk = convert_file(source, target, to=layout, csv_fps=csv_fps, assume=assumed, read_as=said(read_as))
+        say(f"wrote {target}", *(f"  note: {note}" for note in chunk.notes))
         return
-    from policy.dataset.conversion import DatasetSettings, episode_numbers
+    from policy.dataset.conversion import DatasetSettings
+    from policy.dataset.open import episode_numbers
 
     given = vars(dataset) | {
+        "read_as": said(read_as),
         "synergy": dataset.synergy or None,
         "episodes": episode_numbers(dataset.episodes) if dataset.episodes else None,
     }
@@ -80,3 +88,5 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
         say(*result.lines())
     if json_to:
         write_text(json_to, json.dumps(result.to_dict(), indent=2))
+    if result.left_out:
+        raise typer.Exit(MALFORMED)

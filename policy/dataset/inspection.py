@@ -13,13 +13,12 @@ from policy.dataset.joint_layout import JointLayout
 from policy.dataset.joint_values import check_values
 from policy.dataset.naming.meaning import GRASPS
 from policy.dataset.naming.vouched import column_names
-from policy.errors import FileFormatError
+from policy.errors import DatasetError, FileFormatError
 from policy.findings import Finding
-from policy.recorded.motion_csv import Motion
 from policy.suspicion.closings import closing_findings
 from policy.suspicion.corrections import AS_NAMED, HANDS_ONLY, Table, corrected, require_known
 from policy.suspicion.joint_table import joint_findings
-from policy.suspicion.poses import root_findings, wrist_findings
+from policy.suspicion.poses import wrist_findings
 from policy.suspicion.rows import row_findings
 
 START = 0.15
@@ -72,17 +71,6 @@ def action_findings(
     return sorted(found, key=lambda one: one.level != "error")
 
 
-def motion_findings(motion: Motion, quaternion: np.ndarray) -> list[Finding]:
-    """Hypotheses about a motion, with its root's quaternions (n, 4) as the file has them."""
-    names, robot = motion.robot.body_joints, motion.robot
-    found = root_findings(motion.T_world_base, quaternion)
-    found += joint_findings(names, motion.q_body, robot)
-    found += row_findings(motion.q_body)
-    if not any(one.level == "error" for one in found):
-        found += _refused_values(JointLayout(names, names, robot=robot), motion.q_body)
-    return sorted(found, key=lambda one: one.level != "error")
-
-
 def settled(found: Sequence[Finding], read_as: Sequence[str], path: str) -> tuple[str, ...]:
     """Notes of findings.
 
@@ -126,13 +114,12 @@ def _out_of_range(spec: ActionSpec, names: Sequence[str], q: np.ndarray, *, told
             kept[slot.indices] = [f"{slot.name}_{finger}" for finger in slot.joint_names]
             if sorted(slot.closing) != [0.0, 1.0]:
                 q[:, slot.indices] = slot.to_si(q[:, slot.indices])
-    found = _refused_values(JointLayout(tuple(kept), spec.feature_names, robot=spec.robot), q)
+    found = refused_values(JointLayout(tuple(kept), spec.feature_names, robot=spec.robot), q)
     return found + _hints(spec, [names.index(name) for name in hints], names, q)
 
 
-def _refused_values(layout: JointLayout, q: np.ndarray) -> list[Finding]:
-    from policy.errors import DatasetError
-
+def refused_values(layout: JointLayout, q: np.ndarray) -> list[Finding]:
+    """Joints (n, D) past their ranges: refused as those of datasets are, or noted."""
     try:
         check_values(layout, q, feature="actions")
     except DatasetError as error:
