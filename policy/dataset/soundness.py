@@ -12,6 +12,7 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import check_times, check_videos
 from policy.dataset.format import ACTION, STATE, Dataset, Episode
+from policy.dataset.hands_beside import hand_findings
 from policy.dataset.inspection import action_findings, settled
 from policy.dataset.joint_layout import JointLayout
 from policy.dataset.joint_values import check_values, require_finite
@@ -81,7 +82,7 @@ def sound_episodes(dataset: Dataset, columns: Columns, read_as: Sequence[str] = 
     suspicions: dict[str, list[Finding]] = {}
 
     def suspect(episode: Episode) -> None:
-        told = _findings(columns, values[episode.index], dataset.fps)
+        told = _findings(dataset, episode, columns, values[episode.index])
         where = f"{dataset.folder}, episode {episode.index}"
         try:
             settled(told, read_as, where)
@@ -138,7 +139,7 @@ def _numbers(
     return values
 
 
-def _findings(columns: Columns, values: Mapping[str, np.ndarray], fps: float) -> list[Finding]:
+def _findings(dataset: Dataset, episode: Episode, columns: Columns, values: Mapping[str, np.ndarray]) -> list[Finding]:
     """Hypotheses about the actions of an episode, and about its states beside them."""
     layout = columns[ACTION][1]
     spec, pick = layout, slice(None)
@@ -147,7 +148,8 @@ def _findings(columns: Columns, values: Mapping[str, np.ndarray], fps: float) ->
     actions = np.asarray(values[ACTION], dtype=float)[:, pick]
     if not np.isfinite(actions).all():
         return []  # told where they are decoded
-    found = action_findings(spec, actions, Anchor.nominal(robot=spec.robot), fps)
+    found = action_findings(spec, actions, Anchor.nominal(robot=spec.robot), dataset.fps)
+    found += hand_findings(dataset, episode, spec, actions)
     other = columns.get(STATE, (None, None))[1]
     if isinstance(layout, JointLayout) and isinstance(other, JointLayout) and other.whole_spec == spec:
         states = _in_si(spec, values[STATE][:, other.columns_of(spec)])

@@ -15,6 +15,7 @@ from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import check_times, column_layout, wrist_layouts
 from policy.dataset.format import ACTION, STATE, Dataset, Episode
+from policy.dataset.hands_beside import hand_findings
 from policy.dataset.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.dataset.joint_values import require_finite
 from policy.dataset.naming.sources import find_source
@@ -75,6 +76,7 @@ def open_episode(
     anchor = Anchor.nominal(robot=spec.robot)
     actions, fps = read_as_said(spec, actions, dataset.fps, read_as)
     found = action_findings(spec, actions, anchor, fps)
+    found += hand_findings(dataset, episode, spec, actions)
     if columns is not None:
         found += _of_state(dataset, episode, spec, read_as)
     notes += settled(found, read_as, f"{folder}#{number}")

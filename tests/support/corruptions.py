@@ -20,6 +20,7 @@ from policy.suspicion.joint_table import joint_findings
 from policy.suspicion.orders import ISAAC
 from policy.suspicion.poses import root_findings, wrist_findings
 from policy.suspicion.rows import row_findings, state_findings
+from policy.suspicion.tool import tool_findings
 
 ROBOT = g1()
 BODY = ROBOT.body_joints
@@ -72,7 +73,12 @@ def findings(one):
     found = joint_findings(one.names, one.q, ROBOT) + row_findings(one.q)
     found += state_findings(one.state, one.q, one.names)
     found += root_findings(one.root, one.quaternion)
-    return found + wrist_findings(one.spec, one.wrists, Anchor.nominal())
+    found += wrist_findings(one.spec, one.wrists, Anchor.nominal())
+    if one.spec is EEF:
+        poses = kinematics().poses(one.every[1][:, : len(BODY)])  # by the measured joints, which come later
+        for side, hand, start in (("left", "lhand", 0), ("right", "rhand", 7)):
+            found += tool_findings(side, poses[hand], one.wrists[:, start : start + 3])
+    return found
 
 
 def corrupted(corrupt, one, rng):
@@ -158,6 +164,15 @@ def wrist_quaternion(one, rng):
     return replace(one, wrists=wrists)
 
 
+def tool_off(one, rng):
+    """Both hands' positions 5 cm off their wrists along an axis of the hand, as teleoperation has it."""
+    wrists, away = one.wrists.copy(), 0.05 * np.eye(3)[rng.integers(3)] * rng.choice([-1.0, 1.0])
+    for start in (0, 7):
+        R = quaternion_to_matrix(one.wrists[:, start + 3 : start + 7], "wxyz")
+        wrists[:, start : start + 3] += R @ away
+    return replace(one, wrists=wrists)
+
+
 def rot6d(layout):
     def corrupt(one, rng):
         parts = []
@@ -229,6 +244,7 @@ CORRUPTIONS = {
     "root upside down": (upside_down, ("root_tilt", "w_first")),
     "wrist quaternion x first for w": (wrist_quaternion, ("quaternion_order",)),
     "rot6d interleaved": (rot6d("interleaved"), ("rot6d_layout",)),
+    "a tool 5 cm off, with joints beside": (tool_off, ("tool_offset",)),
     "no command yet": (placeholder, ("placeholder",)),
     "columns rolled by one": (columns_rolled, ("columns_rolled", "columns_rolled_back")),
     "rows rolled by one": (rows_rolled, ("rows_rolled", "rows_rolled_back")),
