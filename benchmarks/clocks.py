@@ -1,9 +1,10 @@
 """Clocks and stamps that step, stand still or are no numbers, and robots that see nothing for 3 s: resumable.
 
-    python benchmarks/clocks.py wave|lissajous|realistic|more [--seeds FIRST END] [--only PART] [--out FILE]
+    python benchmarks/clocks.py wave|lissajous|realistic|more|tour [--seeds FIRST END] [--only PART] [--out FILE]
 
 Each fault (of `CLOCK_FAULTS` in ``tests/support/faulty_loops.py``) begins at each of the phases that are the seeds, 20
-in a period; `realistic` is the wave by a realistic robot of that seed, `more` has the wave with all other faults.
+in a period; `realistic` is the wave by a realistic robot of that seed, `more` has the wave with all other faults. In
+`tour` one episode goes through all phases: faults that do not end by themselves end after half a period.
 Errors are the palms' in the last half second asked for, 3 s after the fault is over or 6 s after it began.
 """
 
@@ -65,6 +66,28 @@ def faulty(script: str, name: str, seed: int, *, realistic: bool = False) -> dic
     )
 
 
+def toured(script: str, name: str) -> dict[str, float]:
+    """A script in which a fault begins once at every phase, 3 s after the one before was over at least."""
+    fault, loop = CLOCK_FAULTS[name], supervisor()
+    loop.fault = replace(fault, seconds=PERIOD / 2.0 if np.isinf(fault.seconds) else fault.seconds)
+    apart = PERIOD * (np.ceil((loop.fault.seconds + 3.0) / PERIOD - 1.0 / PHASES) + 1.0 / PHASES)
+    loop.since = FIRST + apart * np.arange(PHASES) - 0.5 * DT
+    duration = float(loop.since[-1]) + loop.fault.seconds + 2.0
+    result = run_episode(
+        scripted_policy(script), loop, MujocoPlant(SPEC), duration=duration, config=EpisodeConfig(hold=2.0)
+    )
+    calm = np.array([((result.times > t - 0.5) & (result.times < t)) for t in loop.since[1:]]).any(axis=0)
+    numbers = {"falls": float(result.fall is not None), "ended_s": float(result.times[-1])}
+    return numbers | ({"error_mm": 1e3 * float(result.errors[calm].max())} if calm.any() else {})
+
+
+def tour(seeds: range) -> Iterator[Case]:
+    """Every fault, in both scripts; phases are no seeds here."""
+    for name in MAIN:
+        for script in ("wave", "lissajous"):
+            yield f"tour, {name}", f"{script}, {name}", partial(toured, script, name)
+
+
 def scripted(script: str, seeds: range) -> Iterator[Case]:
     """Every fault at every phase."""
     names, real = [name for name in CLOCK_FAULTS if name not in MAIN], script == "realistic"
@@ -75,4 +98,5 @@ def scripted(script: str, seeds: range) -> Iterator[Case]:
 
 
 if __name__ == "__main__":
-    run_studies({name: partial(scripted, name) for name in ("wave", "lissajous", "realistic", "more")}, __doc__)
+    kinds = {name: partial(scripted, name) for name in ("wave", "lissajous", "realistic", "more")}
+    run_studies(kinds | {"tour": tour}, __doc__)

@@ -1,12 +1,13 @@
 """What motors the robot stands: slow, late, weak, or deaf to torques; for `docs/limits.md`.
 
     python benchmarks/motors.py margin
-    python benchmarks/motors.py faults|shares [--robot true|realistic] [--seeds FIRST END] [--only PART] [--out FILE]
+    python benchmarks/motors.py faults|shares [--robot true|realistic] [--seeds FIRST END] [--only PART ...] [--out F]
 
 margin   the loop linearised at its motors, at rest in the stance and at a reach: phase margin, and by bandwidth and
          delay the frequency of the mode that grows
-faults   60 s of standing, the five reaches and the lissajous with each fault of the motors, which nobody told
-shares   the same of a robot that is sent a share of its torques, the rest as positions, by the stiffness of its legs
+faults   the five reaches and the lissajous with each fault of the motors, which nobody told
+shares   60 s of standing and the same of a robot that is sent a share of its torques, the rest as positions, by the
+         stiffness of its legs
 
 Cases are lines of JSON in the file, ``motors_TABLE.jsonl`` if not given; those that it has are not run again.
 """
@@ -87,16 +88,17 @@ def shares(name: str, seed: int) -> Iterator[Case]:
     """Each share and stiffness."""
     for stiffness, share in product(LEGS, SHARES):
         said = f"{stiffness:g} N m/rad" if stiffness else "gains of whole torques"
-        yield from tried(f"{name}: {share:g}, {said}", name, seed, led=(share, stiffness))
+        group, led = f"{name}: {share:g}, {said}", (share, stiffness)
+        stands = partial(ran, still(1.0), duration=1.0, hold=58.0)
+        yield f"{group}, 60 s", f"seed {seed}", partial(case, stands, name, seed, led=led)
+        yield from tried(group, name, seed, led=led)
 
 
 def tried(group: str, name: str, seed: int, **given: object) -> Iterator[Case]:
-    """A minute with the hands where they are, the five reaches and the lissajous."""
-    stands = partial(ran, still(1.0), duration=1.0, hold=58.0)
-    yield f"{group}, 60 s", f"seed {seed}", partial(case, stands, name, seed, **given)
+    """The five reaches, which hold for 4 s, and the lissajous."""
     for place in PLACES[:5]:
         policy = reach(*place)
-        moves = partial(ran, policy, duration=policy.duration)
+        moves = partial(ran, policy, duration=policy.duration, hold=1.0)
         yield f"{group}, reaches", f"{place}, seed {seed}", partial(case, moves, name, seed, **given)
     moves = partial(ran, scripted_policy("lissajous"), duration=2.0 + SECONDS)
     yield f"{group}, lissajous", f"seed {seed}", partial(case, moves, name, seed, **given)
@@ -134,14 +136,14 @@ def main() -> None:
     parser.add_argument("table", choices=("margin", *TABLES))
     parser.add_argument("--robot", choices=("true", "realistic"), default="true")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 1), help="first, and the one after the last")
-    parser.add_argument("--only", default="", help="a part of the faults' names")
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of the faults' names")
     parser.add_argument("--out", type=Path, help="file with a line a case")
     options = parser.parse_args()
     if options.table == "margin":
         margin()
         return
     listed = [one for seed in range(*options.seeds) for one in TABLES[options.table](options.robot, seed)]
-    wanted = [one for one in listed if options.only in one[0]]
+    wanted = [one for one in listed if any(part in one[0] for part in options.only)]
     print("\n".join(rows(finished(wanted, options.out or Path(f"motors_{options.table}.jsonl")))))
 
 

@@ -144,7 +144,7 @@ class FaultyClocks(Supervisor):
 
     Attributes:
         fault: How; not at all if None.
-        since: When [s].
+        since: When, or each time that it begins [s].
     """
 
     fault, since = None, np.inf
@@ -178,7 +178,7 @@ class FaultyClocks(Supervisor):
         return replace(state, time=state.time + fault.stamp)
 
     def _wrong(self, now):
-        return self.since <= now < self.since + self.fault.seconds - 1e-9
+        return any(since <= now < since + self.fault.seconds - 1e-9 for since in np.atleast_1d(self.since).tolist())
 
     def _given(self, now):
         if self.fault is None:

@@ -1,4 +1,4 @@
-"""Floors that slope, a foot that stands higher, feet that are turned: plants that begin in the stance on them."""
+"""Floors that slope or sway, a foot that stands higher, feet that are turned: plants that begin in the stance there."""
 
 import tempfile
 from pathlib import Path
@@ -25,11 +25,13 @@ class Ground(MujocoPlant):
         slope: Of the floor [rad]. direction: Towards which it rises, from x to y [rad].
         step: How much higher the left foot stands [m].
         turn: About the normal of each foot, both outwards [rad].
+        sway: By how much the slope of the floor swings [rad], at a frequency of ``hz``.
         world: As of `MujocoPlant`.
     """
 
-    def __init__(self, spec, *, slope=0.0, direction=0.0, step=0.0, turn=0.0, **world):
-        floor = pin.exp3(slope * np.array([np.sin(direction), -np.cos(direction), 0.0]))
+    def __init__(self, spec, *, slope=0.0, direction=0.0, step=0.0, turn=0.0, sway=0.0, hz=0.5, **world):
+        self._axis, self._swings = np.array([np.sin(direction), -np.cos(direction), 0.0]), (slope, sway, hz)
+        floor = pin.exp3(slope * self._axis)
         quat = pin.Quaternion(floor).coeffs()[[3, 0, 1, 2]]
         model = load_pinocchio(spec)
         self.feet = feet_on(spec, model, floor, step, turn)
@@ -50,6 +52,15 @@ class Ground(MujocoPlant):
         q[:3] -= SUNK * floor[:, 2]
         self._conversion.to_mujoco(q, zero, self.model.key_qpos[0], np.zeros(self.model.nv))
         self.reset()
+
+    def step(self, command):
+        slope, sway, hz = self._swings
+        if sway:
+            floor = pin.exp3((slope + sway * np.sin(2.0 * np.pi * hz * self.data.time)) * self._axis)
+            ground = self.model.geom("floor")
+            ground.quat = pin.Quaternion(floor).coeffs()[[3, 0, 1, 2]]
+            self.model.geom_sameframe[ground.id] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        return super().step(command)
 
 
 class RealisticGround(RealisticPlant, Ground):

@@ -40,17 +40,22 @@ class Controller(ABC):
         tipped: How far it moves the centre of pressure, shape (2,), [m].
         tau: Feed-forward torques of the last tick, Pinocchio order, shape (n_joints,), [N m].
         command: What the last tick sent; None after a reset.
+        effort_max: Torques that motors have, tau_max: those that the program uses, Pinocchio order, (n_joints,), [N m].
         added: Torques that are sent beside those of the program, motor order, shape (n_joints,), [N m]; None for none.
+        factor: Of those of the program then, shape (n_joints,).
     """
 
     def __init__(self, spec: RobotSpec, config: ControllerConfig) -> None:
         self.spec, self.config, self.robot = spec, config, Robot(spec)
+        self.effort_max = spec.effort_max[self.robot.motor_to_pin]
+        self.tau_max = config.safety.torque_share * self.effort_max
         self.tasks, self.feet = make_tasks(spec, config, self.robot), make_feet(spec, config)
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled, self._elapsed = None, config.dt
         self.command: JointCommand | None = None
         self.added: np.ndarray | None = None
+        self.factor: np.ndarray | None = None
         self._share = TorqueShare(spec, config.robot.torque) if config.robot.torque < 1.0 else None
         self.touch, self.lean, self.tipped = np.zeros((2, TOUCH)), np.zeros(2), np.zeros(2)
 
@@ -94,7 +99,7 @@ class Controller(ABC):
         self._elapsed = self.config.dt if elapsed is None else min(elapsed, INTEGRATED_MAX)
         command, report = self._tick(state)
         if self.added is not None:
-            command = replace(command, tau=command.tau + self.added)
+            command = replace(command, tau=command.tau * self.factor + self.added)
         self.command = command if self._share is None else self._share.of(command)
         return self.command, report
 
@@ -132,6 +137,11 @@ class Controller(ABC):
     def carry(self, loads: Sequence[float]) -> None:
         """Count on these masses in the left and right hand from the next tick on [kg]."""
         self.robot.loads.carry(loads, *([] if self.compiled is None else [self.compiled.tick.bodies]))
+
+    def limit_torques(self, most: np.ndarray) -> None:
+        """Motors have no more than this from the next tick on, motor order, shape (n_joints,), [N m]."""
+        self.effort_max[:] = most[self.robot.motor_to_pin]
+        self.tau_max[:] = self.config.safety.torque_share * self.effort_max
 
     @abstractmethod
     def reset(self, state: RobotState) -> None:

@@ -48,7 +48,7 @@ class WholeBodyController(Controller):
 
     Attributes:
         q_des, dq_des: Desired joint positions [rad] and speeds [rad/s], Pinocchio order, shape (n_joints,).
-        joints: Their limits, Pinocchio order. effort_max: Torques that they can give, shape (n_joints,), [N m].
+        joints: Their limits, Pinocchio order.
     """
 
     def __init__(
@@ -63,10 +63,12 @@ class WholeBodyController(Controller):
         self.extra_tasks, self.extra_limits = (*self.tasks.extra, *extra_tasks), tuple(extra_limits)
         self._make_limits()
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
-        self.joints, self.effort_max = self._joint_limits(), spec.effort_max[self.robot.motor_to_pin]
+        self.joints = self._joint_limits()
         self.tau, self.kp, self.kd = np.zeros(self.robot.n_joints), spec.kp, spec.kd
         self.compiled = CompiledProgram(self.inputs()) if self.config.solver == "compiled" else None
         self.q_des, self.dq_des = np.zeros((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
+        if self.compiled is not None:
+            self.effort_max, self.tau_max = self.compiled.tick.effort_max, self.compiled.tick.tau_max
         self.bind_references()
 
     def bind_references(self) -> None:
@@ -206,7 +208,7 @@ class WholeBodyController(Controller):
         robot = self.robot
         self.dynamics.pushed = self.pushed()
         low, high = viable_acceleration_bounds(robot.q[7:], robot.v[6:], self.joints, self.config.safety.joint_horizon)
-        tau_max = self.config.safety.torque_share * self.effort_max
+        tau_max = self.tau_max
         objectives = [task.objective(robot) for task in self.tasks.body]
         if hands:
             objectives += [task.objective(robot) for task in self.palms]

@@ -1,4 +1,4 @@
-"""Watches how the motors answer, and gives the controller gains that they allow."""
+"""Watches how the motors answer, and gives the controller gains and limits that they allow."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ class MotorWatch:
 
     Attributes:
         observer: What finds out how the motors answer, or None. loss: What they leave out, and what makes up for it.
+        weaker: Whether a motor has been seen to have less torque than plans count on.
     """
 
     def __init__(self, controller: Controller) -> None:
         self._controller, self.observer = controller, None
         self._dt, self._ahead, self._shape = controller.config.dt, 0.0, (controller.spec.n_joints,)
         self._before: RobotState | None = None
+        self.weaker = False
         if isinstance(controller, WholeBodyController) and controller.config.dt <= PERIOD_MAX:
             robot = controller.robot
             self._schedule = GainSchedule(controller.spec, robot, controller.config)
@@ -49,11 +51,12 @@ class MotorWatch:
     def reset(self) -> None:
         """Motors are taken to be quick until they are seen."""
         self._ahead = 0.0
-        self._before, self._ticks = None, 0
+        self._before, self._ticks, self.weaker = None, 0, False
         if self.observer is not None:
             self.observer.reset()
             self.loss.reset()
-            self._controller.added = None
+            self._controller.added = self._controller.factor = None
+            self._controller.limit_torques(self.loss.most)
             self._controller.set_gains(self._schedule.gains(self.observer.response))
 
     def arrival(self, now: float) -> float:
@@ -89,5 +92,12 @@ class MotorWatch:
             return
         known = state.tau is not None and np.shape(state.tau) == self._shape and np.isfinite(state.tau).all()
         if known and 0.0 < state.time - before.time < PERIODS_MAX * self._dt:
-            self.loss.look(before, state, self._controller.command)
-            self._controller.added = self.loss.added
+            if self.loss.look(before, state, self._controller.command):
+                self._controller.limit_torques(self.loss.most)
+                self.weaker = True
+            self._controller.added, self._controller.factor = self.loss.added, self.loss.factor
+
+    def planned(self) -> np.ndarray | None:
+        """What a plan that is asked for now counts on of the model's torques, shares, motor order (n_joints,)."""
+        self.weaker = False
+        return None if self.observer is None else self.loss.most / self._controller.spec.effort_max

@@ -39,6 +39,7 @@ class PlanRequest:
         loads: What the hands carry.
         feet: Where the robot stands; where the stance has them if not given.
         surfaces: What the left and the right hand have met, and are not led further into.
+        torques: Shares of the model's torques that motors have, motor order, shape (n_joints,); all if not given.
     """
 
     chunk: ActionChunk
@@ -51,6 +52,7 @@ class PlanRequest:
     loads: Loads = field(default_factory=Loads)
     feet: Feet | None = None
     surfaces: tuple[Surface | None, Surface | None] = (None, None)
+    torques: np.ndarray | None = None
 
     def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
         """The plan, computed now.
@@ -61,7 +63,7 @@ class PlanRequest:
         start, chunk = self.start, kept_out(self.chunk, self.surfaces, planner.offsets)
         if self.feet is not None:
             planner.stand_on(self.feet)
-        planner.carry(self.loads)
+        planner.carry(self.loads, self.torques)
         plan = planner.plan(chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
         if not plan.is_finite:
             raise PlanningError("the plan has numbers that are not finite")

@@ -76,8 +76,7 @@ class PlanFollower:
     ) -> None:
         self._controller, self._touch = controller, touch
         robot, spec, safety = controller.robot, controller.spec, config.safety
-        effort = safety.torque_share * spec.effort_max[robot.motor_to_pin]
-        self._deviation, self._saturation = Deviation(robot), Saturation(spec, robot, effort)
+        self._deviation, self._saturation = Deviation(robot), Saturation(spec, robot, controller.tau_max)
         self._settings, self._clock = np.zeros(1, kernel.SETTINGS), np.zeros(1, kernel.CLOCK)
         settings, clock = self._settings[0], self._clock[0]
         settings.dt, settings.grid_step = config.dt, GRID

@@ -45,7 +45,7 @@ class Saturation:
 
     Args:
         spec: The robot. robot: Its model.
-        tau_max: Torques that the program may use, Pinocchio order, shape (n_joints,), [N m].
+        tau_max: Torques that the program may use, Pinocchio order, shape (n_joints,), [N m]; may change.
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, tau_max: np.ndarray) -> None:
@@ -56,10 +56,10 @@ class Saturation:
         waist = robot.joint_indices([spec.joint_names[i] for i in spec.limbs["waist"]])
         self._waist = np.flatnonzero(np.isin(arms[0], waist)).tolist()
         self.begin_anew()
-        self._limits, self._trust = SPENT * tau_max[self._joints], np.ones(2)
-        self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN])
+        self._tau_max, self._trust = tau_max, np.ones(2)
+        self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN, SPENT])
         v, m = np.zeros(1), np.zeros((2, 3))
-        self._native = _trust.native(v, self._joints, self._limits, self._often, m, v, 0.0, self._settings, self._trust)
+        self._native = _trust.native(v, self._joints, v, self._often, m, v, 0.0, self._settings, self._trust)
 
     @property
     def sinks(self) -> bool:
@@ -91,7 +91,7 @@ class Saturation:
             elapsed: Time since the tick before it [s].
         """
         keep = exp(-elapsed / TIME_CONSTANT)
-        self._native(tau, self._joints, self._limits, self._often, palms, row, keep, self._settings, self._trust)
+        self._native(tau, self._joints, self._tau_max, self._often, palms, row, keep, self._settings, self._trust)
         often = self._often[0]
         spent = [often[k] > OFTEN for k in self._waist]
         self._waist_spent = [(s + elapsed) * now for s, now in zip(self._waist_spent, spent, strict=True)]

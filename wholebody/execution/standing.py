@@ -85,9 +85,8 @@ class Reflex:
         self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
         self._planted = planted
         self._patience, self._back = Patience(), None
-        robot, share = controller.robot, config.planner.posture.torque_share
+        robot, self._share = controller.robot, config.planner.posture.torque_share
         self._waist = np.flatnonzero(np.isin(robot.motor_to_pin, controller.spec.limbs["waist"])).tolist()
-        self._waist_torque = share * controller.spec.effort_max[robot.motor_to_pin][self._waist]
         self.active, self.status = False, statuses.OFF_PLAN
 
     def stand(self, state: RobotState, now: float) -> float:
@@ -161,7 +160,7 @@ class Reflex:
         """Whether what is above the waist, at rest, asks for more torque of it than plans may."""
         robot = self._controller.robot
         gravity = pin.computeGeneralizedGravity(robot.model, robot.scratch, state.q)[6:][self._waist]
-        return bool((np.abs(gravity) > self._waist_torque).any())
+        return bool((np.abs(gravity) > self._share * self._controller.effort_max[self._waist]).any())
 
     def _follow(self, trajectory: SampledTrajectory) -> None:
         """Be led to one row, the hands to where it has them: a plan begins with both."""

@@ -91,12 +91,11 @@ class Supervisor(statuses.Following):
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""
         check_state(state, self.robot.n_joints)
-        self.carrying.reset()
-        self.motors.reset()
+        for part in (self.carrying, self.motors, self._legs):
+            part.reset()
         self.controller.reset(state)
         self._planted.reset(state)
         self.monitor.reset(state, now)
-        self._legs.reset()
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows, touch=self.touch)
@@ -179,9 +178,11 @@ class Supervisor(statuses.Following):
         start = self._reflex.foreseen(state, ticks) if self._reflex.active else self._follower.foreseen(ticks, state.q)
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
-        again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not self.carrying.changed
+        changed = self.carrying.changed or self.motors.weaker
+        again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not changed
         before = self.plan and self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
-        counted = {"loads": self.carrying.planned(), "feet": self._planted.planned(state), "surfaces": self.touch.met()}
+        feet, torques = self._planted.planned(state), self.motors.planned()
+        counted = {"loads": self.carrying.planned(), "feet": feet, "surfaces": self.touch.met(), "torques": torques}
         self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, **counted))
         self._exchange(self._now)
 
@@ -284,7 +285,7 @@ class Supervisor(statuses.Following):
     def _keep_planning(self) -> None:
         """Stand where the plan is lost; ask for the plan that is wanted now."""
         follower = self._follower
-        if self.carrying.changed and not self.handover.busy:
+        if (self.carrying.changed or self.motors.weaker) and not self.handover.busy:
             self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
         lost = follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)
         if self.plan is not None and (lost or follower.sinks):

@@ -69,8 +69,7 @@ class ChunkPlanner:
         self._settings, self._loads, self._loaded, self._holding = config, (0.0, 0.0), False, False
         self.spec, self.config, self._budget, self.model = spec, config.planner, config.planning.budget, robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
-        self._friction = config.friction
-        self._holdable: HoldablePlaces | None = None
+        self._friction, self._holdable = config.friction, None
         self._last_held: tuple[Targets, Held] | None = None
         self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
         self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
@@ -82,9 +81,14 @@ class ChunkPlanner:
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
         self.hand_limits = tuple(HandLimits.of_fingers(low[i], high[i]) for i in fingers)
 
-    def carry(self, loads: Loads) -> None:
-        """Plan with these masses in the hands from now on: bounds hold with the reserve, centres are without it."""
-        self._loads, self._loaded = loads.most, max(loads.masses) > 0.0
+    def carry(self, loads: Loads, torques: np.ndarray | None = None) -> None:
+        """Plan with these masses in the hands and shares (n_joints,) of the motors' torques, all if None, from now on.
+
+        Bounds hold with the reserve, centres are without it.
+        """
+        weak = torques is not None and bool((torques < 1.0).any())
+        self._loads, self._loaded = loads.most, weak or max(loads.masses) > 0.0
+        self.optimizer.body.weaken(torques)
         self.optimizer.body.carry(loads.most)
         self.centroidal.carry(loads.masses)
 
@@ -92,8 +96,8 @@ class ChunkPlanner:
         """Plan with the feet there from now on."""
         if not feet.same(self.optimizer.body.footing.feet):
             self.optimizer.stand_on(feet)
-            self._holdable = None  # the support may have another number of edges
-            self.contacts = ContactFeasibility(self.optimizer.body, self._friction)
+            # The support may have another number of edges.
+            self._holdable, self.contacts = None, ContactFeasibility(self.optimizer.body, self._friction)
 
     def plan(
         self,

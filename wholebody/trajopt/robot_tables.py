@@ -81,7 +81,7 @@ class RobotTables:
         self.footing = Footing.of(spec, Feet.at(spec, model, q, self.data), self.foot_load_min)
         placed = self.footing.tables(config, friction, self.foot_load_min)
         self.tables = _tables(spec, config, model, q, self.mass, placed)
-        self._tau_max = self.tables.tau_max.copy()
+        self._tau_max = self._full_tau_max = self.tables.tau_max.copy()
         self._arms = [slice(WAIST, WAIST + ARM), slice(WAIST + ARM, UPPER)]
         bodies = self._place_fingers(locked)
         self.proximity = Proximity(spec, full, None, self.q_full, config.self_distance)
@@ -125,9 +125,18 @@ class RobotTables:
         """Count on these masses in the left and right hand from now on [kg]."""
         self._loads.carry(loads, self.tables.bodies)
         self.mass = self._loads.total
+        self.tables.tau_max[:] = self._tau_max
         for arm, load in zip(self._arms, loads, strict=True):
             self.tables.tau_max[arm] = (1.0 - ARM_ROOM * min(load, 1.0)) * self._tau_max[arm]
         self.tables = self.tables._replace(mass=self.mass)
+
+    def weaken(self, torques: np.ndarray | None) -> None:
+        """Shares of their torques that motors have from the next `carry` on, motor order (n_joints,); None for all."""
+        self._tau_max = self._full_tau_max
+        if torques is not None:
+            of = dict(zip(self.spec.joint_names, torques.tolist(), strict=True))
+            upper = list(self.model.names)[-len(self._tau_max) :]
+            self._tau_max = self._full_tau_max * [of.get(name, 1.0) for name in upper]
 
     def stand_on(self, feet: Feet) -> None:
         """The feet are there from now on."""

@@ -34,7 +34,7 @@ class PlacoController(WholeBodyController):
         if self.extra_tasks:
             raise InputError("the placo backend knows the built-in tasks only; `backend: native` takes more")
         tasks = [task for task in (*self.tasks.body, *self.palms) if not isinstance(task, AngularMomentumTask)]
-        limits = PlacoLimits(self.joints, self.config.safety.torque_share * self.effort_max, self.config.safety)
+        limits = PlacoLimits(self.joints, self.tau_max, self.config.safety)
         self.program = PlacoProgram(spec, self.robot, self.feet, tasks, limits, Regularisation())
 
     def _solve(self) -> TickReport:

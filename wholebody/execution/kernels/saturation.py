@@ -11,18 +11,19 @@ def trust(tau, joints, limits, often, palms, row, keep, settings, out) -> None:
     Args:
         tau: Torques (n,).
         joints: Of each arm with the waist (2, k).
-        limits: Their largest torques (2, k).
+        limits: Largest torques (n,).
         often: Changed, how often each has been spent, low-passed (2, k).
         palms: Palm points (2, 3).
         row: Packed reference that says where they are commanded to be.
         keep: Share that the filter keeps.
-        settings: Share of the time and errors of a palm from which a hand gives way and has, and least trust (4,).
+        settings: Share of the time and errors of a palm from which a hand gives way and has, least trust, and the
+            share of its torque from which a joint has none left (5,).
         out: Trust (2,).
     """
     for h in range(2):
         most, off = 0.0, 0.0
         for i in range(joints.shape[1]):
-            spent = 1.0 if abs(tau[joints[h, i]]) >= limits[h, i] else 0.0
+            spent = 1.0 if abs(tau[joints[h, i]]) >= settings[4] * limits[joints[h, i]] else 0.0
             often[h, i] = keep * often[h, i] + (1.0 - keep) * spent
             most = max(most, often[h, i])
         for k in range(3):
