@@ -11,8 +11,20 @@ from wholebody.config.touch import TouchConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import PALM
 from wholebody.estimation.load import LoadObserver
-from wholebody.reference.surface import Surface
-from wholebody.robot.touch import FORCE, MOBILITY, MOMENT, PUSH_MAX, SHARE, STIFFNESS, TOLD
+from wholebody.reference.surface import Surface, turned
+from wholebody.robot.touch import (
+    FORCE,
+    LEAN_MAX,
+    MOBILITY,
+    MOMENT,
+    PUSH_MAX,
+    SHARE,
+    STIFFNESS,
+    TOLD,
+    TOLD_SHARE,
+    arm_force,
+    tipping_share,
+)
 from wholebody.types import Reason, Status, StatusReport
 
 RELEASED = 0.5
@@ -22,9 +34,6 @@ BEGIN, END = 0.01, 0.1
 10 ms, and one that is let go of is not to jump."""
 TIPPED_TIME = 0.1
 """Of the filter of how far forces move the centre of pressure [s]; chosen: the trunk is too heavy for faster ones."""
-LEAN_MAX = 0.04
-"""Farthest that the centre of mass is leant against a force [m]; chosen: if the force is gone at once it is still half
-of the way from the edge of the soles."""
 TIPPED_MAX = 0.08
 """Farthest that a force is taken to move the centre of pressure [m]; derived: from the middle of a sole to its edge."""
 FOLLOWING = Status.TRACKING, Status.SLOWED
@@ -33,23 +42,23 @@ GRAVITY = 9.81
 """Acceleration of free fall [m/s^2]; definition."""
 INTO = 0.05
 """How far past a surface plans lead a palm [m]; chosen: with its stiffness, 30 N."""
-MOVING, NORMAL_TIME = 0.02, 0.02
-"""Speed of a palm from which it slides along what it touches [m/s], and time constant of its velocity and of the
-surface's normal [s]; chosen: below, nothing tells friction from pressure."""
-REST_TIME = 0.06
-"""The same time constant for a palm that does not slide [s]; chosen: the first impact says little of the direction."""
+MOVING, NORMAL_TIME, REST_TIME, FIRST_TIME = 0.02, 0.02, 0.06, 0.2
+"""Speed of a palm from which it slides along what it touches [m/s]; time constants of its velocity and of the surface's
+normal, and of that where it does not slide, and how long it is then looked for [s]; chosen: below, nothing tells
+friction from pressure, and the first impact says little of the direction."""
 HELD_BACK, STOPPED = 0.015, 0.05
 """Distance by which a palm is short of its command along its push [m], and speed along it [m/s], from which it is held
 back; chosen: friction that is taken for a touch feigns no more."""
 SLIDES = 0.7
 """Cosine of the angle between a push and the motion below which a palm slides [no unit]; chosen: friction of 1 is at
 0.71, and one that runs into something goes along its push."""
-TORQUE_SHARE = 0.85
-"""Share of a joint's torque that a push may use, with what the arm's weight takes [no unit]; chosen: the rest turns the
-hand."""
-EARLY, TOLD_SHARE = 0.5, 0.9
-"""Share of the lean against a force that is told before it is felt, and of the force that tips with which a hand pushes
-that is told to [no unit]; chosen: a force that does not come leaves the body where it stands well."""
+EARLY = 0.5
+"""Share of the lean against a force that is told before it is felt [no unit]; chosen: it may not come."""
+PRESSED_TIME, PRESSED_MORE = 0.3, 0.4
+"""Time constant with which a hand at rest comes to feel the force that it is told [s], and the largest share by which
+it is told more or less for that [no unit]; chosen: its place makes a fifth, friction a quarter, changing slowly."""
+STIFFEST = 2000.0
+"""Largest stiffness of a hand that a chunk may ask for [N/m]; chosen: three times that as shipped, and stable."""
 BELIEVED = 150.0
 """Largest force on a palm that the program counts on [N]; chosen: twice what tips the robot."""
 OWN = -0.005
@@ -63,9 +72,8 @@ it the body has gone where the hands cannot follow."""
 class Touch:
     """What the hands touch, and how they push: the impedance that `wholebody.tasks.hand` follows.
 
-    The force with which a hand pushes is bounded by a share of the one that would tip the robot: with the weight m g,
-    the centre of mass c over the floor, the palm at p and a force f on it, the centre of pressure is at
-    ``(m g c + p_z f_xy - f_z p_xy) / (m g - f_z)``, and has to stay inside every edge ``n . x <= b`` of the support.
+    The force with which a hand pushes is bounded by a share of the one that would tip the robot
+    (`wholebody.robot.touch.tipping_share`), and by what its arm has.
 
     Args:
         controller: Of the robot on its feet.
@@ -96,8 +104,7 @@ class Touch:
         self._rows[:, STIFFNESS] = self._config.stiffness / self._config.mass
         self._controller.lean[:] = self._controller.tipped[:] = 0.0
         self.shares, self.since, self._moved = [0.0, 0.0], [float("nan")] * 2, np.zeros(2)
-        self._settled, self.changed = True, False
-        self._held = [False, False]
+        self._settled, self.changed, self._held, self._more = True, False, [False, False], [0.0, 0.0]
         self._told, self._most, self._expected = None, [self._config.force_max] * 2, np.zeros((2, 3))
         self._into, self._palms, self._velocity = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
 
@@ -141,8 +148,10 @@ class Touch:
         self._count_on(observer.wrenches, elapsed)
         for hand in range(2):
             if self.shares[hand] > 0.0:
-                self._find_normal(hand, elapsed)
-                self._bound(hand, palms, row)
+                self._find_normal(hand, now, elapsed)
+                self._bound(hand, palms, row, elapsed)
+            else:
+                self._more[hand] = 0.0
             self._hold(hand, row)
         self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self._expected.any()
         if self._settled:
@@ -161,9 +170,10 @@ class Touch:
         for hand, force in enumerate((chunk.f_world_lpalm, chunk.f_world_rpalm)):
             expected[hand] = 0.0 if force is None or over else force[step]
         self._rows[:, TOLD : TOLD + 3] = -expected / config.mass
-        stiffness = config.stiffness if chunk.stiffness is None else chunk.stiffness[step]
+        stiffness = config.stiffness if chunk.stiffness is None else np.minimum(chunk.stiffness[step], STIFFEST)
         self._rows[:, STIFFNESS] = stiffness / config.mass
-        self._most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step].tolist()
+        most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step]
+        self._most = np.minimum(most, config.force_max).tolist()
 
     def _touches_itself(self, hand: int) -> bool:
         """Whether an arm touches another part of the robot: that force is none of the world's."""
@@ -202,22 +212,23 @@ class Touch:
         controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / size)
         controller.lean[:] = -self._moved * min(1.0, LEAN_MAX / size)
 
-    def _find_normal(self, hand: int, elapsed: float) -> None:
-        """Direction into what a hand touches: that of its push, without friction, which is along its motion."""
+    def _find_normal(self, hand: int, now: float, elapsed: float) -> None:
+        """Direction into what a hand touches: that of its push, without friction, which is along its motion.
+
+        Of a hand at rest friction is not known: after the first moment its direction stays, unless it pushes quite
+        another way. Plans lead a hand by it, and would follow the friction that they make.
+        """
         push, into, v = -self.forces[hand], self._into[hand], self._velocity[hand]
         size, speed = sqrt(push.dot(push)), sqrt(v.dot(v))
         along = push.dot(v)
         if speed > MOVING and abs(along) < SLIDES * size * speed:
             push -= along / speed**2 * v
             time = NORMAL_TIME
-        else:
+        elif now - self.since[hand] < FIRST_TIME or push.dot(into) < SLIDES * size:
             time = REST_TIME
-        if (size := sqrt(push.dot(push))) > 0.0:
-            keep = exp(-elapsed / time) if into.any() else 0.0
-            turned = keep * into + (1.0 - keep) * push / size
-            # A push that turns round at once leaves no direction: then the one before stays.
-            if (length := sqrt(turned.dot(turned))) > 0.0:
-                into[:] = turned / length
+        else:
+            return
+        into[:] = turned(into, push, exp(-elapsed / time))
 
     def _hold(self, hand: int, row: np.ndarray) -> None:
         """Notice that a hand is held back: short of where it is commanded along its push, and no longer on its way."""
@@ -236,15 +247,14 @@ class Touch:
         )
         return left, right
 
-    def _bound(self, hand: int, palms: np.ndarray, row: np.ndarray) -> None:
+    def _bound(self, hand: int, palms: np.ndarray, row: np.ndarray, elapsed: float) -> None:
         """Largest acceleration with which a hand pushes towards where it is commanded to be."""
         at, config = PALM * hand, self._config
         push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
-        told = self._rows[hand, TOLD : TOLD + 3]
-        push, told = (told, sqrt(told.dot(told))) if told.any() else (push, 0.0)
-        size = sqrt(push.dot(push))
-        if size == 0.0:
+        if (told := sqrt(self._expected[hand].dot(self._expected[hand]))) > 0.0:
+            push = self._correct(hand, told, elapsed)
+        if (size := sqrt(push.dot(push))) == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
         tips, spends = self.tipping_force(palms[hand], -push / size), self.arm_force(hand, push / size)
@@ -252,6 +262,19 @@ class Touch:
         if told > 0.0:
             most = max(most, min(1.5 * told * config.mass, self._most[hand], TOLD_SHARE * tips, spends))
         self._rows[hand, PUSH_MAX] = most / config.mass
+
+    def _correct(self, hand: int, told: float, elapsed: float) -> np.ndarray:
+        """Tell a hand that rests on something to push harder or less, until it feels the force (> 0) that it is told.
+
+        Returns:
+            With which acceleration it is told to push, shape (3,), [m/s^2].
+        """
+        u, row = -self._expected[hand] / told, self._rows[hand]
+        if self.shares[hand] == 1.0 and abs(u.dot(self._velocity[hand])) < MOVING:
+            more = self._more[hand] + elapsed / PRESSED_TIME * (1.0 + u.dot(row[FORCE : FORCE + 3]) / told)
+            self._more[hand] = min(max(more, -PRESSED_MORE), PRESSED_MORE)
+        row[TOLD : TOLD + 3] *= 1.0 + self._more[hand]
+        return row[TOLD : TOLD + 3]
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
         """Force on a palm at which the centre of pressure would be at the edge of the support [N].
@@ -262,19 +285,19 @@ class Touch:
         """
         controller, support = self._controller, self._controller.balance.support
         com, weight = controller.robot.com, GRAVITY * controller.robot.mass
-        normals, offsets = support.normals, support.offsets
-        room = weight * (offsets - normals @ com[:2])
-        lever = normals @ (palm[2] * direction[:2] - direction[2] * palm[:2]) + offsets * direction[2]
-        tips = lever > 1e-6
-        return float(np.min(np.maximum(room[tips], 0.0) / lever[tips], initial=weight))
+        most = tipping_share(direction[None], palm[None], com, weight, support.normals, support.offsets)
+        return min(most, weight)
 
     def arm_force(self, hand: int, direction: np.ndarray) -> float:
         """Force of a palm along a unit vector (3,) at which a joint of its arm has no torque left [N]."""
         tick, arm = self._controller.compiled.tick, self._arms[hand]
         at = 6 * (tick.n_contacts + hand)
-        lever = direction @ tick.J[at : at + 3, arm]
-        left = np.maximum(TORQUE_SHARE * self._torques[hand] - np.sign(lever) * tick.nle[arm], 0.0)
-        return float(np.min(left / np.maximum(np.abs(lever), 1e-6)))
+        J, touch = tick.J[at : at + 6, arm], tick.touch[hand]
+        lever, spent = direction @ J[:3], tick.nle[arm]
+        if touch[SHARE] > 0.0:
+            # The program has taken what it counts on off already.
+            spent = spent + touch[FORCE:PUSH_MAX] @ J
+        return arm_force(lever, spent, self._torques[hand])
 
     def forgiven(self, palms: np.ndarray, row: np.ndarray) -> np.ndarray:
         """Palm points (2, 3) as they would be if what they touch did not hold them back along their push [m]."""

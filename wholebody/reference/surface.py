@@ -42,3 +42,14 @@ def kept_out(chunk: ActionChunk, surfaces: Sequence[Surface | None], palm_offset
             T[:, :3, 3] -= beyond[:, None] * surface.into
         poses.append(T)
     return replace(chunk, T_world_lhand=poses[0], T_world_rhand=poses[1])
+
+
+def turned(into: np.ndarray, push: np.ndarray, keep: float) -> np.ndarray:
+    """Direction (3,) turned towards that of a push (3,), of which it keeps a share; nothing was known if it is zero."""
+    if (size := float(np.linalg.norm(push))) == 0.0:
+        return into
+    keep = keep if into.any() else 0.0
+    mixed = keep * into + (1.0 - keep) * push / size
+    # A push that turns round at once leaves no direction: then the one before stays.
+    length = float(np.linalg.norm(mixed))
+    return mixed / length if length > 0.0 else into

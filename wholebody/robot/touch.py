@@ -1,6 +1,8 @@
-"""What a hand feels and may push with, as one row of numbers that tasks and programs share."""
+"""What a hand feels and may push with, as one row of numbers that tasks and programs share, and what bounds it."""
 
 from __future__ import annotations
+
+import numpy as np
 
 SHARE, FORCE, MOMENT, PUSH_MAX, STIFFNESS, MOBILITY, TOLD, TOUCH = 0, 1, 4, 7, 8, 9, 10, 13
 """Where in the row are: how far the hand touches (0 to 1); force [N] and moment [N m] on it at the palm point, in world
@@ -12,3 +14,46 @@ of 10 N within 3 N, and friction that is told is overcome."""
 TURN_TOUCHING = 20.0
 """Largest proportional angular acceleration of a hand that touches [rad/s^2]; chosen: a third of a free hand's, so that
 a palm lies down on what it meets."""
+LEAN_MAX = 0.04
+"""Farthest that the centre of mass is leant against a force [m]; chosen: if the force is gone at once it is still half
+of the way from the edge of the soles."""
+TORQUE_SHARE, TOLD_SHARE = 0.85, 0.9
+"""Share of a joint's torque that a push may use, with what the arm's weight takes, and share of the force that tips
+with which a hand pushes that is told to [no unit]; chosen: the rest turns the hand, and holds the balance."""
+
+
+def tipping_share(
+    pushes: np.ndarray, palms: np.ndarray, com: np.ndarray, weight: float, normals: np.ndarray, offsets: np.ndarray
+) -> float:
+    """How many times forces on palms may grow until the centre of pressure is at the edge of the support.
+
+    With forces f on palms at p, the weight m g and the centre of mass c over the floor, the centre of pressure is at
+    ``(m g c + sum of (p_z f_xy - f_z p_xy)) / (m g - sum of f_z)``, and has to stay inside every edge ``n . x <= b``.
+
+    Args:
+        pushes: Forces on the robot, shape (k, 3), [N].
+        palms: Where, in world, shape (k, 3), [m].
+        com: Centre of mass, shape (3,), [m].
+        weight: [N].
+        normals: Outward ones of the edges of the support, shape (n, 2).
+        offsets: Of the edges along them, shape (n,), [m].
+
+    Returns:
+        Infinity where they do not tip it.
+    """
+    moments = (palms[:, 2:] * pushes[:, :2] - pushes[:, 2:] * palms[:, :2]).sum(axis=0)
+    room, lever = weight * (offsets - normals @ com[:2]), normals @ moments + offsets * pushes[:, 2].sum()
+    tips = lever > 1e-9
+    return float(np.min(np.maximum(room[tips], 0.0) / lever[tips], initial=np.inf))
+
+
+def arm_force(lever: np.ndarray, spent: np.ndarray, torques: np.ndarray) -> float:
+    """Force of a palm along a direction at which a joint of its arm has no torque left [N].
+
+    Args:
+        lever: Torque of each joint for a force of 1 along it, shape (n,), [m].
+        spent: Torque that each one needs without it, shape (n,), [N m].
+        torques: Largest of each, shape (n,), [N m].
+    """
+    left = np.maximum(TORQUE_SHARE * torques - np.sign(lever) * spent, 0.0)
+    return float(np.min(left / np.maximum(np.abs(lever), 1e-6)))

@@ -7,7 +7,7 @@ from models import g1
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
-from wholebody.reference.surface import Surface, kept_out
+from wholebody.reference.surface import Surface, kept_out, turned
 
 OFFSETS = np.array([tool.palm_offset for tool in g1().tools])
 
@@ -41,3 +41,11 @@ def test_a_hand_that_met_nothing_is_left_alone_and_the_chunk_is_not_changed(chun
     kept = kept_out(chunk, (Surface(np.zeros(3), np.array([1.0, 0.0, 0.0])), None), OFFSETS)
     np.testing.assert_array_equal(kept.T_world_rhand, chunk.T_world_rhand)
     np.testing.assert_array_equal(chunk.T_world_lhand, first)
+
+
+def test_a_direction_turns_towards_a_push_and_stays_where_that_leaves_none():
+    x, y = np.eye(3)[:2]
+    np.testing.assert_allclose(turned(np.zeros(3), 4.0 * y, 0.9), y)
+    np.testing.assert_allclose(turned(x, 2.0 * y, 0.5), (x + y) / np.sqrt(2.0))
+    np.testing.assert_array_equal(turned(x, -3.0 * x, 0.5), x)
+    np.testing.assert_array_equal(turned(x, np.zeros(3), 0.5), x)
