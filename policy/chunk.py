@@ -79,6 +79,12 @@ class ActionChunk:
         """Time of each step, shape (H,), [s]."""
         return self.t_obs + np.arange(len(self)) / self.fps
 
+    @property
+    def told(self) -> tuple[bool, bool]:
+        """Whether the left and the right hand are expected to touch something: to feel a force at some step."""
+        left, right = (f is not None and bool(np.any(f)) for f in (self.f_world_lpalm, self.f_world_rpalm))
+        return left, right
+
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything that has one entry a step, by name; optional parts only where they are there."""
         names = (*_POSES, "q_lhand", "q_rhand", *_OPTIONAL)

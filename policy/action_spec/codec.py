@@ -27,8 +27,17 @@ from policy.action_spec.frame_guess import pelvis_guess, unit_guess, world_guess
 from policy.action_spec.hands import closing_of, finger_closings
 from policy.action_spec.mask import unmasked
 from policy.action_spec.pelvis_path import PelvisPath, pelvis_path, tilt_of
-from policy.action_spec.slot import Slot
-from policy.action_spec.slot_values import decode_fingers, floor_of, joint_values, ordered_as, resolved, to_mode
+from policy.action_spec.slot import OF_TOUCH, Slot
+from policy.action_spec.slot_values import (
+    decode_fingers,
+    decode_touch,
+    encode_touch,
+    floor_of,
+    joint_values,
+    ordered_as,
+    resolved,
+    to_mode,
+)
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.wrist_codec import decode_wrist, encode_wrist
 from policy.chunk import ActionChunk
@@ -105,6 +114,7 @@ def decode(
         base_height=height,
         base_velocity=velocity,
         notes=notes,
+        **decode_touch(spec, actions, anchor),
     )
     chunk.validate(
         rotations=False, robot=anchor.robot
@@ -151,8 +161,8 @@ def encode(spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     """Raw actions (H, A) that `decode` turns into the chunk, with the same anchor.
 
     What a layout asks for and the chunk lacks is filled in: waist, legs, tilt and base height from the anchor, zero
-    velocity, arm joints by inverse kinematics, 0 for what is ignored. A layout with a number a hand or a finger keeps
-    only how closed they are.
+    velocity, no force on the hands, arm joints by inverse kinematics, 0 for what is ignored. A layout with a number a
+    hand or a finger keeps only how closed they are.
 
     Raises:
         ChunkError: If the chunk is malformed, or the arms of a joint layout cannot reach a pose.
@@ -241,6 +251,8 @@ def _values_for(slot: Slot, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor
     q_hand = chunk.q_lhand if side == "left" else chunk.q_rhand
     if slot.name.startswith("base_"):
         return _base_values(slot, chunk, anchor)
+    if slot.name in OF_TOUCH:
+        return encode_touch(slot, chunk, anchor)
     if slot.kind == "fingers":
         return finger_closings(side, slot.joint_names, q_hand, anchor.robot)
     if slot.kind == "scalar":

@@ -118,6 +118,8 @@ def _heading(slot: Slot, robot: RobotSpec) -> str:
         wrist = robot.tool(slot.name.split("_", maxsplit=1)[0]).wrist_frame
         offset = f" moved by {slot.tcp_offset} m" if any(slot.tcp_offset) else ""
         parts.append(f"{wrist}{offset} in the {slot.frame}")
+    if slot.kind == "force":
+        parts.append(f"of the world on the palm, in the {slot.frame}")
     if slot.kind == "ignored":
         return f"{slot.name}: {slot.size} ignored: {slot.reason}"
     if slot.closing is not None:

@@ -13,7 +13,7 @@ from policy.geometry.rotations import QuaternionOrder, Rot6dLayout
 
 Kind = Literal[
     *("position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "fingers"),
-    *("scalar", "velocity", "planar", "tilt", "ignored"),
+    *("scalar", "velocity", "planar", "tilt", "force", "ignored"),
 ]
 Mode = Literal["absolute", "relative_se3", "relative_add", "delta", "delta_se3"]
 Frame = Literal["pelvis", "pelvis_yaw", "torso", "stance", "world"]
@@ -22,7 +22,7 @@ Orientation = Literal["given", "free"]
 ROTATIONS: tuple[Kind, ...] = ("rot6d", "quaternion", "rotvec", "rpy")
 SIZES: dict[Kind, int] = {
     "position": 3, "rot6d": 6, "quaternion": 4, "rotvec": 3, "rpy": 3,
-    "scalar": 1, "velocity": 3, "planar": 2, "tilt": 2,
+    "scalar": 1, "velocity": 3, "planar": 2, "tilt": 2, "force": 3,
 }  # fmt: skip
 """Width of each kind; a slot of joints or fingers is as wide as its list of names, an ignored one as it says."""
 
@@ -60,7 +60,10 @@ UNITS: dict[Kind, dict[str, tuple[float, float]]] = {
         "mm": (1e-3, 0.0),
         "rad/s": (1.0, 0.0),
         "deg/s": (np.pi / 180.0, 0.0),
+        "N": (1.0, 0.0),
+        "N/m": (1.0, 0.0),
     },
+    "force": {"N": (1.0, 0.0)},
     "velocity": {"m/s, rad/s": (1.0, 0.0)},
     "planar": {"m/s": (1.0, 0.0)},
     "tilt": {"rad": (1.0, 0.0), "deg": (np.pi / 180.0, 0.0)},
@@ -72,6 +75,10 @@ UNITS: dict[Kind, dict[str, tuple[float, float]]] = {
 TCP_OFFSET_MAX = 2.0
 """Largest distance of a tool point from the wrist, per axis [m]."""
 _SCALAR_UNITS = {"base_height": ("m", "cm", "mm"), "base_yaw_rate": ("rad/s", "deg/s")}
+OF_TOUCH = ("left_force", "right_force", "left_force_max", "right_force_max", "left_stiffness", "right_stiffness")
+"""What slots say of hands that touch something; no state has them."""
+_SCALAR_UNITS |= dict.fromkeys(OF_TOUCH[2:4], ("N",)) | dict.fromkeys(OF_TOUCH[4:], ("N/m",))
+_MOMENTARY = ("base_yaw_rate", *OF_TOUCH)
 _GRASP_UNITS = ("1", "percent", "dex1 rad", CLOSING)
 
 TARGETS: dict[str, tuple[Kind, ...]] = {
@@ -92,6 +99,8 @@ TARGETS: dict[str, tuple[Kind, ...]] = {
     "base_tilt": ("tilt",),
     "left_leg": ("joint",),
     "right_leg": ("joint",),
+    **dict.fromkeys(OF_TOUCH[:2], ("force",)),
+    **dict.fromkeys(OF_TOUCH[2:], ("scalar",)),
 }
 """What a slot may drive, with the kinds it may have; joints are those of that part of the robot, in any order."""
 SLOTS_MAX = 200
@@ -105,6 +114,7 @@ _SUFFIXES: dict[Kind, tuple[str, ...]] = {
     "velocity": ("vx", "vy", "wz"),
     "planar": ("vx", "vy"),
     "tilt": ("roll", "pitch"),
+    "force": ("x", "y", "z"),
 }
 
 
@@ -118,8 +128,9 @@ class Slot:
         start: Index of its first number.
         size: How many numbers.
         unit: Unit of the numbers, a key of ``UNITS[kind]``.
-        frame: Frame that wrist poses are in: the pelvis, the pelvis's upright yaw frame, the torso, the stance (between
-            the soles, level, heading along the feet), or world. A base height in the stance is above the soles.
+        frame: Frame that wrist poses and forces are in: the pelvis, the pelvis's upright yaw frame, the torso, the
+            stance (between the soles, level, heading along the feet), or world. A base height in the stance is above
+            the soles.
         tcp_offset: Tool point in the wrist frame (axes of ``*_wrist_yaw_link``) whose position is given, [m].
         rot6d_layout: ``rows``, ``cols`` or ``interleaved``; needed for rot6d, forbidden elsewhere.
         quaternion_order: ``xyzw`` or ``wxyz``; needed for quaternions, forbidden elsewhere.
@@ -277,7 +288,7 @@ class Slot:
             raise SpecError(
                 f"slot '{self.name}': mode {self.mode} is for poses; use {other} for the kind '{self.kind}'"
             )
-        if self.mode != "absolute" and (self.kind in ("velocity", "planar", "tilt") or self.name == "base_yaw_rate"):
+        if self.mode != "absolute" and (self.kind in ("velocity", "planar", "tilt") or self.name in _MOMENTARY):
             raise SpecError(f"slot '{self.name}': a {self.kind} is absolute, not '{self.mode}'")
         if self.limits is None:
             return

@@ -8,10 +8,17 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.hands import closing_of, finger_closings, finger_range, fingers_closed, grasp_posture
 from policy.action_spec.slot import Slot
 from policy.action_spec.spec import ActionSpec
+from policy.action_spec.wrist_codec import frame_pose
+from policy.chunk import ActionChunk
 from policy.joints import joints_of
 
 FINGER_TOLERANCE = 1e-3
 """How far a finger may be asked past its range without a word: the rounding of files and networks [rad, 1]."""
+
+NOT_SAID = {"force_max": 1e3, "stiffness": 600.0}
+"""What a hand has of which nothing is said while something is of the other one [N, N/m]: no limit of its own, and the
+stiffness that controllers are shipped with."""
+_HANDS = ("left", "lpalm", 0), ("right", "rpalm", 1)
 
 
 def resolved(slot: Slot, actions: np.ndarray, anchor: Anchor) -> np.ndarray:
@@ -97,3 +104,30 @@ def _beyond(
     if not count:
         return ()
     return (f"{slot.name}: {count} numbers out of the fingers' range, by up to {excess.max():.3g} {unit}",)
+
+
+def decode_touch(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> dict[str, np.ndarray]:
+    """Arrays of a chunk that say how hands touch, those that the layout has: forces in world, limits, stiffnesses."""
+    found = {}
+    for side, palm, _ in _HANDS:
+        if force := spec.slot(f"{side}_force"):
+            found[f"f_world_{palm}"] = resolved(force, actions, anchor) @ frame_pose(force, anchor)[:3, :3].T
+    for name, otherwise in NOT_SAID.items():
+        slots = [spec.slot(f"{side}_{name}") for side, _, _ in _HANDS]
+        if any(slots):
+            columns = [
+                np.full(len(actions), otherwise) if s is None else resolved(s, actions, anchor)[:, 0] for s in slots
+            ]
+            found[name] = np.stack(columns, axis=1)
+    return found
+
+
+def encode_touch(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
+    """SI values (H, size) of a slot of a hand that touches; what the chunk does not say is no force, and `NOT_SAID`."""
+    side, _, name = slot.name.partition("_")
+    palm, hand = next((palm, hand) for known, palm, hand in _HANDS if known == side)
+    if slot.kind == "force":
+        force = getattr(chunk, f"f_world_{palm}")
+        return np.zeros((len(chunk), 3)) if force is None else force @ frame_pose(slot, anchor)[:3, :3]
+    said = getattr(chunk, name)
+    return np.full((len(chunk), 1), NOT_SAID[name]) if said is None else said[:, [hand]]

@@ -10,7 +10,7 @@ from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import decode, encode_valid
 from policy.action_spec.parts import lean, scalar, stack
 from policy.action_spec.pelvis_path import pelvis_path
-from policy.action_spec.slot import Slot
+from policy.action_spec.slot import OF_TOUCH, Slot
 from policy.action_spec.spec import ActionSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError, ObservationError
@@ -29,12 +29,14 @@ STATE_MAX = 32
 def state_layout(spec: ActionSpec) -> ActionSpec:
     """Layout of the state that goes with an action layout.
 
-    The slots of the action, absolute. Wrists in the stance frame do not say how the robot stands, so height and lean of
-    the pelvis follow; where that makes more than `STATE_MAX` numbers, one closing number stands for the fingers of a
-    hand. Of wbc32 that are 23 numbers.
+    The slots of the action, absolute, but for those of hands that touch something. Wrists in the stance frame do not
+    say how the robot stands, so height and lean of the pelvis follow; where that makes more than `STATE_MAX` numbers,
+    one closing number stands for the fingers of a hand. Of wbc32 that are 23 numbers.
     """
     aligned = aligned_state(spec)
     slots = aligned.slots
+    if any(slot.name in OF_TOUCH for slot in slots):
+        slots = _stacked([vars(slot) for slot in slots if slot.name not in OF_TOUCH])
     if any(slot.frame == "stance" and slot.kind == "position" for slot in slots):
         slots = _with_lean(slots)
     return aligned if slots == aligned.slots else _as_state(spec, slots)
@@ -56,6 +58,10 @@ def _with_lean(slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
     if sum(part["size"] for part in parts) > STATE_MAX:
         grasps = {f"{side}_hand": scalar(f"{side}_grasp", "1") for side in ("left", "right")}
         parts = [grasps.get(part["name"], part) for part in parts]
+    return _stacked(parts)
+
+
+def _stacked(parts: list[dict]) -> tuple[Slot, ...]:
     return stack(*({key: value for key, value in part.items() if key != "start"} for part in parts))
 
 
