@@ -104,6 +104,7 @@ class Reason(StrEnum):
     OUT_OF_REACH = "out_of_reach", Status.SLOWED, "how far the target of a hand was moved to where the plan gets"
     MOVED = "moved", None, "how far a palm was commanded from where it was asked to be, for no reason of its own"
     TURNED = "turned", None, "how far a palm was commanded turned away from what was asked"
+    HAND_FORCE = "hand_force", None, "a hand is told to push harder than balance, its arm or its limit allow"
     NOT_FOLLOWED = "not_followed", None, "a palm left where it was commanded to be"
     TOO_FAST_FOR_BALANCE = "too_fast_for_balance", Status.SLOWED, "how many times slower a chunk was planned"
     FAR_START = "far_start", Status.SLOWED, "a chunk begins far from the hands, which go there within their limits"

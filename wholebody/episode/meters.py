@@ -96,6 +96,12 @@ def _left_out(robot: RobotSpec, layout: ActionSpec) -> tuple[str, ...]:
     return (f"the robot has no fingers: what the layout asks of {', '.join(asked)} is left out",)
 
 
+def _hands(robot: RobotSpec, which: tuple[bool, bool]) -> tuple[str, ...]:
+    """How the names of the bodies of some hands begin."""
+    chosen = (tool for tool, one in zip(robot.tools, which, strict=True) if one)
+    return tuple(name for tool in chosen for name in (tool.wrist_frame, f"{tool.side}_hand"))
+
+
 def _count(result: EpisodeResult, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
     status = supervisor.status
     for counts, key in ((result.seconds, status.status.value), (result.reasons, status.reason)):
@@ -103,8 +109,11 @@ def _count(result: EpisodeResult, supervisor: ChunkExecutor, plant: Plant, state
             counts[key] = counts.get(key, 0.0) + plant.control_dt
     if status.reason:
         result.first_reasons.setdefault(status.reason, (state.time, status.detail))
+    chunk = supervisor.chunk
+    wanted = _hands(supervisor.spec, (False, False) if chunk is None else chunk.told)
     for pair in plant.contacts():
         own = all(plant.is_robot(body) for body in pair)
-        (result.contacts if own else result.scene_contacts).setdefault(pair, state.time)
+        if own or not any(body.startswith(wanted) for body in pair):
+            (result.contacts if own else result.scene_contacts).setdefault(pair, state.time)
     result.tilt = max(result.tilt, pelvis_tilt(state))
     result.fall = detect_fall(plant, state, status.status)

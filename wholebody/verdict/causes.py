@@ -13,14 +13,16 @@ class WouldDo:
     """A single change that makes a chunk feasible, the smallest of its kind that was found.
 
     Attributes:
-        kind: ``slower``, ``moved``, ``turned``, ``led``: all three as far as is needed, ``lighter`` or ``bound``.
+        kind: ``slower``, ``moved``, ``turned``, ``led``: all three as far as is needed, ``lighter``, ``softer`` or
+            ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         lighter: Mass less in the hands, both together [kg].
+        force: With which the hand that is named would have to be told to push at most [N].
         bound: A bound of the robot, and the value that a plan with all others kept has instead; it need not be the
             least one.
         hand, step, by: Which hand is moved most, at which step, and by what (3,), x forward, y left, z up [m].
-        chunk: As changed, feasible; None for a bound and a load. Not part of the JSON.
+        chunk: As changed, feasible; None for a bound, a load and a force. Not part of the JSON.
     """
 
     kind: str
@@ -28,6 +30,7 @@ class WouldDo:
     moved: float = 0.0
     turned: float = 0.0
     lighter: float = 0.0
+    force: float = 0.0
     bound: Margin | None = None
     hand: str = ""
     step: int | None = None

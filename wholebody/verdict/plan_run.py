@@ -18,7 +18,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.calibration.quantities import quantities
-from wholebody.verdict.verdict import Verdict, blocked, judge
+from wholebody.verdict.verdict import Verdict, blocked, judge, too_hard
 
 MOVING = 0.05
 """Speed of a hand from which a chunk is begun in motion [m/s]; chosen: what stops within a few millimetres."""
@@ -61,7 +61,7 @@ class Suspect:
     plan: ChunkPlan
 
 
-JUDGED_AT_ONCE = OF_NUMBERS | {Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE}
+JUDGED_AT_ONCE = OF_NUMBERS | {Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE, Limit.HAND_FORCE}
 """Bounds without a tolerance, of which any excess counts; the others are of a planned motion."""
 RATES = tuple(one for one in Limit if one.name.startswith(("HAND_", "TURN_")))
 """Speeds, accelerations and jerks of hands."""
@@ -225,6 +225,8 @@ class PlanRun:
         verdict = judge(name, result, settings, bounds=self.judge.config.verdict)
         if Limit.SCENE_DISTANCE in self.margins:
             verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE])
+        if Limit.HAND_FORCE in self.margins:
+            verdict = too_hard(verdict, self.margins[Limit.HAND_FORCE])
         feasible = verdict.verdict == "feasible"
         tightest = sorted((on_one_scale(one, feasible) for one in self.margins.values()), key=lambda one: one.share)
         return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)

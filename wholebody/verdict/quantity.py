@@ -32,10 +32,11 @@ def quantity(value: float, unit: str) -> str:
     return f"{factor * value:.{3 if unit else 4}g}{name}"
 
 
-def said(slower: float, moved: float, turned: float, lighter: float = 0.0) -> str:
-    """A change for people: factor on its time, how far palms are led away [m], [rad], and less load [kg]."""
+def said(slower: float, moved: float, turned: float, lighter: float = 0.0, force: float = 0.0) -> str:
+    """A change for people: factor on its time, how far palms are led away [m], [rad], less load [kg], a force [N]."""
     parts = [f"{slower:.2f} times slower"] if slower > 1.0 else []
     parts += [f"with a hand moved by {quantity(moved, 'm')}"] if moved > MOVED_MIN else []
     parts += [f"with a hand turned by {quantity(turned, 'rad')}"] if turned > TURNED_MIN else []
     parts += [f"with {lighter:.2f} kg less in the hands"] if lighter else []
+    parts += [f"with a hand pushing with {int(force)} N"] if force else []
     return " and ".join(parts) or "with the fingers in their range"

@@ -56,8 +56,9 @@ class SceneDistance:
         ]
 
     def asked(self, chunk: ActionChunk) -> Margin | None:
-        """Least room of the hands where a chunk asks them to be."""
+        """Least room of the hands, but for those that are to touch something, where a chunk asks them to be."""
         m, d, found = self._model, self._data, []
+        apart = [geoms for geoms, told in zip(self._hands, chunk.told, strict=True) if not told]
         mujoco.mj_resetDataKeyframe(m, d, m.key("stance").id)
         mujoco.mj_kinematics(m, d)
         shapes = [self._from_wrist(wrist, geoms) for wrist, geoms in zip(self._wrists, self._hands, strict=True)]
@@ -65,19 +66,21 @@ class SceneDistance:
             for T, geoms, (p, R) in zip((chunk.T_world_lhand, chunk.T_world_rhand), self._hands, shapes, strict=True):
                 d.geom_xpos[geoms] = T[k, :3, 3] + p @ T[k, :3, :3].T
                 d.geom_xmat[geoms] = (T[k, :3, :3] @ R).reshape(-1, 9)
-            found += [(k / chunk.fps, *one) for geoms in self._hands for one in self._nearest(geoms)]
+            found += [(k / chunk.fps, *one) for geoms in apart for one in self._nearest(geoms)]
         return self._worst(found, chunk.fps)
 
-    def planned(self, plan: ChunkPlan, fps: float) -> Margin | None:
-        """Least room of the robot along a plan."""
+    def planned(self, plan: ChunkPlan, chunk: ActionChunk) -> Margin | None:
+        """Least room of the robot along a plan of a chunk."""
         m, d, track, found = self._model, self._data, plan.trajectory, []
+        touching = [geoms for geoms, told in zip(self._hands, chunk.told, strict=True) if told]
+        apart = np.setdiff1d(self._robot, np.concatenate([*touching, []]))
         mujoco.mj_resetDataKeyframe(m, d, m.key("stance").id)
         for row in range(0, len(track.q), round(EVERY / GRID)):
             self._conversion.to_mujoco(track.q[row], track.v[row], d.qpos, d.qvel)
             mujoco.mj_kinematics(m, d)
             time = plan.start + row * GRID / plan.rate
-            found += [(time, *one) for one in self._nearest(self._robot)]
-        return self._worst(found, fps)
+            found += [(time, *one) for one in self._nearest(apart)]
+        return self._worst(found, chunk.fps)
 
     def _carriers(self, body: int) -> set[int]:
         """A body and those that carry it."""

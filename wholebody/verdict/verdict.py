@@ -200,16 +200,29 @@ def judge(
 
 def blocked(verdict: Verdict, scene: Margin) -> Verdict:
     """A fast verdict of hands or a plan that go into the scene: it does not give way, and no plan goes around it."""
-    depth = -scene.margin
-    if depth <= 0.0:
+    if scene.margin >= 0.0:
         return verdict
-    severity = Severity.INFEASIBLE if depth > TOUCH else Severity.NOTE
-    one = Violation(
-        code=Reason.SCENE_CONTACT, severity=severity, subject=scene.subject, time=scene.time, step=scene.step,
-        value=scene.value, bound=scene.bound, unit=scene.unit,
+    severity = Severity.INFEASIBLE if -scene.margin > TOUCH else Severity.NOTE
+    return _with(verdict, Reason.SCENE_CONTACT, severity, scene)
+
+
+def too_hard(verdict: Verdict, force: Margin) -> Verdict:
+    """A fast verdict of hands that are told to push harder than the robot can, with what would do."""
+    if force.margin >= 0.0:
+        return verdict
+    softer = WouldDo("softer", force=force.bound, hand=force.subject, step=force.step)
+    found = _with(verdict, Reason.HAND_FORCE, Severity.INFEASIBLE, force)
+    return replace(found, would_do=[*found.would_do, softer])
+
+
+def _with(verdict: Verdict, code: Reason, severity: Severity, one: Margin) -> Verdict:
+    """A verdict with one more violation, which is that of a margin."""
+    more = Violation(
+        code=code, severity=severity, subject=one.subject, time=one.time, step=one.step, value=one.value,
+        bound=one.bound, unit=one.unit,
     )  # fmt: skip
     worst = list(reversed(Severity))
-    found = sorted([*verdict.violations, one], key=lambda x: worst.index(x.severity))
+    found = sorted([*verdict.violations, more], key=lambda x: worst.index(x.severity))
     return replace(verdict, violations=found, verdict=ANSWERS[found[0].severity])
 
 

@@ -15,6 +15,7 @@ from policy.geometry.rotations import angle_between
 from wholebody.config import START_MAX, ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_margins import chunk_margins
+from wholebody.planning.judgement.hand_force import HandForce
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin, Surroundings
 from wholebody.planning.judgement.motion_margins import MotionMargins
 from wholebody.planning.plan import ChunkPlan
@@ -135,6 +136,11 @@ class ChunkJudge:
         """Room for a posture at rest that keeps the bounds of a plan's configurations."""
         return StillPostures(self.planner.optimizer.body, self.config.planner.posture, 2)
 
+    @cached_property
+    def forces(self) -> HandForce:
+        """Room for forces that hands are told to push with."""
+        return HandForce(self.robot, self.config)
+
     def stance(self) -> Begin:
         """Start at rest in the stance."""
         return self._at_rest(stance_q(self.spec, self.robot.model))
@@ -177,13 +183,16 @@ class ChunkJudge:
             *self._palms(chunk, moved, turned),
         ]
         margins += self.around(chunk, plan)
+        if any(chunk.told):
+            support = self.planner.optimizer.body.footing.support
+            margins.append(self.forces.of(chunk, plan, support, self.loads))
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
 
     def around(self, chunk: ActionChunk, plan: ChunkPlan) -> tuple[Margin, ...]:
         """The least room to what stands around the robot, if anything is near."""
         if self.scene is None:
             return ()
-        near = self.scene.asked(chunk), self.scene.planned(plan, chunk.fps)
+        near = self.scene.asked(chunk), self.scene.planned(plan, chunk)
         return tuple(sorted((one for one in near if one is not None), key=lambda one: one.margin)[:1])
 
     def numbers(self, chunk: ActionChunk, begin: Begin, now: float) -> dict[Limit, Margin]:

@@ -44,6 +44,7 @@ class Limit(StrEnum):
     # Of the palms that a plan gets to.
     REACH = "reach", "m", "distance of a planned palm from where it is asked to be"
     ORIENTATION = "orientation", "rad", "angle of a planned palm from how it is asked to be turned"
+    HAND_FORCE = "hand_force", "N", "force that a hand is told to push with"
 
     # Of one configuration.
     TILT = "tilt", "rad", "tilt of torso or pelvis"
@@ -96,10 +97,10 @@ class Margin:
 
 
 class Surroundings(Protocol):
-    """What stands around the robot, which no plan sees."""
+    """What stands around the robot, which no plan sees; hands that are told to touch something may."""
 
     def asked(self, chunk: ActionChunk) -> Margin | None:
         """Least room of the hands where a chunk asks them to be; None where nothing is near."""
 
-    def planned(self, plan: ChunkPlan, fps: float) -> Margin | None:
-        """Least room of the robot along a plan, steps counted at a rate [Hz]; None where nothing is near."""
+    def planned(self, plan: ChunkPlan, chunk: ActionChunk) -> Margin | None:
+        """Least room of the robot along a plan of a chunk; None where nothing is near."""

@@ -15,6 +15,7 @@ from wholebody.verdict.why.sentence import bound_said, change_said
 ANOTHER = "which is another motion"
 WHY_NOT = {
     Reason.SCENE_CONTACT: "it would go into what stands there",
+    Reason.HAND_FORCE: "a hand would have to push with {value}",
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
     Reason.NO_CHUNK: "nothing of it was executed",
@@ -131,6 +132,8 @@ def _violation(one: Violation) -> str:
         return f"{one.subject}{when} {away} {value} (bound {bound}){why}{another}"
     if one.code is Reason.TOO_FAST_FOR_BALANCE:
         return f"{quantity(one.value, one.unit)} times slower"
+    if one.code is Reason.HAND_FORCE:
+        return f"{one.subject}{when} is held to {quantity(one.bound, one.unit)} by balance, its arm or its limit"
     return f"{one.subject}{when}" if one.code in (Reason.FALL, Reason.REFUSED) else ""
 
 

@@ -24,6 +24,7 @@ SAID = {
     Limit.SCENE_DISTANCE: "{subject} would be {value} inside {other}",
     Limit.REACH: "no posture is found that has it there as asked, the nearest motion is {value} away",
     Limit.ORIENTATION: "no posture is found that turns it as asked, the nearest motion is {value} away",
+    Limit.HAND_FORCE: "it is to push with {value}, {bound} is what balance, its arm or its limit allow",
     Limit.TILT: "the {subject} is tilted as far as it may be ({bound})",
     Limit.PELVIS_HEIGHT: "the pelvis is as low as it may be ({bound})",
     Limit.JOINT_POSITION: "{subject} is at the end of its range ({bound})",
@@ -74,7 +75,7 @@ def change_said(one: WouldDo) -> str:
     if one.bound is not None:
         value, bound = (quantity(number, one.bound.unit) for number in (one.bound.value, one.bound.bound))
         return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
-    told = said(one.slower, one.moved, one.turned, one.lighter)
+    told = said(one.slower, one.moved, one.turned, one.lighter, one.force)
     if not one.hand:
         return told
     told = told.replace("with a hand", f"with the {one.hand}", 1)

@@ -1,0 +1,88 @@
+"""Forces that hands are told to push with, against what the planned robot has for them."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from wholebody.config import ControllerConfig
+from wholebody.planning.judgement.limits import Limit, Margin
+from wholebody.planning.plan import ChunkPlan
+from wholebody.robot.state import Robot
+from wholebody.robot.support_polygon import SupportPolygon
+from wholebody.robot.touch import LEAN_MAX, TOLD_SHARE, arm_force, tipping_share
+
+EVERY = 0.1
+"""Time between the postures that are looked at [s]; chosen: forces of tasks change slower."""
+GRAVITY = 9.81
+"""Acceleration of free fall [m/s^2]; definition."""
+HANDS = ("left hand", "right hand")
+
+
+class HandForce:
+    """Says how much of the forces that a chunk tells a planned robot can push with.
+
+    At each posture of the plan it is the least of: what the controller is set to and the chunk allows; what the joints
+    of the arm have beside gravity; what the soles' friction holds; and a share of what tips it, leant against the force
+    as far as it leans. Forces on both hands count together: two that press against each other tip nothing.
+
+    Args:
+        robot: Used while it looks. config: Of the controller.
+    """
+
+    def __init__(self, robot: Robot, config: ControllerConfig) -> None:
+        self._robot, self._most, self._friction = robot, config.touch.force_max, config.friction
+        arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
+        effort = robot.spec.effort_max[robot.motor_to_pin]
+        self._arms = [(tool.palm_frame, 6 + arm, effort[arm]) for tool, arm in zip(robot.spec.tools, arms, strict=True)]
+
+    def of(self, chunk: ActionChunk, plan: ChunkPlan, support: SupportPolygon, loads: tuple[float, float]) -> Margin:
+        """The least room that a plan leaves to the forces that its chunk tells.
+
+        Args:
+            chunk: Tells a force on a hand.
+            plan: Of it.
+            support: Of the soles.
+            loads: Masses in the left and right hand [kg].
+        """
+        none, worst = np.zeros((len(chunk), 3)), None
+        forces = [none if f is None else f for f in (chunk.f_world_lpalm, chunk.f_world_rpalm)]
+        told, sizes = np.stack(forces, axis=1), np.linalg.norm(forces, axis=2).T
+        self._robot.loads.carry(loads)
+        steps = set(range(0, len(chunk), max(round(EVERY * chunk.fps), 1))) | set(sizes.argmax(axis=0).tolist())
+        for k in sorted(step for step in steps if sizes[step].any()):
+            q = plan.trajectory.q[plan.trajectory.row(plan.start + plan.rate * (k / chunk.fps - plan.start))]
+            most = self._most if chunk.force_max is None else np.minimum(chunk.force_max[k], self._most)
+            bounds = self._bounds(q, told[k], sizes[k], support, np.broadcast_to(most, 2))
+            for hand in np.flatnonzero(sizes[k]).tolist():
+                value, bound = float(sizes[k, hand]), bounds[hand]
+                share = (bound - value) / max(bound, 1.0)
+                one = Margin(
+                    code=Limit.HAND_FORCE, subject=HANDS[hand], time=k / chunk.fps, step=k, value=value, bound=bound,
+                    unit="N", margin=bound - value, share=share if share >= 0.0 else min(share, -1.0),
+                )  # fmt: skip
+                worst = one if worst is None or one.margin < worst.margin else worst
+        return worst
+
+    def _bounds(
+        self, q: np.ndarray, told: np.ndarray, sizes: np.ndarray, support: SupportPolygon, most: np.ndarray
+    ) -> list[float]:
+        """Largest force of each hand along what it is told, (2, 3) and its sizes (2,) [N], in a configuration (nq,)."""
+        robot = self._robot
+        robot.update(q, np.zeros(robot.nv))
+        weight, jacobians = GRAVITY * robot.mass, [robot.jacobian(frame)[:3] for frame, _, _ in self._arms]
+        palms = np.array([robot.pose(frame).translation for frame, _, _ in self._arms])
+        # Leaning moves the centre of mass away from the edge.
+        tips = tipping_share(told, palms, robot.com, weight, support.normals, support.offsets + LEAN_MAX)
+        level, lift = float(np.hypot(*told[:, :2].sum(axis=0))), float(told[:, 2].sum())
+        held = self._friction * weight / max(level + self._friction * lift, 1e-9)
+        found = []
+        for hand, (J, (_, arm, torques)) in enumerate(zip(jacobians, self._arms, strict=True)):
+            if not sizes[hand]:
+                found.append(inf)
+                continue
+            spends = arm_force((-told[hand] / sizes[hand]) @ J[:, arm], robot.nle[arm], torques)
+            found.append(float(min(most[hand], spends, sizes[hand] * min(TOLD_SHARE * tips, held))))
+        return found
