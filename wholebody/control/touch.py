@@ -10,6 +10,7 @@ from policy.chunk import ActionChunk
 from wholebody.config.touch import TouchConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import PALM
+from wholebody.control.told import Told
 from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface, turned
 from wholebody.robot.touch import (
@@ -20,7 +21,6 @@ from wholebody.robot.touch import (
     PUSH_MAX,
     SHARE,
     STIFFNESS,
-    TOLD,
     TOLD_SHARE,
     arm_force,
     tipping_share,
@@ -54,11 +54,6 @@ SLIDES = 0.7
 0.71, and one that runs into something goes along its push."""
 EARLY = 0.5
 """Share of the lean against a force that is told before it is felt [no unit]; chosen: it may not come."""
-PRESSED_TIME, PRESSED_MORE = 0.3, 0.4
-"""Time constant with which a hand at rest comes to feel the force that it is told [s], and the largest share by which
-it is told more or less for that [no unit]; chosen: its place makes a fifth, friction a quarter, changing slowly."""
-STIFFEST = 2000.0
-"""Largest stiffness of a hand that a chunk may ask for [N/m]; chosen: three times that as shipped, and stable."""
 BELIEVED = 150.0
 """Largest force on a palm that the program counts on [N]; chosen: twice what tips the robot."""
 OWN = -0.005
@@ -83,12 +78,13 @@ class Touch:
     Attributes:
         shares: How far the left and the right hand touches, 0 to 1.
         since: When each began to touch [s]; NaN while it does not.
+        told: What chunks say of it.
         changed: Whether a hand is held back by something that the last plan did not know.
     """
 
     def __init__(self, controller: Controller, config: TouchConfig, observer: LoadObserver | None) -> None:
         self._controller, self._config, self._observer = controller, config, observer
-        self._rows, robot = controller.touch, controller.robot
+        self._rows, robot, self.told = controller.touch, controller.robot, Told(config, controller.touch)
         joints = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
         self._arms = [6 + arm for arm in joints]
         # Body 0 is the base, the others belong to the joints.
@@ -104,8 +100,8 @@ class Touch:
         self._rows[:, STIFFNESS] = self._config.stiffness / self._config.mass
         self._controller.lean[:] = self._controller.tipped[:] = 0.0
         self.shares, self.since, self._moved = [0.0, 0.0], [float("nan")] * 2, np.zeros(2)
-        self._settled, self.changed, self._held, self._more = True, False, [False, False], [0.0, 0.0]
-        self._told, self._most, self._expected = None, [self._config.force_max] * 2, np.zeros((2, 3))
+        self._settled, self.changed, self._held = True, False, [False, False]
+        self.told.reset()
         self._into, self._palms, self._velocity = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
 
     @property
@@ -131,9 +127,8 @@ class Touch:
         if observer is None:
             return
         left, right = observer.sizes
-        if self._told is not None:
-            self._listen(self._told, now)
-        elif self._settled and left < found and right < found:
+        self.told.listen(now)
+        if self.told.chunk is None and self._settled and left < found and right < found:
             return
         palms = self._controller.palm_positions()
         if self._settled or elapsed <= 0.0:
@@ -151,29 +146,15 @@ class Touch:
                 self._find_normal(hand, now, elapsed)
                 self._bound(hand, palms, row, elapsed)
             else:
-                self._more[hand] = 0.0
+                self.told.free(hand)
             self._hold(hand, row)
-        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self._expected.any()
+        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self.told.forces.any()
         if self._settled:
             self._controller.lean[:] = self._controller.tipped[:] = self._moved[:] = 0.0
 
     def expect(self, chunk: ActionChunk) -> None:
         """Count from now on on the forces, limits and stiffnesses of a chunk; on none if it has none."""
-        told = (chunk.f_world_lpalm, chunk.f_world_rpalm, chunk.force_max, chunk.stiffness)
-        if self._told is not None or any(part is not None for part in told):
-            self._told = chunk
-
-    def _listen(self, chunk: ActionChunk, now: float) -> None:
-        """What a chunk says of the present; past its end nothing is expected."""
-        step, config, expected = round((now - chunk.t_obs) * chunk.fps), self._config, self._expected
-        over, step = step > len(chunk) - 1, min(max(step, 0), len(chunk) - 1)
-        for hand, force in enumerate((chunk.f_world_lpalm, chunk.f_world_rpalm)):
-            expected[hand] = 0.0 if force is None or over else force[step]
-        self._rows[:, TOLD : TOLD + 3] = -expected / config.mass
-        stiffness = config.stiffness if chunk.stiffness is None else np.minimum(chunk.stiffness[step], STIFFEST)
-        self._rows[:, STIFFNESS] = stiffness / config.mass
-        most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step]
-        self._most = np.minimum(most, config.force_max).tolist()
+        self.told.expect(chunk)
 
     def _touches_itself(self, hand: int) -> bool:
         """Whether an arm touches another part of the robot: that force is none of the world's."""
@@ -202,7 +183,7 @@ class Touch:
         rows[:, FORCE:PUSH_MAX] = wrenches * (np.array(self.shares) * BELIEVED / np.maximum(sizes, BELIEVED))[:, None]
         f, m = self.forces, rows[:, MOMENT:PUSH_MAX].sum(axis=0)
         # Before a hand touches what it is told of, the body leans half of the way.
-        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self._expected
+        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self.told.forces
         lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
         moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
         moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
@@ -252,29 +233,18 @@ class Touch:
         at, config = PALM * hand, self._config
         push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
-        if (told := sqrt(self._expected[hand].dot(self._expected[hand]))) > 0.0:
-            push = self._correct(hand, told, elapsed)
+        if (told := self.told.size(hand)) > 0.0:
+            along = self.told.forces[hand].dot(self._velocity[hand]) / told
+            rests = self.shares[hand] == 1.0 and abs(along) < MOVING
+            push = self.told.make_up(hand, row[at + 9 : at + 12] - palms[hand], rests=rests, elapsed=elapsed)
         if (size := sqrt(push.dot(push))) == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
         tips, spends = self.tipping_force(palms[hand], -push / size), self.arm_force(hand, push / size)
-        most = min(self._most[hand], share * tips, spends)
+        most = min(self.told.limits[hand], share * tips, spends)
         if told > 0.0:
-            most = max(most, min(1.5 * told * config.mass, self._most[hand], TOLD_SHARE * tips, spends))
+            most = max(most, min(1.5 * told * config.mass, self.told.limits[hand], TOLD_SHARE * tips, spends))
         self._rows[hand, PUSH_MAX] = most / config.mass
-
-    def _correct(self, hand: int, told: float, elapsed: float) -> np.ndarray:
-        """Tell a hand that rests on something to push harder or less, until it feels the force (> 0) that it is told.
-
-        Returns:
-            With which acceleration it is told to push, shape (3,), [m/s^2].
-        """
-        u, row = -self._expected[hand] / told, self._rows[hand]
-        if self.shares[hand] == 1.0 and abs(u.dot(self._velocity[hand])) < MOVING:
-            more = self._more[hand] + elapsed / PRESSED_TIME * (1.0 + u.dot(row[FORCE : FORCE + 3]) / told)
-            self._more[hand] = min(max(more, -PRESSED_MORE), PRESSED_MORE)
-        row[TOLD : TOLD + 3] *= 1.0 + self._more[hand]
-        return row[TOLD : TOLD + 3]
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:
         """Force on a palm at which the centre of pressure would be at the edge of the support [N].

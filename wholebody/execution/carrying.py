@@ -54,8 +54,9 @@ class Carrying:
         self.touch = Touch(controller, settings.touch, self.observer)
         # Without torques in the program there is nothing to leave room in.
         self._reserve = config.reserve if isinstance(controller, WholeBodyController) else 0.0
-        self._masses, self._followed = np.zeros(2), [0.0, 0.0]
-        """Masses that the program counts on [kg]; heights at which the palms were last where commanded [m]."""
+        self._masses, self._followed, self._carried = np.zeros(2), [0.0, 0.0], [0.0, 0.0]
+        """Masses that the program counts on [kg]; heights at which the palms were last where commanded [m], and masses
+        that were known when they last were there and touched nothing [kg]."""
         self.loads = self._planned = Loads()
         self._now, self._due = -inf, inf
         """Time of the last state [s]; when what is followed is to be planned anew [s]."""
@@ -87,10 +88,10 @@ class Carrying:
         if not news or not self._learns:
             return
         blocked, known, least = self._blocked(row), observer.known.tolist(), self._config.follow
-        hands = zip(known, observer.loads.tolist(), self.loads.masses, blocked, strict=True)
+        hands = zip(known, observer.loads.tolist(), self.loads.masses, blocked, self._carried, strict=True)
         left, right = (
-            (min(seen, mass) if held else seen if seen > least else 0.0) if sure else mass
-            for sure, seen, mass, held in hands
+            (min(seen, carried) if held else seen if seen > least else 0.0) if sure else mass
+            for sure, seen, mass, held, carried in hands
         )
         other = max(abs(left - self.loads.masses[0]), abs(right - self.loads.masses[1])) > least
         if other or known != self._known:
@@ -100,13 +101,15 @@ class Carrying:
     def _blocked(self, row: np.ndarray) -> list[bool]:
         """Whether something above each hand holds it: it no longer rises with its command, and does not sink either.
 
-        What weighs on a hand is then not carried by it.
+        What weighs on a hand is then not carried by it, nor was what seemed to when it began to.
         """
         palms, found = self._controller.palm_positions()[:, 2].tolist(), []
         for hand, z in enumerate(palms):
             short = float(row[PALM * hand + 11]) - z
             if short < FOLLOWS:
                 self._followed[hand] = z
+                if self.touch.shares[hand] == 0.0:
+                    self._carried[hand] = self.loads.masses[hand]
             found.append(short > 2.0 * FOLLOWS and abs(z - self._followed[hand]) < MOVED * short)
         return found
 

@@ -19,7 +19,8 @@ class HandTask:
     A hand that touches is a mass on a spring whose force is bounded, in place of the linear rows:
     ``target = push - kd velocity + force / mass - drift`` with ``push = a_ref + kd velocity_ref + stiffness error``,
     no longer than ``push_max``. At rest the force on it is then ``- mass push``: it yields to a larger one.
-    Where it is told how hard to push, ``push`` along that is what it is told, more or less by `TOLD_GIVE`.
+    Where it is told how hard to push, the spring's part of ``push`` along that is what it is told, more or less by
+    `TOLD_GIVE`.
 
     Args:
         frame: Name of the tool frame.
@@ -75,11 +76,12 @@ class HandTask:
             [limited(self.kp * error[:3], self.feedback_max[0]), limited(self.kp * error[3:], turn_max)]
         )
         wanted = self.acceleration_ref + self.kd * (self.twist_ref - velocity) + feedback
-        push = touch[STIFFNESS] * error[:3] + self.kd * self.twist_ref[:3] + self.acceleration_ref[:3]
+        push = touch[STIFFNESS] * error[:3]
         if (size := float(np.linalg.norm(touch[TOLD : TOLD + 3]))) > 0.0:
             told = touch[TOLD : TOLD + 3] / size
             along = float(push @ told)
             push += (size + min(max(along, -TOLD_GIVE * size), TOLD_GIVE * size) - along) * told
+        push += self.kd * self.twist_ref[:3] + self.acceleration_ref[:3]
         yielding = limited(push, touch[PUSH_MAX]) - self.kd * velocity[:3] + touch[FORCE : FORCE + 3] * touch[MOBILITY]
         wanted[:3] = (1.0 - share) * wanted[:3] + share * yielding
         return Objective(robot.jacobian(self.frame), wanted - robot.drift(self.frame), self.trust * self.weight)

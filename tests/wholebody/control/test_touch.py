@@ -17,7 +17,8 @@ from policy.scripted.library import lissajous, scripted_policy
 from policy.scripted.policy import stance_pose, to_chunk
 from tests.support.felt import Run, robot_in
 from wholebody.config import ControllerConfig
-from wholebody.control.touch import GRAVITY, STIFFEST
+from wholebody.control.told import STIFFEST
+from wholebody.control.touch import GRAVITY
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.touch import STIFFNESS
@@ -174,9 +175,10 @@ def test_a_chunk_may_lower_the_limits_of_a_hand_and_not_raise_them(supervisor):
     touch.expect(
         replace(chunk, force_max=np.tile([10.0, 1e6], (steps, 1)), stiffness=np.tile([100.0, 1e6], (steps, 1)))
     )
-    touch._listen(touch._told, chunk.t_obs)
-    assert touch._most == [10.0, limit]
-    assert (touch._rows[:, STIFFNESS] * ControllerConfig().touch.mass).tolist() == [100.0, STIFFEST]
+    touch.told.listen(chunk.t_obs)
+    assert touch.told.limits == [10.0, limit]
+    stiffness = supervisor.controller.touch[:, STIFFNESS] * ControllerConfig().touch.mass
+    assert stiffness.tolist() == [100.0, STIFFEST]
 
 
 def test_a_box_of_2_kg_is_carried_by_two_palms_to_where_it_is_to_be():

@@ -183,9 +183,9 @@ class ChunkJudge:
             *self._palms(chunk, moved, turned),
         ]
         margins += self.around(chunk, plan)
-        if any(chunk.told):
-            support = self.planner.optimizer.body.footing.support
-            margins.append(self.forces.of(chunk, plan, support, self.loads))
+        support = self.planner.optimizer.body.footing.support
+        if any(chunk.told) and (force := self.forces.of(chunk, plan, support, self.loads)) is not None:
+            margins.append(force)
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
 
     def around(self, chunk: ActionChunk, plan: ChunkPlan) -> tuple[Margin, ...]:

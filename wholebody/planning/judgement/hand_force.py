@@ -16,6 +16,8 @@ from wholebody.robot.touch import LEAN_MAX, TOLD_SHARE, arm_force, tipping_share
 
 EVERY = 0.1
 """Time between the postures that are looked at [s]; chosen: forces of tasks change slower."""
+LEAST = 0.5
+"""Force below which nothing is told [N]; chosen: what scripts leave of one that ends."""
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2]; definition."""
 HANDS = ("left hand", "right hand")
@@ -38,11 +40,13 @@ class HandForce:
         effort = robot.spec.effort_max[robot.motor_to_pin]
         self._arms = [(tool.palm_frame, 6 + arm, effort[arm]) for tool, arm in zip(robot.spec.tools, arms, strict=True)]
 
-    def of(self, chunk: ActionChunk, plan: ChunkPlan, support: SupportPolygon, loads: tuple[float, float]) -> Margin:
-        """The least room that a plan leaves to the forces that its chunk tells.
+    def of(
+        self, chunk: ActionChunk, plan: ChunkPlan, support: SupportPolygon, loads: tuple[float, float]
+    ) -> Margin | None:
+        """The least room that a plan leaves to the forces that its chunk tells; None if they are none.
 
         Args:
-            chunk: Tells a force on a hand.
+            chunk: Tells forces on hands.
             plan: Of it.
             support: Of the soles.
             loads: Masses in the left and right hand [kg].
@@ -50,6 +54,7 @@ class HandForce:
         none, worst = np.zeros((len(chunk), 3)), None
         forces = [none if f is None else f for f in (chunk.f_world_lpalm, chunk.f_world_rpalm)]
         told, sizes = np.stack(forces, axis=1), np.linalg.norm(forces, axis=2).T
+        sizes = np.where(sizes < LEAST, 0.0, sizes)
         self._robot.loads.carry(loads)
         steps = set(range(0, len(chunk), max(round(EVERY * chunk.fps), 1))) | set(sizes.argmax(axis=0).tolist())
         for k in sorted(step for step in steps if sizes[step].any()):
@@ -63,7 +68,7 @@ class HandForce:
                     code=Limit.HAND_FORCE, subject=HANDS[hand], time=k / chunk.fps, step=k, value=value, bound=bound,
                     unit="N", margin=bound - value, share=share if share >= 0.0 else min(share, -1.0),
                 )  # fmt: skip
-                worst = one if worst is None or one.margin < worst.margin else worst
+                worst = one if worst is None or one.share < worst.share else worst
         return worst
 
     def _bounds(

@@ -53,7 +53,7 @@ def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None
     """Linear rows of a hand that touches, as `HandTask`: it pushes no harder than it may, and yields to the force."""
     share, stiffness, largest = touch[SHARE], touch[STIFFNESS], touch[PUSH_MAX]
     for k in range(3):
-        push[k] = stiffness * (ref[9 + k] - q[k] - x[k]) + kd * ref[12 + k] + ref[18 + k]
+        push[k] = stiffness * (ref[9 + k] - q[k] - x[k])
     told = math.sqrt(touch[TOLD] ** 2 + touch[TOLD + 1] ** 2 + touch[TOLD + 2] ** 2)
     if told > 0.0:
         along = 0.0
@@ -62,6 +62,8 @@ def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None
         more = told + min(max(along, -TOLD_GIVE * told), TOLD_GIVE * told) - along
         for k in range(3):
             push[k] += more * touch[TOLD + k] / told
+    for k in range(3):
+        push[k] += kd * ref[12 + k] + ref[18 + k]
     shorten(push, 0, largest)
     for k in range(3):
         wanted = push[k] - kd * velocity[k] + touch[FORCE + k] * touch[MOBILITY] - drift[k]

@@ -1,0 +1,95 @@
+"""What chunks say of how hands touch: forces that they are to feel, their limits and their stiffness."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policy.chunk import ActionChunk
+from wholebody.config.touch import TouchConfig
+from wholebody.robot.touch import FORCE, STIFFNESS, TOLD, TOLD_GIVE
+
+PRESSED_TIME, PRESSED_MORE = 0.3, 0.4
+"""Time constant with which a hand at rest comes to feel the force that it is told [s], and the largest share by which
+it is told more or less for that [no unit]; chosen: friction on a wiping hand makes a quarter, which changes slowly."""
+AT_PLACE = 0.02
+"""How far a hand may be from its place along its push without pushing harder or less for that [m]; chosen: more than
+places of furniture are known to."""
+STIFFEST = 2000.0
+"""Largest stiffness of a hand that a chunk may ask for [N/m]; chosen: three times that as shipped, and stable."""
+
+
+class Told:
+    """The forces, limits and stiffnesses that the present chunk says, as both hands follow them.
+
+    Args:
+        config: Settings, which hold where nothing is said; a chunk may lower the limit of a hand, and not raise it.
+        rows: What both hands feel and push with, as in `wholebody.robot.touch`, shape (2, TOUCH), changed.
+
+    Attributes:
+        chunk: The last one that said something; None if none did.
+        forces: That the world is expected to put on each palm now, world axes, shape (2, 3), [N].
+        limits: Largest forces of both hands now [N].
+    """
+
+    def __init__(self, config: TouchConfig, rows: np.ndarray) -> None:
+        self._config, self._rows = config, rows
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is said."""
+        self.chunk: ActionChunk | None = None
+        self.forces, self.limits, self._more = np.zeros((2, 3)), [self._config.force_max] * 2, [0.0, 0.0]
+
+    def expect(self, chunk: ActionChunk) -> None:
+        """Count from now on on what a chunk says; on nothing if it says nothing."""
+        said = (chunk.f_world_lpalm, chunk.f_world_rpalm, chunk.force_max, chunk.stiffness)
+        if self.chunk is not None or any(part is not None for part in said):
+            self.chunk = chunk
+
+    def listen(self, now: float) -> None:
+        """Take over what is said of the present [s]; past the end of a chunk no force is expected."""
+        chunk, config = self.chunk, self._config
+        if chunk is None:
+            return
+        step = round((now - chunk.t_obs) * chunk.fps)
+        over, step = step > len(chunk) - 1, min(max(step, 0), len(chunk) - 1)
+        for hand, force in enumerate((chunk.f_world_lpalm, chunk.f_world_rpalm)):
+            self.forces[hand] = 0.0 if force is None or over else force[step]
+        self._rows[:, TOLD : TOLD + 3] = -self.forces / config.mass
+        stiffness = config.stiffness if chunk.stiffness is None else np.minimum(chunk.stiffness[step], STIFFEST)
+        self._rows[:, STIFFNESS] = stiffness / config.mass
+        most = [config.force_max] * 2 if chunk.force_max is None else chunk.force_max[step]
+        self.limits = np.minimum(most, config.force_max).tolist()
+
+    def size(self, hand: int) -> float:
+        """Of the force that is expected on a palm now [N]."""
+        return float(np.linalg.norm(self.forces[hand]))
+
+    def free(self, hand: int) -> None:
+        """Forget what a hand made up for: it touches nothing."""
+        self._more[hand] = 0.0
+
+    def make_up(self, hand: int, short: np.ndarray, *, rests: bool, elapsed: float) -> np.ndarray:
+        """Have a hand that rests on something push harder or less, until it feels the force (> 0) that it is told.
+
+        One that is held back from its place by much is to feel up to `TOLD_GIVE` more, so that what gives way does.
+
+        Args:
+            hand: Which, that touches and is told of a force.
+            short: From its palm to where that is commanded to be, shape (3,), [m].
+            rests: Whether it does not move along the force.
+            elapsed: Time since the last tick [s].
+
+        Returns:
+            With which acceleration it is told to push, shape (3,), [m/s^2].
+        """
+        row, told = self._rows[hand], self.size(hand)
+        u = -self.forces[hand] / told
+        if rests:
+            away = float(u @ short)
+            give = row[STIFFNESS] * self._config.mass * (away - min(max(away, -AT_PLACE), AT_PLACE)) / told
+            wanted, felt = 1.0 + min(max(give, -TOLD_GIVE), TOLD_GIVE), float(-u @ row[FORCE : FORCE + 3]) / told
+            more = self._more[hand] + elapsed / PRESSED_TIME * (wanted - felt)
+            self._more[hand] = min(max(more, -PRESSED_MORE), PRESSED_MORE)
+        row[TOLD : TOLD + 3] *= 1.0 + self._more[hand]
+        return row[TOLD : TOLD + 3]
