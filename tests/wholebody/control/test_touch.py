@@ -109,13 +109,14 @@ def test_nothing_is_touched_in_free_space(seed):
 
 
 def test_a_hand_that_is_told_of_a_force_pushes_with_it(supervisor):
-    """Told 12 N by a chunk that leads it further in."""
+    """Told 12 N by a chunk that leads it a little further in, and rests there."""
     from_stance = stance_pose()
     steps = 60
+    way = np.minimum(np.arange(steps) / 40.0, 1.0)[:, None]
     push = np.array([0.0, 0.0, 12.0])
     motion = replace(
         from_stance,
-        p_world_lpalm=np.linspace(from_stance.p_world_lpalm, [0.36, 0.2, 0.77], steps),
+        p_world_lpalm=from_stance.p_world_lpalm + way * (np.array([0.36, 0.2, 0.785]) - from_stance.p_world_lpalm),
         p_world_rpalm=np.tile(from_stance.p_world_rpalm, (steps, 1)),
         f_world_lpalm=push,
     )
