@@ -33,8 +33,9 @@ from policy.dataset.open import open_dataset, selected
 from policy.dataset.pelvis.conversions import Conversion, of_executed, row_conversions
 from policy.dataset.pelvis.legs import RecordedLegs, pelvis_taken, recorded_legs
 from policy.dataset.pelvis.rows import in_own_pelvis
+from policy.dataset.read_as import read_as_corrections
 from policy.dataset.report import ConvertedDataset, left_out
-from policy.dataset.soundness import read_as_corrections, sound_episodes
+from policy.dataset.soundness import sound_episodes
 from policy.dataset.stats import narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError

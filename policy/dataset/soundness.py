@@ -10,19 +10,18 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.spec import ActionSpec
+from policy.dataset.beside.hands import hand_findings
+from policy.dataset.beside.states import beside_findings
 from policy.dataset.checks import check_times, check_videos
-from policy.dataset.format import ACTION, STATE, Dataset, Episode
-from policy.dataset.hands_beside import hand_findings
+from policy.dataset.format import ACTION, Dataset, Episode
 from policy.dataset.inspection import action_findings, settled
 from policy.dataset.joint_layout import JointLayout
 from policy.dataset.joint_values import check_values, require_finite
 from policy.dataset.naming.sources import Source
-from policy.dataset.naming.vouched import column_names
 from policy.errors import DatasetError, PolicyError
 from policy.findings import Finding
-from policy.suspicion.corrections import AS_NAMED, ROWS, ReadAsError, Table, corrected, require_known
+from policy.suspicion.corrections import AS_NAMED
 from policy.suspicion.joint_table import joint_findings
-from policy.suspicion.rows import state_findings
 
 Columns = Mapping[str, tuple[Source, "JointLayout | ActionSpec"]]
 """Actions and states: where they are, and what they are."""
@@ -82,7 +81,7 @@ def sound_episodes(dataset: Dataset, columns: Columns, read_as: Sequence[str] = 
     suspicions: dict[str, list[Finding]] = {}
 
     def suspect(episode: Episode) -> None:
-        told = _findings(dataset, episode, columns, values[episode.index])
+        told = _findings(dataset, episode, columns, values[episode.index], read_as)
         where = f"{dataset.folder}, episode {episode.index}"
         try:
             settled(told, read_as, where)
@@ -100,22 +99,6 @@ def sound_episodes(dataset: Dataset, columns: Columns, read_as: Sequence[str] = 
         share = f" (in {len(told)} of {len(kept)} episodes)" if len(kept) > 1 else ""
         found.notes.append(f"{told[0].sentence}{share}")
     return found
-
-
-def read_as_corrections(source: Source, layout: JointLayout, read_as: Sequence[str]) -> Source:
-    """Source whose numbers are read as a user says.
-
-    Raises:
-        ReadAsError: If what is said is not known, or would make other rows of them, which pictures beside them are not.
-    """
-    require_known(read_as)
-    if rows := [code for code in read_as if code in ROWS]:
-        raise ReadAsError(f"--read-as {rows[0]} makes other rows, and the pictures beside them would stay: edit them")
-
-    def correct(values: np.ndarray) -> np.ndarray:
-        return corrected(Table(layout.names, values, 1.0, layout.robot), read_as).values
-
-    return dataclasses.replace(source, correct=correct) if read_as else source
 
 
 def _numbers(
@@ -139,7 +122,9 @@ def _numbers(
     return values
 
 
-def _findings(dataset: Dataset, episode: Episode, columns: Columns, values: Mapping[str, np.ndarray]) -> list[Finding]:
+def _findings(
+    dataset: Dataset, episode: Episode, columns: Columns, values: Mapping[str, np.ndarray], read_as: Sequence[str]
+) -> list[Finding]:
     """Hypotheses about the actions of an episode, and about its states beside them."""
     layout = columns[ACTION][1]
     spec, pick = layout, slice(None)
@@ -150,16 +135,6 @@ def _findings(dataset: Dataset, episode: Episode, columns: Columns, values: Mapp
         return []  # told where they are decoded
     found = action_findings(spec, actions, Anchor.nominal(robot=spec.robot), dataset.fps)
     found += hand_findings(dataset, episode, spec, actions)
-    other = columns.get(STATE, (None, None))[1]
-    if isinstance(layout, JointLayout) and isinstance(other, JointLayout) and other.whole_spec == spec:
-        states = _in_si(spec, values[STATE][:, other.columns_of(spec)])
-        found += state_findings(states, _in_si(spec, actions), column_names(spec)[0])
-    return found
-
-
-def _in_si(spec: ActionSpec, values: np.ndarray) -> np.ndarray:
-    values = np.array(values, dtype=float)
-    for slot in spec.slots:
-        if slot.kind == "joint":
-            values[:, slot.indices] = slot.to_si(values[:, slot.indices])
-    return values
+    unit = layout.unit if isinstance(layout, JointLayout) else "rad"
+    given = {"assume": None, "unit": unit, "robot": spec.robot}
+    return found + beside_findings(dataset, episode, given, read_as)

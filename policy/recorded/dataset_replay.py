@@ -6,29 +6,26 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from models.spec import RobotSpec
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import builtin
 from policy.action_spec.codec import decode
 from policy.action_spec.spec import ActionSpec
+from policy.dataset.beside.hands import hand_findings
+from policy.dataset.beside.states import beside_findings
 from policy.dataset.checks import check_times, column_layout, wrist_layouts
-from policy.dataset.format import ACTION, STATE, Dataset, Episode
-from policy.dataset.hands_beside import hand_findings
+from policy.dataset.format import ACTION, Dataset
 from policy.dataset.inspection import action_findings, read_as_said, settled, spec_as_said, with_notes
 from policy.dataset.joint_values import require_finite
 from policy.dataset.naming.sources import find_source
-from policy.dataset.naming.vouched import column_names, require_same_names
+from policy.dataset.naming.vouched import require_same_names
 from policy.dataset.open import open_dataset
 from policy.dataset.pelvis.legs import recorded_legs
 from policy.dataset.pelvis.rows import decode_rows, in_own_pelvis
 from policy.dataset.pelvis.wrists import recorded_layout
 from policy.errors import DatasetError
-from policy.findings import Finding
 from policy.reading import listed
 from policy.recorded.replay import ReplayPolicy
-from policy.suspicion.rows import state_findings
 
 
 def open_episode(
@@ -78,7 +75,7 @@ def open_episode(
     found = action_findings(spec, actions, anchor, fps)
     found += hand_findings(dataset, episode, spec, actions)
     if columns is not None:
-        found += _of_state(dataset, episode, spec, read_as)
+        found += beside_findings(dataset, episode, {"robot": spec.robot}, read_as)
     notes += settled(found, read_as, f"{folder}#{number}")
     # The layout says what a number is; how fast they follow one another is the dataset's to say.
     spec = dataclasses.replace(spec_as_said(spec, read_as), fps=fps)
@@ -99,21 +96,3 @@ def _only(named: Sequence[str], dataset: Dataset, robot: RobotSpec | None) -> Ac
             feature=ACTION,
         )
     return builtin(named[0], robot)
-
-
-def _of_state(dataset: Dataset, episode: Episode, spec: ActionSpec, read_as: Sequence[str]) -> list[Finding]:
-    """Hypotheses about the measured joints of an episode beside the commanded ones; none without the same columns."""
-    try:
-        sources = [find_source(dataset, key) for key in (STATE, ACTION)]
-        layouts = [column_layout(dataset, source, robot=spec.robot) for source in sources]
-        if layouts[0].whole_spec != layouts[1].whole_spec:
-            return []
-        rows = dataset.table(episode, list(dict.fromkeys(key for source in sources for key in source.features)))
-        pairs = zip(sources, layouts, strict=True)
-        state, action = (x.of(rows, episode)[:, layout.columns_of(layout.whole_spec)] for x, layout in pairs)
-    except DatasetError:
-        return []  # what is wrong with the state is told where it is used
-    if not np.isfinite(state).all():
-        return []
-    state, action = (read_as_said(spec, values, dataset.fps, read_as)[0] for values in (state, action))
-    return state_findings(state, action, column_names(spec)[0])

@@ -25,6 +25,8 @@ def tool_findings(side: str, T_base_hand: np.ndarray, p_base_given: np.ndarray) 
     T, given = np.asarray(T_base_hand, dtype=float), np.asarray(p_base_given, dtype=float)
     if len(T) != len(given) or len(T) < ROWS_MIN + LAG_MAX or not np.isfinite(given).all():
         return []
+    if np.ptp(given, axis=0).max() < TOLD:
+        return []  # anything is constant of a hand that stands still
     best = min((_offset(T[lag:], given[: len(given) - lag], local) for lag in range(LAG_MAX + 1)
                 for local in (True, False)), key=lambda found: found[1])  # fmt: skip
     offset, spread, local = best

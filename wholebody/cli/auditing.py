@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,11 +13,16 @@ from typer import Option
 
 from wholebody.cli.judging import CRASH, Judge
 from wholebody.cli.options import AssumeSpec, CsvFps, Input, Judging, ReadAs, RobotModel, Sampling, Simulation
-from wholebody.cli.sources import length, opened
+from wholebody.cli.simulated import settings_of
+from wholebody.cli.sources import is_dataset, layout_named, length, opened, robot_of, said
 
 if TYPE_CHECKING:
     from policy.base import Policy
+    from wholebody.config.robot import RobotConfig
     from wholebody.verdict.audit.outcome import Outcome
+
+MAPPINGS = "datasets.json"
+"""What each dataset was read as."""
 
 
 @dataclass(frozen=True)
@@ -61,12 +66,32 @@ def make_judging(audited: Audited, folder: Path) -> Callable[[str], Outcome]:
                 return Outcome(name=name, ending=ending, message=message)
             policy = opened(name, given, judge.robot())
             verdict = replace(answer.verdict, config={}, versions={}).as_dict()
-            outcome = Outcome(name=name, ending="judged", verdict=verdict, motion_s=length(policy, 0.0))
+            told = {"verdict": verdict, "motion_s": length(policy, 0.0), "gaps": _gaps(name, given, judge.robot())}
+            outcome = Outcome(name=name, ending="judged", **told)
             if (audited.slower or audited.repair) and answer.verdict.verdict != "feasible":
                 outcome = _changed(outcome, policy, judge, folder if audited.repair else None)
         return outcome
 
     return judged
+
+
+def _gaps(name: str, given: Input, robot: RobotConfig) -> list[dict]:
+    """How measured joints of an episode follow commanded ones; nothing of another input."""
+    from policy.dataset.beside.states import episode_gaps
+    from policy.dataset.open import open_dataset
+    from policy.errors import PolicyError
+    from wholebody.verdict.audit.tables import whence
+
+    folder, number = whence(name)
+    if number is None:
+        return []
+    drives = robot_of(robot)
+    settings = {"assume": layout_named(given.assume_spec, drives), "robot": drives}
+    try:
+        dataset = open_dataset(folder)
+        return [asdict(gap) for gap in episode_gaps(dataset, dataset.episodes[number], settings, said(given.read_as))]
+    except PolicyError:
+        return []  # an input without joints in both
 
 
 def _changed(outcome: Outcome, policy: Policy, judge: Judge, folder: Path | None) -> Outcome:
@@ -90,3 +115,27 @@ def _changed(outcome: Outcome, policy: Policy, judge: Judge, folder: Path | None
     if change is None:
         return replace(outcome, message="not repaired: `wholebody repair` tries more")
     return replace(outcome, repair={"slower": change.slower, "moved_m": change.moved, "turned_rad": change.turned})
+
+
+def write_mappings(folder: Path, inputs: Sequence[str], audited: Audited) -> None:
+    """Write what each dataset among the inputs was read as: joints by column, what was left out and assumed.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    import json
+
+    from policy.dataset.naming.mapping import mapping
+    from policy.errors import PolicyError
+    from policy.writing import write_text
+
+    drives = robot_of(settings_of(Simulation(config=audited.config, robot=audited.robot)).robot)
+    assume = layout_named(audited.assume_spec, drives)
+    found = {}
+    for name in filter(is_dataset, dict.fromkeys(inputs)):
+        try:
+            found[name] = mapping(name, assume=assume, read_as=said(audited.read_as), robot=drives)
+        except PolicyError as error:
+            found[name] = {"refused": str(error)}
+    if found:
+        write_text(folder / MAPPINGS, json.dumps(found, indent=2) + "\n", errors="backslashreplace")

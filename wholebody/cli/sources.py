@@ -86,15 +86,20 @@ def opened(name: str, given: Input, robot: RobotConfig | None = None, **options:
     """
     if not given.duration and is_checkpoint(name):
         raise ValueError(NO_END)
-    from policy.joints import layout_robot
-    from wholebody.config.description import describe
-
     options |= {"task": given.task, "rename_map": given.rename_map, "read_as": given.read_as}
-    drives = None if robot is None else layout_robot(describe(robot))
+    drives = robot_of(robot)
     policy = open_source(name, given.csv_fps, layout_named(given.assume_spec, drives), robot=drives, **options)
     for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")
     return policy
+
+
+def robot_of(robot: RobotConfig | None) -> RobotSpec | None:
+    """Robot that layouts are of, as it is configured; None if nothing is."""
+    from policy.joints import layout_robot
+    from wholebody.config.description import describe
+
+    return None if robot is None else layout_robot(describe(robot))
 
 
 def _warnings(policy: Policy, images: str) -> Iterator[Finding]:

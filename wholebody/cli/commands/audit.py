@@ -15,14 +15,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from wholebody.cli.auditing import Audited, make_judging
+from wholebody.cli.auditing import Audited, make_judging, write_mappings
 from wholebody.cli.console import say
 from wholebody.cli.judging import CRASH, FEASIBLE, INFEASIBLE, MALFORMED
-from wholebody.cli.simulated import check_settings
-from wholebody.cli.sources import expanded, is_dataset, layout_named
+from wholebody.cli.options import Simulation
+from wholebody.cli.simulated import check_settings, settings_of
+from wholebody.cli.sources import expanded, is_dataset, layout_named, robot_of
 from wholebody.resources import processors
 
 if TYPE_CHECKING:
+    from models.spec import RobotSpec
     from wholebody.verdict.audit.outcome import Outcome
 
 JOBS_MAX = 256
@@ -72,7 +74,7 @@ def audit(
     if audited.episodes and not any(is_dataset(name) for name in inputs):
         raise ValueError(f"--episodes {audited.episodes} chooses those of datasets, and no input is one")
     asked = asdict(audited) | {"config": audited.config.read_text() if audited.config else ""}
-    asked["assume_spec"] = layout.to_json() if (layout := layout_named(audited.assume_spec)) else ""
+    asked["assume_spec"] = layout.to_json() if (layout := layout_named(audited.assume_spec, _robot(audited))) else ""
     asked.pop("episodes")
     # Arithmetic of an input has one thread; there are as many processes as cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -85,10 +87,16 @@ def audit(
     except KeyboardInterrupt:
         say(f"interrupted; the same command goes on where it was ({to})", to_errors=True)
         raise typer.Exit(130) from None
+    write_mappings(to, inputs, audited)
     say(*_summary(found, to))
     if audited.repair:
         say(*_repaired(found, to))
     raise typer.Exit(max((CODES.get(one.answer, FEASIBLE) for one in found), default=FEASIBLE))
+
+
+def _robot(audited: Audited) -> RobotSpec:
+    """Robot that inputs are of."""
+    return robot_of(settings_of(Simulation(config=audited.config, robot=audited.robot)).robot)
 
 
 def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
@@ -110,6 +118,7 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
             why = dict.fromkeys(re.sub(r"\S+#\d+:? ?", "", one.message) for one in found if one.answer == ending)
             yield from (f"  {text}" for text in list(why)[:NAMED_MAX] if text)
     yield from _noticed(found)
+    yield from _followed(found)
     slower = sum(one.slower is not None for one in found)
     delete = sum(map(len, to_delete(found).values()))
     yield f"{slower} would do slower, {delete} episodes of datasets to delete; {folder / PAGE} ranks them"
@@ -124,6 +133,23 @@ def _noticed(found: Sequence[Outcome]) -> Iterable[str]:
             notes.setdefault(text[0], []).append(text[1])
     for texts in sorted(notes.values(), key=len, reverse=True)[:NAMED_MAX]:
         yield f"noticed in {len(texts)} of {len(found)}: {texts[0]}"
+
+
+def _followed(found: Sequence[Outcome]) -> Iterable[str]:
+    """How measured joints follow commanded ones: the delay of most, and the joint that is off the most."""
+    import numpy as np
+
+    gaps = [gap for one in found for gap in one.gaps]
+    if not gaps:
+        return
+    delays = [gap["delay"] for gap in gaps if gap["delay"] is not None]
+    offsets: dict[str, list[float]] = {}
+    for gap in gaps:
+        offsets.setdefault(gap["joint"], []).append(gap["offset"])
+    joint, offset = max(((name, float(np.median(x))) for name, x in offsets.items()), key=lambda pair: abs(pair[1]))
+    late = f"{1e3 * float(np.median(delays)):.0f} ms later in the median joint" if delays else "without a delay to see"
+    count = sum(bool(one.gaps) for one in found)
+    yield f"states beside actions in {count} of {len(found)}: {late}, {joint} off by {offset:+.3f} rad; joints.parquet"
 
 
 def _repaired(found: Sequence[Outcome], folder: Path) -> Iterable[str]:

@@ -11,7 +11,7 @@ import typer
 from wholebody.cli.console import check_folder, say, waiting
 from wholebody.cli.judging import FEASIBLE, INFEASIBLE
 from wholebody.cli.options import AssumeSpec
-from wholebody.cli.sources import layout_named
+from wholebody.cli.sources import layout_named, robot_of
 
 LEFT_AS_IT_IS = "feasible as given: written unchanged"
 REFUSED = (
@@ -41,10 +41,12 @@ def repair(
     if target.suffix.lower() != ".npz":
         raise ValueError(f"cannot write '{target}': its name must end in .npz")
     check_folder(target)
-    file = read_chunk_file(source, assume=layout_named(assume_spec))
+    settings = load_config(config) if config else None
+    robot = robot_of(settings.robot) if settings else None
+    file = read_chunk_file(source, assume=layout_named(assume_spec, robot), robot=robot)
     chunk, free = file.chunk(), file.spec.orientation_free
     with waiting("loading the robot, compiling if it is the first time: a minute or two"):
-        checker = FastChecker(load_config(config) if config else None, scene)
+        checker = FastChecker(settings, scene)
     repairer = checker.repairer(chunk, free=free)
     if repairer.lasts(chunk):
         write_chunk_file(target, file)

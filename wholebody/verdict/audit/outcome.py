@@ -21,6 +21,7 @@ class Outcome:
         motion_s: Length of its motion [s].
         slower: Factor on its time that makes it feasible by its plans; None if none was found, or none is needed.
         repair: What was changed to make it feasible: ``slower``, ``moved_m``, ``turned_rad``; None if nothing was.
+        gaps: How measured joints follow commanded ones, `policy.suspicion.gaps.Gap` as plain data.
         stamp: Size and time of the file that was read, so that a changed one is judged again.
     """
 
@@ -31,6 +32,7 @@ class Outcome:
     motion_s: float = 0.0
     slower: float | None = None
     repair: dict[str, float] | None = None
+    gaps: list[dict[str, Any]] = field(default_factory=list)
     stamp: list[int] = field(default_factory=list)
 
     @property

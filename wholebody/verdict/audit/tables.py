@@ -10,7 +10,7 @@ from typing import Any
 from wholebody.errors import InputError
 from wholebody.verdict.audit.outcome import Outcome
 
-EPISODES, VIOLATIONS = "episodes.parquet", "violations.parquet"
+EPISODES, VIOLATIONS, JOINTS = "episodes.parquet", "violations.parquet", "joints.parquet"
 MISSING = "an audit needs the extra of that name: pip install 'g1-wholebody[audit]'"
 NUMBERS = (
     *("rms_m", "max_m", "moved_max_m", "moved_turn_max_rad", "start_m", "start_rad", "approach_s", "time_factor"),
@@ -26,6 +26,10 @@ OF_VIOLATION = (
     *(("value", "double"), ("bound", "double"), ("unit", "string"), ("margin", "double")),
 )
 """Columns of `VIOLATIONS` behind the input's, with their types."""
+
+
+OF_GAP = (("joint", "string"), ("offset", "double"), ("delay", "double"), ("rms", "double"))
+"""Columns of `JOINTS` behind the input's, with their types; [rad], [s]."""
 
 
 def require_packages() -> None:
@@ -69,16 +73,20 @@ def episode_row(outcome: Outcome) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def about(outcome: Outcome) -> dict[str, Any]:
+    """Columns of an input that every table has."""
+    source, episode = whence(outcome.name)
+    return {"name": written(outcome.name), "source": written(source), "episode": episode}
+
+
 def violation_rows(outcome: Outcome) -> list[dict[str, Any]]:
     """Rows of `VIOLATIONS`."""
-    source, episode = whence(outcome.name)
     found = (outcome.verdict or {}).get("violations", ())
-    about = {"name": written(outcome.name), "source": written(source), "episode": episode}
-    return [about | {name: one[name] for name, _ in OF_VIOLATION} for one in found]
+    return [about(outcome) | {name: one[name] for name, _ in OF_VIOLATION} for one in found]
 
 
 def write_tables(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
-    """Write both tables.
+    """Write all three tables.
 
     Raises:
         OSError: If one cannot be written.
@@ -86,6 +94,8 @@ def write_tables(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
     _write(Path(folder) / EPISODES, _episodes_schema(), map(episode_row, outcomes))
     rows = (row for outcome in outcomes for row in violation_rows(outcome))
     _write(Path(folder) / VIOLATIONS, [*_INPUT, *OF_VIOLATION], rows)
+    rows = (about(outcome) | gap for outcome in outcomes for gap in outcome.gaps)
+    _write(Path(folder) / JOINTS, [*_INPUT, *OF_GAP], rows)
 
 
 _INPUT = (("name", "string"), ("source", "string"), ("episode", "int64"))
