@@ -70,7 +70,7 @@ def pelvis_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple
     return (
         f"these look like positions in the pelvis, as version 1 of wbc32 has them: {slots[0].name} begins at ({p}) m, "
         f"{away[0, 0]:.2f} m from where the wrist is if that is in the stance, and {away[0, 1]:.2f} m if it is in the "
-        "pelvis; name the layout wbc32-v1 for numbers that were made with it",
+        "pelvis; name the layout wbc32-v1 for numbers that were made with it: --assume-spec wbc32-v1",
     )
 
 

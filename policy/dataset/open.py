@@ -22,9 +22,8 @@ INFO = Path("meta", "info.json")
 def dataset_files(path: str | Path) -> list[Path]:
     """Files whose numbers a dataset is read from, without videos and pictures; none of what is no dataset."""
     path = Path(path)
-    if (path / INFO).is_file():
-        return [file for part in ("meta", "data") for file in (path / part).rglob("*")]
-    return episode_files(path) or hdf5_files(path)
+    lerobot = [file for part in ("meta", "data") for file in (path / part).rglob("*")]
+    return lerobot or episode_files(path) or hdf5_files(path)
 
 
 def is_dataset(path: str | Path) -> bool:
