@@ -24,6 +24,10 @@ class FootContact:
         force_max: Largest normal force of one point [N].
         force_min: Least normal force of one point [N].
         kp, kd: How a foot that moved is pulled back: stiffness [1/s^2] and damping [1/s].
+
+    Attributes:
+        T_world_ref: Where it stands; None before it was set down.
+        load: Share of the force bounds that it has, 0 to 1 [no unit]; with 0 it is up, see `Contacts`.
     """
 
     def __init__(
@@ -42,7 +46,13 @@ class FootContact:
         self._friction, self.force_min, self.force_max = friction, force_min, force_max
         self.kp, self.kd = kp, kd
         self.T_world_ref: pin.SE3 | None = None
+        self.load = 1.0
         self.slope(0.0)
+
+    @property
+    def load_bounds(self) -> tuple[float, float]:
+        """Least and largest normal force of one point now [N]."""
+        return self.load * self.force_min, self.load * self.force_max
 
     def slope(self, angle: float) -> None:
         """The floor slopes by so much [rad]: the pyramid about the vertical is inside the cone about its normal."""

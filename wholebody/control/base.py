@@ -7,16 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
+from wholebody.contacts.foot import FootContact
 from wholebody.control.reference_packet import BodyReference, PackedReference, ReferenceMemory, row_length
 from wholebody.control.task_set import make_feet, make_tasks
 from wholebody.control.tick_report import TickReport
 from wholebody.control.torque_share import TorqueShare
 from wholebody.errors import StateError
 from wholebody.limits.balance import CapturePointLimit
+from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
 from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import convex_polygon
@@ -34,6 +35,7 @@ class Controller(ABC):
     Attributes:
         tasks: By name.
         balance: The support, and how to keep inside; no support before the first reset.
+        contacts: Which feet stand, and where; None before the first reset.
         compiled: The program in compiled form, or None: then the readable one is solved.
         touch: What both hands feel, rows as in `wholebody.robot.touch`, shape (2, TOUCH).
         lean: How far the centre of mass is leant against it, shape (2,), [m].
@@ -53,6 +55,7 @@ class Controller(ABC):
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled, self._elapsed = None, config.dt
+        self.contacts: Contacts | None = None
         self.command: JointCommand | None = None
         self.added: np.ndarray | None = None
         self.factor: np.ndarray | None = None
@@ -75,8 +78,11 @@ class Controller(ABC):
             getattr(self.tasks, name).bind(getattr(memory, name))
 
     def set_reference(self, reference: BodyReference | PackedReference) -> None:
-        """Hand a reference to the tasks; an `InputError` if a number of it is not finite."""
+        """Hand a reference to the tasks and stand as it says; an `InputError` if a number of it is not finite."""
         self._reference.take(reference)
+        contacts = reference.contacts
+        if contacts is not None and not (self.contacts is contacts or contacts.same(self.contacts)):
+            self.stand_on(contacts)
 
     def step(
         self, state: RobotState, reference: BodyReference | PackedReference, elapsed: float | None = None
@@ -108,28 +114,33 @@ class Controller(ABC):
         robot, self.command = self.robot, None
         robot.update(q, v)
         self.tau = robot.nle[6:].copy()
-        self._keep_feet([robot.pose(foot.frame).copy() for foot in self.feet])
+        self._keep_feet(Contacts(Feet.of(robot.pose(foot.frame) for foot in self.feet)))
         if self.compiled is not None:
             self.compiled.palms[:] = self._palm_frames() - q[:3]
             self.compiled.q[:] = q
 
-    def stand_on(self, feet: Feet) -> None:
-        """The feet stay there from now on, on the floor that they make."""
-        self._keep_feet(feet.poses)
-        self.stand_on_floor(feet)
+    def stand_on(self, contacts: Contacts) -> None:
+        """The feet that stand stay there from now on, on the floor that they make; the others may move."""
+        self._keep_feet(contacts)
+        self.stand_on_floor(contacts.feet)
 
     def stand_on_floor(self, feet: Feet) -> None:
         """Count on the floor that these feet make: friction about its normal, and how high it comes where hands do."""
         for foot in self.feet:
             foot.slope(feet.floor(self.spec).slope)
 
-    def _keep_feet(self, poses: Sequence[pin.SE3]) -> None:
-        """Both feet stay at these poses in world, inside whose outline the robot balances."""
-        for foot, T in zip(self.feet, poses, strict=True):
-            foot.T_world_ref = T
-        points = np.vstack(
-            [foot.points @ T.rotation.T + T.translation for foot, T in zip(self.feet, poses, strict=True)]
-        )
+    @property
+    def standing(self) -> list[FootContact]:
+        """Contacts of the feet that stand."""
+        return [foot for foot in self.feet if foot.load > 0.0]
+
+    def _keep_feet(self, contacts: Contacts) -> None:
+        """The feet that stand stay where they are, inside whose outline the robot balances."""
+        self.contacts = contacts
+        for foot, T, load in zip(self.feet, contacts.feet.poses, contacts.load, strict=True):
+            foot.T_world_ref, foot.load = T, load
+        places = [(foot.points, foot.T_world_ref) for foot in self.standing]
+        points = np.vstack([points @ T.rotation.T + T.translation for points, T in places])
         self.balance.support = convex_polygon(points[:, :2])
         if self.compiled is not None:
             self.compiled.reset()

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wholebody.errors import InputError
+from wholebody.robot.contact_schedule import Contacts
 
 PALM, COM, MOMENTUM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 57, 63, 78, 93, 96
 """Where the parts of a packed reference begin, after the left palm; `ReferenceMemory` says what they are."""
@@ -41,6 +42,7 @@ class BodyReference:
         height: Planned height of the pelvis, its rate and acceleration [m, m/s, m/s^2].
         com: Planned centre of mass, its velocity and acceleration, shape (3,) each.
         momentum: Planned angular momentum about the centre of mass and its rate, shape (3,) each [N m s, N m].
+        contacts: Which feet stand, where, and what they may carry from this tick on; as before if None.
     """
 
     palms: tuple[PalmReference, PalmReference]
@@ -52,6 +54,7 @@ class BodyReference:
     height: tuple[float, float, float]
     com: tuple[np.ndarray, np.ndarray, np.ndarray]
     momentum: tuple[np.ndarray, np.ndarray]
+    contacts: Contacts | None = None
 
     def pack(self, out: np.ndarray | None = None) -> np.ndarray:
         """All of it in one row, as `ReferenceMemory` lays it out, shape (row_length,)."""
@@ -72,9 +75,10 @@ class BodyReference:
 
 @dataclass(frozen=True, slots=True)
 class PackedReference:
-    """Body reference as one row, for a source that computes many at once; see `BodyReference.pack`."""
+    """Body reference as one row, for a source that computes many at once; see `BodyReference`."""
 
     row: np.ndarray
+    contacts: Contacts | None = None
 
     def pack(self, out: np.ndarray) -> np.ndarray:
         """Copy the row."""

@@ -73,7 +73,7 @@ class Meters:
 
     def after(self, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
         """Take note of the state that it led to."""
-        self._limits.look(state.time)
+        self._limits.look(state.time, supervisor.contacts)
         _count(self.result, supervisor, plant, state)
 
     def finish(self, supervisor: ChunkExecutor) -> EpisodeResult:

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.types import RobotState
 
 
@@ -42,6 +43,9 @@ class Estimator(Protocol):
     """
 
     settling: float
+
+    def expect(self, contacts: ContactSchedule | None) -> None:
+        """Count on which feet stand when, on the clock of the readings; without a schedule on both, or what is felt."""
 
     def reset(self) -> None:
         """Forget the past."""

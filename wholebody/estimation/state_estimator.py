@@ -18,6 +18,7 @@ from wholebody.estimation.readings import Readings
 from wholebody.jit.entry import Entry
 from wholebody.jit.packed import Packed
 from wholebody.robot.body_table import body_table
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.kernels.bodies import BODY
 from wholebody.types import RobotState
 
@@ -56,7 +57,8 @@ class StateEstimator:
     World is midway between the soles at the first reading, x the mean of their directions, z up. Afterwards gyro and
     accelerometer carry the state on; the IMU's vertical, and soles that stand where they are, correct it. Its yaw,
     which drifts, is not used: the soles hold the yaw, and tell the gyro's bias. Which foot stands is known by the
-    torques of its leg; without torques both are taken to. Without an accelerometer the legs alone say how fast it is.
+    torques of its leg and by what it is told to `expect`; without either both are taken to. Without an accelerometer
+    the legs alone say how fast it is.
 
     An error of the IMU's tilt and a floor that slopes cannot be told apart. A floor that looks less steep than
     0.015 rad is taken to be level, and both soles to be flat on it: the vertical is a mean of the soles' and the IMU's
@@ -104,7 +106,12 @@ class StateEstimator:
         self._no_acc, self._no_tau = np.full(3, np.nan), np.full(n, np.nan)
         given = np.zeros(4), self._no_acc, self._no_acc, self._no_tau, self._no_tau, self._no_tau
         self._estimate = _estimate.native(memory, 0.0, *given, np.zeros(7 + n), np.zeros(6 + n), np.zeros((9, 9)))
+        self.expect(None)
         self.reset()
+
+    def expect(self, contacts: ContactSchedule | None) -> None:
+        """Take no foot to stand while it is up by a schedule on the clock of the readings; without one, either may."""
+        self._contacts, self._memory.may_stand[:] = contacts, 1
 
     def reset(self) -> None:
         """Begin with the next readings; biases and the floor are forgotten."""
@@ -161,6 +168,8 @@ class StateEstimator:
         acc, tau = self._no_acc if r.acc is None else r.acc, self._no_tau if r.tau is None else r.tau
         # The compiled code takes what it is given as it lies in memory.
         given = [np.ascontiguousarray(one, dtype=float) for one in (r.quat_xyzw, r.gyro, acc, r.q, r.dq, tau)]
+        if self._contacts is not None:
+            self._memory.may_stand[:] = self._contacts.at(r.time).stands
         dt = max(dt, 0.0) if -GAP_MAX <= dt <= GAP_MAX else BEGIN
         if self._estimate(self._memory, dt, *given, q, v, covariance) and dt != 0.0:
             self._time = r.time
@@ -183,7 +192,7 @@ def _memory(joints: int) -> Packed:
     ``x`` is position [m] and orientation of the IMU in world, ``v`` its velocity, ``d`` are the soles; ``P`` is the
     covariance of the filter's error ``xi``. ``lean`` is the mean difference of the soles' normal and the IMU's vertical
     [rad], ``looked`` the time in it [s]. ``h`` are the soles from the IMU in the axes of the base. Constant are what
-    stands in ``table`` to ``first`` and the integers but ``stands``; the rest is for the arithmetic.
+    stands in ``table`` to ``first`` and the integers but ``stands`` and ``may_stand``; the rest is for the arithmetic.
     """
     bodies = 1 + joints
     constant = {"table": (bodies, BODY), "sole": (2, 3), "imu": (3,), "gravity": (3,), "noise": (7,)}
@@ -195,4 +204,5 @@ def _memory(joints: int) -> Packed:
     work = {"gyro": (3,), "felt": (3,), "Rw": (3, 3), "Ri": (3, 3), "Re": (3, 3), "E": (7,), "B": (15, 3)}
     work |= {"K": (SIZE,), "xi": (SIZE,)}
     integers = {"parent": (bodies,), "joint": (joints,), "ankle": (2,), "stands": (2,)}
+    integers["may_stand"] = (2,)
     return Packed(constant | kept | body | work, integers)

@@ -57,6 +57,7 @@ class AsGiven:
         self._fingers = [self.robot.joint_indices(tool.finger_joints) for tool in spec.tools]
         self._memory = ReferenceMemory(np.zeros(row_length(self.robot.n_joints)))
         self.monitor, self._planted = StateMonitor(self.robot), PlantedFeet(self.controller)
+        self.contacts = self._planted.contacts
         self._way: WayBack | None = None
         self.rate = self.time_factor = 1.0
         self.moved_for: Reason | None = None
@@ -69,7 +70,7 @@ class AsGiven:
         self.controller.trust_hands(1.0, 1.0)
         self.monitor.reset(state)
         begin = SampledTrajectory.still(self.robot, state.q)
-        self._planted.reset(state)
+        self.contacts = self._planted.reset(state)
         self._way = WayBack(self.robot, begin, self._planted.stance)
         self._motions = [HandMotion(row[None]) for row in standing.hands_at_rest(self.robot, state.q)]
         self._palms = [palm_rows(*pair) for pair in zip(self._motions, self._offsets, strict=True)]

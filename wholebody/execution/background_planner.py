@@ -20,7 +20,7 @@ from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
 from wholebody.reference.surface import Surface, kept_out
-from wholebody.robot.feet import Feet
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import Loads
 
 
@@ -37,7 +37,7 @@ class PlanRequest:
         again: Whether the chunk is being followed already, and only a quicker plan is of use.
         cpu_limit: CPU time in which the plan is wanted [s]; infinite where planning takes a simulated time.
         loads: What the hands carry.
-        feet: Where the robot stands; where the stance has them if not given.
+        contacts: Which feet stand where; both, where the stance has them, if not given.
         surfaces: What the left and the right hand have met, and are not led further into.
         torques: Shares of the model's torques that motors have, motor order, shape (n_joints,); all if not given.
     """
@@ -50,7 +50,7 @@ class PlanRequest:
     again: bool = False
     cpu_limit: float = inf
     loads: Loads = field(default_factory=Loads)
-    feet: Feet | None = None
+    contacts: ContactSchedule | None = None
     surfaces: tuple[Surface | None, Surface | None] = (None, None)
     torques: np.ndarray | None = None
 
@@ -61,8 +61,8 @@ class PlanRequest:
             InputError, PlanningError: If there is none, or one whose numbers are not finite.
         """
         start, chunk = self.start, kept_out(self.chunk, self.surfaces, planner.offsets)
-        if self.feet is not None:
-            planner.stand_on(self.feet)
+        if self.contacts is not None:
+            planner.stand_on(self.contacts)
         planner.carry(self.loads, self.torques)
         plan = planner.plan(chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
         if not plan.is_finite:

@@ -14,6 +14,7 @@ from wholebody.execution.handover import Handover
 from wholebody.execution.state_monitor import StateMonitor
 from wholebody.planning.plan import PlanReport
 from wholebody.reference import HandMotion
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.state import Robot
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport
 
@@ -31,6 +32,7 @@ class ChunkExecutor(Protocol):
         chunk: The chunk that is followed, or None.
         plan_report: What following that chunk changes in it, or None.
         last_tick: Report of the last tick, or None.
+        contacts: Which feet are to stand where, on the clock of the states.
         status: Status after the last `step` or `accept`.
     """
 
@@ -42,6 +44,7 @@ class ChunkExecutor(Protocol):
     chunk: ActionChunk | None
     plan_report: PlanReport | None
     last_tick: TickReport | None
+    contacts: ContactSchedule
     status: StatusReport
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
 from wholebody.control.base import Controller
+from wholebody.robot.contact_schedule import Contacts, ContactSchedule
 from wholebody.robot.feet import Feet
 from wholebody.types import RobotState
 
@@ -20,13 +21,13 @@ SLOPE_MAX = 0.2
 """Steepest floor that a robot is taken to stand on [rad]; chosen: half of the slope of the friction pyramid."""
 
 
-def taken_to_stand(spec: RobotSpec, nominal: Feet, measured: Feet) -> Feet:
+def taken_to_stand(spec: RobotSpec, nominal: ContactSchedule, measured: Feet) -> ContactSchedule:
     """Where plans take feet to be that are measured somewhere: where the stance has them, within `PLACE` and `ANGLE`.
 
     So it is too on a floor that is steeper than `SLOPE_MAX`.
     """
-    there = measured.differ(nominal, PLACE, ANGLE) and measured.floor(spec).slope <= SLOPE_MAX
-    return measured if there else nominal
+    there = measured.differ(nominal.feet(), PLACE, ANGLE) and measured.floor(spec).slope <= SLOPE_MAX
+    return ContactSchedule.standing(measured) if there else nominal
 
 
 class PlantedFeet:
@@ -38,7 +39,7 @@ class PlantedFeet:
         controller: Told where the robot stands.
 
     Attributes:
-        feet: Both feet.
+        contacts: Which feet stand where: both, for ever.
         stance: The stance on them, shape (nq,).
     """
 
@@ -49,7 +50,7 @@ class PlantedFeet:
         self._seen: tuple[float, Feet] | None = None
         self._take(Feet.at(self._spec, self._model, self._nominal, self._data), self._nominal)
 
-    def reset(self, state: RobotState) -> None:
+    def reset(self, state: RobotState) -> ContactSchedule:
         """Begin where a measured state has them."""
         nominal, measured = Feet.at(self._spec, self._model, self._nominal, self._data), self._measured(state)
         self._seen = None
@@ -57,8 +58,14 @@ class PlantedFeet:
         self._controller.stand_on_floor(nominal)
         if measured.differ(nominal, PLACE, ANGLE):
             self._stand_on(measured)
+        return self.contacts
 
-    def planned(self, state: RobotState) -> Feet:
+    @property
+    def feet(self) -> Feet:
+        """Both feet."""
+        return self.contacts.feet()
+
+    def planned(self, state: RobotState) -> ContactSchedule:
         """What a plan that is asked for now counts on; a foot that carries nothing is not where it will stand."""
         measured = self._measured(state)
         lifted = state.stands is not None and not all(state.stands)
@@ -68,7 +75,7 @@ class PlantedFeet:
             self._seen = state.time, measured
         elif state.time - self._seen[0] >= SETTLED:
             self._stand_on(measured)
-        return self.feet
+        return self.contacts
 
     def _measured(self, state: RobotState) -> Feet:
         return Feet.at(self._spec, self._model, state.q, self._data)
@@ -78,7 +85,7 @@ class PlantedFeet:
         self._seen = None
         if feet.floor(self._spec).slope <= SLOPE_MAX:
             self._take(feet, feet.stance(self._spec, self._model))
-            self._controller.stand_on(feet)
+            self._controller.stand_on(Contacts(feet))
 
     def _take(self, feet: Feet, stance: np.ndarray) -> None:
-        self.feet, self.stance = feet, stance
+        self.contacts, self.stance = ContactSchedule.standing(feet), stance

@@ -72,7 +72,7 @@ class Supervisor(statuses.Following):
         self.carrying, self._legs = Carrying(self.controller, self.config), StiffLegs(spec)
         self.monitor, self.motors = StateMonitor(self.robot, self.config.dt), MotorWatch(self.controller)
         self._planted, self._smoother, self._last_state = PlantedFeet(self.controller), None, None
-        self.touch, self._lowering = self.carrying.touch, None
+        self.touch, self._lowering, self.contacts = self.carrying.touch, None, self._planted.contacts
         self._follower: PlanFollower | None = None
         self._reflex: standing.Reflex | None = None
         self._forget(0.0)
@@ -94,7 +94,7 @@ class Supervisor(statuses.Following):
         for part in (self.carrying, self.motors, self._legs):
             part.reset()
         self.controller.reset(state)
-        self._planted.reset(state)
+        self.contacts = self._planted.reset(state)
         self.monitor.reset(state, now)
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
@@ -181,8 +181,8 @@ class Supervisor(statuses.Following):
         changed = self.carrying.changed or self.motors.weaker
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not changed
         before = self.plan and self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
-        feet, torques = self._planted.planned(state), self.motors.planned()
-        counted = {"loads": self.carrying.planned(), "feet": feet, "surfaces": self.touch.met(), "torques": torques}
+        self.contacts, loads, torques = self._planted.planned(state), self.carrying.planned(), self.motors.planned()
+        counted = {"loads": loads, "contacts": self.contacts, "surfaces": self.touch.met(), "torques": torques}
         self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, **counted))
         self._exchange(self._now)
 

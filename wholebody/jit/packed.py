@@ -71,6 +71,25 @@ class Packed:
             raise AttributeError(f"'{name}' is not a scalar field; an array is written in place, `.{name}[:] = ...`")
         view[()] = value
 
+    def shape(self, shapes: Mapping[str, Shape]) -> None:
+        """Give fields other lengths, within the memory that they were made with; what is in them is without meaning.
+
+        Compiled code reads lengths from the table: kernels follow without a word. Views that were taken before keep
+        theirs.
+
+        Raises:
+            ValueError: If a field has no memory for so much, or another number of dimensions.
+        """
+        integers, place = self.memory.view(np.int64), {name: k for k, (name, _, _) in enumerate(self.fields)}
+        for name, shape in shapes.items():
+            (start, end), (_, kind, ndim) = self._starts[name], self.fields[place[name]]
+            if len(shape) != ndim or start + prod(shape) > end:
+                raise ValueError(f"'{name}' has memory for {end - start} numbers in {ndim} dimensions, not {shape}")
+            at = TABLE_ROW * place[name] + 1
+            integers[at : at + ndim] = shape
+            memory = self.memory if kind == "f" else integers
+            self._views[name] = memory[start : start + prod(shape)].reshape(shape)
+
     def span(self, first: str, last: str) -> np.ndarray:
         """Fields of reals from ``first`` to ``last`` in the order in which they were declared, as one vector."""
         return self.memory[self._starts[first][0] : self._starts[last][1]]

@@ -31,7 +31,7 @@ from wholebody.planning.strategies.rows import Asked, Overlap, Try
 from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.reference import HandLimits, HandMotion
-from wholebody.robot.feet import Feet
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.palms import palm_offsets, palm_poses
 from wholebody.robot.state import Robot
@@ -72,7 +72,7 @@ class ChunkPlanner:
         self._friction, self._holdable = config.friction, None
         self._last_held: tuple[Targets, Held] | None = None
         self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
-        self.contacts = ContactFeasibility(self.optimizer.body, config.friction)
+        self.balance = ContactFeasibility(self.optimizer.body, config.friction)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
         self.centroidal = Centroidal(spec, self.model, [robot.frame_id(name) for name in trunk])
@@ -92,12 +92,12 @@ class ChunkPlanner:
         self.optimizer.body.carry(loads.most)
         self.centroidal.carry(loads.masses)
 
-    def stand_on(self, feet: Feet) -> None:
-        """Plan with the feet there from now on."""
-        if not feet.same(self.optimizer.body.footing.feet):
-            self.optimizer.stand_on(feet)
+    def stand_on(self, contacts: ContactSchedule) -> None:
+        """Plan with the feet there from now on; an `InputError` for a schedule in which one steps."""
+        if not contacts.same(self.optimizer.body.footing.contacts):
+            self.optimizer.stand_on(contacts)
             # The support may have another number of edges.
-            self._holdable, self.contacts = None, ContactFeasibility(self.optimizer.body, self._friction)
+            self._holdable, self.balance = None, ContactFeasibility(self.optimizer.body, self._friction)
 
     def plan(
         self,
@@ -184,8 +184,8 @@ class ChunkPlanner:
         }
         changed = changes(chosen, prepared, moved, self.config, **begins)
         report = self._report(chosen, changed, budget, implausible=prepared.implausible)
-        steps = chosen.targets.steps
-        return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots)
+        steps, contacts = chosen.targets.steps, self.optimizer.body.footing.contacts
+        return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots, contacts)
 
     def _preview(self, targets: Targets, start: BodyState) -> Attempt | None:
         """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP.
@@ -264,8 +264,8 @@ class ChunkPlanner:
             distance=np.linalg.norm(knots.T_palms[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2),
             curve=curve,
             centroidal=centroidal,
-            drift=self.contacts.capture_point_drift(centroidal, slowdown),
-            deficit=self.contacts.friction_impulse_deficit(centroidal, slowdown),
+            drift=self.balance.capture_point_drift(centroidal, slowdown),
+            deficit=self.balance.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
             arms_spent=arms_spent(body, body.body_of(knots.q[-AT_REST:])) if self._holding else 0.0,
         )

@@ -10,6 +10,7 @@ import numpy as np
 from wholebody.planning.changes import MOVED_MIN, Change
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandPath
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.trajopt.optimizer import KnotTrajectory
 from wholebody.types import Reason
 
@@ -84,6 +85,7 @@ class ChunkPlan:
         start, end: [s]
         report: What had to be changed.
         knots: What the trajectory was made of.
+        contacts: Which feet it counts on, and where.
     """
 
     paths: tuple[HandPath, HandPath]
@@ -92,6 +94,7 @@ class ChunkPlan:
     end: float
     report: PlanReport
     knots: KnotTrajectory
+    contacts: ContactSchedule
 
     @property
     def is_finite(self) -> bool:

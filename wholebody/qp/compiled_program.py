@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from wholebody.limits.base import Rows
 from wholebody.qp.formulation import WholeBodySolution
 from wholebody.qp.kernels import active_set, assemble, command, proximity, residuals, solve
 from wholebody.qp.problem import QPSolution, Residuals
-from wholebody.qp.program_inputs import BodyInputs, ProgramInputs, place_feet
-from wholebody.qp.workspace import BLOCK, make_workspace
+from wholebody.qp.program_inputs import BodyInputs, ProgramInputs, StandingShapes, stand
+from wholebody.qp.workspace import BLOCK, make_workspace, shapes_of
 from wholebody.tasks.base import Objective
 
 ENTRIES = tuple(
@@ -105,8 +106,10 @@ class CompiledBody:
     All are views of memory that the next call overwrites.
     """
 
-    def __init__(self, inputs: BodyInputs, tick: Packed, *, supported: bool) -> None:
+    def __init__(self, inputs: BodyInputs, tick: Packed, shapes: StandingShapes, *, supported: bool) -> None:
         self.inputs, self.tick, self._supported, n = inputs, tick, supported, len(inputs.feet)
+        self._shapes = shapes
+        stand(inputs, tick, shapes)
         self.q, self.tau, self.dual, self.residuals = tick.q, tick.tau, tick.dual, tick.residuals
         self.reference, self.trust = tick.span("hand_ref", "posture_ref"), tick.trust
         self.palms = tick.frame_p[n : n + 2]
@@ -118,12 +121,12 @@ class CompiledBody:
         return self.tick.n_working
 
     def reset(self) -> None:
-        """Take over where the feet and the support are; the working set is forgotten."""
+        """Take over which feet stand, where, and the support; the working set is forgotten."""
         tick, support = self.tick, self.inputs.balance.support if self._supported else None
-        tick.n_edges, tick.n_working = 0 if support is None else len(support.offsets), 0
+        tick.n_edges = 0 if support is None else len(support.offsets)
         if support is not None:
             tick.edges[: tick.n_edges] = np.column_stack([support.normals, support.offsets])
-        place_feet(self.inputs, tick)
+        stand(self.inputs, tick, self._shapes)
 
 
 class CompiledProgram(CompiledBody):
@@ -139,7 +142,8 @@ class CompiledProgram(CompiledBody):
     inputs: ProgramInputs
 
     def __init__(self, inputs: ProgramInputs) -> None:
-        super().__init__(inputs, make_workspace(inputs), supported=inputs.safety)
+        super().__init__(inputs, make_workspace(inputs), partial(shapes_of, inputs), supported=inputs.safety)
+        self._bound_loads()
         tick = self.tick
         self.v, self.dv, self.forces, self.desired = tick.v, tick.dv, tick.f.reshape(-1, 3), tick.desired
         self._answer = tick.span("dv", "dual")
@@ -148,6 +152,15 @@ class CompiledProgram(CompiledBody):
         self._move, self._near_pairs, self._assemble, self._search, self._conclude, self._command = (
             entry.native(tick) for entry in ENTRIES
         )
+
+    def reset(self) -> None:
+        """Take over which feet stand, where, what each may carry, and the support; the working set is forgotten."""
+        super().reset()
+        self._bound_loads()
+
+    def _bound_loads(self) -> None:
+        for c, foot in enumerate(self.inputs.feet):
+            self.tick.force_min[c], self.tick.force_max[c] = foot.load_bounds
 
     def forget(self) -> None:
         """Measure distances as at first: what is found does not depend on what was before, to the last bit."""

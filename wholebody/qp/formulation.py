@@ -5,9 +5,9 @@ Variables ``x = [dv (nv), f (3 per contact point), s (2 slacks)]``:
     minimise    sum_tasks w |J dv - target|^2 + w_dv |dv|^2 + w_f |f|^2 + slack penalties
     subject to  M_base dv + nle_base = J_points_base' f          six rows: the base is unactuated; nle is less what
                                                                  pushes the hands, as far as it is known
-                J_foot dv = target_foot                          six rows a foot: the feet stay
+                J_foot dv = target_foot                          six rows a foot that stands: it stays
                 |M_joints dv + nle_joints - J_points_joints' f| <= tau_max
-                friction pyramid of every point, f_min <= f_normal <= f_max
+                friction pyramid of every point, f_min <= f_normal <= f_max; no force on a foot that is up
                 dv_min <= dv_joints <= dv_max                    viable position and velocity limits
                 J_balance dv - s_0 <= bound                      centre of mass, tilt, height
                 J_distance dv - s_1 <= bound                     floor, self-collision
@@ -169,14 +169,16 @@ class InverseDynamics:
         for contact in self.contacts:
             J, target = contact.acceleration(self.robot)
             points.append(contact.force_jacobian(self.robot, J))
-            feet.append(J)
-            targets.append(target)
+            if contact.load > 0.0:
+                feet.append(J)
+                targets.append(target)
         return np.vstack(points), np.vstack(feet), np.concatenate(targets)
 
     def _variable_bounds(self, joints: JointBounds) -> tuple[np.ndarray, np.ndarray]:
         free = np.full(6, UNBOUNDED)
-        low = [np.tile([-UNBOUNDED, -UNBOUNDED, c.force_min], len(c.points)) for c in self.contacts]
-        high = [np.tile([UNBOUNDED, UNBOUNDED, c.force_max], len(c.points)) for c in self.contacts]
+        bounds = [(UNBOUNDED * (c.load > 0.0), *c.load_bounds, len(c.points)) for c in self.contacts]
+        low = [np.tile([-side, -side, least], n) for side, least, _, n in bounds]
+        high = [np.tile([side, side, most], n) for side, _, most, n in bounds]
         x_min = np.concatenate([-free, joints.ddq_min, *low, np.zeros(2)])
         x_max = np.concatenate([free, joints.ddq_max, *high, np.full(2, UNBOUNDED)])
         return x_min, x_max

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import pinocchio as pin
@@ -77,8 +78,14 @@ class ProgramInputs(BodyInputs):
     extra_rows: tuple[int, int] = (0, 0)
 
 
-def body_shapes(p: BodyInputs, blocks: int) -> tuple[dict[str, Shape], dict[str, Shape]]:
-    """Fields of reals and of integers that every compiled program has.
+Shapes = dict[str, Shape]
+"""Shape of each field by name."""
+StandingShapes = Callable[[Sequence[int]], tuple[Shapes, Shapes]]
+"""Fields of reals and of integers whose lengths go with the contacts that stand, by their numbers."""
+
+
+def body_shapes(p: BodyInputs, blocks: int) -> tuple[Shapes, Shapes]:
+    """Fields of reals and of integers that every compiled program has, beside those of `standing_shapes`.
 
     Args:
         p: What the program is made of.
@@ -86,8 +93,6 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[dict[str, Shape], dict[str,
     """
     model, feet, n_points = p.robot.model, len(p.feet), sum(len(foot.points) for foot in p.feet)
     nv, nj, nb, frames = model.nv, model.nv - 6, model.njoints - 1, len(frame_names(p))
-    bound, m = int(contact_moves(p).any(0).sum()), 6 * feet
-    ny = nv - m
     reals = {
         "bodies": (nb, 25), "frame_R_local": (frames, 3, 3), "frame_p_local": (frames, 3),
         "points_local": (n_points, 3), "foot_R_ref": (feet, 3, 3), "foot_p_ref": (feet, 3),
@@ -101,39 +106,67 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[dict[str, Shape], dict[str,
         "R": (nb, 3, 3), "p": (nb, 3), "S": (nv, 6), "force": (nb, 6), "sums": (22,),
         "frame_R": (frames, 3, 3), "frame_p": (frames, 3), "frame_V": (frames, 6), "frame_A": (frames, 6),
         "J": (6 * blocks, nv), "target": (blocks, 6), "weight": (blocks, 6), "body_target": (6,), "body_weight": (6,),
-        "posture_target": (nj,), "points": (n_points, 3), "gram": (6, 6), "K": (6, 6), "W": (6, 6), "B": (m, bound),
-        "beta": (2, m), "Z": (bound, bound - m), "dv_p": (bound,), "contact_target": (m,), "contact_goal": (m,),
-        "block_rows": (6, ny), "block_weighted": (6, ny), "H": (ny, ny), "U": (ny, ny), "g": (ny,), "y": (ny,),
-        "y_free": (ny,), "reduced_gradient": (ny,), "a_dv": (nv,), "six_a": (6,), "six_b": (6,),
-        "scratch": (12,),
+        "posture_target": (nj,), "points": (n_points, 3), "gram": (6, 6), "K": (6, 6), "W": (6, 6),
+        "contact_target": (6 * feet,), "a_dv": (nv,), "six_a": (6,), "six_b": (6,), "scratch": (12,),
     }  # fmt: skip
     ints = {
-        "parent": (nb,), "frame_body": (frames,), "bound_columns": (bound,), "free_columns": (nv - bound,),
-        "n_contacts": (), "n_edges": (), "hands": (), "iterations": (), "iteration_limit": (), "n_working": (),
+        "parent": (nb,), "frame_body": (frames,), "n_contacts": (), "n_edges": (), "hands": (), "iterations": (),
+        "iteration_limit": (), "n_working": (),
     }  # fmt: skip
     return reals, ints
 
 
-def search_shapes(nu: int, rows: int) -> tuple[dict[str, Shape], dict[str, Shape]]:
-    """Fields of the search of `active_set` for ``nu`` variables and a number of rows."""
+def standing_shapes(p: BodyInputs, standing: Sequence[int], others: int = 0) -> tuple[Shapes, Shapes]:
+    """Fields of reals and of integers whose lengths go with which feet stand.
+
+    Each foot that stands takes six directions from the accelerations: ``y`` has nv - 6 feet entries. A foot that is up
+    takes none, and the joints of its leg are free.
+
+    Args:
+        p: What the program is made of.
+        standing: Numbers of the contacts that stand.
+        others: Number of variables of the search beside ``y``.
+    """
+    nv, m = p.robot.model.nv, 6 * len(standing)
+    bound, points = int(contact_moves(p)[list(standing)].any(0).sum()), sum(len(p.feet[c].points) for c in standing)
+    ny = nv - m
+    nu = ny + others
     reals = {
+        "B": (m, bound), "beta": (2, m), "Z": (bound, bound - m), "dv_p": (bound,), "contact_goal": (m,),
+        "block_rows": (6, ny), "block_weighted": (6, ny), "H": (ny, ny), "U": (ny, ny), "g": (ny,), "y": (ny,),
+        "y_free": (ny,), "reduced_gradient": (ny,),
+        # Those of the search of `active_set`.
         "Q": (nu + 1, nu), "T": (nu + 1, nu + 1), "rhs": (nu + 1,), "lam": (nu + 1,), "sides": (nu + 1,),
         "y_dual": (nu + 1,), "lam_boundary": (nu + 1,), "coefficients": (nu + 1,), "m": (nu,), "u": (nu,),
-        "lower": (rows,), "upper": (rows,), "value": (rows,), "row_scale": (rows,),
     }  # fmt: skip
-    return reals, {"rows": (nu + 1,)}
+    ints = {
+        "bound_columns": (bound,), "free_columns": (nv - bound,), "standing": (len(standing),), "loaded": (points,),
+        "rows": (nu + 1,),
+    }  # fmt: skip
+    return reals, ints
+
+
+def room(p: BodyInputs, shapes: StandingShapes) -> tuple[Shapes, Shapes]:
+    """Fields as long as they get, whichever feet stand."""
+    feet = range(len(p.feet))
+    reals, ints = zip(*(shapes(chosen) for n in feet for chosen in combinations(feet, n + 1)), strict=True)
+    return tuple({name: tuple(map(max, *(one[name] for one in kind))) for name in kind[0]} for kind in (reals, ints))
+
+
+def row_shapes(rows: int) -> Shapes:
+    """Fields of reals that the rows of the search have."""
+    return {"lower": (rows,), "upper": (rows,), "value": (rows,), "row_scale": (rows,)}
 
 
 def fill_body(p: BodyInputs, tick: Packed) -> None:
     """What robot and tasks say and nothing changes."""
-    model, moves = p.robot.model, contact_moves(p)
+    model = p.robot.model
     tick.bodies[:], tick.parent[:] = body_table(model)
     for i, frame in enumerate(frame_names(p)):
         placement = model.frames[p.robot.frame_id(frame)].placement
         tick.frame_R_local[i], tick.frame_p_local[i] = placement.rotation, placement.translation
     tick.frame_body[:] = frame_bodies(p)
     tick.points_local[:] = np.vstack([foot.points for foot in p.feet])
-    tick.bound_columns[:], tick.free_columns[:] = np.flatnonzero(moves.any(0)), np.flatnonzero(~moves.any(0))
     hand, com, posture = p.tasks.palms[0], p.tasks.com, p.tasks.posture
     tick.hand_kp, tick.hand_kd, tick.com_kp, tick.com_kd = hand.kp, hand.kd, com.kp, com.kd
     tick.hand_feedback_max[:], tick.hand_weight[:] = hand.feedback_max, (hand.weight[0], hand.weight[3])
@@ -149,8 +182,15 @@ def fill_body(p: BodyInputs, tick: Packed) -> None:
     tick.trust[:] = tick.row_scale[:] = 1.0
 
 
-def place_feet(p: BodyInputs, tick: Packed) -> None:
-    """Take over where the feet were set down."""
+def stand(p: BodyInputs, tick: Packed, shapes: StandingShapes) -> None:
+    """Take over which feet stand and where; the memory takes the lengths that go with it, the working set is lost."""
+    standing = [c for c, foot in enumerate(p.feet) if foot.load > 0.0]
+    for each in shapes(standing):
+        tick.shape(each)
+    moves, points = contact_moves(p)[standing].any(0), np.arange(len(tick.points_local)).reshape(len(p.feet), -1)
+    tick.standing[:], tick.loaded[:] = standing, points[standing].reshape(-1)
+    tick.bound_columns[:], tick.free_columns[:] = np.flatnonzero(moves), np.flatnonzero(~moves)
+    tick.n_working = 0
     for R, position, foot in zip(tick.foot_R_ref, tick.foot_p_ref, p.feet, strict=True):
         if foot.T_world_ref is not None:
             R[:], position[:] = foot.T_world_ref.rotation, foot.T_world_ref.translation

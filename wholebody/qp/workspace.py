@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import numpy as np
 
 from wholebody.contacts.friction import pyramid_slope
@@ -11,11 +14,14 @@ from wholebody.limits.base import TIME_CONSTANT
 from wholebody.qp.kernels.limits import TRUNK_ROWS
 from wholebody.qp.program_inputs import (
     ProgramInputs,
+    Shapes,
     body_shapes,
     contact_moves,
     fill_body,
     frame_names,
-    search_shapes,
+    room,
+    row_shapes,
+    standing_shapes,
 )
 from wholebody.qp.proximity_tables import Fields, changing_shapes, no_tables, proximity_tables
 
@@ -55,20 +61,21 @@ def _shapes(p: ProgramInputs, real_tables: Fields, int_tables: Fields) -> tuple[
     blocks = len(frame_names(p)) + -(-task_rows // BLOCK)
     edges, soft = (n_points, n_points + TRUNK_ROWS + len(p.floor.underside.labels) + most) if p.safety else (0, 0)
     soft += limit_rows
-    rows, ny = 2 * nj + 5 * n_points + soft + 2, nv - 6 * feet
+    rows = 2 * nj + 5 * n_points + soft + 2
     body_reals, body_ints = body_shapes(p, blocks)
-    search_reals, search_ints = search_shapes(ny + nf + 2, rows)
+    standing_reals, standing_ints = room(p, partial(shapes_of, p))
     changing = changing_shapes(len(int_tables["pair_shapes"]), nj, len(real_tables["reach"]), most if p.safety else 0)
     reals = {
-        **body_reals, **search_reals, **{name: values.shape for name, values in real_tables.items()}, **changing[0],
+        **body_reals, **standing_reals, **row_shapes(rows), **changing[0],
+        **{name: values.shape for name, values in real_tables.items()},
         "armature": (nv,), "gravity": (3,), "joint_limits": (5, nj), "tau_max": (nj,), "effort_max": (nj,),
-        "foot_kp": (), "foot_kd": (), "slope": (), "force_min": (), "force_max": (), "moves": (feet, nv),
+        "foot_kp": (), "foot_kd": (), "slope": (), "force_min": (feet,), "force_max": (feet,), "moves": (feet, nv),
         "edges": (edges, 3), "pelvis_limit": (4,), "torso_limit": (4,), "height_limit": (4,), "collision_brake": (),
         "collision_dt": (), "floor_distance": (), "floor_trigger": (), "floor_brake": (), "floor_dt": (),
         "penalty_acceleration": (), "penalty_force": (), "penalty_slack": (), "penalty_slack_squared": (),
         "horizon": (), "leak": (), "V": (nb, 6), "A": (nb, 6), "inertia": (nb, 10), "momentum": (nb, 6),
         "M": (nv, nv), "F": (nv, 6), "nle": (nv,), "ddq_min": (nj,), "ddq_max": (nj,), "soft_J": (soft, nv),
-        "soft_upper": (soft,), "FZ": (6, ny), "w_p": (6,), "k": (6,), "centre": (3,), "f_0": (6,), "a_f": (nf,),
+        "soft_upper": (soft,), "w_p": (6,), "k": (6,), "centre": (3,), "f_0": (6,), "a_f": (nf,),
         "a_slack": (2,), "wrench": (feet, 6), "gradient": (nv,), "gradient_f": (nf,), "gradient_slack": (2,),
         "desired": (2, nj),
         # The answer, copied as a whole.
@@ -76,11 +83,17 @@ def _shapes(p: ProgramInputs, real_tables: Fields, int_tables: Fields) -> tuple[
         "dual": (rows,),
     }  # fmt: skip
     ints = {
-        **body_ints, **search_ints, **{name: values.shape for name, values in int_tables.items()}, **changing[1],
+        **body_ints, **standing_ints, **{name: values.shape for name, values in int_tables.items()}, **changing[1],
         "owner": (n_points,), "driven": (len(p.self_collision.prescribed),), "motors": (nj,),
         "fingers": (len(p.self_collision.prescribed),), "trunk": (), "n_balance": (),
     }  # fmt: skip
     return reals, ints
+
+
+def shapes_of(p: ProgramInputs, standing: Sequence[int]) -> tuple[Shapes, Shapes]:
+    """Fields whose lengths go with which contacts stand, by their numbers; all points have forces, if only 0."""
+    reals, ints = standing_shapes(p, standing, 3 * sum(len(foot.points) for foot in p.feet) + 2)
+    return reals | {"FZ": (6, *reals["y"])}, ints
 
 
 def _fill_robot(p: ProgramInputs, tick: Packed) -> None:
@@ -103,7 +116,6 @@ def _fill_robot(p: ProgramInputs, tick: Packed) -> None:
 def _fill_limits(p: ProgramInputs, tick: Packed) -> None:
     foot, limit, band, floor = p.feet[0], p.self_collision, p.height_limit, p.floor
     tick.foot_kp, tick.foot_kd, tick.slope = foot.kp, foot.kd, pyramid_slope(foot.friction)
-    tick.force_min, tick.force_max = foot.force_min, foot.force_max
     for values, bound in ((tick.pelvis_limit, p.pelvis_limit), (tick.torso_limit, p.torso_limit)):
         values[:] = bound.angle_max, bound.rate_max, bound.brake, TIME_CONSTANT
     tick.height_limit[:] = band.band, band.lowest, band.brake, TIME_CONSTANT

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from math import atan2, hypot, tan
@@ -41,8 +42,13 @@ class Feet:
         """Feet of a configuration (nq,); ``data`` is overwritten."""
         data = model.createData() if data is None else data
         pin.forwardKinematics(model, data, q)
-        poses = [pin.updateFramePlacement(model, data, frame_id(model, foot.frame)) for foot in spec.feet]
-        return cls(np.array([T.rotation for T in poses]), np.array([T.translation for T in poses]))
+        return cls.of(pin.updateFramePlacement(model, data, frame_id(model, foot.frame)) for foot in spec.feet)
+
+    @classmethod
+    def of(cls, poses: Iterable[pin.SE3]) -> Feet:
+        """Feet at poses ``T_world_foot``, left first."""
+        R, p = zip(*((T.rotation, T.translation) for T in poses), strict=True)
+        return cls(np.array(R), np.array(p))
 
     @property
     def poses(self) -> tuple[pin.SE3, pin.SE3]:

@@ -7,6 +7,7 @@ from math import hypot
 
 import numpy as np
 
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.plant import Plant
 from wholebody.robot.support_polygon import convex_polygon
 
@@ -35,14 +36,14 @@ class LimitExcess:
 
 
 class LimitMonitor:
-    """Looks at the plant after every control period.
+    """Looks at the plant after every control period; a foot that is up by the schedule is no fault.
 
     Attributes:
         torques: Motors asked for more than their effort limit, by joint [N m]. Fingers are left out: pressing with all
             they have is how they hold things.
         positions: Joints past a position limit, by joint [rad].
         margin: Least distance of the centre of pressure from the edge of the soles [m].
-        creep: Largest horizontal distance of a sole from where it was at first [m].
+        creep: Largest horizontal distance of a sole that stands from where it was when it began to [m].
     """
 
     def __init__(self, plant: Plant) -> None:
@@ -55,11 +56,14 @@ class LimitMonitor:
         self.positions: dict[str, LimitExcess] = {}
         self._edge: dict[str, LimitExcess] = {}
         self.margin, self.creep = np.inf, 0.0
-        self._soles = plant.soles()[:, :2].copy()
-        self._support = convex_polygon(plant.contact_points()[:, :2])
+        self._owner = np.repeat(np.arange(len(spec.feet)), [len(foot.points) for foot in spec.feet])
+        self._soles, self._stands = plant.soles()[:, :2].copy(), (False, False)
+        self._set_down((True, True))
 
-    def look(self, time: float) -> None:
-        """Take in the control period that ended at a time [s]."""
+    def look(self, time: float, contacts: ContactSchedule | None = None) -> None:
+        """Take in the control period that ended at a time [s], with these contacts; both feet stand without any."""
+        if contacts is not None and (stands := contacts.at(time).stands) != self._stands:
+            self._set_down(stands)
         dt, asked, q = self._plant.control_dt, self._plant.torque_asked, self._plant.joint_positions()
         # Something to note is rare: `any` takes a third of the time of looking for it.
         over = asked > self._effort_body
@@ -70,7 +74,7 @@ class LimitMonitor:
             bound = self._low[i] if q[i] < self._low[i] else self._high[i]
             _note(self.positions, self._names[i], time, dt, q[i], bound)
         slid = (self._plant.soles()[:, :2] - self._soles).tolist()
-        self.creep = max(self.creep, *(hypot(x, y) for x, y in slid))
+        self.creep = max(self.creep, *(hypot(x, y) for (x, y), on in zip(slid, self._stands, strict=True) if on))
         force, pressure = self._plant.foot_load()
         if force <= 0.0:
             return
@@ -78,6 +82,13 @@ class LimitMonitor:
         self.margin = min(self.margin, margin)
         if margin < EDGE:
             _note(self._edge, "pressure", time, dt, margin, EDGE)
+
+    def _set_down(self, stands: tuple[bool, bool]) -> None:
+        """These feet stand from now on: those that did not before, where they are now."""
+        new = np.array(stands) & ~np.array(self._stands)
+        self._soles[new], self._stands = self._plant.soles()[new, :2], stands
+        on = np.array(stands)[self._owner]
+        self._support = convex_polygon(self._plant.contact_points()[on, :2])
 
     @property
     def edge(self) -> LimitExcess | None:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from wholebody.config import TrajectoryConfig
 from wholebody.contacts.friction import pyramid_slope
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.feet import Feet, Floor
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
@@ -30,6 +31,7 @@ class Footing:
     pressure where the forces lean by 0.3. The cone of friction is that about the floor's own normal.
 
     Attributes:
+        contacts: Which feet stand where; both, for as long as the plan lasts.
         feet: Both feet.
         floor: Under them.
         corners: Contact points in world, shape (2, k, 3), [m].
@@ -38,6 +40,7 @@ class Footing:
         pressure_offsets: How far the centre of pressure goes towards the edges of the support [m].
     """
 
+    contacts: ContactSchedule
     feet: Feet
     floor: Floor
     corners: np.ndarray
@@ -46,13 +49,14 @@ class Footing:
     pressure_offsets: np.ndarray
 
     @classmethod
-    def of(cls, spec: RobotSpec, feet: Feet, least: float) -> Footing:
-        """Footing on these feet, each with its least share of the weight."""
+    def of(cls, spec: RobotSpec, contacts: ContactSchedule, least: float) -> Footing:
+        """Footing on these contacts, each with its least share of the weight; an `InputError` if a foot steps."""
+        feet = contacts.feet()
         corners, floor = feet.corners(spec), feet.floor(spec)
         support = convex_polygon(corners[:, :, :2].reshape(-1, 2))
         within = (corners.reshape(-1, 3) - floor.origin) @ floor.axes
         pressure = _pressure_offsets(support, *corners[:, :, :2], least)
-        return cls(feet, floor, corners, support, convex_polygon(within[:, :2]), pressure)
+        return cls(contacts, feet, floor, corners, support, convex_polygon(within[:, :2]), pressure)
 
     def tables(self, c: TrajectoryConfig, friction: float, least: float) -> dict[str, np.ndarray]:
         """Fields of `arrays.Tables` that say where the robot stands."""

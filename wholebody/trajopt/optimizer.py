@@ -26,7 +26,7 @@ import numpy as np
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.jit.entry import Entry
-from wholebody.robot.feet import Feet
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.trajopt.budget import Budget
 from wholebody.trajopt.gauss_newton import optimise
 from wholebody.trajopt.kernels.centroidal import place_palms
@@ -91,9 +91,9 @@ class TrajectoryOptimizer:
         self._scratch = np.zeros((1 + N_JOINTS, 3, 3)), np.zeros((2 + N_JOINTS, 3))
         self._relaxation: tuple[np.ndarray | None, np.ndarray] = (None, np.ones(1))
 
-    def stand_on(self, feet: Feet) -> None:
-        """Plan with the feet there from now on."""
-        self.body.stand_on(feet)
+    def stand_on(self, contacts: ContactSchedule) -> None:
+        """Plan with the feet there from now on; an `InputError` for a schedule in which one steps."""
+        self.body.stand_on(contacts)
         self.body.put(self.q_stance, self.body.tables.q_stance)
         self._problems.clear()  # the support may have another number of edges
 

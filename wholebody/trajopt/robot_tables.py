@@ -18,6 +18,7 @@ from wholebody.collision.shapes import ShapeTable, shape_table
 from wholebody.config import ControllerConfig, TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.robot.body_table import body_table
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import HandLoads
 from wholebody.robot.kernels.bodies import PLACEMENT_P
@@ -35,7 +36,7 @@ never the one with the least room."""
 
 
 class RobotTables:
-    """The robot without its fingers, on feet that stay: where the stance has them, or where `stand_on` is told.
+    """The robot without its fingers, on feet that stand: where the stance has them, or where `stand_on` is told.
 
     Configurations and velocities here are the body's, (36,) and (35,): the fingers are locked in the dynamics, and
     where the caller has them for the distances. Joints that a robot lacks are there, and idle (`limbs`).
@@ -78,7 +79,8 @@ class RobotTables:
         self.foot_load_min = points * force_min / (self.mass * float(np.linalg.norm(full.gravity.linear)))
         self.spec, self._config, self._friction = spec, config, friction
         q = self.body_of(self.q_full)
-        self.footing = Footing.of(spec, Feet.at(spec, model, q, self.data), self.foot_load_min)
+        there = ContactSchedule.standing(Feet.at(spec, model, q, self.data))
+        self.footing = Footing.of(spec, there, self.foot_load_min)
         placed = self.footing.tables(config, friction, self.foot_load_min)
         self.tables = _tables(spec, config, model, q, self.mass, placed)
         self._tau_max = self._full_tau_max = self.tables.tau_max.copy()
@@ -138,10 +140,10 @@ class RobotTables:
             upper = list(self.model.names)[-len(self._tau_max) :]
             self._tau_max = self._full_tau_max * [of.get(name, 1.0) for name in upper]
 
-    def stand_on(self, feet: Feet) -> None:
-        """The feet are there from now on."""
-        self.footing = Footing.of(self.spec, feet, self.foot_load_min)
-        q = self.body_of(feet.stance(self.spec, self.full))
+    def stand_on(self, contacts: ContactSchedule) -> None:
+        """The feet are there from now on; an `InputError` for a schedule in which one steps."""
+        self.footing = Footing.of(self.spec, contacts, self.foot_load_min)
+        q = self.body_of(self.footing.feet.stance(self.spec, self.full))
         floor, c = self.shapes.floor.copy(), self._config
         floor[0] = c.floor_distance + self.footing.floor.rise
         self.shapes = self.shapes._replace(floor=floor)

@@ -81,8 +81,8 @@ class ChunkGate:
 
     def __call__(self, request: PlanRequest, plan: ChunkPlan) -> StatusReport | None:
         """Why a chunk is held, or None; also where no plan is balanced: that is not followed, and asked for again."""
-        if request.feet is not None:
-            self._checker.judge.stand_on(request.feet)
+        if request.contacts is not None:
+            self._checker.judge.stand_on(request.contacts)
         begin, since = Begin(request.start.body, request.start.hands), thread_time()
         free = self._by_layout.get(request.chunk.spec_id, self.orientation_free)
         verdict = self._checker.of_plan(request.chunk, plan, begin, request.due, free)

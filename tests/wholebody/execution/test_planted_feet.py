@@ -60,7 +60,7 @@ def test_an_episode_begins_on_the_feet_as_they_are(planted):
 
 def test_a_foot_that_moved_counts_once_it_has_stayed_there(planted):
     begun(planted, standing(planted))
-    moved, before = standing(planted, 0.05, 1.0), planted.feet
+    moved, before = standing(planted, 0.05, 1.0), planted.contacts
     assert planted.planned(moved) is before
     assert planted.planned(replace(moved, time=1.0 + 0.5 * SETTLED)) is before
     assert planted.planned(replace(moved, time=1.0 + SETTLED)) is not before
@@ -69,7 +69,7 @@ def test_a_foot_that_moved_counts_once_it_has_stayed_there(planted):
 
 def test_a_foot_in_the_air_is_not_taken_for_one_that_moved(planted):
     begun(planted, standing(planted))
-    lifted, before = replace(standing(planted, 0.05, 1.0), stands=(True, False)), planted.feet
+    lifted, before = replace(standing(planted, 0.05, 1.0), stands=(True, False)), planted.contacts
     planted.planned(lifted)
     assert planted.planned(replace(lifted, time=1.0 + 2.0 * SETTLED)) is before
 

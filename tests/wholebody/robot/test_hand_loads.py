@@ -14,6 +14,7 @@ from models.pinocchio_model import load_pinocchio, stance_q
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.robot.body_table import body_table
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import HandLoads, Loads
 from wholebody.robot.state import Robot
 from wholebody.trajopt.robot_tables import RobotTables
@@ -105,7 +106,7 @@ def test_what_one_plans_with_is_made_once_and_another_one_carries_and_stands_ind
     one, other = (RobotTables.of(SPEC, c.planner.posture, c.friction, c.force_min) for _ in range(2))
     bare, feet = RobotTables(SPEC, c.planner.posture, c.friction, c.force_min), one.footing.feet
     one.carry(LOADS)
-    one.stand_on(replace(feet, p=feet.p + 0.01))
+    one.stand_on(ContactSchedule.standing(replace(feet, p=feet.p + 0.01)))
     one.proximity.measure(one.q_full, np.arange(3))
     one.proximity.distance[:] = 0.0
     assert one.shapes.vertices is other.shapes.vertices

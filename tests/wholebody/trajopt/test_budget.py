@@ -130,7 +130,7 @@ def test_a_plan_that_the_budget_ends_is_the_same_again_and_judged_as_any_other(r
     first, again = plan_of(one, rest, kind, 3), plan_of(planner(robot, 40.0), rest, kind, 3)
     np.testing.assert_array_equal(first.trajectory.q, again.trajectory.q)
     assert first.report.work == again.report.work
-    drift = one.contacts.capture_point_drift(first.trajectory, first.report.slowdown)
+    drift = one.balance.capture_point_drift(first.trajectory, first.report.slowdown)
     if first.report.safe:
         assert drift <= one.config.capture_point_drift_max
         assert first.report.violation <= one.config.violation_max

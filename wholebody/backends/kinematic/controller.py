@@ -81,7 +81,7 @@ class KinematicController(Controller):
         """The program at the present configuration, in readable Python."""
         self.robot.update(self.q, np.zeros(self.robot.nv))
         tasks = [task for task in self.tasks.body if task is not self.tasks.momentum]
-        return build(self.robot, self.feet, [*tasks, *self.palms], self.balance, self.joints, self.config.dt)
+        return build(self.robot, self.standing, [*tasks, *self.palms], self.balance, self.joints, self.config.dt)
 
     def _compiled(self) -> TickReport:
         compiled, robot = self.compiled, self.robot
@@ -109,7 +109,7 @@ class KinematicController(Controller):
             self.compiled.support(q)
             return self.compiled.tau.copy()
         self._measured.update(q, np.zeros(self.robot.nv))
-        return gravity_torques(self._measured, self.feet)
+        return gravity_torques(self._measured, self.standing)
 
     def _command(self, time: float) -> JointCommand:
         order = self.robot.pin_to_motor

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from wholebody.backends.kinematic.kernels import placement
@@ -11,7 +13,7 @@ from wholebody.jit.entry import Entry
 from wholebody.qp.compiled_program import CompiledBody
 from wholebody.qp.kernels.active_set import SOLVED
 from wholebody.qp.problem import QPSolution, Residuals
-from wholebody.qp.program_inputs import BodyInputs
+from wholebody.qp.program_inputs import BodyInputs, standing_shapes
 
 _NONE = np.zeros(0)
 _solve, _support = Entry(kernels.solve), Entry(placement.support)
@@ -26,7 +28,7 @@ class KinematicProgram(CompiledBody):
     """
 
     def __init__(self, inputs: BodyInputs) -> None:
-        super().__init__(inputs, make_workspace(inputs), supported=True)
+        super().__init__(inputs, make_workspace(inputs), partial(standing_shapes, inputs), supported=True)
         tick = self.tick
         self.v, self.com, self.J_com = tick.dv, tick.com[:3], tick.J_com
         self._solve, self._support = _solve.native(tick), _support.native(tick)

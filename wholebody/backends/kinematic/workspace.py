@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from wholebody.backends.kinematic.formulation import FOOT_GAIN, RETREAT, SPEED_PENALTY
 from wholebody.jit.packed import Packed
-from wholebody.qp.program_inputs import BodyInputs, body_shapes, fill_body, frame_names, search_shapes
+from wholebody.qp.program_inputs import (
+    BodyInputs,
+    body_shapes,
+    fill_body,
+    frame_names,
+    room,
+    row_shapes,
+    standing_shapes,
+)
 from wholebody.robot.kernels.pendulum import GRAVITY
 
 
@@ -14,14 +24,14 @@ def make_workspace(p: BodyInputs) -> Packed:
     nv, nj, nb, frames = model.nv, model.nv - 6, model.njoints - 1, len(frame_names(p))
     rows = nj + n_points
     body_reals, ints = body_shapes(p, frames)
-    search_reals, search_ints = search_shapes(nv - 6 * feet, rows)
+    standing_reals, standing_ints = room(p, partial(standing_shapes, p))
     reals = {
-        **body_reals, **search_reals, "joint_limits": (3, nj), "edges": (n_points, 3), "task_kd": (frames,),
-        "foot_gain": (), "speed_penalty": (), "retreat": (), "gravity": (), "q_measured": (model.nq,),
-        "mass_moment": (nb, 4), "com": (6,), "J_com": (3, nv), "dv": (nv,), "tau": (nj,), "dual": (rows,),
-        "residuals": (3,),
+        **body_reals, **standing_reals, **row_shapes(rows), "joint_limits": (3, nj), "edges": (n_points, 3),
+        "task_kd": (frames,), "foot_gain": (), "speed_penalty": (), "retreat": (), "gravity": (),
+        "q_measured": (model.nq,), "mass_moment": (nb, 4), "com": (6,), "J_com": (3, nv), "dv": (nv,), "tau": (nj,),
+        "dual": (rows,), "residuals": (3,),
     }  # fmt: skip
-    tick = Packed(reals, {**ints, **search_ints})
+    tick = Packed(reals, {**ints, **standing_ints})
     fill_body(p, tick)
     tick.joint_limits[:] = p.joints
     kd_hand, kd_trunk = p.tasks.palms[0].kd, p.tasks.torso.kd

@@ -15,6 +15,7 @@ from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import InputError
 from wholebody.qp.formulation import Regularisation, WholeBodySolution
 from wholebody.qp.problem import QPSolution, Residuals
+from wholebody.robot.contact_schedule import Contacts
 from wholebody.tasks.momentum import AngularMomentumTask
 
 PHYSICS_TOLERANCE = 1e-3
@@ -56,6 +57,12 @@ class PlacoController(WholeBodyController):
         error = self.physics_error(solution)
         ok = bool(error <= PHYSICS_TOLERANCE)
         return QPSolution(x, none, none, none, Residuals(error, 0.0, 0.0), ok, "placo", thread_time() - start)
+
+    def stand_on(self, contacts: Contacts) -> None:
+        """Both feet stay there from now on; an `InputError` for contacts of which one is up or relieved."""
+        if contacts.load != (1.0, 1.0):
+            raise InputError("the placo backend stands on both feet; `backend: native` lifts one")
+        super().stand_on(contacts)
 
     def physics_error(self, solution: WholeBodySolution) -> float:
         """Largest violation of the equation of motion, the rigid feet, the friction cones and the effort limits.

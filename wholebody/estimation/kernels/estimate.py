@@ -75,7 +75,8 @@ def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out, cova
         legs.press(memory, tau, math.exp(-dt / PRESSED_FILTER) if dt >= 0.0 else 0.0)
     for foot in range(2):
         least = memory.press_min * (1.0 if memory.stands[foot] else 2.0)
-        memory.stands[foot] = not tells or memory.pressed[foot] >= least
+        pressed = not tells or memory.pressed[foot] >= least
+        memory.stands[foot] = memory.may_stand[foot] if pressed else 0
     if dt > 0.0:
         compare(memory, dt)
     elif dt < 0.0:

@@ -24,7 +24,7 @@ from wholebody.planning.still_postures import StillPostures
 from wholebody.planning.strategies.strategy import PREVIEW
 from wholebody.planning.trajectory import BodyState
 from wholebody.reference import HandMotion, rest_row, time_scaled
-from wholebody.robot.feet import Feet
+from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.palms import palm_points
 from wholebody.robot.state import Robot
@@ -89,7 +89,7 @@ class ChunkJudge:
         scene: What stands around it; nothing if not given.
 
     Attributes:
-        feet: Where the stance has them.
+        contacts: Both feet where the stance has them.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class ChunkJudge:
         self._loads = Loads((self.config.loads.left, self.config.loads.right))
         self.planner.carry(self._loads)
         self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
-        self.feet = self.planner.optimizer.body.footing.feet
+        self.contacts = self.planner.optimizer.body.footing.contacts
 
     @property
     def loads(self) -> tuple[float, float]:
@@ -116,11 +116,11 @@ class ChunkJudge:
         self.planner.carry(self._loads)
         self.postures.body.carry(self._loads.most)
 
-    def stand_on(self, feet: Feet | None = None) -> None:
+    def stand_on(self, contacts: ContactSchedule | None = None) -> None:
         """Judge with the feet there from now on; where the stance has them if not given."""
-        feet = feet or self.feet
-        if not feet.same(self.planner.optimizer.body.footing.feet):
-            self.planner.stand_on(feet)
+        contacts = contacts or self.contacts
+        if not contacts.same(self.planner.optimizer.body.footing.contacts):
+            self.planner.stand_on(contacts)
             self._margins = MotionMargins(self.planner.optimizer.body, self.config.planner.posture)
             self.__dict__.pop("stills", None)  # the support may have another number of edges
 

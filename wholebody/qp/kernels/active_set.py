@@ -8,9 +8,9 @@ size, not the iterations that led there.
 
 Q is stored by rows: ``Q[k]`` is the column k above.
 
-`search` works on any memory ``tick`` with the fields of `wholebody.qp.program_inputs.search_shapes` (T is the R above),
-and with two functions of the program: ``evaluate_point(tick)`` fills ``value`` at ``u``, and ``transform(tick, row)``
-writes a row in the variables ``u`` into ``m``.
+`search` works on any memory ``tick`` with the fields of `standing_shapes` in `wholebody.qp.program_inputs` (T is the R
+above), and with two functions of the program: ``evaluate_point(tick)`` fills ``value`` at ``u``, and
+``transform(tick, row)`` writes a row in the variables ``u`` into ``m``.
 
 Source:
     Goldfarb and Idnani 1983, "A numerically stable dual method for solving strictly convex quadratic programs",

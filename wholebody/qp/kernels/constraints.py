@@ -24,13 +24,14 @@ def bounds(tick: Packed) -> None:
     """Bounds ``lower`` and ``upper`` of all rows; ``nle`` moves to the right-hand side."""
     lower, upper, soft, nle = tick.lower, tick.upper, tick.soft_upper, tick.nle
     ddq_min, ddq_max, tau_max = tick.ddq_min, tick.ddq_max, tick.tau_max if tick.hands else tick.effort_max
-    n, k, s, hands = ddq_min.shape[0], tick.owner.shape[0], soft.shape[0], tick.hands
+    owner, force_min, force_max, hands = tick.owner, tick.force_min, tick.force_max, tick.hands
+    n, k, s = ddq_min.shape[0], owner.shape[0], soft.shape[0]
     for j in range(n):
         lower[j], upper[j] = (ddq_min[j], ddq_max[j]) if hands else (-WIDE, WIDE)
         lower[n + j], upper[n + j] = -tau_max[j] - nle[6 + j], tau_max[j] - nle[6 + j]
     at = 2 * n
     for i in range(k):
-        lower[at + i], upper[at + i] = tick.force_min, tick.force_max
+        lower[at + i], upper[at + i] = force_min[owner[i]], force_max[owner[i]]
     at += k
     for i in range(4 * k):
         lower[at + i], upper[at + i] = -NO_BOUND, 0.0
@@ -129,11 +130,12 @@ def describe(tick: Packed, row) -> bool:
 
 def describe_torque(tick: Packed, j) -> bool:
     """The torque row of joint ``j``; True if it moves a contact."""
-    a_dv, a_f, M, S, P, owner, moves = tick.a_dv, tick.a_f, tick.M, tick.S, tick.points, tick.owner, tick.moves
-    c, found = 6 + j, False
+    a_dv, a_f, M, S, P, moves = tick.a_dv, tick.a_f, tick.M, tick.S, tick.points, tick.moves
+    owner, loaded, c, found = tick.owner, tick.loaded, 6 + j, False
     for i in range(a_dv.shape[0]):
         a_dv[i] = M[c, i]
-    for i in range(owner.shape[0]):
+    for k in range(loaded.shape[0]):
+        i = loaded[k]
         if moves[owner[i], c] > 0.0:
             found = True
             x, y, z = velocity_at(S[c], P[i])
@@ -141,17 +143,19 @@ def describe_torque(tick: Packed, j) -> bool:
     return found
 
 
-def total_wrench(f, P, w) -> None:
-    """``w = G f`` (6,) of point forces (3 k,) at offsets P (k, 3)."""
+def total_wrench(f, P, loaded, w) -> None:
+    """``w = G f`` (6,) of the point forces ``loaded`` (n,) of those (3 k,) at offsets P (k, 3)."""
     for a in range(6):
         w[a] = 0.0
-    for i in range(P.shape[0]):
+    for k in range(loaded.shape[0]):
+        i = loaded[k]
         add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], w)
 
 
-def add_spread(h, P, factor, f) -> None:
-    """``f += factor G' h`` (3 k,)."""
-    for i in range(P.shape[0]):
+def add_spread(h, P, loaded, factor, f) -> None:
+    """``f += factor G' h`` (3 k,), at the points ``loaded``."""
+    for k in range(loaded.shape[0]):
+        i = loaded[k]
         x, y, z = velocity_at(h, P[i])
         f[3 * i] += factor * x
         f[3 * i + 1] += factor * y
@@ -168,12 +172,12 @@ def transform(tick: Packed, row) -> None:
     reduce_row(tick.a_dv, tick.bound_columns, tick.free_columns, tick.Z, m)
     if loaded:
         # What of a_f moves the whole robot is the business of dv; what is left acts on forces that cancel.
-        total_wrench(a_f, P, w)
+        total_wrench(a_f, P, tick.loaded, w)
         for a in range(6):
             h[a] = dot(W[a], w, 6)
             for j in range(ny):
                 m[j] += h[a] * FZ[a, j]
-        add_spread(h, P, -1.0, a_f)
+        add_spread(h, P, tick.loaded, -1.0, a_f)
     solve_transposed(tick.U, m, ny)
     force, slack = 1.0 / math.sqrt(tick.penalty_force), 1.0 / math.sqrt(tick.penalty_slack_squared)
     for i in range(nf):

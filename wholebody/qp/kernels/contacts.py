@@ -14,20 +14,21 @@ def contacts(tick: Packed) -> bool:
         foot_target(tick, c)
     if not allowed_motion(tick):
         return False
-    contact_gram(tick.points, tick.gram)
+    contact_gram(tick.points, tick.loaded, tick.gram)
     return inverse_6(tick.gram, tick.K, tick.W)
 
 
 def allowed_motion(tick: Packed) -> bool:
     """Basis ``Z`` of what the contacts allow and the shortest ``dv_p`` with ``J dv_p = contact_target``."""
-    B, beta, bound, J, target, goal = (
-        tick.B, tick.beta, tick.bound_columns, tick.J, tick.contact_target, tick.contact_goal
+    B, beta, bound, J, target, goal, standing = (
+        tick.B, tick.beta, tick.bound_columns, tick.J, tick.contact_target, tick.contact_goal, tick.standing
     )  # fmt: skip
     m, n = B.shape
     for r in range(m):
-        goal[r] = target[r]
+        row = 6 * standing[r // 6] + r % 6
+        goal[r] = target[row]
         for i in range(n):
-            B[r, i] = J[r, bound[i]]
+            B[r, i] = J[row, bound[i]]
     if not null_space(B, m, n, beta, tick.Z):
         return False
     particular(B, beta, m, n, goal, tick.dv_p)
@@ -60,13 +61,14 @@ def point_offsets(tick: Packed, c) -> None:
             points[i, a] = x[a] + rotate(R, a, local[i, 0], local[i, 1], local[i, 2])
 
 
-def contact_gram(P, gram) -> None:
-    """``G G'`` (6, 6) of the contact points at offsets P (k, 3)."""
+def contact_gram(P, loaded, gram) -> None:
+    """``G G'`` (6, 6) of the contact points ``loaded`` (n,) of those at offsets P (k, 3)."""
     for a in range(6):
         for b in range(6):
             gram[a, b] = 0.0
-    n = P.shape[0]
-    for i in range(n):
+    n = loaded.shape[0]
+    for k in range(n):
+        i = loaded[k]
         x, y, z = P[i, 0], P[i, 1], P[i, 2]
         gram[0, 4] += z
         gram[0, 5] -= y

@@ -58,11 +58,9 @@ def residuals(tick: Packed) -> None:
 
 def primal(tick: Packed) -> float:
     """Largest violation of a contact row, a root row or an inequality."""
-    dv, w, J, F, f_0, goal = tick.dv, tick.six_a, tick.J, tick.F, tick.f_0, tick.contact_target
-    nv, found = dv.shape[0], 0.0
-    for r in range(goal.shape[0]):
-        found = larger(abs(dot(J[r], dv, nv) - goal[r]), found)
-    total_wrench(tick.f, tick.points, w)
+    dv, w, F, f_0 = tick.dv, tick.six_a, tick.F, tick.f_0
+    nv, found = dv.shape[0], contact_error(tick)
+    total_wrench(tick.f, tick.points, tick.loaded, w)
     for a in range(6):
         w[a] -= f_0[a]
     for c in range(nv):
@@ -71,6 +69,15 @@ def primal(tick: Packed) -> float:
     for a in range(6):
         found = larger(abs(w[a]), found)
     return larger(violation(tick), found)
+
+
+def contact_error(tick: Packed) -> float:
+    """Largest difference of a row of the contacts that stand from its target."""
+    J, dv, target, standing, found = tick.J, tick.dv, tick.contact_target, tick.standing, 0.0
+    for s in range(standing.shape[0]):
+        for r in range(6 * standing[s], 6 * standing[s] + 6):
+            found = larger(abs(dot(J[r], dv, dv.shape[0]) - target[r]), found)
+    return found
 
 
 def violation(tick: Packed) -> float:
@@ -166,10 +173,10 @@ def stationarity(tick: Packed) -> tuple[float, float]:
 def project(tick: Packed) -> None:
     """Take out of the gradients what the multipliers of root rows and contacts can carry."""
     gradient, F, W, P, w, h = tick.gradient, tick.F, tick.W, tick.points, tick.six_a, tick.six_b
-    total_wrench(tick.gradient_f, P, w)
+    total_wrench(tick.gradient_f, P, tick.loaded, w)
     for a in range(6):
         h[a] = dot(W[a], w, 6)
-    add_spread(h, P, -1.0, tick.gradient_f)
+    add_spread(h, P, tick.loaded, -1.0, tick.gradient_f)
     for i in range(gradient.shape[0]):
         gradient[i] += dot(F[i], h, 6)
     reduce_row(gradient, tick.bound_columns, tick.free_columns, tick.Z, tick.reduced_gradient)

@@ -72,9 +72,9 @@ def forces(tick: Packed) -> None:
     for i in range(f.shape[0]):
         f[i] = u[ny + i] / size
     # These forces cancel out but for rounding, which is taken out here: it would push the robot.
-    total_wrench(f, P, h)
+    total_wrench(f, P, tick.loaded, h)
     for a in range(6):
         w[a] -= h[a]
     for a in range(6):
         h[a] = dot(W[a], w, 6)
-    add_spread(h, P, 1.0, f)
+    add_spread(h, P, tick.loaded, 1.0, f)

@@ -86,7 +86,7 @@ class Explainer:
         chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
         for twin in self._twins:
             twin.carry(*self._judge.loads)
-            twin.stand_on(self._judge.planner.optimizer.body.footing.feet)
+            twin.stand_on(self._judge.planner.optimizer.body.footing.contacts)
         program = ChunkProgram(self._judge, chunk, begin, free, suspect.now, self._twins)
         if suspect.plan.report.slowdown == 1.0:
             program.know(suspect.plan.knots)

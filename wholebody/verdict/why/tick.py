@@ -133,7 +133,7 @@ def hard_rows(controller: WholeBodyController, qp: QuadraticProgram, free: np.nd
     """
     n = len(qp.g) - qp.n_slack
     A, lower, upper, labels = [qp.A[:, :n]], [qp.b], [qp.b], [f"dynamics.{i}" for i in range(6)]
-    labels += [f"{foot.frame}.{axis}" for foot in controller.feet for axis in AXES]
+    labels += [f"{foot.frame}.{axis}" for foot in controller.standing for axis in AXES]
     A.append(qp.C[:, :n])
     lower.append(qp.lower)
     upper.append(qp.upper)

@@ -57,20 +57,20 @@ def jacobians(tick: Packed) -> None:
 
 def support(tick: Packed) -> None:
     """Joint torques ``tau`` that hold the robot still at ``q_measured``, with the shortest forces on the soles."""
-    S, W, w, h, load, tau, feet = tick.S, tick.W, tick.six_a, tick.six_b, tick.force, tick.tau, tick.n_contacts
+    S, W, w, h, load, tau, standing = tick.S, tick.W, tick.six_a, tick.six_b, tick.force, tick.tau, tick.standing
     place(tick, tick.q_measured)
     frames(tick)
     weights(tick)
-    for c in range(feet):
-        point_offsets(tick, c)
-    contact_gram(tick.points, tick.gram)
+    for k in range(standing.shape[0]):
+        point_offsets(tick, standing[k])
+    contact_gram(tick.points, tick.loaded, tick.gram)
     inverse_6(tick.gram, tick.K, W)
     for a in range(6):
         w[a] = load[0, a]
     for a in range(6):
         h[a] = -dot(W[a], w, 6)
-    for c in range(feet):
-        carry(tick, h, c)
+    for k in range(standing.shape[0]):
+        carry(tick, h, standing[k])
     for j in range(tau.shape[0]):
         tau[j] = -dot6(S[6 + j], load[1 + j])
 

@@ -13,7 +13,7 @@ from wholebody.qp.kernels.active_set import NO_BOUND, NO_CONTACT, NOT_CONVEX, SO
 from wholebody.qp.kernels.contacts import allowed_motion
 from wholebody.qp.kernels.cost import add_block, add_posture, expand, factor, has_weight, reduce_row
 from wholebody.qp.kernels.linear_algebra import dot, solve_transposed
-from wholebody.qp.kernels.residuals import accepted, larger, violation
+from wholebody.qp.kernels.residuals import accepted, contact_error, larger, violation
 from wholebody.qp.kernels.solve import reduced_point
 from wholebody.qp.kernels.targets import targets
 from wholebody.robot.kernels.rotation import rotation_between
@@ -135,7 +135,7 @@ def conclude(tick: Packed) -> bool:
         dual[row] = side * lam[k]
         product = larger(abs(lam[k] * (upper[row] - value[row] if side > 0.0 else value[row] - lower[row])), product)
     largest, scale = stationarity(tick)
-    out[0], out[1], out[2] = larger(violation(tick), foot_error(tick)), largest / scale, product / scale
+    out[0], out[1], out[2] = larger(violation(tick), contact_error(tick)), largest / scale, product / scale
     return accepted(tick)
 
 
@@ -158,11 +158,3 @@ def stationarity(tick: Packed) -> tuple[float, float]:
     for a in range(ny):
         largest = larger(abs(left[a]), largest)
     return largest, scale
-
-
-def foot_error(tick: Packed) -> float:
-    """Largest difference of a foot's velocity from the one it should have [m/s, rad/s]."""
-    J, v, goal, largest = tick.J, tick.dv, tick.contact_target, 0.0
-    for r in range(goal.shape[0]):
-        largest = larger(abs(dot(J[r], v, v.shape[0]) - goal[r]), largest)
-    return largest
