@@ -25,7 +25,7 @@ from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp.compiled_program import CompiledProgram
 from wholebody.qp.formulation import InverseDynamics, JointBounds, Regularisation, WholeBodySolution
 from wholebody.qp.kernels.targets import DAMPING
-from wholebody.qp.problem import QPSolution, QuadraticProgram
+from wholebody.qp.problem import QPSolution, QuadraticProgram, check_further
 from wholebody.qp.program_inputs import EXTRA_ROWS, ProgramInputs
 from wholebody.qp.solvers import solve
 from wholebody.robot.feet import Feet
@@ -204,7 +204,11 @@ class WholeBodyController(Controller):
         self.compiled.set_extra(objectives, [limit.rows(robot) for limit in self.extra_limits])
 
     def build(self, *, hands: bool = True) -> QuadraticProgram:
-        """The program at the present state; without hands also the joint bounds are wide: the arms give way."""
+        """The program at the present state; without hands also the joint bounds are wide: the arms give way.
+
+        Raises:
+            InputError: If a further task or limit asks for something that is not finite.
+        """
         robot = self.robot
         self.dynamics.pushed = self.pushed()
         low, high = viable_acceleration_bounds(robot.q[7:], robot.v[6:], self.joints, self.config.safety.joint_horizon)
@@ -216,8 +220,13 @@ class WholeBodyController(Controller):
             low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self.effort_max
             slowed = self.tasks.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-DAMPING * robot.v[6:])
-        objectives += [task.objective(robot) for task in self.extra_tasks]
+        further = [task.objective(robot) for task in self.extra_tasks]
         rows = [limit.rows(robot) for limit in self.limits]
+        for one in further:
+            check_further("task", one.J, one.target, one.weight)
+        for one in rows[len(rows) - len(self.extra_limits) :]:
+            check_further(f"limit {', '.join(one.labels)}", one.J, one.upper)
+        objectives += further
         collision = [self.floor.rows(robot), self.self_collision.rows(robot)] if self._safety else []
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
 

@@ -16,7 +16,7 @@ from wholebody.jit.packed import Packed
 from wholebody.limits.base import Rows
 from wholebody.qp.formulation import WholeBodySolution
 from wholebody.qp.kernels import active_set, assemble, command, proximity, residuals, solve
-from wholebody.qp.problem import QPSolution, Residuals
+from wholebody.qp.problem import QPSolution, Residuals, check_further
 from wholebody.qp.program_inputs import BodyInputs, ProgramInputs, StandingShapes, stand
 from wholebody.qp.workspace import BLOCK, make_workspace, shapes_of
 from wholebody.tasks.base import Objective
@@ -196,13 +196,13 @@ class CompiledProgram(CompiledBody):
         target, weight, upper = tick.target[n:].reshape(-1), tick.weight[n:].reshape(-1), tick.soft_upper[slot:]
         weight[:], upper[:limit_room], at = 0.0, np.inf, 0
         for one in objectives:
-            _check_finite("task", one.J, one.target, one.weight)
+            check_further("task", one.J, one.target, one.weight)
             end = at + len(one.target)
             tick.J[BLOCK * n + at : BLOCK * n + end], target[at:end], weight[at:end] = one.J, one.target, one.weight
             at = end
         at = 0
         for one in limits:
-            _check_finite(f"limit {', '.join(one.labels)}", one.J, one.upper)
+            check_further(f"limit {', '.join(one.labels)}", one.J, one.upper)
             end = at + len(one.upper)
             tick.soft_J[slot + at : slot + end], upper[at:end] = one.J, one.upper
             at = end
@@ -253,9 +253,3 @@ class CompiledProgram(CompiledBody):
             # Bodies that touch have a depth, which only the slower algorithm finds.
             unsure = self.tick.unsure_pairs[: self.tick.n_unsure]
             self.inputs.self_collision.proximity.measure(self.q, unsure)
-
-
-def _check_finite(owner: str, *arrays: np.ndarray) -> None:
-    """A solver would drop such a row without a word."""
-    if not all(np.isfinite(array).all() for array in arrays):
-        raise InputError(f"a further {owner} asks for something that is not finite; its arrays must be, at every state")

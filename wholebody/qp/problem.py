@@ -62,6 +62,12 @@ class QuadraticProgram:
         return f" (row {row}: {self.labels[row]})"
 
 
+def check_further(owner: str, *arrays: np.ndarray) -> None:
+    """Refuse arrays of a further task or limit that are not finite: an `InputError` that names the owner."""
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise InputError(f"a further {owner} asks for something that is not finite; its arrays must be, at every state")
+
+
 @dataclass(frozen=True)
 class Residuals:
     """Karush-Kuhn-Tucker residuals of a candidate solution, each a scaled maximum norm.

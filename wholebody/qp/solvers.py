@@ -55,7 +55,7 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
     """Solve a program with one named solver and judge the answer.
 
     Args:
-        qp: The program; its data must be finite (see `QuadraticProgram.check_finite`).
+        qp: The program; its data must be finite, which `QuadraticProgram.check_finite` finds out.
         solver: One of `available()`.
 
     Returns:

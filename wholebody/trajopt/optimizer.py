@@ -159,7 +159,7 @@ class TrajectoryOptimizer:
     def palms(self, q: np.ndarray) -> np.ndarray:
         """Poses of both palms, shape (n, 2, 4, 4), at configurations (n, nq)."""
         T = np.empty((len(q), 2, 4, 4))
-        _place_palms(self.body.tables, self.body.body_of(q), T, *self._scratch)
+        _place_palms(self.body.tables, self.body.body_of(np.asarray(q, dtype=float)), T, *self._scratch)
         return T
 
     def measured(self, motion: KnotTrajectory) -> TrajectoryProblem:

@@ -130,6 +130,18 @@ def test_one_line_in_the_task_set_is_enough(monkeypatch):
         KinematicController(SPEC)
 
 
+@pytest.mark.parametrize("solver", ["compiled", "daqp", "quadprog", "piqp"])
+def test_a_limit_that_is_not_finite_is_named_whatever_solves(solver):
+    class Broken(SpeedLimit):
+        def rows(self, robot):
+            return replace(super().rows(robot), upper=np.full(6, np.nan))
+
+    controller, q0 = make(ControllerConfig(solver=solver), extra_limits=[Broken("torso_link", 1.0)])
+    controller.robot.update(q0, np.zeros(controller.robot.nv))
+    with pytest.raises(InputError, match=r"limit speed\.x\.max.*not finite"):
+        controller.step(RobotState(0.0, q0, np.zeros(controller.robot.nv)), standing(controller, q0))
+
+
 def test_rows_without_room_are_refused():
     controller, q0 = make(extra_tasks=[LookAt("torso_link", POINT)])
     robot = controller.robot

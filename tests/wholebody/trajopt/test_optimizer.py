@@ -77,6 +77,14 @@ def inverse_dynamics(planner, motion):
     return np.array(points), np.array(torques)
 
 
+def test_palms_of_whole_numbers_are_those_of_the_same_reals(planner):
+    q = np.zeros((2, planner.model.nq), dtype=int)
+    q[:, 2] = q[:, 6] = 1
+    for kind in (int, np.float32):
+        assert np.array_equal(planner.palms(q.astype(kind)), planner.palms(q.astype(float)))
+    assert np.isfinite(planner.palms(q)).all()
+
+
 @pytest.mark.parametrize(("x", "z"), [(0.40, 0.30), (0.45, 0.60), (0.50, 1.00)])
 def test_reaches_are_planned_to_millimetres_with_every_bound_kept(planner, x, z):
     T, motion = plan(planner, reach(x, z), 4.0)
