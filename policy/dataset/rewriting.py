@@ -10,9 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from policy.action_spec.spec import ActionSpec
 from policy.dataset.checks import check_cameras, check_images, check_times, check_videos
 from policy.dataset.columns import numeric_columns, stored_columns
 from policy.dataset.format import ACTION, Dataset, Episode
+from policy.dataset.naming.meaning import DOUBLED, meaning, says_nothing
+from policy.dataset.naming.sources import find_source
+from policy.dataset.naming.vouched import column_names
 from policy.dataset.open import open_dataset
 from policy.dataset.stats import statistics
 from policy.dataset.writer import DatasetWriter, set_column
@@ -23,7 +27,12 @@ if TYPE_CHECKING:
 
 
 def rewrite_dataset(
-    source: str | Path, target: str | Path, actions: Mapping[int, np.ndarray | None], *, said: Mapping[str, Any]
+    source: str | Path,
+    target: str | Path,
+    actions: Mapping[int, np.ndarray | None],
+    *,
+    said: Mapping[str, Any],
+    spec: ActionSpec | None = None,
 ) -> int:
     """Write a dataset (v3.0) whose episodes have other actions; videos are copied as they are.
 
@@ -36,6 +45,8 @@ def rewrite_dataset(
         actions: New actions by episode, shape (n, D), or None to keep its own; episodes that are not named are left
             out.
         said: Written to ``meta/repair.json``.
+        spec: Layout of the new actions where they are joints, whose columns are found by their names; None where they
+            are as the dataset has them.
 
     Returns:
         Number of episodes.
@@ -53,11 +64,13 @@ def rewrite_dataset(
     check_times(dataset)
     check_videos(dataset)
     stored, columns = stored_columns(dataset), dict[str, list[np.ndarray]]()
+    where = _Places(dataset, spec)
+    said = {**said, "kept_as_recorded": where.kept} if where.kept else said
     with DatasetWriter(Path(target), dataset.info, dataset.tasks) as writer:
         for old in episodes:
             rows = dataset.table(old, stored)
             check_images(rows, [key for key in dataset.cameras if key in stored], old)
-            episode, rows = _with_actions(dataset, old, rows, actions[old.index])
+            episode, rows = _with_actions(dataset, old, rows, actions[old.index], where)
             rows = writer.numbered(rows)
             found = dict(numeric_columns(rows, dataset.features, episode))
             for key, values in found.items():
@@ -70,7 +83,7 @@ def rewrite_dataset(
 
 
 def _with_actions(
-    dataset: Dataset, episode: Episode, rows: pyarrow.Table, actions: np.ndarray | None
+    dataset: Dataset, episode: Episode, rows: pyarrow.Table, actions: np.ndarray | None, where: _Places
 ) -> tuple[Episode, pyarrow.Table]:
     if actions is None:
         return episode, rows
@@ -87,7 +100,40 @@ def _with_actions(
         rows = set_column(rows, "timestamp", (times[0] + steps / dataset.fps).astype(times.dtype))
         rows = set_column(rows, "frame_index", (frames[0] + steps).astype(frames.dtype))
         episode = dataclasses.replace(episode, length=len(actions))
-    return episode, set_column(rows, ACTION, actions.astype(np.float32))
+    return episode, where.put(rows, episode, actions)
+
+
+class _Places:
+    """Where the numbers of new actions go in the rows of a dataset.
+
+    Attributes:
+        kept: Columns of actions that stay as they were recorded, which no number of the new ones is.
+    """
+
+    def __init__(self, dataset: Dataset, spec: ActionSpec | None) -> None:
+        self._dataset, self._source = dataset, find_source(dataset, ACTION)
+        self._numbers = self._columns = np.arange(self._source.dim)
+        self.kept: list[str] = []
+        named = tuple(zip(self._source.parts, self._source.names, strict=True))
+        if spec is None or says_nothing([name for _, name in named], self._source.dim):
+            return
+        names = column_names(spec)[0]
+        # A joint that two features have is changed in both.
+        found = [meaning(name, "" if part == DOUBLED else part, spec.robot).name for part, name in named]
+        pairs = [(names.index(name), column) for column, name in enumerate(found) if name and name in names]
+        self._numbers, self._columns = (np.array(x, dtype=int) for x in zip(*pairs, strict=True))
+        used = set(self._columns.tolist())
+        self.kept = [name for column, (_, name) in enumerate(named) if column not in used]
+
+    def put(self, rows: pyarrow.Table, episode: Episode, actions: np.ndarray) -> pyarrow.Table:
+        """Rows with other actions, in the precision that they had."""
+        values = np.array(self._source.of(rows, episode))
+        values[:, self._columns] = actions[:, self._numbers]
+        parts = np.split(values, np.cumsum(self._source.widths)[:-1], axis=1)
+        for name, part in zip(self._source.features, parts, strict=True):
+            single = not hasattr(rows.column(name).type, "value_type")
+            rows = set_column(rows, name, part[:, 0] if single else part)
+        return rows
 
 
 def _files(dataset: Dataset, said: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -90,7 +90,7 @@ def audit(
     write_mappings(to, inputs, audited)
     say(*_summary(found, to))
     if audited.repair:
-        say(*_repaired(found, to))
+        say(*_repaired(found, to, audited.read_as))
     raise typer.Exit(max((CODES.get(one.answer, FEASIBLE) for one in found), default=FEASIBLE))
 
 
@@ -152,12 +152,16 @@ def _followed(found: Sequence[Outcome]) -> Iterable[str]:
     yield f"states beside actions in {count} of {len(found)}: {late}, {joint} off by {offset:+.3f} rad; joints.parquet"
 
 
-def _repaired(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
+def _repaired(found: Sequence[Outcome], folder: Path, read_as: str) -> Iterable[str]:
     from wholebody.verdict.audit.repairs import FOLDER, write_datasets
+    from wholebody.verdict.audit.tables import whence
 
     changed = [one for one in found if one.verdict and one.answer != "feasible"]
     repaired = sum(one.repair is not None for one in changed)
     yield f"{repaired} of {len(changed)} that are not feasible as given are repaired, in {folder / FOLDER}"
+    if read_as and any(is_dataset(whence(one.name)[0]) for one in found):
+        yield f"no copies of datasets with --read-as: wholebody convert DATASET --read-as {read_as} makes one to repair"
+        return
     for dataset in write_datasets(folder, found):
         yield f"{dataset}: feasible episodes as they are, repaired ones in their place, the others left out"
 

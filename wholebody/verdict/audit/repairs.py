@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
-
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.codec import encode
 from policy.dataset.rewriting import rewrite_dataset
@@ -92,19 +90,22 @@ def write_datasets(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path
         if not any(one.repair for _, one in found):
             continue
         kept = {episode: None for episode, one in found if one.answer == "feasible"}
-        repaired = {episode: _actions(folder, one.name) for episode, one in found if one.repair}
+        files = {episode: _repaired(folder, one.name) for episode, one in found if one.repair}
+        repaired = {episode: file.actions for episode, file in files.items()}
         said = {
             "source": Path(source).name,
             "repaired": {str(episode): one.repair for episode, one in found if one.repair},
             "left_out": [episode for episode, one in found if episode not in kept and not one.repair],
         }
-        rewrite_dataset(source, target, kept | repaired, said=said)
+        spec = next(iter(files.values())).spec
+        joints = spec if spec.slot("left_wrist_position") is None else None
+        rewrite_dataset(source, target, kept | repaired, said=said, spec=joints)
         written.append(target)
     return written
 
 
-def _actions(folder: str | Path, name: str) -> np.ndarray:
+def _repaired(folder: str | Path, name: str) -> ChunkFile:
     file = Path(folder) / FOLDER / file_name(name)
     if not file.is_file():
         raise InputError(f"{file} is missing; delete {Path(folder) / 'journal.jsonl'} to have all repaired again")
-    return read_chunk_file(file).actions
+    return read_chunk_file(file)
