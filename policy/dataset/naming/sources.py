@@ -64,7 +64,7 @@ class Source:
         """
         pairs = zip(self.features, self.widths, strict=True)
         found = [vectors(rows.column(key), width, key, episode) for key, width in pairs]
-        values = found[0] if len(found) == 1 else np.hstack(found)
+        values = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
         return values if self.correct is None else self.correct(values)
 
     def numbers(self, dataset: Dataset) -> Iterator[np.ndarray]:

@@ -196,6 +196,20 @@ def test_a_robot_of_23_joints_has_its_missing_wrists_at_zero():
         encode(builtin("joint23"), decode(builtin("joint29"), np.array([ANCHOR.q_body]), ANCHOR), ANCHOR)
 
 
+@pytest.mark.parametrize("layout", ["joint23", "joint29", "decoupled_wbc43", "openhlm34"])
+def test_numbers_of_joints_come_back(layout):
+    spec, rng = builtin(layout), np.random.default_rng(5)
+    stance = dict(zip(BODY_JOINTS, ANCHOR.q_body, strict=True))
+    numbers = np.full((6, spec.dim), 0.3)
+    for slot in spec.slots:
+        names = slot.joint_names or [slot.name] * slot.size
+        moved = 0.2 * rng.uniform(-1.0, 1.0, (6, slot.size)) * slot.name.endswith("_arm")
+        rest = [stance.get(name, 0.5 if slot.name.endswith("_grasp") else 0.0) for name in names]
+        numbers[:, slot.indices] = np.array(rest) + moved
+    again = encode(spec, decode(spec, numbers, ANCHOR), ANCHOR)
+    np.testing.assert_allclose(again, numbers, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("name", "left", "right", "is_open"),
     [("inspire26", 14, 20, 1.0), ("inspire26_by_side", 7, 20, 1.0), ("brainco26", 14, 20, 0.0)],
