@@ -4,6 +4,7 @@
 
 loads    0.5, 1 and 2 kg in both hands that nobody told, at places of the workspace, 4 s after the reach
 slope    reaches on floors of 2 to 10 degrees that rise in eight directions
+sway     a reach on a floor that sways by 2 degrees at 0.5 Hz, about both axes
 delay    the lissajous with states of a known age
 friction the lissajous on floors of 0.15 to 1.0; the controller counts on 0.6
 model    a reach with other masses, and with the torso's centre of mass elsewhere
@@ -57,7 +58,7 @@ PLACES = (
 )
 """Both palms, ahead and over the floor [m]: the five reaches, and three places nearer to the body."""
 LOADS, SIDE = (0.5, 1.0, 2.0), 0.16
-SLOPES, DIRECTIONS = (2.0, 5.0, 8.0, 10.0), 8
+SLOPES, DIRECTIONS, SWAY = (2.0, 5.0, 8.0, 10.0), 8, 2.0
 DELAYS, FRICTIONS = (0, 5, 10, 15, 20, 30), (0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
 ERRORS = {"masses": ("mass_error", (0.05, 0.1, 0.2)), "torso": ("torso_error", (0.01, 0.02, 0.04))}
 MOTORS = SPEC.joint_names[:29]
@@ -80,7 +81,7 @@ def robot(
 ) -> tuple[MujocoPlant, Sensors | None]:
     """A plant with its sensors; what ``errors`` says of the realistic robot's model, or of the true one's."""
     delay = world.pop("delay", 0.0)
-    on = ("slope", "direction", "step", "turn") & world.keys()
+    on = ("slope", "direction", "step", "turn", "sway") & world.keys()
     if name == "true":
         sensors = Sensors(spec, SensorConfig(delay=delay), DT) if delay else None
         if errors is not None:
@@ -194,6 +195,13 @@ def slope() -> Iterator[Case]:
         yield f"{degrees:g} deg", f"towards {360 * k // DIRECTIONS} deg, ", partial(reached, (0.45, 0.60), **ground)
 
 
+def sway() -> Iterator[Case]:
+    """A floor that sways, about y and about x."""
+    for towards in (0, 90):
+        ground = {"sway": math.radians(SWAY), "direction": math.radians(towards)}
+        yield f"{SWAY:g} deg", f"towards {towards} deg, ", partial(reached, (0.45, 0.60), **ground)
+
+
 def delay() -> Iterator[Case]:
     """Delays that are known."""
     for ms in DELAYS:
@@ -225,7 +233,7 @@ def pushes() -> Iterator[Case]:
         yield f"{360 * k / PUSHES:g} deg", "", partial(pushed, 2.0 * math.pi * k / PUSHES)
 
 
-TABLES = {table.__name__: table for table in (loads, slope, delay, friction, model, motors, pushes)}
+TABLES = {table.__name__: table for table in (loads, slope, sway, delay, friction, model, motors, pushes)}
 
 
 def rows(found: dict[str, dict[str, Numbers]]) -> list[str]:

@@ -14,6 +14,7 @@ from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.execution import statuses
+from wholebody.execution.ending.leaning import words
 from wholebody.execution.plan_follower import Foreseen, PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.way_back import WayBack
@@ -126,7 +127,9 @@ class Reflex:
         """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""
         if self._back is None:
             self._back = WayBack(self._controller.robot, self._hold_still(state), self._planted.stance)
-        self.active, self.status = True, statuses.GOING_BACK
+        self.active, said = True, words(self._controller, self._config.planner.posture.com_margin)
+        detail = f"{statuses.GOING_BACK.detail}; {said}" if said else statuses.GOING_BACK.detail
+        self.status = replace(statuses.GOING_BACK, detail=detail)
         return GO_BACK
 
     def go_to(self, state: RobotState, posture: np.ndarray, status: StatusReport) -> None:

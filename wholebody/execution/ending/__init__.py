@@ -1,1 +1,1 @@
-"""How a robot that stands is left: blind, or lowered and no longer led."""
+"""How a robot that stands is left, blind or lowered and no longer led, and what keeps it from going on."""
