@@ -103,13 +103,14 @@ class RobotTables:
 
     def body_of(self, q: np.ndarray) -> np.ndarray:
         """Configurations of the body (..., 36) in those of the robot (..., nq); joints that it lacks are at 0."""
-        body = q[..., self._entries]
+        # Row after row in memory, however many there are: kernels are compiled for the layout that they see first.
+        body = q.take(self._entries, axis=-1)
         body[..., 7:][..., ~self.real] = 0.0
         return body
 
     def rates_of(self, v: np.ndarray) -> np.ndarray:
         """Velocities of the body (..., 35) in those of the robot (..., nv)."""
-        body = v[..., self._columns]
+        body = v.take(self._columns, axis=-1)
         body[..., 6:][..., ~self.real] = 0.0
         return body
 

@@ -171,6 +171,16 @@ def test_far_down_the_waist_could_hold_still_wherever_the_plan_goes(planner):
     assert np.linalg.norm(motion.T_palms[-1, :, :3, 3] - T[-1, :, :3, 3], axis=1).min() < 3e-3
 
 
+def test_palms_of_many_configurations_are_those_of_each_whichever_are_asked_for_first(planner, monkeypatch):
+    """Compiled for one row, in which every layout in memory looks alike, it read several rows as if they were turned."""
+    entry = optimizer_module._place_palms
+    monkeypatch.setattr(optimizer_module, "_place_palms", type(entry)(entry.function))
+    rows = np.tile(planner.q_stance, (3, 1))
+    rows[:, 7:] += np.random.default_rng(0).uniform(-0.2, 0.2, rows[:, 7:].shape)
+    each = [planner.palms(row[None])[0] for row in rows]
+    assert planner.palms(rows) == pytest.approx(np.array(each), abs=1e-12)
+
+
 def placed(model, data, q, frame):
     pin.framesForwardKinematics(model, data, q)
     return data.oMf[frame].translation.copy()
