@@ -1,11 +1,17 @@
 """The balanced Unitree G1 for LeRobot.
 
-LeRobot imports this at every start of any of its commands: nothing heavy may come with it.
+LeRobot imports this at every start of any of its commands: nothing heavy may come with it. Those commands that know
+environments have loaded them by then; the others are spared it.
 """
+
+import sys
 
 from lerobot_robot_wholebody.config_wholebody_expert import WholebodyExpertConfig
 from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyCameraConfig, WholebodyG1Config
 from lerobot_robot_wholebody.wholebody_expert import WholebodyExpert
 from lerobot_robot_wholebody.wholebody_g1 import WholebodyG1
+
+if "lerobot.envs.configs" in sys.modules:
+    import lerobot_robot_wholebody.config_environment  # noqa: F401
 
 __all__ = ["WholebodyCameraConfig", "WholebodyExpert", "WholebodyExpertConfig", "WholebodyG1", "WholebodyG1Config"]

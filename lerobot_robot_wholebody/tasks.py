@@ -35,7 +35,11 @@ class Reach:
 
     def next(self) -> None:
         """Draw other goals."""
-        self.goals = self._rng.uniform(LOW, HIGH, (2, 3)) * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]])
+        self.draw(self._rng)
+
+    def draw(self, rng: np.random.Generator) -> None:
+        """Draw other goals from somebody's numbers."""
+        self.goals = rng.uniform(LOW, HIGH, (2, 3)) * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]])
 
     def shown(self) -> dict[str, float]:
         """The goals' numbers by name."""

@@ -1,6 +1,6 @@
 """Strategy: the commands at the top of `docs/lerobot.md`, as they stand there but shorter, in LeRobot's own processes:
-record, replay, train, roll out until Ctrl-C; and a recording that is killed. After each the robot must crouch, not
-fallen.
+record, replay, train, evaluate, roll out until Ctrl-C; and a recording that is killed. After each the robot must
+crouch, not fallen.
 
 Simulated time passes in lockstep, and whatever is waited for is an event: nothing depends on how fast the computer is.
 """
@@ -30,6 +30,8 @@ SHORT = {
     "--policy.dim_model=64 --policy.n_heads=2 --policy.dim_feedforward=64 --policy.n_encoder_layers=1 "
     "--policy.n_vae_encoder_layers=1 --policy.chunk_size=10 --policy.n_action_steps=10",
     "lerobot-rollout": '--robot.id=g1 --duration=0 "--robot.cameras={head: {width: 64, height: 64}}"',
+    "lerobot-eval": "--eval.n_episodes=2 --eval.batch_size=2 --env.steps=10 "
+    '"--env.cameras={head: {width: 64, height: 64}}"',
     "lerobot-replay": "--robot.id=g1 --play_sounds=false",
 }
 LONG = 600.0
@@ -48,7 +50,9 @@ def start(name, folder, *more, leave_out=()):
     given = [word for word in documented()[name] if not word.startswith(tuple(leave_out))]
     words = [BIN / name, *given, *shlex.split(SHORT[name]), *more]
     words = [word for word in words if not str(word).startswith(tuple(leave_out))]
-    if name != "lerobot-train":
+    if name == "lerobot-eval":
+        words += ["--env.discover_packages_path=lerobot_robot_wholebody"]
+    elif name != "lerobot-train":
         words += ["--robot.discover_packages_path=lerobot_robot_wholebody", f"--robot.report={folder / name}.json"]
     home = {"HF_HOME": str(folder / "home"), "HF_LEROBOT_HOME": str(folder / "home"), "HF_HUB_OFFLINE": "1"}
     environment = {**os.environ, **home, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -93,7 +97,7 @@ def sees():
     return True
 
 
-def test_the_page_has_the_four_commands():
+def test_the_page_has_the_commands():
     assert list(documented()) == list(SHORT)
 
 
@@ -109,6 +113,11 @@ def test_what_is_recorded_trains_rolls_out_and_is_replayed(sees, tmp_path):
         pytest.skip("no OpenGL here: ACT needs pictures")
 
     ended("lerobot-train", tmp_path)
+    ended("lerobot-eval", tmp_path)
+    told = json.loads((tmp_path / "out" / "eval" / "eval_info.json").read_text())
+    assert told["overall"]["n_episodes"] == 2
+    assert len(told["overall"]["video_paths"]) == 2
+
     rollout = start("lerobot-rollout", tmp_path)
     wait_for(lambda: "control loop started" in said("lerobot-rollout", tmp_path), rollout)
     time.sleep(2.0)  # the middle of it

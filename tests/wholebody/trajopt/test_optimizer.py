@@ -172,7 +172,7 @@ def test_far_down_the_waist_could_hold_still_wherever_the_plan_goes(planner):
 
 
 def test_palms_of_many_configurations_are_those_of_each_whichever_are_asked_for_first(planner, monkeypatch):
-    """Compiled for one row, in which every layout in memory looks alike, it read several rows as if they were turned."""
+    """Compiled for one row, in which every layout in memory looks alike, it read several rows as if turned."""
     entry = optimizer_module._place_palms
     monkeypatch.setattr(optimizer_module, "_place_palms", type(entry)(entry.function))
     rows = np.tile(planner.q_stance, (3, 1))

@@ -17,7 +17,7 @@ from time import monotonic
 import numpy as np
 
 from wholebody.errors import SimulationError
-from wholebody.live.served.messages import Advance, Ask, End, Seen, Served, Target
+from wholebody.live.served.messages import Advance, Ask, End, Reset, Seen, Served, Target
 
 START_TIMEOUT = 900.0
 """Longest time until the robot stands [s]; chosen: with an empty cache controller and planner are compiled first."""
@@ -110,6 +110,21 @@ class ServedRobot:
         self.time += seconds
         with self._lock:
             self._send(Advance(self.time))
+
+    def reset(self) -> Seen:
+        """Put the robot into its stance in lockstep, with no target, whatever it does. Answers what is seen then.
+
+        Raises:
+            ValueError: On the wall clock.
+            SimulationError: If the robot's processes ended.
+        """
+        if self.served.clock == "wall":
+            raise ValueError("on the wall clock time does not begin anew: a robot is put into its stance in lockstep")
+        with self._lock:
+            self._send(Reset())
+            seen = self._receive(ANSWER_TIMEOUT)
+        self.time = seen.observation.time
+        return seen
 
     def close(self) -> dict[str, object]:
         """Lower the robot and end its processes; a summary of the run, empty if they do not answer."""

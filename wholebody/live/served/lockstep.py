@@ -46,6 +46,11 @@ class SteppedRobot:
         self._clock.set(max(state.time, self._clock.now()))
         return state
 
+    def reset(self) -> RobotState:
+        """Its first state: in the stance, at rest."""
+        self._command = self.fall = None
+        return self.plant.reset()
+
     def send(self, command: JointCommand) -> None:
         """Command the motors for the next period."""
         self._command = command
@@ -90,23 +95,31 @@ class InLockstep:
     def run(self) -> None:
         """Until the program is gone or ends; then the robot is lowered."""
         loop, program = self._loop, self._program
-        loop.run(lambda now: now < SETTLE - 0.5 * loop.dt)
-        program.until = self._clock.now()
-        self._executor.reset()
-        loop.executor = self._executor
-        program.tell(self.seen())
+        program.until = SETTLE
 
         def going(now: float) -> bool:
             self._robot.watch(loop)
-            while program.there and now + 0.5 * loop.dt > program.until:
+            while program.there and self._clock.now() + 0.5 * loop.dt > program.until:
+                if loop.executor is None:
+                    self._greet()
                 program.serve(self, wait=True)
             return program.there
 
-        program.serve(self, wait=True)
-        if program.there:
-            loop.run(going)
+        loop.run(going)
         loop.executor = None
         lower(loop, lambda now: self._robot.watch(loop))
+
+    def _greet(self) -> None:
+        """The robot stands: the program sees it, and its targets are followed from now on."""
+        self._executor.reset()
+        self._loop.executor = self._executor
+        self._program.tell(self.seen())
+
+    def reset(self) -> None:
+        """Put the robot into its stance, and tell the program once it stands."""
+        self._clock.restart()
+        self._loop.executor, self._program.until = None, SETTLE
+        self._loop.restart(self._robot.reset())
 
     def hasten(self) -> None:
         """Ask for a chunk that goes to the newest target."""

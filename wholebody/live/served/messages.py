@@ -54,6 +54,11 @@ class Advance:
 
 
 @dataclass(frozen=True)
+class Reset:
+    """Wanted in lockstep: the robot in its stance again, at the time at which it was seen first; and what is seen."""
+
+
+@dataclass(frozen=True)
 class Ask:
     """Wanted: what there is to see now."""
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from policy.errors import PolicyError
 from policy.targets.stream import TargetStream
-from wholebody.live.served.messages import Advance, Ask, End, Seen, Target
+from wholebody.live.served.messages import Advance, Ask, End, Reset, Seen, Target
 
 
 class ServedLoop(Protocol):
@@ -24,6 +24,10 @@ class ServedLoop(Protocol):
 
     def seen(self) -> Seen:
         """What there is to see now."""
+        ...
+
+    def reset(self) -> None:
+        """Put the robot into its stance, and tell the program once it stands."""
         ...
 
 
@@ -52,6 +56,9 @@ class Program:
                 message = self._connection.recv()
                 if isinstance(message, Advance):
                     self.until = message.until
+                    return
+                if isinstance(message, Reset):
+                    robot.reset()
                     return
                 self._do(message, robot)
         except (EOFError, OSError):

@@ -78,6 +78,10 @@ class OnTheWall:
         said = (status.status.value, str(status.reason or ""))
         return Seen(observation, self._objects, said, loop.told.fallen is not None)
 
+    def reset(self) -> None:
+        """Nothing: time on the wall does not begin anew; the program is told what there is to see."""
+        self._program.tell(self.seen())
+
     def close(self) -> dict[str, object]:
         """End everything; a summary of the run."""
         loop, supervisor = self._session.loop, self._session.supervisor

@@ -1,0 +1,61 @@
+"""Settings of the environment for `lerobot-eval` and `lerobot-train`: ``--env.NAME=VALUE``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from lerobot.configs import FeatureType, PolicyFeature
+from lerobot.envs.configs import EnvConfig
+from lerobot.utils.constants import ACTION, OBS_ENV_STATE, OBS_IMAGES, OBS_STATE
+
+from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyCameraConfig
+
+
+@EnvConfig.register_subclass("wholebody")
+@dataclass
+class WholebodyEnvConfig(EnvConfig):
+    """The robot's tasks, in simulated time."""
+
+    task: str | None = "reach"
+    """What is to be done."""
+    fps: int = 30
+    """Actions a second; no other rate is."""
+    scene: str = "floor"
+    """Around the robot."""
+    cameras: dict[str, WholebodyCameraConfig] = field(default_factory=dict)
+    """By name, as of the robot."""
+    steps: int = 150
+    """In an episode."""
+
+    def __post_init__(self) -> None:
+        for name, known in (("task", "reach"), ("fps", 30)):
+            if getattr(self, name) != known:
+                raise ValueError(f"--env.{name}={getattr(self, name)} is unknown; there is {known}")
+        sizes = {
+            "action": (32, ACTION, FeatureType.ACTION),
+            "agent_pos": (29, OBS_STATE, FeatureType.STATE),
+            "environment_state": (6, OBS_ENV_STATE, FeatureType.ENV),
+        }
+        for name, (size, key, kind) in sizes.items():
+            self.features[name], self.features_map[name] = PolicyFeature(kind, (size,)), key
+        for name, camera in self.cameras.items():
+            key = f"pixels/{name}"
+            self.features[key] = PolicyFeature(FeatureType.VISUAL, (camera.height, camera.width, 3))
+            self.features_map[key] = f"{OBS_IMAGES}.{name}"
+
+    @property
+    def package_name(self) -> str:
+        """What registers the environment."""
+        return "lerobot_robot_wholebody.environment"
+
+    @property
+    def gym_id(self) -> str:
+        """Name of the environment."""
+        return "wholebody/G1-v0"
+
+    @property
+    def gym_kwargs(self) -> dict[str, Any]:
+        """Arguments of the environment."""
+        sizes = {name: (camera.height, camera.width) for name, camera in self.cameras.items()}
+        return {"cameras": sizes, "scene": self.scene, "render_mode": "rgb_array", "steps": self.steps}
