@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_ENV_STATE, OBS_IMAGES, OBS_STATE
 
 from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyCameraConfig
+
+if TYPE_CHECKING:
+    from gymnasium import Env
+    from gymnasium.vector import VectorEnv
 
 
 @EnvConfig.register_subclass("wholebody")
@@ -59,3 +64,22 @@ class WholebodyEnvConfig(EnvConfig):
         """Arguments of the environment."""
         sizes = {name: (camera.height, camera.width) for name, camera in self.cameras.items()}
         return {"cameras": sizes, "scene": self.scene, "render_mode": "rgb_array", "steps": self.steps}
+
+    def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, VectorEnv]]:
+        """Environments beside each other; LeRobot's own way does not register them in the processes of several."""
+        from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+
+        made = [partial(_made, self.gym_kwargs)] * n_envs
+        if use_async_envs and n_envs > 1:
+            envs = AsyncVectorEnv(made, context="forkserver", autoreset_mode=AutoresetMode.SAME_STEP)
+        else:
+            envs = SyncVectorEnv(made, autoreset_mode=AutoresetMode.SAME_STEP)
+        return {self.type: {0: envs}}
+
+
+def _made(arguments: dict[str, Any]) -> Env:
+    import gymnasium
+
+    import lerobot_robot_wholebody.environment  # noqa: F401 - registers it, in whatever process this is
+
+    return gymnasium.make("wholebody/G1-v0", disable_env_checker=True, **arguments)
