@@ -6,6 +6,8 @@ A message says what, the value with its unit, the bound, and what would work; th
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 
 class WholebodyError(Exception):
     """Base of everything that `wholebody` raises on purpose.
@@ -36,8 +38,23 @@ class PlanningError(WholebodyError, RuntimeError):
 
 
 class SimulationError(WholebodyError, RuntimeError):
-    """A simulation is no longer finite: which joint, and when."""
+    """A simulation did not begin, ended, or is no longer finite: in the last case, which joint and when."""
 
 
 class RenderError(WholebodyError, RuntimeError):
     """No picture could be made, for example because no OpenGL library is installed."""
+
+
+def require_extra(extra: str, package: str, what: str) -> None:
+    """Refuse what needs an optional package, before any work is done.
+
+    Args:
+        extra: Extra of this distribution that brings the package.
+        package: Its import name.
+        what: What needs it.
+
+    Raises:
+        InputError: If it is not installed, with the line that installs it.
+    """
+    if find_spec(package) is None:
+        raise InputError(f"{what} needs the extra `{extra}`: pip install 'g1-wholebody[{extra}]'")

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -32,6 +33,17 @@ def test_the_page_lists_the_public_names_and_no_others(package):
     listed = [name for name, *_ in rows(package.__name__)]
     assert sorted(listed) == sorted(package.__all__)
     assert all(hasattr(package, name) for name in package.__all__ if name not in ELSEWHERE)
+
+
+@pytest.mark.parametrize("package", [policy, wholebody])
+def test_type_checkers_see_the_public_names_in_their_modules(package):
+    """A name that `__getattr__` imports has no type but in the stub."""
+    stub = Path(package.__file__).with_suffix(".pyi").read_text()
+    seen = re.findall(r"^from ([\w.]+) import (\w+) as \2$", stub, re.MULTILINE)
+    assert sorted(name for _, name in seen) == sorted(package.__all__)
+    for module, name in seen:
+        if name not in ELSEWHERE:
+            assert getattr(import_module(module), name) is getattr(package, name)
 
 
 def test_every_line_uses_the_name_beside_it():

@@ -1,4 +1,5 @@
-"""The wheel: built here, installed in an environment that has the dependencies and nothing of this checkout, and used.
+"""The wheel: built from the source distribution that is built here, installed in an environment that has the
+dependencies and nothing of this checkout, and used.
 
 The dependencies are lent by a `.pth` file, so nothing is downloaded and the environment takes a second to make. The
 locks are read as text: hashes everywhere, no host, the same versions in both.
@@ -8,6 +9,7 @@ import re
 import subprocess
 import sys
 import sysconfig
+import tarfile
 import tomllib
 import zipfile
 from pathlib import Path
@@ -32,8 +34,14 @@ def shipped_files(folder):
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
+    """What an index would hand out: the wheel of the source distribution, which has nothing else to be made of."""
     folder = tmp_path_factory.mktemp("wheel")
-    run(sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", folder, cwd=ROOT)
+    build = (sys.executable, "-m", "hatchling", "build", "--directory", folder, "--target")
+    run(*build, "sdist", cwd=ROOT)
+    (archive,) = folder.glob("g1_wholebody-*.tar.gz")
+    with tarfile.open(archive) as files:
+        files.extractall(folder, filter="data")
+    run(*build, "wheel", cwd=archive.with_name(archive.name.removesuffix(".tar.gz")))
     (path,) = folder.glob("g1_wholebody-*.whl")
     return path
 
@@ -93,6 +101,12 @@ def test_the_installed_command_runs(installed, tmp_path):
     assert "run" in run(installed / "wholebody", "--help", cwd=tmp_path)
 
 
+def test_the_installed_packages_are_typed(installed, tmp_path):
+    code = "import wholebody, policy, models; print(wholebody.__file__, policy.__file__, models.__file__)"
+    files = run(installed / "python", "-c", code, cwd=tmp_path).split()
+    assert all(Path(file).with_name("py.typed").exists() for file in files)
+
+
 def test_the_installed_robot_loads(installed, tmp_path):
     code = "from models import g1; from models.pinocchio_model import load_pinocchio; print(load_pinocchio(g1()).nv)"
     assert run(installed / "python", "-c", code, cwd=tmp_path).split()[-1] == "49"
@@ -117,6 +131,12 @@ def test_the_core_lock_is_a_part_of_the_other_and_has_no_torch():
     assert core.items() <= everything.items()
     assert not {"torch", "lerobot", "transformers"} & core.keys()
     assert {"torch", "lerobot", "pytest"} <= everything.keys()
+
+
+def test_the_core_lock_has_only_what_the_main_job_uses():
+    extras = {"imageio-ffmpeg", "matplotlib", "osqp", "piqp", "proxsuite", "jsonschema", "pyarrow", "k3d", "ray"}
+    assert not extras & locked("core").keys()
+    assert extras <= locked("all").keys()
 
 
 @pytest.mark.parametrize("name", LOCKS)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TextIO
 from policy import writing
 from policy.errors import printable
 from policy.writing import OutputError
+from wholebody.errors import require_extra
 
 LINE_MAX = 4000
 """Most characters of a line on the terminal."""
@@ -63,6 +64,8 @@ def check_places(
     for path, ending in ((video, ".mp4"), (sheet, ".png"), (record, ".npz")):
         if path is not None and path.suffix != ending:
             raise ValueError(f"cannot write '{path}': its name must end in {ending}")
+    if video is not None:
+        require_extra("video", "imageio_ffmpeg", "--video")
     for path in (video, sheet, record, Path(json_to) if json_to not in ("", "-") else None):
         if path is not None:
             check_folder(path)

@@ -188,6 +188,6 @@ def _answer(compute: Compute, request: PlanRequest) -> PlanAnswer:
     begin, plan, failed = thread_time(), None, None
     try:
         plan = compute(request)
-    except Exception as error:  # noqa: BLE001 - the robot must not fall because of it; the supervisor logs it
+    except Exception as error:  # noqa: BLE001 - the robot must not fall because of it; `wholebody.execution.gate` logs it
         failed = error
     return PlanAnswer(request, plan, failed, thread_time() - begin)

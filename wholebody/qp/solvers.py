@@ -67,12 +67,14 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
     start = thread_time()
     if solver == "daqp":
         answer = _judge(qp, "daqp", _solve_daqp(qp))
-    elif solver in _BACKENDS:
+    elif solver in available():
         answer = _solve_prepared(qp, solver, slack=False)
         # Only a robot that has been pushed over a safety bound needs slack.
         answer = answer if answer.ok else _solve_prepared(qp, solver, slack=True)
     else:
-        raise InputError(f"unknown QP solver '{solver}'; available: {', '.join(available())}")
+        raise InputError(
+            f"unknown QP solver '{solver}'; available: {', '.join(available())}; the extra `solvers` brings all"
+        )
     return replace(answer, seconds=thread_time() - start)
 
 

@@ -7,7 +7,8 @@ are control points of a cubic B-spline, so that with the time ``dt`` between the
     v_k = (v_{k-1/2} + v_{k+1/2}) / 2                at a knot
     a_k = (v_{k+1/2} - v_{k-1/2}) / dt
 
-Both feet stay where the stance has them, which leaves 23 of 35 directions at each knot (`free_directions`). The cost is
+Both feet stay where `TrajectoryOptimizer.stand_on` says, which leaves 23 of 35 directions at each knot
+(`free_directions`). The cost is
 
     sum_k  rho(palms) + |r_k / scale|^2 + sum_i max(0, c_ki / scale_i)^2
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from math import exp, lgamma, log
 
 from wholebody.types import Reason
 from wholebody.verdict.summaries import Worlds
@@ -13,8 +12,6 @@ from wholebody.verdict.violations import Severity, Violation
 
 LEVEL = 0.95
 """Confidence of the interval [no unit]; definition."""
-HALVINGS = 50
-"""Of an interval of shares; derived: 2 to the power of -50 is rounding."""
 
 
 def binomial_interval(held: int, n: int, level: float = LEVEL) -> tuple[float, float]:
@@ -28,24 +25,10 @@ def binomial_interval(held: int, n: int, level: float = LEVEL) -> tuple[float, f
     Source:
         Clopper and Pearson 1934, "The use of confidence or fiducial limits illustrated in the case of the binomial".
     """
-    tail = 0.5 * (1.0 - level)
-    low = 0.0 if held == 0 else _share(lambda p: sum(_chance(k, n, p) for k in range(held, n + 1)) < tail)
-    high = 1.0 if held == n else _share(lambda p: sum(_chance(k, n, p) for k in range(held + 1)) >= tail)
-    return low, high
+    from scipy.stats import binomtest  # too slow to come with the package
 
-
-def _share(below: Callable[[float], bool]) -> float:
-    """The share up to which something is true, by bisection."""
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if below(middle) else (low, middle)
-    return 0.5 * (low + high)
-
-
-def _chance(k: int, n: int, p: float) -> float:
-    """Binomial probability of k successes in n trials, each with the chance p, 0 < p < 1."""
-    return exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) + k * log(p) + (n - k) * log(1.0 - p))
+    interval = binomtest(held, n).proportion_ci(level, "exact")
+    return float(interval.low), float(interval.high)
 
 
 def in_worlds(verdict: Verdict, seeds: Sequence[int], found: Sequence[Verdict]) -> Verdict:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wholebody.errors import require_extra
 from wholebody.planning.reachability.pairs import AT_REST, HIGH, LOW, MIRROR, TURNS, Pairs, Turn
 
 if TYPE_CHECKING:
@@ -28,7 +29,11 @@ def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
     Args:
         reach_map: The map.
         output: The file.
+
+    Raises:
+        InputError: If the extra is not installed.
     """
+    require_extra("plot", "matplotlib", "the picture of a map")
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 

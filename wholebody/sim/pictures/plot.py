@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wholebody.errors import require_extra
 from wholebody.sim.pictures.scene import SIDES, STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import PERIODS, Record
 from wholebody.types import Status
@@ -41,7 +42,11 @@ def plot(record: Record, output: str | Path, title: str = "") -> None:
         record: With `PLOT_COLUMNS` at least.
         output: Where to; a format of matplotlib by its ending, such as ``.png`` or ``.svg``.
         title: What it is about.
+
+    Raises:
+        InputError: If the extra is not installed.
     """
+    require_extra("plot", "matplotlib", "a plot")
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 12.0), layout="constrained")

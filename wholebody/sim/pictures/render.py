@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import TextIO
 
-from wholebody.errors import InputError, RenderError
+from wholebody.errors import InputError, RenderError, require_extra
 from wholebody.sim.opengl import LIBRARIES
 from wholebody.sim.pictures.scene import SCENE_COLUMNS
 from wholebody.sim.record import read_record
@@ -62,10 +62,12 @@ def check_output(output: str | Path) -> None:
     """Refuse a file name that is neither video nor picture, before any work is done.
 
     Raises:
-        InputError: With the endings that would do.
+        InputError: With the endings that would do, or the extra that a video needs.
     """
     if Path(output).suffix not in (".mp4", ".png"):
         raise InputError(f"cannot render to '{output}': the ending must be .mp4 (video) or .png (sheet of six frames)")
+    if Path(output).suffix == ".mp4":
+        require_extra("video", "imageio_ffmpeg", "a video")
 
 
 def _child(backend: str, recording: str | Path, output: str | Path, timeout: float, progress: Progress) -> str | None:

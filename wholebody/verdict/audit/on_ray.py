@@ -5,17 +5,15 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from time import monotonic
 
-from wholebody.errors import InputError
+from wholebody.errors import InputError, require_extra
 from wholebody.verdict.audit.outcome import Judging, Outcome
 from wholebody.verdict.audit.workers import LOADING, TRIES, said, too_long
 
 LOCAL = "local"
 """Address of a cluster that is begun here and ends with the audit."""
-MISSING = "--ray needs the extra of that name: pip install 'g1-wholebody[ray]'"
 
 
 class _Actor:
@@ -51,8 +49,7 @@ def outcomes(
     Raises:
         InputError: If the extra is not installed, the cluster does not answer, or options are wrong.
     """
-    if not find_spec("ray"):
-        raise InputError(MISSING)
+    require_extra("ray", "ray", "--ray")
     # Nothing about an audit leaves the cluster.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     import ray

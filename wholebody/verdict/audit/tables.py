@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from wholebody.errors import InputError
+from wholebody.errors import require_extra
 from wholebody.verdict.audit.outcome import Outcome
 
 EPISODES, VIOLATIONS, JOINTS = "episodes.parquet", "violations.parquet", "joints.parquet"
-MISSING = "an audit needs the extra of that name: pip install 'g1-wholebody[audit]'"
 NUMBERS = (
     *("rms_m", "max_m", "moved_max_m", "moved_turn_max_rad", "start_m", "start_rad", "approach_s", "time_factor"),
     *("demandable_share", "within_20mm"),
@@ -38,8 +36,7 @@ def require_packages() -> None:
     Raises:
         InputError: If the extra is not installed.
     """
-    if not find_spec("pyarrow"):
-        raise InputError(MISSING)
+    require_extra("audit", "pyarrow", "an audit")
 
 
 def written(text: str) -> str:

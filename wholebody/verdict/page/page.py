@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from html import escape
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from models.pinocchio_model import load_pinocchio
 from models.spec import RobotSpec
 from policy.writing import write_text
 from wholebody.config import ControllerConfig
-from wholebody.errors import InputError
+from wholebody.errors import InputError, require_extra
 from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
@@ -38,7 +37,6 @@ from wholebody.verdict.violations import Severity
 from wholebody.verdict.why.headline import headline
 
 HERE = Path(__file__).parent
-MISSING = "a report needs the extra of that name: pip install 'g1-wholebody[report]'"
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,7 @@ def require_packages() -> None:
     Raises:
         InputError: If the extra is not installed.
     """
-    if not find_spec("k3d"):
-        raise InputError(MISSING)
+    require_extra("report", "k3d", "a report")
 
 
 def write_page(path: str | Path, shown: Shown) -> None:
