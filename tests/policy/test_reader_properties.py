@@ -35,11 +35,18 @@ def read_or_refuse(reader, folder, seed):
     assert said.isprintable(), harm
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", [name for name in READERS if name != "hdf5"])
 @LIGHT
 @given(seed=st.integers(0, 2**32 - 1))
 def test_b7_a_spoilt_input_is_read_or_refused(name, tmp_path, seed):
     read_or_refuse(READERS[name], tmp_path / "case", seed)
+
+
+@pytest.mark.skipif("hdf5" not in READERS, reason="h5py is not installed")
+@FEW
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_spoilt_hdf5_is_read_or_refused(tmp_path, seed):
+    read_or_refuse(READERS["hdf5"], tmp_path / "case", seed)  # each in a process of its own
 
 
 @pytest.mark.parametrize("name", READERS)
