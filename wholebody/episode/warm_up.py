@@ -44,11 +44,12 @@ compiled(robot)
 """What runs in a process of its own; after Ctrl-C it ends without a word."""
 
 
-def warm_up(robot: RobotConfig | None = None) -> float:
+def warm_up(robot: RobotConfig | None = None, progress: Callable[[], None] | None = None) -> float:
     """Compile the tick and the plan in a process each, then plan one chunk and make a few ticks, without physics.
 
     Args:
         robot: For which robot; the default one if not given.
+        progress: Called when the plan is compiled; the tick takes as long, beside it.
 
     Returns:
         How long it took [s]: most of a minute with a cold cache and two free cores, a few seconds with a warm one.
@@ -59,7 +60,7 @@ def warm_up(robot: RobotConfig | None = None) -> float:
     """
     begin, robot = perf_counter(), robot or RobotConfig()
     spec = describe(robot)
-    _apart([compile_plan, compile_tick], robot)
+    _apart([compile_plan, compile_tick], robot, progress)
     supervisor = Supervisor(spec)
     state = RobotState(0.0, stance_q(spec, supervisor.robot.model), np.zeros(supervisor.robot.nv))
     supervisor.reset(state)
@@ -69,7 +70,9 @@ def warm_up(robot: RobotConfig | None = None) -> float:
     return perf_counter() - begin
 
 
-def _apart(parts: list[Callable[[RobotConfig], None]], robot: RobotConfig) -> None:
+def _apart(
+    parts: list[Callable[[RobotConfig], None]], robot: RobotConfig, progress: Callable[[], None] | None = None
+) -> None:
     """Call functions side by side, each in a fresh interpreter: threads of libraries do not survive a fork.
 
     Not those of ``multiprocessing``: they run the caller's script again, which may have no guard against that.
@@ -83,7 +86,10 @@ def _apart(parts: list[Callable[[RobotConfig], None]], robot: RobotConfig) -> No
         for part in parts
     ]  # fmt: skip
     try:
-        codes = [child.wait() for child in children]
+        codes = [children[0].wait()]
+        if progress is not None and not codes[0]:
+            progress()
+        codes += [child.wait() for child in children[1:]]
     finally:
         # Also after Ctrl-C: no child compiles on.
         for child in children:

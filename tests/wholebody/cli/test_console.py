@@ -78,10 +78,11 @@ def test_nothing_is_said_beside_json_on_standard_output(quick, capsys):
 
 
 def test_c6_warming_up_says_in_a_pipe_what_it_does(monkeypatch, capsys):
-    monkeypatch.setattr("wholebody.episode.warm_up.warm_up", lambda robot: 61.0)
+    monkeypatch.setattr("wholebody.episode.warm_up.warm_up", lambda robot, half_way: half_way() or 61.0)
     warmup()
     assert capsys.readouterr().err.splitlines() == [
         "compiling the control tick and the plan: about a minute, once",
+        "the plan is compiled",
         "ready after 61 s; later runs load what was compiled",
     ]
 

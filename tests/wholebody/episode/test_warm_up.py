@@ -35,6 +35,12 @@ def test_a_robot_that_there_is_not_is_told():
         warm_up(RobotConfig(model="g2"))
 
 
-def test_a_process_that_fails_is_told():
+def test_a_process_that_fails_is_told_and_is_no_progress():
     with pytest.raises(RuntimeError, match="ended with code 7"):
-        module._apart([os._exit], 7)
+        module._apart([os._exit], 7, lambda: pytest.fail("nothing is compiled"))
+
+
+def test_the_end_of_the_first_part_is_progress():
+    ended = []
+    module._apart([os._exit, os._exit], 0, lambda: ended.append(True))
+    assert ended == [True]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Annotated
 
 from typer import Option
@@ -27,6 +28,9 @@ def warmup(*, robot: RobotModel = "") -> None:
 
     text = "compiling the control tick and the plan: about a minute, once"
     say(text, to_errors=True)
-    with waiting(text):
-        seconds = warm_up(RobotConfig(model=robot) if robot else None)
+    # A line that moves on a terminal, three in a pipe.
+    terminal = sys.stderr.isatty()
+    half_way = None if terminal else lambda: say("the plan is compiled", to_errors=True)
+    with waiting(text, quiet=not terminal):
+        seconds = warm_up(RobotConfig(model=robot) if robot else None, half_way)
     say(f"ready after {seconds:.0f} s; later runs load what was compiled", to_errors=True)
