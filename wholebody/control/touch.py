@@ -54,6 +54,9 @@ SLIDES = 0.7
 0.71, and one that runs into something goes along its push."""
 EARLY = 0.5
 """Share of the lean against a force that is told before it is felt [no unit]; chosen: it may not come."""
+UNTOLD_SHARE = 0.5
+"""Share of the force that its arm has with which a hand pushes that is not told to [no unit]; measured: with all of it,
+a realistic robot fell that pressed a table with both hands."""
 BELIEVED = 150.0
 """Largest force on a palm that the program counts on [N]; chosen: twice what tips the robot."""
 OWN = -0.005
@@ -241,7 +244,7 @@ class Touch:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
         tips, spends = self.tipping_force(palms[hand], -push / size), self.arm_force(hand, push / size)
-        most = min(self.told.limits[hand], share * tips, spends)
+        most = min(self.told.limits[hand], share * tips, UNTOLD_SHARE * spends)
         if told > 0.0:
             most = max(most, min(1.5 * told * config.mass, self.told.limits[hand], TOLD_SHARE * tips, spends))
         self._rows[hand, PUSH_MAX] = most / config.mass
