@@ -21,23 +21,19 @@ from policy.geometry.se3 import make_transform
 from policy.observation import Observation
 from policy.prefix import Prefix
 from policy.scripted.policy import minimum_jerk
-from policy.targets.parabola import FadingParabola, braked
+from policy.targets.foretelling import Foretelling, braked
 
 FPS, HORIZON = 30.0, 15
 """Of the chunks [Hz], [steps]; derived: a target that is not said again has come to rest within them."""
-FREE, STOP = 0.23, 0.15
+FREE, STOP = 0.2, 0.26
 """How long a target goes on as it was going, and in what time it comes to rest then [s]; derived: a plan is followed
-from 0.1 to 0.2 s after it was asked for, and a target may be a step old; chosen: 1 m/s brakes at 12 m/s^2."""
-FREE_FAST = 0.1
-"""How long a fast one does, where it would go further than `FAR` [s]; chosen: what is foretold of a motion that turns
-round twice a second is worth nothing beyond."""
+from 0.1 to 0.2 s after it was asked for, and rests at the end of the chunk."""
 LATE = 2.5
 """Intervals between two targets after which no more are expected; chosen: one may be lost, and the next late."""
-WRIST, FINGERS = ((2.5, 20.0), (12.0, 80.0)), (10.0, 180.0)
-"""Fastest motion and largest acceleration of a target: position [m/s, m/s^2], orientation [rad/s, rad/s^2] and fingers;
-the limits of a hand in `wholebody.reference.HandLimits`."""
-FAR = (0.1, 0.5, 1.0)
-"""How far position [m], orientation and fingers [rad] go on without being told; chosen: a hand's breadth."""
+WRIST, FINGERS = ((2.5, 0.15), (12.0, 1.0)), (10.0, 2.0)
+"""Fastest motion of a target, and how far it goes on without being told: position [m/s, m], orientation [rad/s, rad]
+and fingers; the limits of a hand in `wholebody.reference.HandLimits`, and measured: further on, plans lead fast hands
+out of reach, with 0.1 m they brake too early."""
 ROTATION_TOLERANCE = 1e-3
 """Largest residual of a target's rotation; chosen: above float32 rounding, below any real fault."""
 STAMPS = 256
@@ -50,7 +46,7 @@ class _Wrist:
     """A wrist pose that is told now and then."""
 
     def __init__(self) -> None:
-        self._p, self._turn = (FadingParabola(*bounds) for bounds in WRIST)
+        self._p, self._turn = (Foretelling(*bounds) for bounds in WRIST)
         self._R = np.eye(3)
 
     def add(self, time: float, T: np.ndarray) -> None:
@@ -64,7 +60,7 @@ class _Wrist:
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """Poses at times, shape (H, 4, 4)."""
-        p, turn = (_ahead(track, times, far) for track, far in zip((self._p, self._turn), FAR, strict=False))
+        p, turn = (_ahead(track, times) for track in (self._p, self._turn))
         return make_transform(rotvec_to_matrix(turn) @ self._R, p)
 
 
@@ -72,7 +68,7 @@ class _Fingers:
     """Fingers that are told now and then."""
 
     def __init__(self) -> None:
-        self._q = FadingParabola(*FINGERS)
+        self._q = Foretelling(*FINGERS)
 
     def add(self, time: float, q: np.ndarray) -> None:
         """Take joints (7,) at a time [s]."""
@@ -80,24 +76,22 @@ class _Fingers:
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """Joints at times, shape (H, 7)."""
-        return _ahead(self._q, times, FAR[2])
+        return _ahead(self._q, times)
 
 
-def _ahead(track: FadingParabola, times: np.ndarray, far: float) -> np.ndarray:
+def _ahead(track: Foretelling, times: np.ndarray) -> np.ndarray:
     """What a track says of times [s], one that has ended too: it comes to rest."""
-    time, _ = track.last
-    jet, late = track.jet(), min(LATE * track.interval, FREE)
-    free = max(FREE_FAST, min(FREE, far / max(float(np.linalg.norm(jet[1])), 1e-9)))
-    return braked(jet, times - time, min(free, late) if times[0] - time > late else free, STOP)
+    ages, late = times - track.last[0], min(LATE * track.interval, FREE)
+    return track.at(braked(ages, late if ages[0] > late else FREE, STOP), FREE + STOP / 2.0)
 
 
 class TargetStream:
     """A policy whose targets come from outside, one at a time: teleoperation, `send_action`, another program.
 
     A target is absolute and may be partial: what it does not say stays as it was said last, and what was never said
-    stays where the robot had it at the first `infer`. Each goes on as its last values were going, a parabola through
-    them, for at most `FREE` seconds or `FAR`, and comes to rest in `STOP` more: also where no more
-    come. Nothing is summed up, so a target that is repeated does not drift, however long.
+    stays where the robot had it at the first `infer`. Each goes on as its last values foretell, for `FREE` seconds, and
+    comes to rest in `STOP` more: also where no more come. Nothing is summed up, so a target that is repeated does not
+    drift, however long.
 
     Args:
         spec: Layout of `put_action`; wbc32 of the robot if not given.

@@ -21,6 +21,8 @@ from wholebody.sim.plant import MujocoPlant
 
 SCRIPTS, RATES = (("reach", 6.0), ("wave", 8.0), ("lissajous", 8.0)), (10.0, 30.0, 100.0)
 """What is told one step at a time, for how long [s], and how often [Hz]."""
+KNOWN = (15, 30)
+"""Steps of the lissajous that are told at once, for what a perfect foretelling would give."""
 EVERY = (0.1, 0.25, 0.5, 1.6)
 """Times between two chunks [s]."""
 
@@ -48,9 +50,11 @@ def targets(robot: tuple[Supervisor, MujocoPlant], _: range, done: set[str]) -> 
     """How palms follow each script that is told at each rate, and the reach held for a minute."""
     cases = {f"{name} at {rate:g} Hz": (name, seconds, rate) for name, seconds in SCRIPTS for rate in RATES}
     cases["reach held for 60 s"] = ("reach", 65.0, 30.0)
+    known = {f"lissajous, its next {steps / 30.0:g} s known": steps for steps in KNOWN}
+    cases |= dict.fromkeys(known, ("lissajous", 8.0, 30.0))
     for case, (name, seconds, rate) in cases.items():
         if case not in done:
-            result = follow(*robot, name, seconds, rate=rate, rests_from=5.0)
+            result = follow(*robot, name, seconds, rate=rate, rests_from=5.0, known=known.get(case))
             millis = {"rms_mm": 1e3 * result.rms, "late_ms": 1e3 * result.shift, "drift_mm": 1e3 * result.drift}
             drift = {} if name != "reach" else {"drift_mm": round(millis["drift_mm"], 3)}
             rounded = {key: round(value, 2) for key, value in millis.items() if key != "drift_mm"}

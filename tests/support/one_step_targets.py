@@ -36,7 +36,7 @@ class Followed:
     fall: object
 
 
-def follow(supervisor, plant, name, seconds, *, rate=30.0, rests_from=None):
+def follow(supervisor, plant, name, seconds, *, rate=30.0, rests_from=None, known=None):
     """Follow a script that is told one step at a time.
 
     Args:
@@ -46,15 +46,18 @@ def follow(supervisor, plant, name, seconds, *, rate=30.0, rests_from=None):
         seconds: For how long.
         rate: Targets a second [Hz].
         rests_from: Time from which on the script rests and drift counts [s]; the last tenth if not given.
+        known: Steps of the script that are told instead, from now on, as if they had been foretold without error.
     """
     script, loop, stream, count = scripted_policy(name).script, Stream(supervisor, plant), TargetStream(), 0
     begin, times, palms = loop.state.time, [], []
     while loop.state.time < begin + seconds and loop.fall is None:
         if loop.state.time >= begin + count / rate - 1e-9:
-            told = to_chunk(script(np.array([loop.state.time - begin])), "wbc32", 0, 0.0, rate, 1)
+            times_told = loop.state.time - begin + np.arange(known or 1) / rate
+            told = to_chunk(script(times_told), "wbc32", count, loop.state.time, rate, known or 1)
             target = {"lhand": told.T_world_lhand[0], "rhand": told.T_world_rhand[0]}
             stream.put(loop.state.time, **target, q_lhand=told.q_lhand[0], q_rhand=told.q_rhand[0])
-            supervisor.accept(stream.infer(observe(plant.spec, supervisor, loop.state)), loop.state.time)
+            chunk = told if known else stream.infer(observe(plant.spec, supervisor, loop.state))
+            supervisor.accept(chunk, loop.state.time)
             count += 1
         loop.tick()
         times.append(loop.state.time - begin)

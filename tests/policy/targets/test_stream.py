@@ -9,7 +9,7 @@ from policy.action_spec.codec import encode
 from policy.clock import SimulatedClock
 from policy.errors import ChunkError
 from policy.prefix import Prefix, PrefixPolicy
-from policy.targets.stream import FAR, FPS, FREE, FREE_FAST, HORIZON, LATE, STOP, TargetStream
+from policy.targets.stream import FPS, FREE, HORIZON, LATE, STOP, WRIST, TargetStream
 
 HERE = Anchor.nominal()
 
@@ -32,15 +32,17 @@ def test_it_is_a_policy_that_continues_what_is_executed():
     assert isinstance(TargetStream(), PrefixPolicy)
 
 
-@pytest.mark.parametrize("rate", [10.0, 30.0, 100.0])
-def test_a_parabola_is_foretold_without_lag_as_far_as_it_is_followed(rate):
+@pytest.mark.parametrize(("rate", "within"), [(10.0, 8e-3), (30.0, 5e-3), (100.0, 5e-3)])
+def test_a_motion_that_bends_is_foretold_as_far_as_it_is_followed(rate, within):
+    """Standing still is 65 mm off by then, and going straight on 4."""
+
     def motion(t):
-        return 0.3 * t - 0.1 * t * t, 0.5 * t + 0.3 * t * t
+        return 0.4 * t - 0.1 * t * t, 0.5 * t + 0.3 * t * t
 
     _, chunk = followed(motion, 1.0, rate)
-    for k in range(int(FREE * FPS) + 1):
-        want = pose(*motion(chunk.times[k]))
-        np.testing.assert_allclose(chunk.T_world_lhand[k], want, atol=2e-4)
+    np.testing.assert_allclose(chunk.T_world_lhand[0], pose(*motion(1.0)), atol=3e-4)
+    want = pose(*motion(chunk.times[int(FREE * FPS)]))
+    assert np.abs(chunk.T_world_lhand[int(FREE * FPS)] - want)[0, 3] < within
 
 
 def test_a_chunk_is_valid_and_comes_to_rest_within_it():
@@ -48,14 +50,17 @@ def test_a_chunk_is_valid_and_comes_to_rest_within_it():
     chunk.validate()
     assert len(chunk) == HORIZON
     assert HORIZON / FPS > FREE + STOP
-    np.testing.assert_allclose(chunk.T_world_lhand[-1], chunk.T_world_lhand[-3], atol=1e-9)
+    np.testing.assert_allclose(chunk.T_world_lhand[-1], chunk.T_world_lhand[-2], atol=1e-4)
 
 
-@pytest.mark.parametrize("speed", [0.3, 1.2])
-def test_no_target_goes_on_further_than_said(speed):
-    _, chunk = followed(lambda t: (speed * t, 0.0), 0.5)
-    gone = chunk.T_world_lhand[-1, 0, 3] - 0.3 - 0.5 * speed
-    assert gone == pytest.approx(speed * (max(FREE_FAST, min(FREE, FAR[0] / speed)) + STOP / 2.0), rel=1e-3)
+def test_no_target_goes_on_further_than_said():
+    _, chunk = followed(lambda t: (2.4 * t, 11.0 * t), 0.5)
+    far, turned = WRIST[0][1], WRIST[1][1]
+    assert chunk.T_world_lhand[-1, 0, 3] - 0.3 - 0.5 * 2.4 == pytest.approx(far, rel=1e-6)
+    last = Rotation.from_matrix(chunk.T_world_lhand[0, :3, :3]).inv() * Rotation.from_matrix(
+        chunk.T_world_lhand[-1, :3, :3]
+    )
+    assert last.magnitude() == pytest.approx(turned, rel=1e-3)
 
 
 def test_targets_that_end_are_braked_where_they_were_going_and_held():
@@ -64,8 +69,8 @@ def test_targets_that_end_are_braked_where_they_were_going_and_held():
     at = [stream.infer(HERE.observation(1.0 + h)).T_world_lhand[0, 0, 3] - 0.3 for h in np.arange(0.0, 3.0, 0.01)]
     steps = np.diff(at)
     assert steps.min() > -1e-9
-    assert steps.max() < 0.0101
-    assert at[-1] - 1.0 == pytest.approx(late + STOP / 2.0, abs=2e-3)
+    assert steps.max() < 0.0105
+    assert 0.5 * late < at[-1] - 1.0 < late + STOP / 2.0
     assert at[-1] == at[-100]
 
 
