@@ -13,15 +13,16 @@ from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.control.touch import Touch
-from wholebody.execution.deviation import Deviation
+from wholebody.execution.ahead.deviation import Deviation
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.execution.saturation import Saturation
 from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
-from wholebody.reference import HandMotion, ReferenceSmoother
+from wholebody.reference import HandMotion, HandPath, ReferenceSmoother
 from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
 from wholebody.robot.palms import palm_offsets
+from wholebody.types import RobotState
 
 NO_PATH = np.zeros(0)
 WRIST_WEIGHT = 1.0 / 3.0
@@ -76,7 +77,10 @@ class PlanFollower:
     ) -> None:
         self._controller, self._touch = controller, touch
         robot, spec, safety = controller.robot, controller.spec, config.safety
-        self._deviation, self._saturation = Deviation(robot), Saturation(spec, robot, controller.tau_max)
+        self._deviation, self._saturation = (
+            Deviation(robot, config.planner.posture),
+            Saturation(spec, robot, controller.tau_max),
+        )
         self._settings, self._clock = np.zeros(1, kernel.SETTINGS), np.zeros(1, kernel.CLOCK)
         settings, clock = self._settings[0], self._clock[0]
         settings.dt, settings.grid_step = config.dt, GRID
@@ -84,9 +88,9 @@ class PlanFollower:
             settings[name] = getattr(safety, name)
         clock.rate = clock.share = clock.trust = 1.0
         self.row = np.zeros(row_length(robot.n_joints))
-        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
+        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory), NO_PATH, NO_PATH)
         offsets = palm_offsets(spec)
-        self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), smoother.limits, offsets)
+        self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), np.array(rest), smoother.limits, offsets)
         for motion, offset, part in zip(smoother.motion.rows, offsets, self._palm_rows(), strict=True):
             kernel.palm(motion, offset, part)
         self._body = kernel.Body(
@@ -98,7 +102,7 @@ class PlanFollower:
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
         compiled = kernel.follow, kernel.foresee
         self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
-        self._dt, self._standing = config.dt, False
+        self._dt, self._standing, self._led = config.dt, False, False
 
     @property
     def s(self) -> float:
@@ -120,12 +124,13 @@ class PlanFollower:
         """Whether the trunk sinks: a joint of the waist has had no torque left for long, the body is off its plan."""
         return self.trust < 1.0 and self._saturation.sinks
 
-    def foreseen(self, ticks: int, q: np.ndarray | None = None) -> Foreseen:
+    def foreseen(self, ticks: int, state: RobotState | None = None) -> Foreseen:
         """What will be followed so many control periods from now; 0 for now.
 
         Args:
             ticks: How many.
-            q: Configuration now, shape (nq,). Off the plan, the body is foreseen as far off it as it is now.
+            state: Present one. Off the plan, the body is foreseen as far off it as it is now; where hands are led
+                along other paths, with arms that follow them.
         """
         clock, smoothing = self._clock.copy(), self._smoothing
         smoothing = smoothing._replace(state=smoothing.state.copy(), target=smoothing.target.copy())
@@ -133,9 +138,14 @@ class PlanFollower:
         settings, now, rows = self._settings[0], clock[0], self._plan.trajectory
         row = rows[kernel.nearest(settings, now.s, len(rows))]
         rate, planned = float(now.rate) if settings.moving > 0.0 else 0.0, row.q.copy()
-        if q is not None and self.trust < 1.0:
-            planned = self._deviation.carried(rows[kernel.nearest(settings, self.s, len(rows))].q, planned, q)
-        return Foreseen(float(now.s), rate, BodyState(planned, rate * row.v), HandMotion(smoothing.state["motion"]))
+        hands, v = HandMotion(smoothing.state["motion"]), rate * row.v
+        if state is not None and (self.trust < 1.0 or self._led):
+            here = rows[kernel.nearest(settings, self.s, len(rows))]
+            planned = self._deviation.carried(here.q, planned, state.q)
+            if self._led and self.trust == 1.0:
+                v += state.v - self.rate * here.v
+                planned, v = self._deviation.reaching(planned, v, hands)
+        return Foreseen(float(now.s), rate, BodyState(planned, v), hands)
 
     def distance(self, q: np.ndarray, planned: np.ndarray | None = None) -> float:
         """How far a configuration (nq,) is from another one, or from what was planned for the last tick [rad].
@@ -158,9 +168,13 @@ class PlanFollower:
 
     def _forgiven(self, palms: np.ndarray) -> np.ndarray:
         """Palm points (2, 3) as far as they count; arms of a robot that leans on something are not as planned."""
-        for arm in self._arms:
-            self._body.weights[arm] = self._weights[arm] * (1.0 - max(self._touch.shares))
+        self._count_arms(0.0 if self._led else 1.0 - max(self._touch.shares))
         return self._touch.forgiven(palms, self.row)
+
+    def _count_arms(self, share: float) -> None:
+        """By what share of their weight the arms count in how far the robot is off its plan."""
+        for arm in self._arms:
+            self._body.weights[arm] = share * self._weights[arm]
 
     def _palm_rows(self) -> np.ndarray:
         return self.row[:COM].reshape(2, PALM)
@@ -186,15 +200,41 @@ class PlanFollower:
             speed_fraction: Of its speed at which it is taken over, 0 to 1.
         """
         left, right = plan.paths
-        self._plan = kernel.Plan(self._settings, left.flat, right.flat, records(plan.trajectory))
+        self._plan = kernel.Plan(self._settings, left.flat, right.flat, records(plan.trajectory), NO_PATH, NO_PATH)
         settings, clock = self._settings[0], self._clock[0]
         settings.moving, settings.plan_rate, settings.grid_start = 1.0, plan.rate, plan.trajectory.start
         settings.last_step = last
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
+        settings.leash[:], self._led = 0.0, False
+        self._count_arms(1.0)
         if self._standing:
             self._saturation.begin_anew()
         self._standing, self._body = False, self._body._replace(edges=self._edges())
+
+    @property
+    def leads(self) -> bool:
+        """Whether hands are led along other paths than those of the plan."""
+        return bool(self._settings[0].leash[0] > 0.0)
+
+    def lead(self, paths: tuple[HandPath, ...], ahead: float, leash: tuple[float, float]) -> None:
+        """Lead the hands along other paths until the next plan; arms do not count in how far the robot is off it then.
+
+        Args:
+            paths: Of the left and the right hand.
+            ahead: How far their parameter is past that of the plan [s].
+            leash: How far hands may be from the paths of the plan [m], [rad].
+        """
+        left, right = paths
+        self._plan = self._plan._replace(lead_left=left.flat, lead_right=right.flat)
+        settings = self._settings[0]
+        settings.ahead, settings.leash[:], self._led = ahead, leash, True
+
+    def let_go(self, paths: tuple[HandPath, ...]) -> None:
+        """Lead the hands by the plan again, along its paths as joined to what they do now."""
+        left, right = paths
+        self._plan = self._plan._replace(left=left.flat, right=right.flat)
+        self._settings[0].leash[:] = 0.0
 
     def _edges(self) -> np.ndarray:
         """Half-planes of the support, (k, 3)."""
@@ -208,8 +248,8 @@ class PlanFollower:
             trajectory: One row.
             rows: Where the hands come to rest, (2, 40).
         """
-        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory))
-        self._settings[0].moving = 0.0
+        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory), NO_PATH, NO_PATH)
+        self._settings[0].moving, self._settings[0].leash[:], self._led = 0.0, 0.0, False
         self._smoothing.target[:] = rows
         self._standing = True
         self._saturation.begin_anew()
@@ -227,6 +267,8 @@ class PlanFollower:
         robot, palms = controller.robot, controller.palm_positions()
         if self._touch is not None and self._touch.active:
             palms = self._forgiven(palms)
+        elif self._led:
+            self._count_arms(0.0)
         left, right = self._saturation.trust(controller.tau, palms, self.row, float(elapsed))
         self._follow(
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity, palms, self.row,
@@ -267,8 +309,8 @@ def compiled_follow(n_joints: int) -> tuple[Entry, Entry]:
 def compile_follow(n_joints: int) -> None:
     """Compile both for robots with so many joints, or load them: what their arguments hold does not matter."""
     vector, matrix, trajectory = np.zeros(1), np.zeros((1, 1)), np.zeros(1, kernel.trajectory_row(n_joints))
-    plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory)
-    smoothing = kernel.Smoothing(np.zeros(2, HAND), matrix, np.zeros(2, LIMITS), matrix)
+    plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory, vector, vector)
+    smoothing = kernel.Smoothing(np.zeros(2, HAND), matrix, matrix, np.zeros(2, LIMITS), matrix)
     body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector)
     clock, (follow, foresee) = np.zeros(1, kernel.CLOCK), compiled_follow(n_joints)
     follow.compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector, 0.0, 0.0)

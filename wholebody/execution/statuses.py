@@ -8,7 +8,9 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.joints import layout_robot
+from wholebody.control.tick_report import TickReport
 from wholebody.errors import StateError
+from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.state_monitor import StateMonitor
 from wholebody.planning.plan import ChunkPlan, PlanReport
@@ -86,8 +88,11 @@ class Following:
 
     chunk: ActionChunk | None
     plan: ChunkPlan | None
+    plan_report: PlanReport | None
+    last_tick: TickReport | None
     monitor: StateMonitor
     _follower: PlanFollower | None
+    _ahead: HandsAhead | None
     _now: float
 
     def _following(self) -> PlanFollower:
@@ -128,4 +133,4 @@ class Following:
             return None
         follower = self._follower
         s = follower.s + follower.rate * (np.asarray(times) - self.monitor.clock.shift - self._now)
-        return tuple(path.sample(np.clip(s, self.plan.start, self.plan.end)) for path in self.plan.paths)
+        return self._ahead.hands(np.clip(s, self.plan.start, self.plan.end))

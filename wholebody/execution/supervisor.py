@@ -11,8 +11,9 @@ from policy.chunk import ActionChunk
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.motor_watch import MotorWatch
-from wholebody.control.tick_report import TickLevel, TickReport
+from wholebody.control.tick_report import TickLevel
 from wholebody.execution import standing, statuses
+from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
 from wholebody.execution.ending.lowering import Lowering
@@ -24,7 +25,6 @@ from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import ReferenceSmoother
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
@@ -73,19 +73,14 @@ class Supervisor(statuses.Following):
         self.monitor, self.motors = StateMonitor(self.robot, self.config.dt), MotorWatch(self.controller)
         self._planted, self._smoother, self._last_state = PlantedFeet(self.controller), None, None
         self.touch, self._lowering, self.contacts = self.carrying.touch, None, self._planted.contacts
-        self._follower: PlanFollower | None = None
-        self._reflex: standing.Reflex | None = None
+        self._follower = self._reflex = self._ahead = None
         self._forget(0.0)
 
     def _forget(self, now: float) -> None:
         """Nothing is planned, refused or waiting."""
-        self.status = statuses.NO_CHUNK
-        self.plan_report: PlanReport | None = None
-        self.last_tick: TickReport | None = None
-        self._now = self._retry = now
-        self.plan: ChunkPlan | None = None
-        self.chunk = self._newest = self._waiting = self._refused = self._refusal = None
-        self._chunk_end, self._fallen = 0.0, False
+        self.status, self.last_tick = statuses.NO_CHUNK, None
+        self._now, self._retry, self._chunk_end, self._fallen = now, now, 0.0, False
+        self.plan = self.plan_report = self.chunk = self._newest = self._waiting = self._refused = self._refusal = None
         self.handover.reset()
 
     def reset(self, state: RobotState, now: float | None = None) -> None:
@@ -100,6 +95,7 @@ class Supervisor(statuses.Following):
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows, touch=self.touch)
         self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother, self._planted)
+        self._ahead = HandsAhead(self._follower, self._smoother, self.planner.hand_limits, self.touch)
         self._lowering = Lowering(self.controller, self._reflex, self._planted)
         self._last_state = self.monitor.clock.placed(state)
         self._forget(self.monitor.clock.now)
@@ -127,6 +123,8 @@ class Supervisor(statuses.Following):
         if (fault := statuses.chunk_fault(chunk, self._newest, now, self.spec)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
+        if self.handover.busy and not self._gated:
+            self._ahead.offer(chunk, self.plan, self._now)
         self._waiting, self._retry = chunk, self._now
         self._try_waiting(self._now)
         if self.handover.busy or self.plan is None:
@@ -175,7 +173,7 @@ class Supervisor(statuses.Following):
         """Have a chunk planned from where the robot will be on its plan once the lead is over."""
         self._retry, ticks = self._now + RETRY, self.handover.ticks
         state, due = self._last_state, self._now + ticks * self.config.dt
-        start = self._reflex.foreseen(state, ticks) if self._reflex.active else self._follower.foreseen(ticks, state.q)
+        start = self._reflex.foreseen(state, ticks) if self._reflex.active else self._follower.foreseen(ticks, state)
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
         changed = self.carrying.changed or self.motors.weaker
@@ -232,6 +230,7 @@ class Supervisor(statuses.Following):
             last = self._chunk_end - taken.chunk.t_obs
             self.touch.expect(taken.chunk)
         self._follower.begin(taken.plan, last, beyond=taken.beyond, speed_fraction=taken.speed_fraction)
+        self._ahead.begin(taken.chunk, taken.plan, self._now)
 
     def _stand(self) -> None:
         """Follow no plan: stand, until there is one from there."""
@@ -316,5 +315,6 @@ class Supervisor(statuses.Following):
     def _refuse_planned(self, chunk: ActionChunk, refusal: StatusReport) -> None:
         """Refuse a chunk that had been accepted: the one that is followed counts as the last one again."""
         self._refuse(refusal)
+        self._ahead.end(self.plan)
         if chunk is self._newest:
             self._newest, self._refusal = self.chunk, refusal

@@ -65,6 +65,11 @@ class PlanReport:
         k = self._knot(s)
         return next((reason for reason, change in self.changes.items() if change.moved[k] > MOVED_MIN), None)
 
+    def moved_by(self, s: float) -> float:
+        """How far a hand is elsewhere than given there, for whatever reason [m]."""
+        k = self._knot(s)
+        return max((float(change.moved[k]) for change in self.changes.values()), default=0.0)
+
     def _knot(self, s: float) -> int:
         """The knot nearest to a path parameter [s]."""
         step = self.steps[1] - self.steps[0] if len(self.steps) > 1 else 1.0

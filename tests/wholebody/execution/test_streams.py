@@ -27,9 +27,11 @@ def test_a_stream_of_hostile_and_calm_chunks_late_lost_and_doubled_leaves_the_ro
     assert min(result.lost, result.late, result.doubled) > 0, str(result)
 
 
-def test_targets_that_are_told_one_at_a_time_are_followed_within_millimetres_and_at_once(robot):
-    followed = follow(*robot, "reach", 4.0)
+@pytest.mark.parametrize(("name", "seconds"), [("reach", 4.0), ("wave", 5.0)])
+def test_targets_that_are_told_one_at_a_time_are_followed_within_millimetres_and_at_once(robot, name, seconds):
+    """The wave was followed within 30 mm where hands waited for its plans."""
+    followed = follow(*robot, name, seconds)
     assert followed.fall is None
     assert followed.rms <= 5e-3
     assert followed.shift <= 0.04
-    assert followed.drift <= 1e-3, "the reach has ended and is held"
+    assert name == "wave" or followed.drift <= 1e-3, "the reach has ended and is held"

@@ -26,6 +26,8 @@ SETTINGS = record(
     ("plan_rate",),  # speed along the chunk that is planned
     ("grid_start",), ("grid_step",),  # of the trajectory's rows [s]
     ("last_step",),  # parameter of the chunk's last step [s]
+    ("leash", 2),  # how far hands may be led off the plan's paths [m], [rad]; 0: they follow these
+    ("ahead",),  # how far the parameter of the paths that lead them is past that of the plan [s]
     ("error_slow",), ("error_stop",),  # palm error at which the plan is slowed and held [m]
     ("balance_slow",),  # distance of the capture point from the edge below which it is slowed [m]
     ("posture_slow",), ("posture_stop",),  # distance of a joint from the plan at which hands give way and have [rad]
@@ -56,6 +58,8 @@ class Plan(NamedTuple):
     left: np.ndarray  # paths of the hands, flat, as wholebody.reference.kernels.path reads them
     right: np.ndarray
     trajectory: np.ndarray  # (n,) records of `trajectory_row`
+    lead_left: np.ndarray  # paths that hands are led along instead, within a leash
+    lead_right: np.ndarray
 
 
 class Smoothing(NamedTuple):
@@ -63,6 +67,7 @@ class Smoothing(NamedTuple):
 
     state: np.ndarray  # (2,) records of `smoother_memory.HAND`
     target: np.ndarray  # (2, 40), kept while nothing is planned
+    lead: np.ndarray  # (2, 40), where other paths lead the hands
     limits: np.ndarray  # (2,) records of `smoother_memory.LIMITS`
     offsets: np.ndarray  # (2, 3) palm points in the wrists' frames [m]
 
@@ -118,12 +123,44 @@ def run(plan, now, smoothing, ticks, dt) -> None:
             now.s, now.rate, now.change = advanced(now.s, now.rate, now.change, dt, wanted)
             path_row(plan.left, now.s, target[0])
             path_row(plan.right, now.s, target[1])
+            if settings.leash[0] > 0.0:
+                path_row(plan.lead_left, now.s + settings.ahead, smoothing.lead[0])
+                path_row(plan.lead_right, now.s + settings.ahead, smoothing.lead[1])
+                for i in range(2):
+                    leashed(smoothing.lead[i], settings.leash, target[i])
             for i in range(2):
                 scale(target[i], now.rate, now.change)
             if now.s < settings.last_step:
                 now.elapsed += dt
                 now.travelled += dt * now.rate
         smoother_step(smoothing.state, target, smoothing.limits, dt)
+
+
+def leashed(lead, leash, target) -> None:
+    """Move a hand's target (40,) to where it is led, as far as the leash lets it; fingers go there.
+
+    Rates are those of the mean of both motions with the share that is left of the way between them.
+    """
+    way, turn = 0.0, 0.0
+    for i in range(3):
+        way += (lead[i] - target[i]) ** 2
+    for i in range(9, 13):
+        turn += lead[i] * target[i]
+    side = -1.0 if turn < 0.0 else 1.0
+    share = min(1.0, leash[0] / max(math.sqrt(way), 1e-9))
+    turn_share = min(1.0, leash[1] / max(2.0 * math.acos(min(abs(turn), 1.0)), 1e-9))
+    for i in range(9):
+        target[i] += share * (lead[i] - target[i])
+    size = 0.0
+    for i in range(9, 13):
+        target[i] += turn_share * (side * lead[i] - target[i])
+        size += target[i] ** 2
+    for i in range(9, 13):
+        target[i] /= math.sqrt(size)
+    for i in range(13, 19):
+        target[i] += turn_share * (lead[i] - target[i])
+    for i in range(19, 40):
+        target[i] = lead[i]
 
 
 def tracking_share(settings, row, palms) -> float:

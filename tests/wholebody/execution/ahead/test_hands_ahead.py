@@ -1,0 +1,116 @@
+"""Strategy: a supervisor in its stance whose planner never answers: what then moves, newer chunks have led."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models import g1
+from tests.support.chunk_streams import Stream, still_chunk
+from wholebody.config import ControllerConfig
+from wholebody.execution.ahead.hands_ahead import LEASH
+from wholebody.execution.background_planner import SimulatedPlanner
+from wholebody.execution.supervisor import Supervisor
+from wholebody.planning.changes import Change
+from wholebody.sim.plant import MujocoPlant
+from wholebody.types import Reason
+
+
+class Stopped(SimulatedPlanner):
+    """A planner that does not answer any more once it is told."""
+
+    stopped = False
+
+    def poll(self, now):
+        return None if self.stopped else super().poll(now)
+
+
+@pytest.fixture
+def followed():
+    """A supervisor that follows a chunk of its own stance, and asks in vain for the plan of the next one."""
+    planners = []
+
+    def planner(compute):
+        planners.append(Stopped(compute, ControllerConfig().planning))
+        return planners[0]
+
+    loop = Stream(Supervisor(g1(), planner=planner), MujocoPlant(g1()))
+    palm = loop.supervisor.palm_reference()["left"][:3, 3].copy()
+    loop.supervisor.accept(still_chunk(palm, 0, loop.state.time), loop.state.time)
+    for _ in range(100):
+        loop.tick()
+    planners[0].stopped = True
+    loop.supervisor.accept(still_chunk(palm, 1, loop.state.time), loop.state.time)
+    return loop, palm
+
+
+def gone(loop, palm, way, count=12):
+    """How far the left palm goes when chunks lead it on by that way each 1/30 s (3,) [m]."""
+    supervisor = loop.supervisor
+    for k in range(1, count + 1):
+        supervisor.accept(still_chunk(palm + k * way, 1 + k, loop.state.time), loop.state.time)
+        for _ in range(16):
+            loop.tick()
+    assert loop.fall is None
+    return supervisor.palm_reference()["left"][:3, 3] - palm
+
+
+def test_hands_follow_chunks_whose_plans_are_not_there_yet(followed):
+    way = np.array([0.004, 0.0, 0.002])
+    went = gone(*followed, way)
+    assert went @ way > 0.6 * 12 * way @ way
+    assert followed[0].supervisor.ahead(np.array([followed[0].state.time]))[0].v[0] @ way > 0.0
+
+
+def test_they_go_no_further_than_their_leash(followed):
+    went = gone(*followed, np.array([0.004, 0.0, 0.0]), 50)
+    assert LEASH[0] - 0.03 < np.linalg.norm(went) < LEASH[0] + 0.005
+
+
+def test_a_chunk_that_jumps_waits_for_its_plan(followed):
+    assert np.linalg.norm(gone(*followed, np.array([0.2, 0.0, 0.0]), 3)) < 1e-3
+
+
+def test_chunks_that_come_seldom_wait_for_their_plans(followed):
+    loop, palm = followed
+    for k in range(1, 4):
+        loop.supervisor.accept(still_chunk(palm + 0.01 * k * np.eye(3)[0], 1 + k, loop.state.time), loop.state.time)
+        for _ in range(100):
+            loop.tick()
+    assert np.linalg.norm(loop.supervisor.palm_reference()["left"][:3, 3] - palm) < 1e-3
+
+
+def test_where_the_plan_moved_the_hands_it_keeps_them(followed):
+    loop, palm = followed
+    plan = loop.supervisor.plan
+    n = len(plan.report.steps)
+    far = {Reason.OUT_OF_REACH: Change(np.full(n, 0.05), np.ones(n, dtype=bool), "out of reach")}
+    loop.supervisor.plan = replace(plan, report=replace(plan.report, changes=far))
+    assert np.linalg.norm(gone(loop, palm, np.array([0.004, 0.0, 0.0]))) < 0.012
+
+
+def test_a_plan_that_is_slower_than_its_chunk_keeps_them(followed):
+    loop, palm = followed
+    plan = loop.supervisor.plan
+    loop.supervisor.plan = replace(plan, report=replace(plan.report, slowdown=1.5))
+    assert np.linalg.norm(gone(loop, palm, np.array([0.004, 0.0, 0.0]))) < 1e-3
+
+
+def test_a_refusal_gives_them_back_to_the_plan(followed):
+    loop, palm = followed
+    gone(loop, palm, np.array([0.004, 0.0, 0.0]))
+    loop.supervisor._ahead.end(loop.supervisor.plan)
+    for _ in range(800):
+        loop.tick()
+    assert loop.fall is None
+    assert np.linalg.norm(loop.supervisor.palm_reference()["left"][:3, 3] - palm) < 1e-3
+
+
+def test_with_a_gate_nothing_is_followed_before_it_is_judged():
+    loop = Stream(Supervisor(g1(), gate=lambda request, plan: None), MujocoPlant(g1()))
+    palm = loop.supervisor.palm_reference()["left"][:3, 3].copy()
+    for k in range(3):
+        loop.supervisor.accept(still_chunk(palm + 0.01 * k, k, loop.state.time), loop.state.time)
+        for _ in range(60 if k == 0 else 5):
+            loop.tick()
+        assert not loop.supervisor._follower.leads
