@@ -172,7 +172,7 @@ class PlanFollower:
         return self._touch.forgiven(palms, self.row)
 
     def _count_arms(self, share: float) -> None:
-        """By what share of their weight the arms count in how far the robot is off its plan."""
+        """Let the arms count with a share of their weight in how far the robot is off its plan."""
         for arm in self._arms:
             self._body.weights[arm] = share * self._weights[arm]
 

@@ -14,7 +14,8 @@ STEPS = 3
 DAMPING = 1e-4
 """Of a step, added to ``J J^T`` [m^2, rad^2]; chosen: a straight arm moves little in its singular direction."""
 RATE_DAMPING = 1e-3
-"""The same of a velocity; measured: with 1e-4 plans begin faster than joints may be, with 1e-2 palms lag behind."""
+"""The same of a velocity [m^2, rad^2]; measured: with 1e-4 plans begin faster than joints may be, with 1e-2 palms
+lag behind."""
 
 BEGIN = 0.55
 """Share of the fastest that plans let a joint be with which an arm begins one; measured: faster ones are past a limit
@@ -94,6 +95,6 @@ class Deviation:
         return q
 
     def _poses(self, q: np.ndarray) -> list[pin.SE3]:
-        """Of both wrists in world."""
+        """Poses of both wrists in world."""
         pin.framesForwardKinematics(self._model, self._data, q)
         return [self._data.oMf[wrist].copy() for wrist in self._wrists]
