@@ -144,6 +144,12 @@ def check_images(rows: pyarrow.Table, keys: list[str], episode: Episode) -> None
     """
     for key in keys:
         images = rows.column(key).combine_chunks()
+        if "bytes" not in (field.name for field in getattr(images.type, "fields", ())):
+            raise DatasetError(
+                f"'{key}' of episode {episode.index} in {episode.file} holds {images.type}; images are expected, as "
+                "objects with 'bytes'",
+                feature=key,
+            )
         if images.field("bytes").null_count:
             raise DatasetError(
                 f"'{key}' of episode {episode.index} has images outside of {episode.file}, which are not carried over; "

@@ -29,7 +29,7 @@ def numeric_columns(
         if feature is None or feature["dtype"] not in _NUMBERS:
             continue
         column, shape = rows.column(key), tuple(feature["shape"])
-        if shape == (1,) and not hasattr(column.type, "value_type"):
-            yield key, np.asarray(column).astype(float)
+        if shape == (1,) and (values := np.asarray(column)).dtype.kind in "fiub":
+            yield key, values.astype(float)
         elif len(shape) == 1:
             yield key, vectors(column, shape[0], key, episode)

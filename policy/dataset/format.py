@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from policy import reading
+from policy.dataset.tables import read_parquet
 from policy.errors import DatasetError, did_you_mean
 
 if TYPE_CHECKING:
@@ -27,15 +28,10 @@ INDICES = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 """Columns that every dataset has."""
 EPISODES_MAX = 100_000
 """Most episodes of a dataset."""
-TABLE_MAX = 2**30
-"""Largest table that is read at once, and its largest file [bytes]; LeRobot begins a new file at 100 MB."""
-ROWS_MAX = 5_000_000
-"""Most rows of a data file: 46 hours at 30 Hz."""
 PATH_MAX = 300
 """Most characters of a path in ``meta/info.json``."""
 _FIELD = re.compile(r"(0[1-9])?d?")
 """Format of a number in a path, as in ``{file_index:03d}``."""
-NO_PYARROW = "datasets are read with pyarrow, which is not installed: pip install 'g1-wholebody[audit]'"
 Stats = Mapping[str, Mapping[str, Any]]
 """Statistics by feature and name, nested lists as in JSON."""
 
@@ -152,7 +148,7 @@ class Dataset:
         modified_ns = episode.file.stat().st_mtime_ns if episode.file.exists() else 0
         rows = _file(episode.file, modified_ns, wanted).slice(episode.first_row, episode.length)
         found = np.asarray(rows.column("episode_index")) if "episode_index" in rows.column_names else np.empty(0)
-        if len(found) != episode.length or (found != episode.index).any():
+        if found.dtype.kind not in "iu" or len(found) != episode.length or (found != episode.index).any():
             raise DatasetError(
                 f"{episode.file} does not hold the {episode.length} frames of episode {episode.index} from row "
                 f"{episode.first_row} on; meta/episodes and data are of different recordings: get both again",
@@ -190,50 +186,6 @@ def read_json(file: Path) -> dict[str, Any]:
     return data
 
 
-def read_parquet(file: Path, columns: list[str] | None = None) -> pyarrow.Table:
-    """A parquet file as a table.
-
-    Raises:
-        DatasetError: If it is missing or damaged, or pyarrow is not installed.
-    """
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise DatasetError(NO_PYARROW) from error
-    try:
-        reading.require_file(file, TABLE_MAX)
-        stored = pyarrow.parquet.ParquetFile(file, memory_map=True)
-        _require_small(stored, columns, file)
-        return stored.read(columns)
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise DatasetError(f"{file} does not exist; download all of the dataset, data and meta") from error
-    except (OSError, reading.ReadingError, pyarrow.ArrowException) as error:
-        raise DatasetError(
-            f"{file} cannot be read ({error}); a recording that was not ended with finalize() has no readable files, "
-            "a git clone without 'git lfs pull' has only pointers"
-        ) from error
-
-
-def _require_small(stored: pyarrow.parquet.ParquetFile, columns: list[str] | None, file: Path) -> None:
-    """Refuse by its description what would unpack to more than is read.
-
-    Raises:
-        DatasetError: If it would.
-    """
-    about, size = stored.metadata, 0
-    if about.num_rows > ROWS_MAX:
-        raise DatasetError(f"{file} has {about.num_rows} rows; at most {ROWS_MAX} are read")
-    for group in range(about.num_row_groups):
-        for i in range(about.num_columns):
-            column = about.row_group(group).column(i)
-            if columns is None or column.path_in_schema.split(".")[0] in columns:
-                # A dictionary of values repeated for ever is small in the file; numbers have 8 bytes at most.
-                size += max(column.total_uncompressed_size, 8 * column.num_values)
-    if size > TABLE_MAX:
-        raise DatasetError(f"{file} would unpack to {size} bytes; at most {TABLE_MAX} are read at once")
-
-
 def inside(folder: Path, template: object, **parts: object) -> Path:
     """Path of a file that ``info.json`` names by a template, never outside the dataset.
 
@@ -252,6 +204,18 @@ def inside(folder: Path, template: object, **parts: object) -> Path:
         raise DatasetError(f"meta/info.json has the path '{template}', which cannot be filled in: {error!r}") from error
     if not _within(file, folder):
         raise DatasetError(f"meta/info.json has the path '{template}', which leaves the dataset's folder")
+    return file
+
+
+def meta_file(folder: Path, *names: str) -> Path:
+    """Path of a file in ``meta``, which is no link to a file outside the dataset.
+
+    Raises:
+        DatasetError: If it is.
+    """
+    file = Path(folder, "meta", *names)
+    if not _within(file, folder):
+        raise DatasetError(f"{file} is a link that leaves the dataset's folder; put the file itself there")
     return file
 
 

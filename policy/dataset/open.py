@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import EPISODES_MAX, Dataset, read_json
+from policy.dataset.format import EPISODES_MAX, Dataset, meta_file, read_json
 from policy.dataset.forms.hdf5 import hdf5_files, read_hdf5
 from policy.dataset.forms.v21 import read_v21
 from policy.dataset.forms.v30 import read_v30
@@ -43,7 +43,7 @@ def open_dataset(folder: str | Path) -> Dataset:
             return read_xr_json(folder)
         if hdf5_files(folder):
             return read_hdf5(folder)
-    info = read_json(folder / INFO)
+    info = read_json(meta_file(folder, "info.json"))
     version = info.get("codebase_version")
     readers = {"v3.0": read_v30, "v2.1": read_v21, "v2.0": read_v21}
     if not isinstance(version, str) or version not in readers:

@@ -20,6 +20,7 @@ import numpy as np
 from policy.dataset.format import Episode, VideoSpan
 from policy.dataset.stats import plain
 from policy.errors import DatasetError
+from policy.reading import ReadingError, parse_json
 
 if TYPE_CHECKING:
     import pyarrow
@@ -202,8 +203,12 @@ def _noted(metadata: Mapping[bytes, bytes] | None, name: str, values: np.ndarray
     kept = {key: value for key, value in (metadata or {}).items() if key == b"huggingface"}
     if not kept:
         return {}
-    note = json.loads(kept[b"huggingface"])
-    features = note.get("info", {}).get("features")
+    try:
+        note = parse_json(kept[b"huggingface"].decode())
+    except (ReadingError, UnicodeDecodeError):
+        return {}
+    info = note.get("info") if isinstance(note, dict) else None
+    features = info.get("features") if isinstance(info, dict) else None
     if not isinstance(features, dict):
         return {}
     value = {"dtype": str(values.dtype), "_type": "Value"}

@@ -164,8 +164,9 @@ def read_config(folder: Path, options: LoadOptions) -> PreTrainedConfig:
         raise fail("config", f"{file} is of a PEFT adapter", "merge the adapter into its base and save that")
     config.pretrained_path = None
     config.device = _device(options.device)
-    # Everything is in model.safetensors; these would download first what is then overwritten.
-    for name, nothing in {"pretrained_backbone_weights": None, "load_vlm_weights": False}.items():
+    # Everything is in model.safetensors; these would download first what is then overwritten. Compiling takes minutes.
+    nothings = {"pretrained_backbone_weights": None, "load_vlm_weights": False, "compile_model": False}
+    for name, nothing in nothings.items():
         if hasattr(config, name):
             setattr(config, name, nothing)
     if config.type == "smolvla" and options.tokenizer is not None:

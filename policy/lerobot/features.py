@@ -40,6 +40,8 @@ SIZES = {
 """Least and largest number of steps, frames, tokens and entries in ``config.json``."""
 LAYERS_MAX, WIDTH_MAX, OTHER_MAX = 128, 16_384, 10_000_000
 """Most layers of a network, largest width of one, and largest count of training steps and other number there."""
+BACKBONES = ("resnet18", "resnet34", "resnet50", "resnet101", "resnet152")
+"""Networks of torchvision that LeRobot's policies see with; of its other names some are no networks."""
 FEATURES_MAX, SIDE_MAX = 32, 8192
 """Most features of a policy, and entries of each along an axis."""
 
@@ -58,6 +60,10 @@ def check_sizes(config: PreTrainedConfig) -> None:
             least, most = _bounds(name, number)
             if not least <= number <= most:
                 raise fail("config", f"{name} of '{config.type}' is {number:g}; {least} to {most} is expected", cure)
+    backbone = getattr(config, "vision_backbone", BACKBONES[0])
+    if backbone not in BACKBONES:
+        text = f"vision_backbone of '{config.type}' is {printable(repr(backbone), 80)}"
+        raise fail("config", f"{text}; {', '.join(BACKBONES)} are known", cure)
     features = {**(config.input_features or {}), **(config.output_features or {})}
     for key, feature in list(features.items())[: FEATURES_MAX + 1]:
         shape = tuple(feature.shape)

@@ -12,7 +12,7 @@ from policy.action_spec.state import state_numbers
 from policy.dataset.stats import in_units
 from policy.errors import ObservationError
 from policy.lerobot.features import ENVIRONMENT, camera_keys, resizes_images
-from policy.lerobot.prompt import require_whole_prompt, tokenizer_step
+from policy.lerobot.prompt import require_whole_prompt, tokenizer_step, tokenizing
 from policy.lerobot.stats import ACTION, STATE, bounds, normaliser
 from policy.observation import Observation
 from policy.placeholder_cameras import with_grey
@@ -93,7 +93,8 @@ class Inputs:
             raw[ENVIRONMENT] = self._environment(observation)
         if left_over is not None:
             raw[ACTION] = torch.from_numpy(left_over.astype(np.float32))[None].to(self.config.device)
-        batch = self.checkpoint.preprocessor({**raw, "task": task})
+        with tokenizing():
+            batch = self.checkpoint.preprocessor({**raw, "task": task})
         if self._tokenizer is not None:
             require_whole_prompt(self.config, self._tokenizer, batch)
         return batch, notes

@@ -6,6 +6,8 @@ long task or a long state deletes ``State: ...;\nAction: ``, and the network act
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from policy.action_spec.spec import ActionSpec
@@ -42,7 +44,10 @@ def check_prompt(config: PreTrainedConfig, processor: Any, state: ActionSpec | N
     step = tokenizer_step(processor)
     if step is None:
         return [Finding("prompt", "ok", f"'{config.type}' reads no text")]
-    used = token_count(step, longest_prompt(config, state, task))
+    try:
+        used = token_count(step, longest_prompt(config, state, task))
+    except ObservationError as error:
+        return [Finding("prompt", "error", str(error), "copy the tokenizer again")]
     room = step.max_length - used
     if not task and room >= TASK_TOKENS_MIN:
         return [Finding("prompt", "ok", f"at most {room} of {step.max_length} tokens are left for the task")]
@@ -66,7 +71,25 @@ def longest_prompt(config: PreTrainedConfig, state: ActionSpec | None, task: str
 
 def token_count(step: Any, text: str) -> int:
     """Tokens of a text by the tokenizer of a step, uncut."""
-    return len(step.input_tokenizer(text, truncation=False)["input_ids"])
+    with tokenizing():
+        return len(step.input_tokenizer(text, truncation=False)["input_ids"])
+
+
+@contextmanager
+def tokenizing() -> Iterator[None]:
+    """Tell where the tokenizers' library gives up, which it does past every ``except Exception``.
+
+    A pattern of a tokenizer's own can need more tries for a text than there is time for.
+
+    Raises:
+        ObservationError: Instead.
+    """
+    try:
+        yield
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":
+            raise
+        raise ObservationError(f"the tokenizer gives up on the prompt: {error}") from error
 
 
 def require_whole_prompt(config: PreTrainedConfig, step: Any, batch: dict[str, Any]) -> None:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from policy.dataset.format import EPISODES_MAX, NO_PYARROW, ROWS_MAX, Dataset, Episode
+from policy.dataset.format import EPISODES_MAX, Dataset, Episode
+from policy.dataset.tables import NO_PYARROW, ROWS_MAX
 from policy.errors import DatasetError
 from policy.reading import ReadingError, require_rate
 

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import EPISODES_MAX, ROWS_MAX
+from policy.dataset.format import EPISODES_MAX
+from policy.dataset.tables import ROWS_MAX
 from policy.errors import DatasetError
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, inside, read_json
+from policy.dataset.format import EPISODES_MAX, Dataset, Episode, VideoSpan, inside, meta_file, read_json
 from policy.dataset.forms.numbering import in_numbers, in_order
 from policy.dataset.stats import merged
 from policy.errors import DatasetError
@@ -22,16 +22,18 @@ def read_v21(folder: Path, info: Mapping[str, Any]) -> Dataset:
     Raises:
         DatasetError: If ``meta`` is incomplete or contradicts itself.
     """
-    meta, features = folder / "meta", info["features"]
+    features = info["features"]
     cameras = [key for key, feature in features.items() if feature["dtype"] in ("image", "video")]
-    file = meta / "episodes.jsonl"
+    file = meta_file(folder, "episodes.jsonl")
     lines = in_order(_lines(file, "episode_index", "length", "tasks"), file)
-    stats = _episode_stats(meta / "episodes_stats.jsonl", cameras)
+    stats = _episode_stats(meta_file(folder, "episodes_stats.jsonl"), cameras)
     videos = [key for key in cameras if features[key]["dtype"] == "video"]
     episodes = tuple(_episode(folder, info, line, videos, stats.get(line["episode_index"], {})) for line in lines)
-    whole = meta / "stats.json"
+    whole = meta_file(folder, "stats.json")
     camera_stats = read_json(whole) if whole.exists() else merged([episode.camera_stats for episode in episodes])
-    return Dataset(folder, info["codebase_version"], info, read_tasks(meta / "tasks.jsonl"), episodes, camera_stats)
+    return Dataset(
+        folder, info["codebase_version"], info, read_tasks(meta_file(folder, "tasks.jsonl")), episodes, camera_stats
+    )
 
 
 def _episode(

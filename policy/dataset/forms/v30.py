@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from policy.dataset.format import Dataset, Episode, VideoSpan, inside, read_json, read_parquet
+from policy.dataset.format import Dataset, Episode, VideoSpan, inside, meta_file, read_json
 from policy.dataset.forms.numbering import in_numbers, in_order
+from policy.dataset.tables import read_rows
 from policy.errors import DatasetError
+from policy.reading import JSON_MAX, listed
 
 _PLACES = ("data/", "videos/", "stats/", "meta/episodes/")
 _FIELDS = ("episode_index", "length", "tasks", "dataset_from_index", "dataset_to_index")
@@ -25,8 +27,7 @@ def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
     """
     features = info["features"]
     cameras = [key for key, feature in features.items() if feature["dtype"] in ("image", "video")]
-    rows = [row for file in _files(folder) for row in _rows(file, cameras)]
-    rows = in_order(rows, folder / "meta" / "episodes")
+    rows = in_order(_rows(folder, cameras), folder / "meta" / "episodes")
     for row in rows:
         if type(row["dataset_from_index"]) is not int or row["dataset_from_index"] < 0:
             number = row["episode_index"]
@@ -48,28 +49,25 @@ def read_v30(folder: Path, info: Mapping[str, Any]) -> Dataset:
         )
         for file, row in zip(files, rows, strict=True)
     )
-    stats = folder / "meta" / "stats.json"
+    stats = meta_file(folder, "stats.json")
     return Dataset(folder, "v3.0", info, read_tasks(folder), episodes, read_json(stats) if stats.exists() else {})
 
 
-def _files(folder: Path) -> list[Path]:
+def _rows(folder: Path, cameras: list[str]) -> list[dict[str, Any]]:
+    """What ``meta/episodes`` says of each episode, without statistics that are computed anew."""
     files = sorted((folder / "meta" / "episodes").glob("*/*.parquet"))
     if not files:
         raise DatasetError(f"{folder}/meta/episodes has no .parquet files; download all of the dataset's meta")
-    return files
+    files = [meta_file(folder, "episodes", file.parent.name, file.name) for file in files]
 
+    def wanted(name: str) -> bool:
+        return not name.startswith("stats/") or name.split("/", 2)[1] in cameras
 
-def _rows(file: Path, cameras: list[str]) -> list[dict[str, Any]]:
-    table = read_parquet(file)
-    missing = [name for name in _FIELDS if name not in table.column_names]
-    if missing:
-        raise DatasetError(f"{file} has no column '{missing[0]}'; it is no meta/episodes of the format v3.0")
-    kept = [
-        name
-        for name in table.column_names
-        if not name.startswith("stats/") or name.split("/", 2)[1] in cameras  # the others are computed anew
-    ]
-    return table.select(kept).to_pylist()
+    rows = read_rows(files, wanted)
+    missing = next((name for row in rows for name in _FIELDS if name not in row), None)
+    if missing is not None:
+        raise DatasetError(f"{folder}/meta/episodes has no column '{missing}'; it is none of the format v3.0")
+    return rows
 
 
 def _data_file(folder: Path, info: Mapping[str, Any], row: Mapping[str, Any]) -> Path:
@@ -102,9 +100,10 @@ def _camera_stats(row: Mapping[str, Any], cameras: list[str]) -> dict[str, dict[
 
 def read_tasks(folder: Path) -> tuple[str, ...]:
     """Tasks of a dataset by number; see `in_numbers`."""
-    file = folder / "meta" / "tasks.parquet"
-    table = read_parquet(file)
-    names = [name for name in table.column_names if name != "task_index"]
-    if "task_index" not in table.column_names or len(names) != 1:
-        raise DatasetError(f"{file} has the columns {', '.join(table.column_names)}; task_index and task are expected")
-    return in_numbers(zip(*(table.column(name).to_pylist() for name in ("task_index", names[0])), strict=True), file)
+    file = meta_file(folder, "tasks.parquet")
+    rows = read_rows([file], most=JSON_MAX)
+    names = list(rows[0]) if rows else ["task_index", "task"]
+    text = next((name for name in names if name != "task_index"), None)
+    if len(names) != 2 or "task_index" not in names or text is None:
+        raise DatasetError(f"{file} has the columns {listed(names)}; task_index and task are expected")
+    return in_numbers([(row["task_index"], row[text]) for row in rows], file)

@@ -11,8 +11,9 @@ import pytest
 
 from policy.action_spec.builtin import builtin
 from policy.dataset.conversion import DatasetSettings, convert_dataset
-from policy.dataset.format import ROWS_MAX, inside, read_parquet
+from policy.dataset.format import inside
 from policy.dataset.open import open_dataset
+from policy.dataset.tables import ROWS_MAX, read_parquet
 from policy.dataset.writer import DatasetWriter
 from policy.errors import DatasetError, SpecError
 from policy.recorded.dataset_replay import open_episode
@@ -377,3 +378,75 @@ def test_what_was_begun_is_removed_after_an_error(tmp_path):
     with pytest.raises(KeyError), DatasetWriter(tmp_path / "out", {}, ()):
         raise KeyError("anything")
     assert list(tmp_path.iterdir()) == []
+
+
+def twice(table, name):
+    return pyarrow.Table.from_arrays([*table.columns, table.column(name)], [*table.column_names, name])
+
+
+@pytest.mark.parametrize("file", [DATA, EPISODES])
+def test_a_column_that_is_there_twice_is_refused(source, file):
+    """The reader ended with a KeyError."""
+    edit_table(source / file, lambda table: twice(table, "episode_index"))
+    refused(source, "has two columns 'episode_index'")
+
+
+def replaced(key, column):
+    return lambda table: table.set_column(table.column_names.index(key), key, column(table))
+
+
+@pytest.mark.parametrize("key", ["action", "episode_index", "timestamp", "frame_index", "observation.velocity"])
+def test_a_column_of_objects_in_the_place_of_numbers_is_refused(source, key):
+    edit_table(source / DATA, replaced(key, lambda table: pyarrow.array([{"x": 1.0}] * len(table))))
+    refused(source, "frames of episode|numbers a frame|no numbers")
+
+
+@pytest.mark.parametrize("odd", [1.5, "a.png", [1, 2], {"path": "a.png"}])
+def test_an_image_column_of_something_else_is_refused(source, odd):
+    edit_table(source / DATA, replaced(IMAGE, lambda table: pyarrow.array([odd] * len(table))))
+    assert refused(source, "images are expected").feature == IMAGE
+
+
+@pytest.mark.parametrize("noted", [b"[1]", b"{", b'{"info": 3}', b'{"info": {"features": []}}', b"\xff", b"null"])
+def test_notes_of_the_schema_that_are_none_are_left_out(source, tmp_path, noted):
+    edit_table(source / DATA, lambda table: table.replace_schema_metadata({b"huggingface": noted}))
+    convert_dataset(source, tmp_path / "wrists", DatasetSettings(check=False))
+    assert len(open_dataset(tmp_path / "wrists").episodes) == 3
+
+
+def test_a_small_list_of_episodes_does_not_become_gigabytes(source):
+    """0.9 MB took 4.8 GiB: the same text over and over, once in the file and an object each in memory."""
+
+    def changed(table):
+        texts = pyarrow.array(["pour"]).take(pyarrow.array(np.zeros(20_000_000, dtype=np.int32)))
+        tasks = pyarrow.ListArray.from_arrays([0, len(texts) - 2, len(texts) - 1, len(texts)], texts)
+        return table.set_column(table.column_names.index("tasks"), "tasks", tasks)
+
+    edit_table(source / EPISODES, changed)
+    assert (source / EPISODES).stat().st_size < 2_000_000
+    refused(source, "would unpack to [0-9]+ bytes; at most 1073741824 are read")
+
+
+@pytest.mark.parametrize("rows", [1, 300])
+def test_a_task_of_megabytes_is_refused_whether_it_is_there_once_or_often(source, rows):
+    """500 MB of text were read, and told by every command."""
+    size = 100_000_000 // rows
+    table = pyarrow.table({"task_index": list(range(rows)), "task": ["a" * size] * rows})
+    pyarrow.parquet.write_table(table, source / "meta/tasks.parquet")
+    assert (source / "meta/tasks.parquet").stat().st_size < 10_000_000
+    refused(source, "at most 67108864 are read")
+
+
+@pytest.mark.parametrize("name", ["tasks.parquet", "info.json", "stats.json", "episodes/chunk-000/file-000.parquet"])
+def test_what_a_dataset_says_of_itself_is_no_link_to_elsewhere(source, tmp_path, name):
+    elsewhere = tmp_path.parent / f"{tmp_path.name}_elsewhere"
+    shutil.move(source / "meta" / name, elsewhere)
+    (source / "meta" / name).symlink_to(elsewhere)
+    refused(source, "is a link that leaves the dataset's folder")
+
+
+def test_a_link_of_an_old_dataset_to_elsewhere_is_refused(old, tmp_path):
+    shutil.move(old / "meta/tasks.jsonl", tmp_path / "elsewhere")
+    (old / "meta/tasks.jsonl").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(DatasetError, match="is a link that leaves"):
+        open_dataset(old)

@@ -261,3 +261,37 @@ def test_json_that_is_none_is_refused(text, tmp_path):
         file.write_text(text)
         with pytest.raises(CheckpointError, match=str(file)):
             check(file)
+
+
+@pytest.mark.parametrize("backbone", ["resnet", "resnet19", "resnet18/../x"])
+@pytest.mark.parametrize("kind", ["act", "diffusion"])
+def test_a_backbone_that_is_no_network_is_refused(kind, backbone, tmp_path, tmp_path_factory):
+    """`torchvision.models.resnet` is a module: calling it was a fault of ours."""
+    folder = tiny.copied(kind, tmp_path_factory, tmp_path)
+    edit(folder / "config.json", lambda data: data.update(vision_backbone=backbone))
+    assert "vision_backbone" in refusal(folder)
+
+
+def test_a_network_is_not_compiled_because_its_file_says_so(tmp_path, tmp_path_factory, monkeypatch):
+    """It was killed after 100 s of compiling."""
+    folder = tiny.copied("diffusion", tmp_path_factory, tmp_path)
+    edit(folder / "config.json", lambda data: data.update(compile_model=True))
+
+    def compiled(*_, **__):
+        raise AssertionError("compiled")
+
+    monkeypatch.setattr(torch, "compile", compiled)
+    assert tiny.load(folder).checkpoint.network.config.compile_model is False
+
+
+def test_a_tokenizer_that_gives_up_on_the_prompt_is_told(tmp_path, tmp_path_factory):
+    """A pattern that backtracks for ever ends in a panic, which no ``except Exception`` sees."""
+    folder = tiny.copied("pi05", tmp_path_factory, tmp_path)
+    bomb = {"type": "Split", "pattern": {"Regex": "(5+5+)+y"}, "behavior": "Isolated", "invert": False}
+
+    def spoil(data):
+        data["normalizer"] = {"type": "Replace", "pattern": {"Regex": "[^5]"}, "content": "5"}
+        data["pre_tokenizer"] = {"type": "Sequence", "pretokenizers": [bomb, data["pre_tokenizer"]]}
+
+    edit(folder / "tokenizer" / "tokenizer.json", spoil)
+    assert "the tokenizer gives up on the prompt" in refusal(folder)
