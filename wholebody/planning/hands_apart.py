@@ -72,7 +72,12 @@ class HandHulls:
         )  # fmt: skip
         self.reach = float(np.linalg.norm(HAND_BOX - self._offsets[:, None], axis=2).max(axis=1).sum())
         self.reach += float(self._keep.max() + NEAR)
-        self._one, self._request, self._result = found_of(self._hulls, 1), coal.DistanceRequest(), coal.DistanceResult()
+        self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin the next search of `near` anew, not where the last one ended: rounding would differ."""
+        self._one = found_of(self._hulls, 1)
 
     def room(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray:
         """The least distance of hulls beyond the one that they keep, -inf where they touch, shape (k,), [m].
@@ -175,6 +180,7 @@ class HandsApart:
         overlaps = close[room < -GRACE]
         if not len(overlaps):
             return None
+        self._hulls.forget()
         ways = np.zeros((2, len(T_palms), 12))
         for way, order in zip(ways, (1, -1), strict=True):
             for k in overlaps[::order].tolist():

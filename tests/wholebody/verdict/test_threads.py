@@ -1,12 +1,16 @@
 """Strategy: the public functions by several threads at once, against one by one, to the bit."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 from models import g1
 from policy.kinematics.forward import kinematics
+from tests.support.outcome_cases import outcome_case
 from tests.support.thread_cases import chunks, in_threads, told
 from wholebody import RobotState, as_given, reachability, solve
 from wholebody.robot.state import Robot
+from wholebody.verdict.fast import FastChecker
 
 
 def test_chunks_judged_by_four_threads_are_told_the_same_as_one_by_one():
@@ -52,10 +56,16 @@ def test_a_state_with_feet_elsewhere_leaves_nothing_behind():
     (chunk, *_), robot = chunks(1), Robot(g1())
     alone = told(chunk)
     from wholebody import judge
-    from wholebody.verdict.fast import FastChecker
 
     begin = FastChecker().judge.stance().body
     q = begin.q.copy()
     q[7 + robot.joint_indices(["left_hip_yaw_joint"])[0]] += 0.02
     judge(chunk, RobotState(0.0, q, begin.v))
     assert told(chunk) == alone
+
+
+def test_what_a_checker_judged_before_changes_no_digit_of_what_it_says():
+    """Hands asked into each other were parted from where the search for another chunk had ended."""
+    chunk, fresh = outcome_case(166).chunk, FastChecker()
+    told = [repr(asdict(fresh.of_chunk(chunk, fresh.judge.first_pose(chunk), "", (False, False)))) for _ in range(3)]
+    assert told[1:] == told[:1] * 2
