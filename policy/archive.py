@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Collection
 from pathlib import Path
 from tokenize import TokenError
+from typing import IO
 
 import numpy as np
 
@@ -80,7 +81,9 @@ def read_arrays(
             total = sum(member.file_size for member in chosen.values())
             if total_max is not None and total > total_max:
                 raise ReadingError(f"claims {total} bytes in all; at most {total_max} are unpacked")
-            return {name: _array(archive, member, array_max) for name, member in chosen.items()}
+            return {
+                name: _array(archive.open(member), name, member.file_size, array_max) for name, member in chosen.items()
+            }
     except UNREADABLE as error:
         text = f"is no .npz file, or a damaged or encrypted one ({error}); write it again with numpy.savez"
         raise ReadingError(text) from error
@@ -135,10 +138,26 @@ def _require_names(names: list[str], known: Collection[str]) -> None:
             raise ReadingError(f"has the array '{key}' twice")
 
 
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> np.ndarray:
-    """An array whose header and size agree, without objects."""
-    name = member.filename.removesuffix(".npy")
-    with archive.open(member) as stream:
+def read_array(path: Path, most: int = ARRAY_MAX) -> np.ndarray:
+    """The array of an ``.npy`` file of at most so many bytes.
+
+    Raises:
+        OSError: If it cannot be read.
+        ReadingError: If it is no array of numbers or texts, or a larger one.
+    """
+    size = require_file(path, most)
+    try:
+        with path.open("rb") as stream:
+            return _array(stream, "array", size, most)
+    except ReadingError:
+        raise
+    except (*UNREADABLE, ValueError) as error:
+        raise ReadingError(f"is no .npy file, or a damaged one ({error}); write it again with numpy.save") from error
+
+
+def _array(stream: IO[bytes], name: str, held: int, most: int) -> np.ndarray:
+    """An array whose header agrees with the bytes that are held, without objects; closes the stream."""
+    with stream:
         version = np.lib.format.read_magic(stream)
         read_header = {
             (1, 0): np.lib.format.read_array_header_1_0,
@@ -156,10 +175,8 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, most: int) -> np.n
             text = f"{name} has the shape {printable(shape, 60)}; at most {DIMENSIONS_MAX} lengths are expected"
             raise ReadingError(text)
         size = int(np.prod(lengths, dtype=object)) * dtype.itemsize
-        if size > min(most, member.file_size) or max(lengths, default=0) > most:
-            raise ReadingError(
-                f"{name} claims {size} bytes; the file holds {member.file_size}, at most {most} are read"
-            )
+        if size > min(most, held) or max(lengths, default=0) > most:
+            raise ReadingError(f"{name} claims {size} bytes; the file holds {held}, at most {most} are read")
         content = stream.read(size + 1)
     if len(content) != size:
         raise ReadingError(f"{name} has {len(content)} bytes; {size} are expected")

@@ -117,6 +117,7 @@ class Reason(StrEnum):
     SELF_CONTACT = "self_contact", None, "two bodies of the robot touched"
     SCENE_CONTACT = "scene_contact", None, "the robot touched something else, its feet on the floor left out"
     CHUNK_NOTE = "chunk_note", None, "what decoding changed in a chunk or found odd, how often, and the first one"
+    CHANGED_NUMBERS = "changed_numbers", None, "numbers of a chunk were clipped, or are not followed: the first ones"
     HANDS_ONLY = "hands_only", None, "root and legs of a motion are not followed: its hands are, where it stands"
 
     # A chunk is followed, but not as it was given.

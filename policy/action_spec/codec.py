@@ -29,6 +29,8 @@ from policy.action_spec.mask import unmasked
 from policy.action_spec.pelvis_path import PelvisPath, pelvis_path, tilt_of
 from policy.action_spec.slot import OF_TOUCH, Slot
 from policy.action_spec.slot_values import (
+    CLIPPED,
+    NOT_FOLLOWED,
     decode_fingers,
     decode_touch,
     encode_touch,
@@ -56,6 +58,9 @@ HINT_TOLERANCE = 1e-4
 WALK, RISE = 0.05, 0.05
 """Speed of the base [m/s, rad/s] and difference of its height from the pelvis's [m] from which a chunk has a note that
 nobody walks or rises for it; chosen: above what networks scatter by."""
+
+CLIP_TOLERANCE = 1e-3
+"""Excess over a limit that is clipped without a word [unit of the slot]; chosen: rounding of files and networks."""
 
 _SIDES = (("left", "lhand"), ("right", "rhand"))
 
@@ -151,9 +156,9 @@ def _not_followed(
     speed = 0.0 if velocity is None else float(np.abs(velocity).max())
     notes = ()
     if speed > WALK:
-        notes += (f"base_velocity asks for up to {speed:.2g} m/s or rad/s and is not followed: the feet stay",)
+        notes += (f"base_velocity asks for up to {speed:.2g} m/s or rad/s and {NOT_FOLLOWED}: the feet stay",)
     if away > RISE:
-        notes += (f"base_height asks for up to {away:.2g} m more or less and is not followed: hands move the pelvis",)
+        notes += (f"base_height asks for up to {away:.2g} m more or less and {NOT_FOLLOWED}: hands move the pelvis",)
     return notes
 
 
@@ -230,9 +235,9 @@ def _clip(spec: ActionSpec, actions: np.ndarray) -> tuple[np.ndarray, tuple[str,
         low, high = np.array(slot.limits).T
         actions[:, slot.indices] = np.clip(given, low, high)
         excess = np.abs(given - actions[:, slot.indices])
-        if excess.any():
-            count, worst = int((excess > 0.0).sum()), float(excess.max())
-            notes.append(f"{slot.name}: {count} numbers clipped to their limits, by up to {worst:.3g} {slot.unit}")
+        if excess.max() > CLIP_TOLERANCE:
+            count, worst = int((excess > CLIP_TOLERANCE).sum()), float(excess.max())
+            notes.append(f"{slot.name}: {count} numbers {CLIPPED}, by up to {worst:.3g} {slot.unit}")
     return actions, tuple(notes)
 
 

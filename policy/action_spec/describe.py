@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -70,6 +71,22 @@ def lines(spec: ActionSpec) -> list[str]:
             at = slot.start + i
             said.append(f"  {at:<4}{name:<28}{_number(stance[at])}{_number(low)}{_number(high)}".rstrip())
     return said
+
+
+def table(spec: ActionSpec) -> dict[str, Any]:
+    """Every slot and number of a layout, for programs: its JSON, and of each number what `lines` says of it."""
+    stance, numbers = stance_numbers(spec), []
+    for slot in spec.slots:
+        if slot.kind == "ignored":
+            continue
+        for i, name, (low, high) in zip(range(slot.size), _names(slot), _limits(slot, spec.robot), strict=True):
+            at = slot.start + i
+            numbers.append(
+                {"number": at, "name": name, "slot": slot.name, "unit": slot.unit, "stance": float(stance[at]),
+                 "least": low, "largest": high}
+            )  # fmt: skip
+    where = {frame: FRAMES[frame] for frame in frames(spec)}
+    return {"id": spec.id, "layout": spec.to_dict(), "dim": spec.dim, "frames": where, "numbers": numbers}
 
 
 def _source(name: str) -> str:

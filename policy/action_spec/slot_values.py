@@ -12,6 +12,8 @@ from policy.action_spec.wrist_codec import frame_pose
 from policy.chunk import ActionChunk
 from policy.joints import joints_of
 
+CLIPPED, NOT_FOLLOWED, OUT_OF_RANGE = "clipped to their limits", "is not followed", "out of the fingers' range"
+"""What notes say of numbers that are carried out otherwise than given; a verdict goes by these words."""
 FINGER_TOLERANCE = 1e-3
 """How far a finger may be asked past its range without a word: the rounding of files and networks [rad, 1]."""
 
@@ -103,7 +105,7 @@ def _beyond(
     count = int((excess > FINGER_TOLERANCE).sum())
     if not count:
         return ()
-    return (f"{slot.name}: {count} numbers out of the fingers' range, by up to {excess.max():.3g} {unit}",)
+    return (f"{slot.name}: {count} numbers {OUT_OF_RANGE}, by up to {excess.max():.3g} {unit}",)
 
 
 def decode_touch(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> dict[str, np.ndarray]:

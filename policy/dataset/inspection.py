@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
+from policy.action_spec.slot_values import NOT_FOLLOWED
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.joint_layout import JointLayout
 from policy.dataset.joint_values import check_values
@@ -131,7 +132,7 @@ def refused_values(layout: JointLayout, q: np.ndarray) -> list[Finding]:
 
 def _hints(
     spec: ActionSpec | JointLayout, columns: Sequence[int], names: Sequence[str], q: np.ndarray,
-    what: str = ", and is not followed: the wrists are",
+    what: str = f", and {NOT_FOLLOWED}: the wrists are",
 ) -> list[Finding]:  # fmt: skip
     robot, worst = spec.robot, {}
     for i in columns:

@@ -32,7 +32,7 @@ def convert(
     target: str | Path,
     *,
     to: str | ActionSpec = "wbc32",
-    csv_fps: float = DEFAULT_FPS,
+    csv_fps: float | None = None,
     assume: ActionSpec | None = None,
     robot: RobotSpec | None = None,
     read_as: Sequence[str] = (),
@@ -48,7 +48,8 @@ def convert(
         source: File to read.
         target: File to write.
         to: Layout of a written chunk file, built-in name or spec.
-        csv_fps: Frame rate of the CSV file, read or written [Hz].
+        csv_fps: Frame rate of the CSV file, read or written [Hz]; if None, `DEFAULT_FPS`, or what the name of a file
+            that is read says, and a note of the chunk tells so.
         assume: Spec of a chunk file that does not say it (``--assume-spec``).
         robot: The robot that is recorded; the G1 with Dex3 hands if None.
         read_as: What the numbers are instead of what they are called, of `policy.suspicion.corrections.READ_AS`.
@@ -79,7 +80,8 @@ def convert(
         found = action_findings(file.spec, actions, file.anchor(), fps, file.q0_joints)
         chunk = with_notes(file.chunk(), settled(found, read_as, str(source)))
         if formats[1] == ".csv":
-            write_motion_csv(target, chunk_motion(chunk, file.anchor(), fps=csv_fps))
+            rate = DEFAULT_FPS if csv_fps is None else csv_fps
+            write_motion_csv(target, chunk_motion(chunk, file.anchor(), fps=rate))
         else:
             _write(target, chunk, to, file.anchor(), _start_of(file))
     else:

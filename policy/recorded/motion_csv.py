@@ -6,6 +6,7 @@ public retargeted LAFAN1 and AMASS files for the G1. There are no hands in it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,8 @@ from policy.writing import whole
 ROOT_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of the root; those of the body joints follow, 36 in all of the G1."""
 DEFAULT_FPS = 60.0
+RATES = (30.0, 50.0, 60.0, 100.0, 120.0)
+"""Frame rates of public motions [Hz]."""
 CHUNK_FPS = 30.0
 CSV_QUATERNION_TOLERANCE = 1e-2
 """Retargeted files carry three to six digits."""
@@ -37,6 +40,7 @@ HANDS_ONLY = "hands only: the feet of this motion "
 """How a note begins that says that root and legs of a motion are not followed."""
 FEET_MOVE, FEET_TURN = 0.25, np.deg2rad(45.0)
 """How far a pelvis goes or turns at most while the feet may stay [m, rad]; chosen: a lean, a twist of the legs."""
+_NAMED_RATE = re.compile(r"(?<![a-z0-9])(?:(\d{2,3}) ?(?:hz|fps)|(?:hz|fps) ?(\d{2,3}))(?![a-z0-9])", re.IGNORECASE)
 _MAGNITUDE_MAX = 1e3
 """Neither metres nor radians of a motion come near it: such a file has another unit or is damaged."""
 
@@ -124,6 +128,26 @@ def motion_of(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence
             path=path,
         ) from error
     return Motion(float(fps), make_transform(R, table[:, :3]), table[:, 7:], robot)
+
+
+def named_rate(path: str | Path) -> float | None:
+    """Frame rate that the name of a motion file says, as ``walk_30hz.csv`` [Hz]; None if it says none or several."""
+    found = {float(before or after) for before, after in _NAMED_RATE.findall(Path(path).stem)}
+    return found.pop() if len(found) == 1 else None
+
+
+def rate_note(motion: Motion, path: str | Path) -> str:
+    """What is said of a frame rate that was read from a file's name, or else assumed, and what else it may be."""
+    if named_rate(path) == motion.fps:
+        return f"frame rate by the file's name: {motion.fps:g} Hz; if that is another, say --fps"
+    speed = np.abs(np.diff(motion.q_body, axis=0)).max(axis=0, initial=0.0)
+    most = motion.robot.velocity_max[[motion.robot.joint_names.index(name) for name in motion.robot.body_joints]]
+    others = [f"{rate:g}" for rate in RATES if rate != motion.fps and (rate * speed <= most).all()]
+    *first, last = others or [""]
+    would = f"; {', '.join(first)}{' or ' if first else ''}{last} Hz would fit too" if others else ""
+    fastest = f"joints up to {motion.fps * speed.max(initial=0.0):.2g} rad/s"
+    assumed = f"{motion.fps:g} Hz assumed, {motion.duration:.1f} s in all and {fastest}"
+    return f"the file does not say its frame rate: {assumed}{would}: say --fps"
 
 
 def _as_said(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence[str]) -> tuple[np.ndarray, float]:

@@ -17,8 +17,9 @@ from policy.dataset.inspection import action_findings, read_as_said, settled, sp
 from policy.errors import FileFormatError
 from policy.geometry.rotations import matrix_to_quaternion
 from policy.observation import Observation
+from policy.recorded.array_file import RATE_ASSUMED, read_array_file
 from policy.recorded.chunk_file import read_chunk_file
-from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, read_motion_csv
+from policy.recorded.motion_csv import DEFAULT_FPS, Motion, motion_chunk, named_rate, rate_note, read_motion_csv
 from policy.recorded.motion_findings import motion_findings
 from policy.recorded.motion_npz import is_motion_npz, read_motion_npz
 
@@ -97,44 +98,53 @@ class ReplayPolicy:
 def open_recording(
     path: str | Path,
     *,
-    csv_fps: float = DEFAULT_FPS,
+    fps: float | None = None,
     assume: ActionSpec | None = None,
     robot: RobotSpec | None = None,
     read_as: Sequence[str] = (),
 ) -> ReplayPolicy:
-    """Policy that plays a file: chunk ``.npz``, or motion ``.csv`` or ``.npz`` anchored at the nominal stance.
+    """Policy that plays a file: chunk ``.npz``, array ``.npy``, or motion ``.csv`` or ``.npz``.
 
     The robot is the G1 with Dex3 hands if none is given. What the numbers may be instead of what they are called is in
-    the notes of the episode, unless ``read_as`` says what they are (`policy.suspicion.corrections.READ_AS`).
+    the notes of the episode, unless ``read_as`` says what they are (`policy.suspicion.corrections.READ_AS`). A motion
+    or an array is anchored at the nominal stance; where its rate ``fps`` [Hz] is not given, it is that of the motion's
+    file name, or else `DEFAULT_FPS`, or that of the array's layout, ``assume``, and a note says so.
 
     Raises:
         FileFormatError: If the suffix is another, the file is malformed, or its numbers cannot be what they are called.
     """
     suffix, name = Path(path).suffix.lower(), Path(path).stem
     if suffix == ".csv" or (suffix == ".npz" and is_motion_npz(path)):
-        motion, notes = read_motion(path, csv_fps, robot, read_as)
+        motion, notes = read_motion(path, fps, robot, read_as)
         return ReplayPolicy(with_notes(motion_chunk(motion), notes), name=name, spec=builtin("wbc32", robot))
-    if suffix == ".npz":
-        file = read_chunk_file(path, assume=assume, robot=robot)
-        actions, fps = read_as_said(file.spec, file.actions, file.fps, read_as)
-        file = dataclasses.replace(file, actions=actions, fps=fps, spec=spec_as_said(file.spec, read_as))
-        found = action_findings(file.spec, actions, file.anchor(), fps, file.q0_joints)
+    if suffix in (".npz", ".npy"):
+        bare = suffix == ".npy"
+        file = read_array_file(path, assume, fps, robot) if bare else read_chunk_file(path, assume=assume, robot=robot)
+        actions, rate = read_as_said(file.spec, file.actions, file.fps, read_as)
+        file = dataclasses.replace(file, actions=actions, fps=rate, spec=spec_as_said(file.spec, read_as))
+        found = action_findings(file.spec, actions, file.anchor(), rate, file.q0_joints)
         notes = settled(found, read_as, str(path))
+        if bare and fps is None:
+            notes = *notes, RATE_ASSUMED.format(rate, file.spec.name)
         return ReplayPolicy(with_notes(file.chunk(), notes), name=name, spec=file.spec)
-    raise FileFormatError(f"has the suffix '{suffix}'; chunk .npz and motion .csv can be played", path=str(path))
+    raise FileFormatError(
+        f"has the suffix '{suffix}'; chunk .npz, array .npy and motion .csv can be played", path=str(path)
+    )
 
 
 def read_motion(
-    path: str | Path, csv_fps: float, robot: RobotSpec | None, read_as: Sequence[str]
+    path: str | Path, fps: float | None, robot: RobotSpec | None, read_as: Sequence[str]
 ) -> tuple[Motion, tuple[str, ...]]:
-    """Read a motion ``.csv`` or ``.npz``, and what is to be said of it.
+    """Read a motion ``.csv`` or ``.npz``, and what is to be said of it; a rate [Hz] that is not given is assumed.
 
     Raises:
         FileFormatError: If it is malformed, or its numbers cannot be what they are called.
     """
+    rate = named_rate(path) or DEFAULT_FPS if fps is None else fps
     if Path(path).suffix.lower() == ".csv":
-        motion, told = read_motion_csv(path, csv_fps, robot, read_as=read_as), ()
+        motion = read_motion_csv(path, rate, robot, read_as=read_as)
+        told = (rate_note(motion, path),) if fps is None else ()
     else:
-        motion, told = read_motion_npz(path, csv_fps, robot, read_as=read_as)
+        motion, told = read_motion_npz(path, rate, robot, read_as=read_as)
     quaternion = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
-    return motion, (*told, *settled(motion_findings(motion, quaternion), read_as, str(path)))
+    return motion, (*settled(motion_findings(motion, quaternion), read_as, str(path)), *told)

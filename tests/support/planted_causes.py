@@ -389,7 +389,7 @@ def scene(rng):
     """A hand asked into the board of a table."""
     import coal
 
-    goal = np.array([rng.uniform(0.28, 0.45), rng.uniform(0.1, 0.3), TABLE_HEIGHT + rng.uniform(-0.06, 0.0)])
+    goal = np.array([rng.uniform(0.28, 0.45), rng.uniform(0.1, 0.3), TABLE_HEIGHT + rng.uniform(-0.1, -0.04)])
     chunk = chunk_of(moved(goal, 1.4))
     spec, model, data, q = robot()
     shapes, placed = geometry()
@@ -404,7 +404,7 @@ def scene(rng):
             at = coal.Transform3s(T.rotation, T.translation)
             least = min(least, coal.distance(item.geometry, at, board, there, coal.DistanceRequest(), result))
     right = frozenset({Limit.SCENE_DISTANCE})
-    return Planted("scene", chunk, right, -least, 0.01, scene="table")
+    return Planted("scene", chunk, right, -least, 0.03, scene="table")
 
 
 def floor(rng):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from typer import Option
 
 from wholebody.cli.judging import CRASH, Judge
-from wholebody.cli.options import AssumeSpec, CsvFps, Input, Judging, ReadAs, RobotModel, Sampling, Simulation
+from wholebody.cli.options import AssumeSpec, Fps, Input, Judging, ReadAs, RobotModel, Sampling, Simulation
 from wholebody.cli.simulated import settings_of
 from wholebody.cli.sources import is_dataset, layout_named, length, opened, robot_of, said
 
@@ -30,7 +30,7 @@ class Audited:
     """What is audited, and how."""
 
     episodes: Annotated[str, Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")] = ""
-    csv_fps: CsvFps = 60.0
+    fps: Fps = None
     assume_spec: AssumeSpec = ""
     read_as: ReadAs = ""
     config: Annotated[Path | None, Option("--config", help="YAML file with changed settings.")] = None
@@ -50,7 +50,7 @@ class Audited:
 
 def make_judging(audited: Audited, folder: Path) -> Callable[[str], Outcome]:
     """What judges an input by its name, and writes repaired ones into a folder."""
-    given = Input(csv_fps=audited.csv_fps, assume_spec=audited.assume_spec, read_as=audited.read_as)
+    given = Input(fps=audited.fps, assume_spec=audited.assume_spec, read_as=audited.read_as)
     simulation = Simulation(config=audited.config, robot=audited.robot)
     judge = Judge(given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True)
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high, touch, wipe, press, "
-    "pull_drawer, turn_handle, lift_box, hand_over), chunk .npz, motion .csv, "
+    "pull_drawer, turn_handle, lift_box, hand_over), chunk .npz, array .npy, motion .csv, "
     "folder of a LeRobot dataset or checkpoint, or address of a policy server (ws://HOST:PORT)."
 )
 
@@ -46,10 +46,19 @@ RobotModel = Annotated[
         help="g1_dex3: with Dex3 hands; g1: with rubber hands, so that fingers are left out. [default: by settings]"
     ),
 ]
-CsvFps = Annotated[float, Option(help="Frames per second of motion files.")]
+Fps = Annotated[
+    float | None,
+    Option(
+        "--fps",
+        "--csv-fps",
+        help="Steps a second of motions .csv and arrays .npy. [default: by the file's name or the layout, else 60]",
+    ),
+]
 AssumeSpec = Annotated[
     str,
     Option(
+        "--assume-spec",
+        "--layout",
         help="Layout of files, checkpoints and servers that name none: built-in name or JSON file.",
         autocompletion=completed_layout,
     ),
@@ -79,7 +88,7 @@ class Input:
     """What is read, and how much of it."""
 
     duration: Annotated[float, Option(help="Seconds to run; 0: the whole input.")] = 0.0
-    csv_fps: CsvFps = 60.0
+    fps: Fps = None
     episodes: Annotated[str, Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")] = ""
     assume_spec: AssumeSpec = ""
     read_as: ReadAs = ""
@@ -148,7 +157,7 @@ class Judging:
     )
     start: Annotated[
         Literal["", "first", "stance"],
-        Option(help="Hands at the first step, or the stance. [default: first for a chunk .npz]"),
+        Option(help="Hands at the first step, or the stance. [default: first for a chunk .npz or array .npy]"),
     ] = ""
     worlds: Annotated[
         int, Option(help="Also simulate in so many realistic worlds, on all cores: the share in which it held.")
@@ -162,7 +171,7 @@ class Judging:
 
     def starts(self, name: str) -> Literal["first", "stance"]:
         """Where an input begins: a chunk by itself at its own first step."""
-        return self.start or ("first" if name.lower().endswith(".npz") else "stance")
+        return self.start or ("first" if name.lower().endswith((".npz", ".npy")) else "stance")
 
 
 @dataclass(frozen=True)

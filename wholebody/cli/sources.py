@@ -17,12 +17,14 @@ if TYPE_CHECKING:
     from wholebody.cli.options import Input
     from wholebody.config.robot import RobotConfig
 
+RECORDINGS = (".npz", ".npy", ".csv")
+"""Suffixes of files that are played."""
 NO_END = "this policy has no end: say how long with --duration SECONDS"
 
 
 def open_source(
     name: str,
-    csv_fps: float,
+    fps: float | None,
     assume: ActionSpec | None,
     task: str = "",
     rename_map: str = "",
@@ -36,7 +38,7 @@ def open_source(
 
     Args:
         name: As in `expanded`.
-        csv_fps: Frame rate of motion files [Hz].
+        fps: Rate of motion files and arrays [Hz]; by their names or layouts, or else 60, if None.
         assume: Layout that the user vouches for.
         task: What a checkpoint or a server is told to do.
         rename_map: Keys of an openpi server, as `policy.remote.openpi.KeyMap.named` reads them.
@@ -66,8 +68,8 @@ def open_source(
         from policy.lerobot.policy import LeRobotPolicy
 
         return LeRobotPolicy.from_pretrained(name, assume_spec=assume, task=task, placeholder_cameras=True, **options)
-    if Path(name).suffix.lower() in (".npz", ".csv"):
-        return open_recording(name, csv_fps=csv_fps, assume=assume, read_as=corrections, robot=robot)
+    if Path(name).suffix.lower() in RECORDINGS:
+        return open_recording(name, fps=fps, assume=assume, read_as=corrections, robot=robot)
     _require_no_path(name)
     return scripted_policy(name, robot)
 
@@ -88,7 +90,7 @@ def opened(name: str, given: Input, robot: RobotConfig | None = None, **options:
         raise ValueError(NO_END)
     options |= {"task": given.task, "rename_map": given.rename_map, "read_as": given.read_as}
     drives = robot_of(robot)
-    policy = open_source(name, given.csv_fps, layout_named(given.assume_spec, drives), robot=drives, **options)
+    policy = open_source(name, given.fps, layout_named(given.assume_spec, drives), robot=drives, **options)
     for finding in _warnings(policy, given.images):
         complain(f"{name}: {finding.sentence}")
     return policy
@@ -153,7 +155,7 @@ def expanded(name: str, episodes: str) -> list[str]:
 def files(folder: str) -> list[str]:
     """Chunk and motion files of a folder, by name; none of anything else."""
     found = Path(folder).iterdir() if Path(folder).is_dir() else ()
-    return sorted(str(path) for path in found if path.suffix.lower() in (".npz", ".csv"))
+    return sorted(str(path) for path in found if path.suffix.lower() in RECORDINGS)
 
 
 def is_dataset(name: str) -> bool:
@@ -180,13 +182,13 @@ def _require_no_path(name: str) -> None:
         raise PolicyError(f"'{name}': {how}")
     if Path(name).is_dir():
         raise PolicyError(
-            f"folder '{name}' has no chunks (.npz) and no motions (.csv), and is neither a checkpoint (it has no "
+            f"folder '{name}' has no chunks (.npz, .npy) and no motions (.csv), and is neither a checkpoint (it has no "
             f"config.json, and no {BELOW[-1]}, where LeRobot's training writes it) nor a dataset (no meta/info.json)"
         )
     if Path(name).is_file():
         raise PolicyError(
             f"'{name}' is no input: chunk files are .npz with actions, fps and spec (`wholebody layouts NAME --write "
-            "FILE.npz` makes one), motions .csv"
+            "FILE.npz` makes one), arrays .npy with --layout NAME, motions .csv"
         )
     if "/" in name or "\\" in name:
         raise PolicyError(f"there is no folder '{name}', and no script of that name; {whereabouts(name)}")

@@ -52,6 +52,7 @@ class Attempt:
         drift: `ContactFeasibility.capture_point_drift` of it [m].
         deficit: `ContactFeasibility.friction_impulse_deficit` of it [m/s].
         warm_started: Whether the search began with a part of the plan before.
+        strain: Largest torque of waist and arms on the whole curve, as a share of what motors give (`Effort.strain`).
         arms_spent: Largest torque of the arms where it comes to rest, as a share of its bound; 0 if nothing is carried.
     """
 
@@ -64,6 +65,7 @@ class Attempt:
     drift: float
     deficit: float
     warm_started: bool
+    strain: float = 0.0
     arms_spent: float = 0.0
 
     @cached_property
@@ -92,8 +94,8 @@ class Attempt:
 
     @property
     def violation(self) -> float:
-        """Largest excess over a bound, in terms of its tolerance."""
-        return float(self.knots.violation.max())
+        """Largest excess over a bound, in terms of its tolerance; of torques between knots, what no motor gives."""
+        return max(float(self.knots.violation.max()), self.strain if self.strain > 1.0 else 0.0)
 
     @property
     def start_violation(self) -> float:

@@ -18,6 +18,7 @@ from wholebody.config import ControllerConfig
 from wholebody.planning.attempt import Attempt, Targets
 from wholebody.planning.changes import Change, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
+from wholebody.planning.effort import Effort
 from wholebody.planning.hand_clamp import clamped
 from wholebody.planning.hands_apart import HandHulls, HandsApart
 from wholebody.planning.limit_projection import JUMP
@@ -27,7 +28,7 @@ from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import choice
-from wholebody.planning.strategies.rows import Asked, Overlap, Try
+from wholebody.planning.strategies.rows import ARMS_SPENT_MAX, Asked, Overlap, Try
 from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, Begin, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.reference import HandLimits, HandMotion
@@ -62,7 +63,7 @@ class ChunkPlanner:
         hand_limits: What the left and the right hand can do.
         optimizer: The whole-body trajectory optimiser.
         offsets: Palm points in the axes of the wrists, shape (2, 3), [m].
-        centroidal: What the whole curve of a trajectory is judged by.
+        centroidal, effort: What the whole curve of a trajectory is judged by.
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
@@ -72,7 +73,10 @@ class ChunkPlanner:
         self._friction, self._holdable = config.friction, None
         self._last_held: tuple[Targets, Held] | None = None
         self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
-        self.balance = ContactFeasibility(self.optimizer.body, config.friction)
+        self.balance, self.effort = (
+            ContactFeasibility(self.optimizer.body, config.friction),
+            Effort(self.optimizer.body),
+        )
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
         trunk = (spec.base_body, spec.torso_body)
         self.centroidal = Centroidal(spec, self.model, [robot.frame_id(name) for name in trunk])
@@ -141,7 +145,7 @@ class ChunkPlanner:
 
         It is None, too, where that takes more ``work``, in linearisations and steps, than is given.
         """
-        prepared, budget, self._holding = self._prepared(chunk), Budget(min(self._budget, work)), False
+        prepared, budget, self._holding = self._prepared(chunk), Budget(min(self._budget, work)), self._loaded
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
@@ -188,17 +192,15 @@ class ChunkPlanner:
         return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots, contacts)
 
     def _preview(self, targets: Targets, start: BodyState) -> Attempt | None:
-        """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP.
-
-        The map of reachability only spares a preview where it would be in vain; what cannot be done the search says.
-        """
+        """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP."""
         if targets.projected.max() > JUMP or self._surely_out_of_reach(targets):
             return None
         one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK))
-        return one if one.is_safe(self.config) and one.tracking_error <= self.config.clamp_tolerance else None
+        near = one.tracking_error <= self.config.clamp_tolerance and one.arms_spent <= ARMS_SPENT_MAX
+        return one if near and one.is_safe(self.config) else None
 
     def _surely_out_of_reach(self, targets: Targets) -> bool:
-        """Whether the map has great odds against some pair of palms, however they are turned."""
+        """Whether the map has great odds against some pair of palms, however turned: it only spares previews in vain."""
         if self._map is None:
             return False
         points = np.ascontiguousarray(targets.T_palms[:, :, :3, 3])
@@ -267,6 +269,7 @@ class ChunkPlanner:
             drift=self.balance.capture_point_drift(centroidal, slowdown),
             deficit=self.balance.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
+            strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]),
             arms_spent=arms_spent(body, body.body_of(knots.q[-AT_REST:])) if self._holding else 0.0,
         )
 

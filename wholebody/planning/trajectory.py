@@ -76,6 +76,7 @@ class CentroidalTrack:
         start, end: Of the path parameter [s]; the last row is the first one at or after the end.
         com, momentum: As in `SampledTrajectory`.
         turns: Orientations of pelvis and torso at every `COARSE`-th row, shape (2, m, 3, 3).
+        q: Configurations there, shape (m, nq). v: Velocities there, shape (m, nv).
     """
 
     start: float
@@ -83,6 +84,8 @@ class CentroidalTrack:
     com: np.ndarray
     momentum: np.ndarray
     turns: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ def centroidal_along(curve: CubicBSpline, start: float, end: float, momenta: Cen
     parts = _between(values, len(grid)).reshape(len(grid), 5, 3).swapaxes(0, 1).copy()
     # The last row is held for as long as nothing new comes: at rest, whatever the plan did last.
     parts[1:, -1] = 0.0
-    return CentroidalTrack(float(start), float(end), parts[:3], parts[3:], turns)
+    return CentroidalTrack(float(start), float(end), parts[:3], parts[3:], turns, q, v)
 
 
 def track_along(curve: CubicBSpline, centroidal: CentroidalTrack) -> SampledTrajectory:

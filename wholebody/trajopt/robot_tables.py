@@ -124,6 +124,11 @@ class RobotTables:
         has = np.concatenate([np.ones(6, dtype=bool), self.real])
         v[..., self._columns[has]] = body[..., has]
 
+    @property
+    def effort_max(self) -> np.ndarray:
+        """Torques that the motors of waist and arms give, whatever hands carry, shape (UPPER,), [N m]."""
+        return self._tau_max / self._config.torque_share
+
     def carry(self, loads: Sequence[float]) -> None:
         """Count on these masses in the left and right hand from now on [kg]."""
         self._loads.carry(loads, self.tables.bodies)

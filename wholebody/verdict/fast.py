@@ -12,7 +12,6 @@ from models import g1
 from models.spec import RobotSpec
 from policy.base import Policy
 from policy.chunk import ActionChunk
-from policy.joints import layout_robot
 from policy.observation import Observation
 from policy.recorded.replay import ReplayPolicy
 from wholebody.config import ControllerConfig
@@ -20,7 +19,6 @@ from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
 from wholebody.episode.result import Note
-from wholebody.errors import InputError
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
@@ -29,7 +27,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.preparation import prepare
 from wholebody.resources import processors
 from wholebody.robot.feet import Feet
-from wholebody.types import RobotState, check_state
+from wholebody.types import RobotState
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.input_steps import far_from_stance, last_step, within
@@ -49,12 +47,16 @@ from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.chunk_program import STARTS
 from wholebody.verdict.why.explainer import Explainer, would_change
 from wholebody.verdict.why.sentence import with_changes
+from wholebody.verdict.why.single_changes import MOVED_MOST
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
-LED_SLOWER, LED_SHARES, LED_MAX = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 0.15
-"""Slow-downs and shares of the way to a plan that are tried where no single change does, and how far a palm may be led
-by an offer [m]; chosen: what a person would still call the same motion, slower or nearer."""
+LED_SLOWER, LED_SHARES, LED_ROUNDS = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 2
+"""Slow-downs and shares of the way to a plan that are tried where no single change does, and how often: what is led to
+a plan may have another one, nearer by."""
+WHOLE_STEPS, WHOLE_TIME = 150, 5.0
+"""Steps and time [s] of a recording up to which causes, and what would do, are looked for in all of it and not in a
+window; chosen: three windows, a search of seconds."""
 SUSPECTS = 3
 """Chunks that were not followed as given among which the first with a cause is looked for."""
 Start = Literal["first", "stance"]
@@ -81,7 +83,7 @@ class FastChecker:
     def _surroundings(self) -> Surroundings:
         from wholebody.verdict.scene import SceneDistance  # MuJoCo, which nothing else here needs
 
-        return SceneDistance(self.spec, self._scene)
+        return SceneDistance(self.spec, self._scene, self.config.verdict.palm_feasible)
 
     @cached_property
     def explainer(self) -> Explainer:
@@ -107,23 +109,38 @@ class FastChecker:
         # A robot that stands elsewhere has its first plan when that is computed, and later ones as late.
         lead = self.config.planning.lead if start == "stance" else 0.0
         run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True)
-        self._play(run, policy, duration, None if start == "first" else self.judge.stance(), lead)
-        return within(self._told(run, name, ask_why=ask_why), last_step(policy, duration, run.result.fps))
+        run.placed = start == "first"
+        begin = self._play(run, policy, duration, None if run.placed else self.judge.stance(), lead)
+        if ask_why and (whole := self._whole(run, policy, duration, begin, lead)) is not None:
+            run.suspects.insert(0, whole)
+        return self._told(run, name, last_step(policy, duration, run.result.fps), ask_why=ask_why)
 
-    def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> None:
-        """Chunk after chunk for a time [s], begun somewhere or else with the hands at the first step."""
+    def _whole(self, run: PlanRun, policy: Policy, duration: float, begin: Begin, lead: float) -> Suspect | None:
+        """A short recording as one chunk, begun there, where a chunk of it is not followed as given."""
+        episode = getattr(policy, "episode", None)
+        if not run.suspects or episode is None or len(episode) > WHOLE_STEPS or duration > WHOLE_TIME:
+            return None
+        chunk = replace(episode, t_obs=run.result.start)
+        now = chunk.t_obs + lead
+        plan = self.judge.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True, hold=True)
+        return Suspect(chunk, begin, now, plan)
+
+    def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> Begin:
+        """Chunk after chunk for a time [s], begun somewhere or with the hands at the first step; where it was begun."""
         policy.reset()
+        first = begin
         time, end = 0.0, max(duration - 1e-9, 1e-9)  # even the shortest input is asked for once
         while time < end:
             chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
             if begin is None:
-                begin = self.judge.first_pose(chunk)
+                begin = first = self.judge.first_pose(chunk)
                 far = far_from_stance(chunk, self.spec, run.result.orientation_free)
                 run.result.notes += [Note(chunk.t_obs, text) for text in far]
             following = REPLACE_EVERY / chunk.fps
             last = time + following >= duration - 1e-9
             begin = run.follow(chunk, begin, time + lead, np.inf if last else time + following + lead)
             time += following
+        return first or self.judge.stance()
 
     def first_state(self, policy: Policy) -> RobotState:
         """State at rest, with the hands at the first step of what a policy answers to a robot in its stance."""
@@ -144,13 +161,18 @@ class FastChecker:
         free: tuple[bool, bool],
         *,
         notes: tuple[str, ...] = (),
+        placed: bool = True,
         ask_why: bool = False,
     ) -> Verdict:
-        """Judge a single chunk from where it is begun; notes are told along with its own."""
+        """Judge a single chunk from where it is begun; notes are told along with its own.
+
+        A robot that was ``placed`` with its hands at the first step is so for a changed chunk, too.
+        """
         run = PlanRun(self.judge, free)
+        run.placed = placed
         run.result.notes += [Note(chunk.t_obs, text) for text in notes]
         run.follow(chunk, begin, chunk.t_obs, np.inf)
-        return within(self._told(run, name, ask_why=ask_why), len(chunk) - 1)
+        return self._told(run, name, len(chunk) - 1, ask_why=ask_why)
 
     def of_plan(
         self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]
@@ -188,26 +210,31 @@ class FastChecker:
 
         return Repairer(self.judge, chunk, begin, holds, lasts)
 
-    def _told(self, run: PlanRun, name: str, *, ask_why: bool) -> Verdict:
+    def _told(self, run: PlanRun, name: str, last: int, *, ask_why: bool) -> Verdict:
+        """What is told of a run whose input has its last step there; then it is held."""
         verdict = replace(run.verdict(name, self._settings), odds=self._odds(run))
-        if not ask_why or verdict.verdict == "feasible":
-            return verdict
-        every = len(run.suspects) <= SUSPECTS
+        if ask_why and verdict.verdict != "feasible":
+            verdict = self._explained(verdict, run, last / run.result.fps)
+        return within(verdict, last)
+
+    def _explained(self, verdict: Verdict, run: PlanRun, end: float) -> Verdict:
+        """A verdict with the causes of the first chunk that has any, and what would do for it, or for the first one."""
+        free, every = run.result.orientation_free, len(run.suspects) <= SUSPECTS
         for suspect in run.suspects[:SUSPECTS]:
-            free = run.result.orientation_free
-            sound = partial(self._sound, suspect, free)
-            told = self.explainer.explained(verdict, suspect, free, run.result.start, sound)
+            sound = partial(self._sound, run, suspect)
+            told = self.explainer.explained(verdict, suspect, free, run.result.start, sound, end)
             if told.causes:
-                return self._with_some_change(told, suspect, free)
+                return self._with_some_change(told, run, suspect)
             every = every and told.why_complete
         finds = every and len(run.suspects) > 0 and self.judge.scene is None
-        return replace(verdict, search_finds=finds, why_complete=every)
+        verdict = replace(verdict, search_finds=finds, why_complete=every)
+        return self._with_some_change(verdict, run, run.suspects[0]) if run.suspects else verdict
 
-    def _with_some_change(self, verdict: Verdict, suspect: Suspect, free: tuple[bool, bool]) -> Verdict:
-        """A verdict whose causes no single change cures, with one of all: slower, and led to where plans have hands."""
+    def _with_some_change(self, verdict: Verdict, run: PlanRun, suspect: Suspect) -> Verdict:
+        """A verdict that no single change cures, with one of all: slower, and led to where plans have the hands."""
         if any(one.chunk is not None for one in verdict.would_do):
             return verdict
-        change = self._led(suspect, free)
+        change = self._led(run, suspect)
         if change is None:
             return verdict
         would_do = [would_change(self.judge, suspect.chunk, change), *verdict.would_do]
@@ -220,37 +247,36 @@ class FastChecker:
             ],
         )
 
-    def _led(self, suspect: Suspect, free: tuple[bool, bool]) -> Change | None:
+    def _led(self, run: PlanRun, suspect: Suspect) -> Change | None:
         """The chunk led to where plans at several speeds have the hands, half the way if that holds."""
         judge, inside = self.judge, prepare(suspect.chunk, self.judge.planner.hand_limits).chunk
         for factor in LED_SLOWER:
-            slow = slowed(inside, factor)
-            begin = suspect.begin
-            if judge.begins_with(suspect.chunk, begin):
-                begin = judge.first_pose(slow)
-            plan = judge.planner.plan(slow, suspect.now, begin.body, begin.hands, quick=True)
-            goal, given = hands_of(plan, slow), slowed(suspect.chunk, factor)
-
-            def led(share: float, slow: ActionChunk = slow, goal: list = goal, given: ActionChunk = given) -> Change:
-                chunk = towards(slow, goal, share, share, judge.planner.offsets)
-                return Change("led", factor, *changed(judge, given, chunk), chunk)  # noqa: B023 - called in this round
-
-            for share in LED_SHARES:
-                one = led(share)
-                if one.moved <= LED_MAX and self._sound(suspect, free, one) is not None:
-                    return one
+            chunk, given = slowed(inside, factor), slowed(suspect.chunk, factor)
+            for _ in range(LED_ROUNDS):
+                begin = self._begun(run, suspect, chunk)
+                plan = judge.planner.plan(chunk, suspect.now, begin.body, begin.hands, quick=True, hold=True)
+                goal = hands_of(plan, chunk)
+                for share in LED_SHARES:
+                    led = towards(chunk, goal, share, share, judge.planner.offsets)
+                    one = Change("led", factor, *changed(judge, given, led), led)
+                    if one.moved <= MOVED_MOST and self._sound(run, suspect, one) is not None:
+                        return one
+                chunk = led
         return None
 
-    def _sound(self, suspect: Suspect, free: tuple[bool, bool], change: Change) -> Change | None:
-        """A change, or up to a sixth more of a slow-down, that is feasible when the changed chunk is checked."""
+    def _begun(self, run: PlanRun, suspect: Suspect, changed: ActionChunk) -> Begin:
+        """Where a changed chunk is begun: with its own first step where the robot was placed there."""
+        placed = run.placed and self.judge.begins_with(suspect.chunk, suspect.begin)
+        return self.judge.first_pose(changed) if placed else suspect.begin
+
+    def _sound(self, run: PlanRun, suspect: Suspect, change: Change) -> Change | None:
+        """A change, or up to a sixth more of a slow-down, that is feasible as the changed chunk is played."""
+        lead = suspect.now - suspect.chunk.t_obs
         for more in (MORE**k for k in range(MORE_TRIES)):
             tried = change if more == 1.0 else slower_by(suspect.chunk, change, more)
-            begin = suspect.begin
-            if self.judge.begins_with(suspect.chunk, begin):
-                begin = self.judge.first_pose(tried.chunk)
-            run = PlanRun(self.judge, free)
-            run.follow(tried.chunk, begin, suspect.now, np.inf)
-            if run.verdict("", {}).verdict == "feasible":
+            again, policy = PlanRun(self.judge, run.result.orientation_free, at_once=True), ReplayPolicy(tried.chunk)
+            self._play(again, policy, policy.duration, self._begun(run, suspect, tried.chunk), lead)
+            if again.verdict("", {}).verdict == "feasible":
                 return tried
             if change.kind != "slower":
                 break
@@ -276,44 +302,6 @@ def _held_until(chunk: ActionChunk, end: float) -> ActionChunk:
     """A chunk whose last step is held until a time after its first one [s]."""
     steps = np.minimum(np.arange(max(int(np.ceil(end * chunk.fps)) + 1, len(chunk))), len(chunk) - 1)
     return replace(chunk, **{name: value[steps] for name, value in chunk.arrays().items()})
-
-
-def judge(
-    chunk: ActionChunk,
-    state: RobotState | None = None,
-    config: ControllerConfig | None = None,
-    *,
-    scene: str = "floor",
-    orientation_free: tuple[bool, bool] = (False, False),
-    ask_why: bool = False,
-) -> Verdict:
-    """Judge one chunk without simulating it: a function of its arguments alone, in as many threads as there are.
-
-    Args:
-        chunk: What the hands are to do.
-        state: Where the robot is and its feet stand; at rest with its hands at the chunk's first step if not given.
-        config: Of the robot and its controller.
-        scene: What stands around it: a name of `models.scenes`, or a MuJoCo file (.xml).
-        orientation_free: Whether nothing is asked of the left and the right palm's orientation.
-        ask_why: Look for causes where it is not feasible, which takes seconds.
-
-    Raises:
-        ChunkError: If the chunk is malformed.
-        InputError: If the state is, or there is no chunk.
-    """
-    if not isinstance(chunk, ActionChunk):
-        raise InputError(
-            f"a {type(chunk).__name__} is no ActionChunk; `policy.decode` makes one of actions, and "
-            "`policy.ReplayPolicy.from_npz(path).episode` is that of a file"
-        )
-    with checkers.lend(config or ControllerConfig(), scene) as checker:
-        chunk.validate(robot=layout_robot(checker.spec))
-        checker.stand(None if state is None else check_state(state, checker.spec.n_joints))
-        if state is None:
-            begin, notes = checker.judge.first_pose(chunk), far_from_stance(chunk, checker.spec, orientation_free)
-        else:
-            begin, notes = checker.judge.present(state), ()
-        return checker.of_chunk(chunk, begin, f"chunk {chunk.seq}", orientation_free, notes=notes, ask_why=ask_why)
 
 
 checkers = Lending(FastChecker)

@@ -86,7 +86,7 @@ class PlanRun:
         self.suspects: list[Suspect] = []
         self.followed: ChunkJudgement | None = None
         self.quantities: list[tuple[float, dict[str, float]]] = []
-        self.moving, self._looked_at = False, -np.inf
+        self.moving, self._looked_at, self.placed = False, -np.inf, True
         self._planned: ActionChunk | None = None
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
@@ -224,7 +224,7 @@ class PlanRun:
         result.time_factor = self._spent / self._travelled if self._travelled else 1.0
         verdict = judge(name, result, settings, bounds=self.judge.config.verdict)
         if Limit.SCENE_DISTANCE in self.margins:
-            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE])
+            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
         if Limit.HAND_FORCE in self.margins:
             verdict = too_hard(verdict, self.margins[Limit.HAND_FORCE])
         feasible = verdict.verdict == "feasible"

@@ -44,6 +44,7 @@ class Change:
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         chunk: As changed, feasible.
         lighter: Mass less in the hands, both together [kg].
+        actions: The same as numbers of the layout that the chunk came in, (H, A), where it came so.
     """
 
     kind: Kind
@@ -52,6 +53,7 @@ class Change:
     turned: float
     chunk: ActionChunk
     lighter: float = 0.0
+    actions: np.ndarray | None = None
 
 
 class Repairer:

@@ -1,7 +1,8 @@
 """How near a chunk and its plan come to what stands around the robot: the planner sees none of it.
 
 What cannot be moved counts: furniture, not the objects on it. The hands are looked at where the chunk asks them to be,
-fingers as they are there, whatever the body does: what is asked into the scene is forbidden by itself.
+fingers as they are there, whatever the body does. A hand that meets something yields and stays outside: what is asked
+of it inside is a palm that is as far off. Nothing bounds the force of an arm, a leg or the trunk that does.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ EVERY = 0.04
 """Time from one posture of a plan that is measured to the next [s]; chosen: 4 cm at 1 m/s."""
 SCALE = 1e-3
 """Depth that counts as one [m]; chosen: the rounding of files."""
+TOUCH = 2e-3
+"""How far what is no hand may be planned into the scene [m]; chosen: the error of a plan that is followed."""
 
 
 class SceneDistance:
@@ -34,12 +37,13 @@ class SceneDistance:
 
     Args:
         spec: The robot. scene: Name of a scene of `models.scenes`, or a MuJoCo file (.xml).
+        gives: How far a hand may be asked into the scene, and be as far off [m].
 
     Raises:
         RobotSpecError: If there is no such scene.
     """
 
-    def __init__(self, spec: RobotSpec, scene: str) -> None:
+    def __init__(self, spec: RobotSpec, scene: str, gives: float) -> None:
         m = self._model = load_mujoco(spec, scene=scene_of(scene))
         self._data, pin_model = mujoco.MjData(m), load_pinocchio(spec)
         self._conversion = Conversion(spec, pin_model, m)
@@ -48,12 +52,13 @@ class SceneDistance:
         plane = m.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
         still = m.body_weldid[m.geom_bodyid] == 0
         self._scene = np.flatnonzero(solid & still & ~mine & ~plane)
-        self._robot = np.flatnonzero(solid & mine)
+        self._robot, self._gives = np.flatnonzero(solid & mine), np.full(m.ngeom, TOUCH)
         self._wrists = [m.body(tool.wrist_frame).id for tool in spec.tools]
         self._hands = [
             np.array([g for g in self._robot if wrist in self._carriers(int(m.geom_bodyid[g]))])
             for wrist in self._wrists
         ]
+        self._gives[np.concatenate(self._hands)] = gives
 
     def asked(self, chunk: ActionChunk) -> Margin | None:
         """Least room of the hands, but for those that are to touch something, where a chunk asks them to be."""
@@ -97,28 +102,31 @@ class SceneDistance:
         return (d.geom_xpos[geoms] - p) @ R, R.T @ d.geom_xmat[geoms].reshape(-1, 3, 3)
 
     def _nearest(self, geoms: np.ndarray) -> Iterator[tuple[float, int, int]]:
-        """The pair of one of these shapes and one of the scene that is nearest, with its distance [m]."""
-        m, d, best = self._model, self._data, (SEEN, -1, -1)
+        """The pair of one of these shapes and one of the scene with the least room, with its distance [m]."""
+        m, d, gives, best = self._model, self._data, self._gives, (SEEN, -1, -1)
         for other in self._scene.tolist():
             # Spheres around the shapes first; a box is nearer to a point than its corner.
             at = (d.geom_xpos[geoms] - d.geom_xpos[other]) @ d.geom_xmat[other].reshape(3, 3)
             around = m.geom_aabb[other]
             gap = np.linalg.norm(np.maximum(np.abs(at - around[:3]) - around[3:], 0.0), axis=1) - m.geom_rbound[geoms]
-            for geom in geoms[gap < best[0]].tolist():
-                distance = mujoco.mj_geomDistance(m, d, geom, other, best[0], None)
-                if distance < best[0]:
-                    best = distance, geom, other
+            least = best[0] + (gives[best[1]] if best[1] >= 0 else 0.0)
+            for geom in geoms[gap + gives[geoms] < least].tolist():
+                distance = mujoco.mj_geomDistance(m, d, geom, other, SEEN, None)
+                if distance < SEEN and distance + gives[geom] < least:
+                    best, least = (distance, geom, other), distance + gives[geom]
         if best[1] >= 0:
             yield best
 
     def _worst(self, found: list[tuple[float, float, int, int]], fps: float) -> Margin | None:
         if not found:
             return None
-        time, distance, geom, other = min(found, key=lambda one: one[1])
+        time, distance, geom, other = min(found, key=lambda one: one[1] + self._gives[one[2]])
+        bound = -float(self._gives[geom])
         m = self._model
         names = m.body(m.geom_bodyid[geom]).name, m.geom(other).name or m.body(m.geom_bodyid[other]).name
-        share = distance / SCALE if distance >= 0.0 else min(distance / SCALE, -1.0)
+        room = distance - bound
+        share = room / SCALE if room >= 0.0 else min(room / SCALE, -1.0)
         return Margin(
             code=Limit.SCENE_DISTANCE, subject=" - ".join(names), time=time, step=max(round(time * fps), 0),
-            value=distance, bound=0.0, unit="m", margin=distance, share=share,
+            value=distance, bound=bound, unit="m", margin=room, share=share,
         )  # fmt: skip

@@ -35,9 +35,6 @@ ANSWERS: dict[Severity, Answer] = {
 """The answer by the worst violation; without any, feasible."""
 WITHIN = 0.02
 """Palm error of `Verdict.within_20mm` [m]; definition."""
-TOUCH = 2e-3
-"""How far hands or a plan may go into what stands around [m]; measured: of both hands that press on a table, 2.7 mm
-bring the centre of pressure to the edge of the soles, and 3.7 mm take the robot down."""
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
 
@@ -198,11 +195,16 @@ def judge(
     )
 
 
-def blocked(verdict: Verdict, scene: Margin) -> Verdict:
-    """A fast verdict of hands or a plan that go into the scene: it does not give way, and no plan goes around it."""
-    if scene.margin >= 0.0:
+def blocked(verdict: Verdict, scene: Margin, bounds: VerdictConfig) -> Verdict:
+    """A fast verdict of hands or a plan that go into the scene: no plan goes around it.
+
+    A hand stays outside, as far off as it is asked inside; its bound is that of a palm as given, of anything else less.
+    """
+    if scene.value >= 0.0:
         return verdict
-    severity = Severity.INFEASIBLE if -scene.margin > TOUCH else Severity.NOTE
+    severity = Severity.INFEASIBLE if scene.margin < 0.0 else Severity.NOTE
+    if severity is Severity.INFEASIBLE and scene.bound <= -bounds.palm_feasible and scene.value >= -bounds.palm_repair:
+        severity = Severity.REPAIR
     return _with(verdict, Reason.SCENE_CONTACT, severity, scene)
 
 

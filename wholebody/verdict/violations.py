@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from policy.action_spec.slot_values import CLIPPED, NOT_FOLLOWED, OUT_OF_RANGE
 from policy.recorded.motion_csv import HANDS_ONLY
 from wholebody.config import START_MAX
 from wholebody.config.verdict import VerdictConfig
@@ -21,6 +22,8 @@ SLOWDOWN_FEASIBLE = 1.01
 """Time factor up to which a motion counts as unslowed; chosen, no trial is on record."""
 TORQUE_TIME = 0.05
 """How long a motor may be asked for more than its limit [s]; chosen: less is a position loop's answer to a jolt."""
+NOT_AS_GIVEN = (CLIPPED, NOT_FOLLOWED, OUT_OF_RANGE)
+"""Words of notes on numbers that are not carried out as given."""
 LISTED = 5
 """Violations of one kind that are listed: the worst."""
 MOVING = (Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE)
@@ -242,7 +245,9 @@ def _notes(result: EpisodeResult) -> Iterator[Violation]:
             yield Violation(code=Reason.HANDS_ONLY, severity=Severity.REPAIR, subject=note.text, time=note.time)
             continue
         subject = f"{note.text}{times and f',{times}'}"
-        yield Violation(code=Reason.CHUNK_NOTE, severity=Severity.NOTE, subject=subject, time=note.time)
+        changed = any(words in note.text for words in NOT_AS_GIVEN)
+        code, severity = (Reason.CHANGED_NUMBERS, Severity.REPAIR) if changed else (Reason.CHUNK_NOTE, Severity.NOTE)
+        yield Violation(code=code, severity=severity, subject=subject, time=note.time)
 
 
 def _reasons(result: EpisodeResult, told: set[Reason]) -> Iterator[Violation]:

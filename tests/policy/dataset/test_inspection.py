@@ -141,7 +141,7 @@ def motion(tmp_path, change):
     change(table)
     np.savetxt(tmp_path / "m.csv", table, fmt="%.6f", delimiter=",")
     try:
-        return " | ".join(open_recording(tmp_path / "m.csv").episode.notes)
+        return " | ".join(open_recording(tmp_path / "m.csv", fps=60.0).episode.notes)
     except PolicyError as error:
         return f"refused: {error}"
 
@@ -180,7 +180,7 @@ def test_a_motion_is_read_as_a_user_says(tmp_path):
     again = read_motion_csv(tmp_path / "m.csv", read_as=said)
     np.testing.assert_allclose(again.q_body, right.q_body)
     np.testing.assert_allclose(again.T_world_base, right.T_world_base, atol=1e-5)
-    assert open_recording(tmp_path / "m.csv", read_as=said).episode.notes == ()
+    assert open_recording(tmp_path / "m.csv", fps=60.0, read_as=said).episode.notes == ()
 
 
 def dataset(tmp_path, change):

@@ -45,7 +45,7 @@ def test_the_line_that_is_named_makes_a_motion_that_is_read(tmp_path, monkeypatc
         open_source("a.pkl", 60.0, None)
     program = re.search(r'python -c "(.*)"', str(refused.value))[1]
     subprocess.run([sys.executable, "-c", program], check=True, cwd=tmp_path)
-    assert open_recording(tmp_path / "motion.csv").episode.notes == ()
+    assert open_recording(tmp_path / "motion.csv", fps=60.0).episode.notes == ()
 
 
 def test_an_episode_of_json_is_named_by_its_folder(tmp_path):

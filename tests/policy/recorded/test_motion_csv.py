@@ -1,5 +1,7 @@
 """Motion files. Strategy: a motion with a wandering pelvis is written here, and must come back without its pelvis."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,9 @@ from models import g1
 from policy import Anchor, FileFormatError, motion_chunk, read_motion_csv, write_motion_csv
 from policy.geometry.rotations import angle_between
 from policy.kinematics.forward import kinematics
-from policy.recorded.motion_csv import ROOT_COLUMNS
+from policy.recorded.convert import convert
+from policy.recorded.motion_csv import ROOT_COLUMNS, named_rate
+from policy.recorded.replay import open_recording
 from tests.support.policy_cases import made_up_motion
 
 
@@ -112,3 +116,39 @@ def test_a_missing_file_and_a_binary_file_are_refused(tmp_path):
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(FileFormatError, match="is no text"):
         read_motion_csv(tmp_path / "binary.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "rate"),
+    [
+        ("walk_30hz", 30.0),
+        ("50FPS-dance", 50.0),
+        ("take.fps120", 120.0),
+        ("dance_30hz_60fps", None),
+        ("a100 fpsx", None),
+    ],
+)
+def test_a_name_that_says_a_rate_is_believed(name, rate):
+    assert named_rate(f"{name}.csv") == rate
+
+
+def test_a_rate_that_nobody_said_is_told_with_the_others_that_fit(tmp_path, file):
+    """A recording of 30 Hz was taken for one of 60 Hz, and done twice as fast without a word."""
+    *others, note = open_recording(file).episode.notes
+    assert note.startswith("the file does not say its frame rate: 60 Hz assumed, 2.0 s in all")
+    assert "30, 50, 100 or 120 Hz would fit too: say --fps" in note
+    assert list(open_recording(file, fps=60.0).episode.notes) == others
+    assert convert(file, tmp_path / "swing.npz").notes[-1] == note
+    named = file.rename(file.with_name("swing_30hz.csv"))
+    episode = open_recording(named).episode
+    assert episode.times[-1] == pytest.approx(4.0)
+    assert episode.notes[-1] == "frame rate by the file's name: 30 Hz; if that is another, say --fps"
+
+
+def test_a_rate_at_which_joints_would_be_too_fast_does_not_fit(tmp_path):
+    motion = made_up_motion()
+    q = motion.q_body.copy()
+    q[::2, 15] += 0.3  # 18 rad/s at 60 Hz
+    write_motion_csv(tmp_path / "fast.csv", replace(motion, q_body=q))
+    note = open_recording(tmp_path / "fast.csv", read_as=("as_named",)).episode.notes[-1]
+    assert "30 or 50 Hz would fit too" in note

@@ -129,7 +129,7 @@ def test_replay_keeps_optional_parts(tmp_path):
 
 
 def test_a_recording_of_another_kind_is_refused(tmp_path):
-    with pytest.raises(FileFormatError, match=r"chunk \.npz and motion \.csv"):
+    with pytest.raises(FileFormatError, match=r"chunk \.npz, array \.npy and motion \.csv"):
         open_recording(tmp_path / "a.mp4")
 
 

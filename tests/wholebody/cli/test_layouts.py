@@ -1,12 +1,14 @@
 """`wholebody layouts`, and the chunk of a newcomer: from numpy to a verdict."""
 
+import json
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from policy import LAYOUTS, builtin, read_chunk_file
+from policy import LAYOUTS, ActionSpec, builtin, read_chunk_file
 from wholebody.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -80,3 +82,28 @@ def test_layouts_from_a_source_in_doubt_asks_for_a_name(tmp_path):
         CliRunner().invoke(
             app, ["layouts", "--from", str(tmp_path / "a.npz"), "--write", "x.json"], catch_exceptions=False
         )
+
+
+def test_a_layout_is_said_for_programs_and_its_layout_is_a_layout():
+    said = json.loads(layouts("wbc32", "--json", "-"))
+    assert (said["id"], said["dim"], len(said["numbers"])) == (builtin("wbc32").id, 32, 32)
+    assert ActionSpec.from_dict(said["layout"]) == builtin("wbc32")
+    third, thumb = said["numbers"][2], said["numbers"][25]
+    assert (third["name"], third["unit"], third["stance"]) == ("left_wrist_z.pos", "m", pytest.approx(0.86, abs=1e-3))
+    assert (thumb["least"], thumb["largest"]) == (pytest.approx(-1.047, abs=1e-3), pytest.approx(1.047, abs=1e-3))
+
+
+def test_an_array_is_checked_in_the_layout_and_at_the_rate_that_are_said(tmp_path):
+    rows = read_chunk_file(written(tmp_path)).actions
+    np.save(tmp_path / "mine.npy", rows)
+    check = ["check", "--fast", str(tmp_path / "mine.npy"), "--layout", "wbc32", "--json", "-"]
+    said = CliRunner().invoke(app, [*check, "--fps", "30"]).stdout
+    assert json.loads(said)[0]["verdict"] == "feasible"
+    assert "the array does not say its rate" not in said
+    assert "30 Hz of the layout 'wbc32' assumed" in CliRunner().invoke(app, check).stdout
+    assert json.loads(CliRunner().invoke(app, [*check, "--fps", "600"]).stdout)[0]["verdict"] == "infeasible"
+
+
+def written(folder):
+    layouts("wbc32", "--write", folder / "example.npz")
+    return folder / "example.npz"

@@ -23,7 +23,8 @@ from wholebody.errors import InputError
 from wholebody.planning.judgement.limits import Limit
 from wholebody.resources import verdict_schema
 from wholebody.types import Reason, RobotState
-from wholebody.verdict.fast import FastChecker, judge
+from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.own_numbers import judge
 from wholebody.verdict.report import lines, to_json
 
 
@@ -202,7 +203,7 @@ def test_a_hand_asked_into_the_table_is_infeasible_there_and_feasible_without_on
     found = margin(there, Limit.SCENE_DISTANCE)
     assert found.subject.startswith("left_")
     assert found.subject.endswith("table")
-    assert found.margin < -0.05
+    assert found.margin < -0.03
 
 
 def test_a_load_that_is_told_is_planned_for():

@@ -151,7 +151,9 @@ def test_4_fingers_out_of_range_are_told(checker, angle):
     assert verdict.verdict != "feasible"
     limit = found[Reason.FINGER_LIMIT]
     assert (limit.subject, limit.value) == ("left_hand_thumb_0_joint", angle)
-    assert found[Reason.CHUNK_NOTE].subject.startswith("left_hand: 20 numbers out of the fingers' range, by up to ")
+    assert found[Reason.CHANGED_NUMBERS].subject.startswith(
+        "left_hand: 20 numbers out of the fingers' range, by up to "
+    )
 
 
 def test_4_palms_go_where_they_go_with_the_fingers_at_their_limit(checker):

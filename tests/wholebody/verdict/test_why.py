@@ -15,7 +15,8 @@ from tests.support.verdict_agreement import case
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.resources import verdict_schema
 from wholebody.verdict.causes import Why, WouldDo
-from wholebody.verdict.fast import FastChecker, judge
+from wholebody.verdict.fast import FastChecker
+from wholebody.verdict.own_numbers import judge
 from wholebody.verdict.report import lines, to_json
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why import explainer
@@ -113,8 +114,9 @@ def test_bodies_in_each_other_are_no_bound_with_which_it_would_do(code):
 
 
 def test_a_hand_moved_across_the_room_is_not_offered():
-    assert explainer.makes_sense(WouldDo("moved", moved=0.166))
-    assert not explainer.makes_sense(WouldDo("moved", moved=384.8))
+    assert explainer.makes_sense(WouldDo("led", slower=2.9, moved=0.149))
+    assert not explainer.makes_sense(WouldDo("moved", moved=0.434))
+    assert not explainer.makes_sense(WouldDo("slower", slower=3.6))
 
 
 def test_a_hand_in_the_other_one_is_not_offered_as_a_bound(in_the_other):

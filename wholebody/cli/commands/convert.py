@@ -12,7 +12,7 @@ from typer import Argument, Option
 
 from wholebody.cli.console import check_places, progress_bar, say, write_text
 from wholebody.cli.judging import MALFORMED
-from wholebody.cli.options import AssumeSpec, CsvFps, JsonTo, ReadAs
+from wholebody.cli.options import AssumeSpec, Fps, JsonTo, ReadAs
 from wholebody.cli.sources import layout_named, said
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def convert(
     source: Annotated[Path, Argument(help="Chunk .npz, motion .csv or .npz, or a dataset: LeRobot's, JSON, HDF5.")],
     target: Annotated[Path | None, Argument(help="What to write; for a dataset, SOURCE_LAYOUT if not given.")] = None,
     to: Annotated[str, Option(help="Layout to write: built-in name or JSON file.")] = "wbc32",
-    csv_fps: CsvFps = 60.0,
+    fps: Fps = None,
     assume_spec: AssumeSpec = "",
     read_as: ReadAs = "",
     dataset: Dataset,
@@ -61,7 +61,7 @@ def convert(
 
         if target is None:
             raise ValueError("name the file to write, ending in .npz or .csv")
-        chunk = convert_file(source, target, to=layout, csv_fps=csv_fps, assume=assumed, read_as=said(read_as))
+        chunk = convert_file(source, target, to=layout, csv_fps=fps, assume=assumed, read_as=said(read_as))
         say(f"wrote {target}", *(f"  note: {note}" for note in chunk.notes))
         return
     from policy.dataset.conversion import DatasetSettings

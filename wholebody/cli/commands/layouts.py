@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
 
 from wholebody.cli.console import check_places, say, write_text
-from wholebody.cli.options import completed_layout
+from wholebody.cli.options import JsonTo, completed_layout
 from wholebody.cli.sources import is_dataset, layout_named
 
 
@@ -28,30 +29,37 @@ def layouts(
         Path | None,
         Option(help="Write an example chunk (.npz): both hands rise by 50 mm; with --from, the layout (.json)."),
     ] = None,
+    json_to: JsonTo = "",
 ) -> None:
     """Print what every number of an action layout is. For each slot: unit, frame, order, limits, stance.
 
     With --from: which layouts the numbers of a dataset, a checkpoint or a chunk may be in, and why.
     """
     from policy.action_spec.builtin import LAYOUTS
-    from policy.action_spec.describe import lines, summary
+    from policy.action_spec.describe import lines, summary, table
     from policy.recorded.chunk_file import write_chunk_file
     from policy.recorded.example import example_file
 
     if source:
         _fitting(source, name, write)
         return
-    check_places("", record=write)
+    check_places(json_to, record=write)
     spec = layout_named(name)
     if spec is None:
+        if json_to:
+            raise ValueError(f"name the layout to write as JSON: {', '.join(LAYOUTS)}")
         if write is not None:
             raise ValueError(f"name the layout to write '{write}' in: {', '.join(LAYOUTS)}")
         say(*map(summary, LAYOUTS), "", "wholebody layouts NAME says what every number is")
         return
-    say(*lines(spec))
+    if json_to:
+        write_text(json_to, json.dumps(table(spec), indent=2))
+    if json_to != "-":
+        say(*lines(spec))
     if write is not None:
         write_chunk_file(write, example_file(spec))
-        say("", f"wrote {write}: wholebody check {write} judges it")
+        if json_to != "-":
+            say("", f"wrote {write}: wholebody check {write} judges it")
 
 
 def _fitting(source: str, name: str, write: Path | None) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from wholebody.cli.console import complain, say
-from wholebody.cli.options import SOURCES, AssumeSpec, CsvFps, RealTimeChunking, RenameMap, Sampling, completed_script
+from wholebody.cli.options import SOURCES, AssumeSpec, Fps, RealTimeChunking, RenameMap, Sampling, completed_script
 from wholebody.cli.sources import layout_named, open_source
 
 
@@ -42,7 +42,7 @@ def serve_policy(
     host: Annotated[str, Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
     port: Annotated[int, Option(help="Port; 0: any free one.")] = 8000,
     served: Served,
-    csv_fps: CsvFps = 60.0,
+    fps: Fps = None,
     assume_spec: AssumeSpec = "",
     rename_map: RenameMap = "",
 ) -> None:
@@ -59,7 +59,7 @@ def serve_policy(
         for finding in policy.warnings:
             complain(finding.sentence)
     else:
-        policy = open_source(source, csv_fps, layout_named(assume_spec))
+        policy = open_source(source, fps, layout_named(assume_spec))
     with PolicyServer(policy, host=host, port=port, keys=keys) as server, suppress(KeyboardInterrupt):
         # Containers and service managers end a program by this signal, as soon as it has said that it is there.
         signal(SIGTERM, default_int_handler)

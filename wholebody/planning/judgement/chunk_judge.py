@@ -173,7 +173,7 @@ class ChunkJudge:
             now: When, on the clock of its observation [s]; with its first step if not given.
         """
         now = chunk.t_obs if now is None else now
-        plan = self.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True)
+        plan = self.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True, hold=True)
         times = np.arange(len(chunk)) / chunk.fps
         moved, turned = self._off(chunk, plan, times)
         margins = [

@@ -26,7 +26,8 @@ def as_given(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) 
     if search.now.start_violation > config.violation_max or is_far(config, search.now):
         return None
     _go(search, BETTER)
-    return search.now if search.now.follows(config) and search.now.targets.projected.max() <= JUMP else None
+    plain = search.now.targets.projected.max() <= JUMP and not search.heavy
+    return search.now if plain and search.now.follows(config) else None
 
 
 def best(config: PlannerConfig, attempt: Try, budget: Budget, asked: Asked) -> Attempt:

@@ -26,7 +26,7 @@ from wholebody.verdict.why.cause import Cause, causes
 from wholebody.verdict.why.chunk_program import AT_REST, ChunkProgram
 from wholebody.verdict.why.motion_search import EVERY
 from wholebody.verdict.why.sentence import why, with_changes
-from wholebody.verdict.why.single_changes import SingleChanges
+from wholebody.verdict.why.single_changes import MOVED_MOST, SLOWER_MOST, SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
 CAUSES_WORK, WHY_WORK, SET_WORK = 700.0, 1000.0, 1600.0
@@ -36,9 +36,6 @@ TRY_WORK, STEPS = 60.0, 50
 """The same of one try, for a chunk of so many steps, and in proportion for longer ones [no unit]; measured: in nine
 planted cases as much as is needed to find the changes that are found with all the work of a plan."""
 
-MOVED_MAX = 0.5
-"""Distance from which a hand that is moved is no change to offer [m]; chosen: an arm's length is another task, or
-numbers in another unit."""
 APART = (Limit.SELF_DISTANCE, Limit.FLOOR_DISTANCE, Limit.SCENE_DISTANCE)
 """Bounds on distances: a negative one is of bodies in each other, which no setting makes possible."""
 
@@ -73,6 +70,7 @@ class Explainer:
         free: tuple[bool, bool],
         start: float,
         sound: Callable[[Change], Change | None] = lambda change: change,
+        end: float = inf,
     ) -> Verdict:
         """A verdict with what is found of a chunk that is not followed as given.
 
@@ -82,6 +80,7 @@ class Explainer:
             free: Whether nothing is asked of the left and the right palm's orientation.
             start: Time of the first step of the input [s].
             sound: A change, or a little more of it, that is feasible when it is checked; None if none is.
+            end: Time of the last step of the input since its first one [s]; then it is held.
         """
         chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
         for twin in self._twins:
@@ -94,7 +93,7 @@ class Explainer:
         self.asked = program, found
         if not found:
             return replace(verdict, why_complete=every)
-        told, at_most = [why(one, since, chunk.fps) for one in found], 0.5 * (WHY_WORK - program.work)
+        told, at_most = [why(one, since, chunk.fps, end) for one in found], 0.5 * (WHY_WORK - program.work)
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
         # A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
         at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in told) or not program.rests()
@@ -166,17 +165,17 @@ def would_change(judge: ChunkJudge, chunk: ActionChunk, change: Change) -> Would
 
 
 def makes_sense(one: WouldDo) -> bool:
-    """Whether a change can be offered: no hand across the room, and no bodies in each other."""
+    """Whether a change can be offered: no other motion, and no bodies in each other."""
     if one.bound is not None and one.bound.code in APART and one.bound.value < 0.0:
         return False
-    return one.moved <= MOVED_MAX
+    return one.moved <= MOVED_MOST and one.slower <= SLOWER_MOST
 
 
 def _holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:
     """Whether a chunk is feasible by an attempt at its own speed; what needs no plan comes first."""
     now, far = chunk.t_obs, judge.config.verdict.palm_feasible
     forgiven = {Limit.START: 0.0, Limit.FINGER_RANGE: FINGER_TOLERANCE}
-    forgiven |= {Limit.INTO_FLOOR: far, Limit.SCENE_DISTANCE: far}
+    forgiven |= {Limit.INTO_FLOOR: far, Limit.SCENE_DISTANCE: 0.0}
     numbers = judge.numbers(chunk, begin, now)
     if any(code in numbers and numbers[code].margin < -room for code, room in forgiven.items()):
         return False

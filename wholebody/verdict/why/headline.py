@@ -33,6 +33,7 @@ CHANGES = {
     Reason.TRACKING_ERROR: "not everywhere on time",
     Reason.STARVED: "it waited for chunks",
     Reason.SCENE_CONTACT: "into what stands there",
+    Reason.CHANGED_NUMBERS: "some numbers clipped or not followed",
     Reason.FINGER_LIMIT: "fingers only to the end of their range",
     Reason.SELF_CONTACT: "the robot touches itself",
     Reason.TORQUE_LIMIT: "at a motor's limit",
@@ -134,7 +135,7 @@ def _violation(one: Violation) -> str:
         return f"{quantity(one.value, one.unit)} times slower"
     if one.code is Reason.HAND_FORCE:
         return f"{one.subject}{when} is held to {quantity(one.bound, one.unit)} by balance, its arm or its limit"
-    return f"{one.subject}{when}" if one.code in (Reason.FALL, Reason.REFUSED) else ""
+    return f"{one.subject}{when}" if one.code in (Reason.FALL, Reason.REFUSED, Reason.CHANGED_NUMBERS) else ""
 
 
 def _supervised(verdict: Told) -> str:

@@ -194,18 +194,20 @@ class MotionSearch:
             worst[NAMES[limit]] = max(worst.get(NAMES[limit], 0.0), float(excess[span].max()))
         bound = self._planner.config.violation_max
         names = sorted((name for name, value in worst.items() if value > bound), key=lambda name: -worst[name])
-        drift, deficit = self._floor(knots)
+        drift, deficit, strain = self._between_knots(knots)
+        names += [NAMES[Limit.JOINT_TORQUE]] if strain > 1.0 else []
         names += [Limit.ZMP, Limit.CAPTURE_POINT] if drift > 1.0 else []
         names += [Limit.FRICTION] if deficit > 1.0 else []
         return tuple(dict.fromkeys(names))
 
-    def _floor(self, knots: KnotTrajectory) -> tuple[float, float]:
-        """Drift of the capture point and lack of friction between knots, in terms of what a plan may have."""
+    def _between_knots(self, knots: KnotTrajectory) -> tuple[float, float, float]:
+        """Drift of the capture point, lack of friction, and torques, in terms of what a plan may have."""
         planner, steps = self._planner, self.targets.steps
         curve = curve_through(steps, knots.q, self.begin.body.v)
         track = centroidal_along(curve, steps[0], steps[-1] + steps[1] - steps[0], planner.centroidal)
-        drift = planner.contacts.capture_point_drift(track, 1.0) / planner.config.capture_point_drift_max
-        return drift, planner.contacts.friction_impulse_deficit(track, 1.0) / planner.config.friction_deficit_max
+        drift = planner.balance.capture_point_drift(track, 1.0) / planner.config.capture_point_drift_max
+        deficit = planner.balance.friction_impulse_deficit(track, 1.0) / planner.config.friction_deficit_max
+        return drift, deficit, planner.effort.strain(track, 1.0, steps[1] - steps[0])
 
 
 EASED = (

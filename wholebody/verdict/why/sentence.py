@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 
 from wholebody.planning.judgement.chunk_margins import AT_START
 from wholebody.planning.judgement.limits import Limit, Margin
@@ -45,23 +46,24 @@ STRAIGHT = "the {side} arm is straight"
 """What the end of an elbow's range is called."""
 
 
-def why(cause: Cause, since: float = 0.0, fps: float = 0.0) -> Why:
-    """A cause for a verdict, its times moved on by ``since`` [s]."""
+def why(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = inf) -> Why:
+    """A cause for a verdict, its times moved on by ``since`` [s], none after the ``end`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
-    told, time = sentence(cause, since, fps), cause.where[0] + since
+    told, time = sentence(cause, since, fps, end), min(cause.where[0] + since, end)
     return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=told, told=told)
 
 
-def sentence(cause: Cause, since: float = 0.0, fps: float = 0.0) -> str:
+def sentence(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = inf) -> str:
     """Which hand, where, when, in steps where their rate [Hz] is known, and what stands in the way."""
     time, side, (x, y, z) = cause.where
+    time = min(time + since, end)
     ahead = f"{abs(x):.2f} m {'ahead' if x >= 0.0 else 'behind'}"
     aside = f"{abs(y):.2f} m to the {'left' if y >= 0.0 else 'right'}"
     hand = "right hand" if side else "left hand"
     *reasons, last = dict.fromkeys(map(bound_said, cause.members))
     told = f"{', '.join(reasons)} and {last}" if reasons else last
-    step = f" (step {round((time + since) * fps)})" if fps else ""
-    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time + since:.2f} s{step}: {told}"
+    step = f" (step {round(time * fps)})" if fps else ""
+    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time:.2f} s{step}: {told}"
 
 
 def with_changes(one: Why, changes: Sequence[WouldDo]) -> Why:
@@ -94,7 +96,8 @@ def bound_said(one: Margin) -> str:
     if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
         return STRAIGHT.format(side=one.subject.partition("_")[0])
     subject, _, other = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ").partition(" - ")
-    excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE) else one.value
+    excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION) else one.value
+    excess = -excess if one.code is Limit.SCENE_DISTANCE else excess
     value, bound = quantity(excess, one.unit), quantity(one.bound, one.unit)
     told = SAID[one.code].format(subject=subject, other=other, value=value, bound=bound)
     return f"{told}, since its first steps move already" if subject.endswith(AT_START) else told

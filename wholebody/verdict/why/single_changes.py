@@ -14,8 +14,11 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.planning.judgement.chunk_judge import ChunkJudge
 from wholebody.planning.plan import ChunkPlan
-from wholebody.verdict.repair import SLOWER_MAX, Change, Kind, changed, hands_of, slowed, towards
+from wholebody.verdict.repair import Change, Kind, changed, hands_of, slowed, towards
 
+MOVED_MOST, SLOWER_MOST = 0.15, 3.0
+"""How far a palm may be moved, and how many times slower a chunk may be, by a change that is offered [m, no unit];
+chosen: what a person would still call the same motion, nearer or slower."""
 SLOWER_FIRST = 2.0
 """Slow-down that is tried before the largest one [no unit]; chosen: most that help are less, and shorter to plan."""
 FINE, HALVINGS = 0.02, 5
@@ -57,7 +60,7 @@ class SingleChanges:
 
     def slower(self) -> Change | None:
         """The least slow-down."""
-        for low, high in ((1.0, SLOWER_FIRST), (SLOWER_FIRST, SLOWER_MAX)):
+        for low, high in ((1.0, SLOWER_FIRST), (SLOWER_FIRST, SLOWER_MOST)):
             least = self._least(lambda x: slowed(self.chunk, float(np.exp(x))), np.log(low), np.log(high), FINE)
             if least is not None:
                 return self._change("slower", slowed(self.chunk, float(np.exp(least))), float(np.exp(least)))
