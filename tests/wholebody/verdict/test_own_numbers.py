@@ -84,7 +84,7 @@ def test_what_is_clipped_or_not_followed_is_not_done_as_given(number, value):
     actions = numbers("wbc27")
     assert judge(actions, layout="wbc27").verdict == "feasible"
     actions[20:, number] += value
-    verdict = judge(actions, layout="wbc27")
+    verdict = judge(decode(builtin("wbc27"), actions, STANCE))
     assert (verdict.verdict, verdict.violations[0].code) == ("feasible_after_repair", "changed_numbers")
     assert "some numbers clipped or not followed" in str(verdict)
 
