@@ -53,10 +53,10 @@ REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
 LED_SLOWER, LED_SHARES, LED_ROUNDS = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 2
 """Slow-downs and shares of the way to a plan that are tried where no single change does, and how often: what is led to
-a plan may have another one, nearer by."""
+a plan may have another one, nearer by [no unit]; chosen, no trial is on record."""
 WHOLE_STEPS, WHOLE_TIME = 150, 5.0
-"""Steps and time [s] of a recording up to which causes, and what would do, are looked for in all of it and not in a
-window; chosen: three windows, a search of seconds."""
+"""Steps and time of a recording up to which causes, and what would do, are looked for in all of it and not in a window
+[no unit, s]; chosen: three windows, a search of seconds."""
 SUSPECTS = 3
 """Chunks that were not followed as given among which the first with a cause is looked for."""
 Start = Literal["first", "stance"]
