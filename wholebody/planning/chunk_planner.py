@@ -73,13 +73,10 @@ class ChunkPlanner:
         self._friction, self._holdable = config.friction, None
         self._last_held: tuple[Targets, Held] | None = None
         self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
-        self.balance, self.effort = (
-            ContactFeasibility(self.optimizer.body, config.friction),
-            Effort(self.optimizer.body),
-        )
+        self.balance = ContactFeasibility(self.optimizer.body, config.friction)
+        self.effort = Effort(self.optimizer.body)
         self.palm_ids = [robot.frame_id(tool.palm_frame) for tool in spec.tools]
-        trunk = (spec.base_body, spec.torso_body)
-        self.centroidal = Centroidal(spec, self.model, [robot.frame_id(name) for name in trunk])
+        self.centroidal = Centroidal(spec, self.model, [robot.frame_id(x) for x in (spec.base_body, spec.torso_body)])
         self.offsets = palm_offsets(spec)
         low, high = spec.position_min, spec.position_max
         fingers = [spec.indices(tool.finger_joints) for tool in spec.tools]
@@ -200,7 +197,7 @@ class ChunkPlanner:
         return one if near and one.is_safe(self.config) else None
 
     def _surely_out_of_reach(self, targets: Targets) -> bool:
-        """Whether the map has great odds against some pair of palms, however turned: it only spares previews in vain."""
+        """Whether the map has great odds against a pair of palms, however turned: a preview would be in vain."""
         if self._map is None:
             return False
         points = np.ascontiguousarray(targets.T_palms[:, :, :3, 3])

@@ -101,7 +101,6 @@ def test_an_array_is_checked_in_the_layout_and_at_the_rate_that_are_said(tmp_pat
     assert json.loads(said)[0]["verdict"] == "feasible"
     assert "the array does not say its rate" not in said
     assert "30 Hz of the layout 'wbc32' assumed" in CliRunner().invoke(app, check).stdout
-    assert json.loads(CliRunner().invoke(app, [*check, "--fps", "600"]).stdout)[0]["verdict"] == "infeasible"
 
 
 def written(folder):

@@ -214,7 +214,8 @@ def test_a_load_that_is_told_is_planned_for():
         margin(holder.judge(chunk, holder.first_pose(chunk)), Limit.WAIST_TORQUE).value for holder in (bare, loaded)
     ]
     assert loaded.planner.optimizer.body.mass - bare.planner.optimizer.body.mass == pytest.approx(2.0, abs=1e-6)
-    assert torques[1] > torques[0] + 1.0
+    # Palms are led to where a still robot holds it, as in the loop.
+    assert torques[1] > torques[0] + 0.3
 
 
 def test_no_step_is_named_that_the_input_does_not_have(checker):
