@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from policy import reading
-from policy.dataset.tables import read_parquet
+from policy.dataset.forms.tables import read_parquet
 from policy.errors import DatasetError, did_you_mean
 
 if TYPE_CHECKING:

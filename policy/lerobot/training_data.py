@@ -17,9 +17,9 @@ import numpy as np
 from policy.action_spec.spec import ActionSpec
 from policy.dataset.format import read_json
 from policy.dataset.forms import v21, v30
+from policy.dataset.forms.tables import read_parquet
 from policy.dataset.open import check_info
 from policy.dataset.stats import statistics
-from policy.dataset.tables import read_parquet
 from policy.errors import DatasetError
 from policy.findings import Finding, fail
 from policy.lerobot.checkpoint import Checkpoint

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from policy.dataset.format import EPISODES_MAX, Dataset, Episode
-from policy.dataset.tables import NO_PYARROW, ROWS_MAX
+from policy.dataset.forms.tables import NO_PYARROW, ROWS_MAX
 from policy.errors import DatasetError
 from policy.reading import ReadingError, require_rate
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from policy.dataset.format import EPISODES_MAX
-from policy.dataset.tables import ROWS_MAX
+from policy.dataset.forms.tables import ROWS_MAX
 from policy.errors import DatasetError
 
 

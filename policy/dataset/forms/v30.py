@@ -8,7 +8,7 @@ from typing import Any
 
 from policy.dataset.format import Dataset, Episode, VideoSpan, inside, meta_file, read_json
 from policy.dataset.forms.numbering import in_numbers, in_order
-from policy.dataset.tables import read_rows
+from policy.dataset.forms.tables import read_rows
 from policy.errors import DatasetError
 from policy.reading import JSON_MAX, listed
 

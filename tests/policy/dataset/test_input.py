@@ -12,8 +12,8 @@ import pytest
 from policy.action_spec.builtin import builtin
 from policy.dataset.conversion import DatasetSettings, convert_dataset
 from policy.dataset.format import inside
+from policy.dataset.forms.tables import ROWS_MAX, read_parquet
 from policy.dataset.open import open_dataset
-from policy.dataset.tables import ROWS_MAX, read_parquet
 from policy.dataset.writer import DatasetWriter
 from policy.errors import DatasetError, SpecError
 from policy.recorded.dataset_replay import open_episode

@@ -24,7 +24,7 @@ from wholebody.planning.judgement.limits import Limit
 from wholebody.resources import verdict_schema
 from wholebody.types import Reason, RobotState
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.own_numbers import judge
+from wholebody.verdict.given.own_numbers import judge
 from wholebody.verdict.report import lines, to_json
 
 

@@ -16,7 +16,7 @@ from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.resources import verdict_schema
 from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.own_numbers import judge
+from wholebody.verdict.given.own_numbers import judge
 from wholebody.verdict.report import lines, to_json
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why import explainer
