@@ -62,7 +62,7 @@ class Told:
         self.limits = np.minimum(most, config.force_max).tolist()
 
     def size(self, hand: int) -> float:
-        """Of the force that is expected on a palm now [N]."""
+        """Size of the force that is expected on a palm now [N]."""
         return float(np.linalg.norm(self.forces[hand]))
 
     def free(self, hand: int) -> None:

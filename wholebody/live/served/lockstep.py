@@ -93,7 +93,7 @@ class InLockstep:
         self._executor.lead = settings.planning.lead
 
     def run(self) -> None:
-        """Until the program is gone or ends; then the robot is lowered."""
+        """Run until the program is gone or ends; then the robot is lowered."""
         loop, program = self._loop, self._program
         program.until = SETTLE
 

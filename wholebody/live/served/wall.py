@@ -60,7 +60,7 @@ class OnTheWall:
         return self._robot.origin
 
     def run(self) -> None:
-        """Until the program is gone or ends; then the robot is lowered."""
+        """Run until the program is gone or ends; then the robot is lowered."""
         self._session.run({"targets": self._program.stream}, self._tick, ASKING)
 
     def hasten(self) -> None:
