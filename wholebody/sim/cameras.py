@@ -232,7 +232,7 @@ def _add_ball(mj: mujoco.MjSpec, number: int) -> None:
 
 
 def _coarser(mj: mujoco.MjSpec, model: mujoco.MjModel) -> mujoco.MjSpec:
-    """The same with large meshes made coarser, as they are in the compiled model."""
+    """Robot with large meshes made coarser, as they are in the compiled model."""
     import mujoco
 
     from wholebody.sim.pictures.meshes import simplified

@@ -252,7 +252,7 @@ def holds(search: Search, new: Attempt) -> Attempt | None:
 
 
 def steadier(search: Search, new: Attempt) -> Attempt | None:
-    """Whether the new one is safe and its soles hold: it, or the present one if that follows and is steadier."""
+    """Choose the new one if it is safe and its soles hold, or the present one if that follows and is steadier."""
     config, now = search.config, search.now
     if not (new.is_safe(config) and new.deficit <= config.friction_deficit_unreachable):
         return None
