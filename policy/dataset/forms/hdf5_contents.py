@@ -23,6 +23,9 @@ FILTERS = {1, 2, 3, 4, 5, 6, 32000}
 MEMORY_MAX = 2**30
 """Memory beyond what imports take [bytes]; definition: four times `TOTAL_MAX`."""
 
+CPU_MAX = 8
+"""Processor time of reading a file [s]; chosen: three times what 256 MiB of gzip take, and no loop without an end."""
+
 
 class RefusedError(Exception):
     """What is not read, and why."""
@@ -109,11 +112,12 @@ def _text(value: object) -> str | None:
     return text if isinstance(text, str) and len(text) <= TEXT_MAX else None
 
 
-def _limit_memory() -> None:
-    """Bound what may still be allocated, where the system can."""
+def _limit() -> None:
+    """Bound time and what may still be allocated, where the system can."""
     try:
         import resource
 
+        resource.setrlimit(resource.RLIMIT_CPU, (CPU_MAX, CPU_MAX + 1))
         with open("/proc/self/status") as status:
             now = 1024 * next(int(line.split()[1]) for line in status if line.startswith("VmData"))
         resource.setrlimit(resource.RLIMIT_DATA, (now + MEMORY_MAX, now + MEMORY_MAX))
@@ -123,7 +127,7 @@ def _limit_memory() -> None:
 
 def main() -> int:
     """Write the contents of the file that is named; 1 with a sentence on standard error if it is refused."""
-    _limit_memory()
+    _limit()
     try:
         listed, arrays = contents(sys.argv[1])
     except RefusedError as error:
