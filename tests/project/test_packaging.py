@@ -107,6 +107,12 @@ def test_the_installed_packages_are_typed(installed, tmp_path):
     assert all(Path(file).with_name("py.typed").exists() for file in files)
 
 
+def test_the_version_is_in_the_changelog_and_its_page_is_one():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    page = (ROOT / "CHANGELOG.md").read_text().partition(f"## [{version}]")[2]
+    assert 0 < len(page.partition("\n## ")[0].splitlines()) <= 60
+
+
 def test_the_installed_robot_loads(installed, tmp_path):
     code = "from models import g1; from models.pinocchio_model import load_pinocchio; print(load_pinocchio(g1()).nv)"
     assert run(installed / "python", "-c", code, cwd=tmp_path).split()[-1] == "49"

@@ -110,14 +110,9 @@ def test_every_code_of_the_executor_is_a_reason():
     assert codes <= set(Reason)
 
 
-def now(text):
-    """A document without its tables of old names."""
-    return re.sub(r"^### Upgrading\n.*?(?=^##)", "", text, flags=re.DOTALL | re.MULTILINE)
-
-
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_every_file_and_folder_that_is_named_exists(document):
-    text = now(document.read_text())
+    text = document.read_text()
     files = re.findall(r"(?<![\w./*<-])((?:[\w-]+/)*\w[\w-]*\.py)\b", text)
     folders = re.findall(rf"`((?:{'|'.join(CODE)})/[\w/]*/)`", text)
     folders += re.findall(r"`([\w./-]*\*[\w.*-]*\.py)`", text)
@@ -127,7 +122,7 @@ def test_every_file_and_folder_that_is_named_exists(document):
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_every_module_that_is_named_exists(document):
-    for name in re.findall(r"`((?:models|policy|wholebody)(?:\.\w+)+)[`(]", now(document.read_text())):
+    for name in re.findall(r"`((?:models|policy|wholebody)(?:\.\w+)+)[`(]", document.read_text()):
         assert exists(name), f"{document.name} names {name}"
 
 
@@ -148,14 +143,6 @@ def test_the_settings_that_are_named_exist_and_have_the_values_that_are_told(doc
             assert hasattr(value, part), f"{document.name}: {name}"
             value = getattr(value, part)
         assert not told or float(told) == value, f"{document.name}: {name} = {told}"
-
-
-def test_what_modules_are_called_now_exists():
-    text = (ROOT / "CHANGELOG.md").read_text()
-    table = text.partition("| Module | Now |")[2].partition("\n\n")[0]
-    names = re.findall(r"`([\w.]+?)(?:\.\*)?`", " ".join(line.split("|")[2] for line in table.splitlines()[2:]))
-    assert len(names) > 50
-    assert [name for name in names if not exists(name)] == []
 
 
 def exists(name):
