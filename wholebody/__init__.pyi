@@ -47,8 +47,9 @@ from wholebody.types import Status as Status
 from wholebody.types import StatusReport as StatusReport
 from wholebody.verdict.check import Checker as Checker
 from wholebody.verdict.fast import FastChecker as FastChecker
-from wholebody.verdict.fast import judge as judge
 from wholebody.verdict.gate import ChunkGate as ChunkGate
+from wholebody.verdict.given.own_numbers import judge as judge
+from wholebody.verdict.given.own_numbers import repair as repair
 from wholebody.verdict.trial import Outcome as Outcome
 from wholebody.verdict.trial import as_given as as_given
 from wholebody.verdict.verdict import Verdict as Verdict

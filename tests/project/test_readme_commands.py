@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -46,6 +47,7 @@ def folder(tmp_path_factory):
         CliRunner().invoke(app, ["layouts", "wbc32", "--write", str(chunk)])
     for motion in (folder / "motion.csv", folder / "DIR" / "motion.csv"):
         convert(folder / "chunk.npz", motion)
+    np.save(folder / "x.npy", np.load(folder / "chunk.npz")["actions"])
     write_v30(folder / "DATASET", cameras=False)
     tiny.write_checkpoint("act", folder / "CHECKPOINT", spec=builtin("wbc32"))
     return folder

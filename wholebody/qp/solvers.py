@@ -42,13 +42,16 @@ _SETTINGS: dict[str, dict[str, float]] = {
 """Of the solvers asked through qpsolvers. osqp without its own polishing, which prints to standard output; ours
 follows. A relative accuracy would let its forces of 500 N be wrong where joints of 0.5 rad/s^2 should not be."""
 
+_FROM_QPSOLVERS = frozenset(ACCEPTED)
+"""Solvers that qpsolvers may have or lack; one that is added to `ACCEPTED` later is there."""
+
 
 def available() -> tuple[str, ...]:
-    """Names that `solve` takes on this machine."""
+    """Names that `solve` takes on this machine: those installed, and any that were added."""
     import qpsolvers
 
     installed = {*qpsolvers.dense_solvers, *qpsolvers.sparse_solvers}
-    return tuple(name for name in ACCEPTED if name in installed)
+    return tuple(name for name in ACCEPTED if name in installed or name not in _FROM_QPSOLVERS)
 
 
 def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:

@@ -10,7 +10,7 @@ import numpy as np
 
 from policy.action_spec.builtin import builtin
 from policy.scripted.policy import stance_pose, to_chunk
-from wholebody.verdict.fast import judge
+from wholebody import judge
 
 
 def codes(verdict):

@@ -14,7 +14,7 @@ from wholebody.cli.options import RobotModel
 def config(
     *, everything: Annotated[bool, Option("--all", help="The controller's internal settings, too.")] = False
 ) -> None:
-    """Print the settings with their defaults, as YAML for --config."""
+    """Print settings and defaults, as YAML for --config."""
     from wholebody.config import ControllerConfig
     from wholebody.config.file import dump_config
 
