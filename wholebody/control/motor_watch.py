@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from wholebody.control.base import Controller
@@ -9,7 +11,7 @@ from wholebody.control.controller import WholeBodyController
 from wholebody.control.gains import GainSchedule
 from wholebody.control.torque_loss import EVERY, TorqueLoss
 from wholebody.estimation.motor_response import PERIOD_MAX, MotorObserver, MotorResponse
-from wholebody.types import RobotState
+from wholebody.types import JointCommand, RobotState
 
 SHIFT = 0.2
 """Share of the time by which commands are led ahead or back once a delay is known [no unit]; chosen: 30 ms within
@@ -18,6 +20,8 @@ SHIFT = 0.2
 LATE_MAX, PERIODS_MAX = 0.012, 1.5
 """Time from a command to its torque up to which torques are compared [s], and the longest time between two states for
 that [control periods]; chosen: a realistic robot has 7 ms; torques that change by 30 N m/s are off by 0.4 N m then."""
+KEPT = 50
+"""Commands that are kept for states that tell of them late [no unit]; chosen: 0.1 s, older than states are."""
 
 
 class MotorWatch:
@@ -35,7 +39,8 @@ class MotorWatch:
         self._controller, self.observer = controller, None
         self._dt, self._ahead, self._shape = controller.config.dt, 0.0, (controller.spec.n_joints,)
         self._before: RobotState | None = None
-        self.weaker = False
+        self._commands: deque[tuple[float, JointCommand]] = deque(maxlen=KEPT)
+        self._last, self.weaker = 0.0, False
         if isinstance(controller, WholeBodyController) and controller.config.dt <= PERIOD_MAX:
             robot = controller.robot
             self._schedule = GainSchedule(controller.spec, robot, controller.config)
@@ -51,6 +56,7 @@ class MotorWatch:
     def reset(self) -> None:
         """Motors are taken to be quick until they are seen."""
         self._ahead = 0.0
+        self._commands.clear()
         self._before, self._ticks, self.weaker = None, 0, False
         if self.observer is not None:
             self.observer.reset()
@@ -81,21 +87,33 @@ class MotorWatch:
             return
         if controller.command is not None:
             observer.sent(controller.command)
+            self._commands.append((self._last, controller.command))
             self._compare(state)
+        self._last = now
         if state is not None and observer.look(state, now):
             controller.set_gains(self._schedule.gains(observer.response))
 
     def _compare(self, state: RobotState | None) -> None:
-        """Make up for what motors leave out; not for those that are late, whose torques belong to other commands."""
+        """Make up for what motors leave out; not for those that are late, whose torques belong to other commands.
+
+        An old state tells of the command of its own time.
+        """
         before, self._before, self._ticks = self._before, state, (self._ticks + 1) % EVERY
         if self._ticks or state is None or before is None or self.response.total > LATE_MAX:
             return
         known = state.tau is not None and np.shape(state.tau) == self._shape and np.isfinite(state.tau).all()
         if known and 0.0 < state.time - before.time < PERIODS_MAX * self._dt:
-            if self.loss.look(before, state, self._controller.command):
+            command = self._sent_by(before.time + 0.5 * self._dt)
+            if command is None:
+                return
+            if self.loss.look(before, state, command):
                 self._controller.limit_torques(self.loss.most)
                 self.weaker = True
             self._controller.added, self._controller.factor = self.loss.added, self.loss.factor
+
+    def _sent_by(self, time: float) -> JointCommand | None:
+        """The last command that was sent by then [s]; None if that is not known any more."""
+        return next((command for sent, command in reversed(self._commands) if sent <= time), None)
 
     def planned(self) -> np.ndarray | None:
         """What a plan that is asked for now counts on of the model's torques, shares, motor order (n_joints,)."""

@@ -2,6 +2,8 @@
 Without the watch each of these falls (`benchmarks/motors.py`).
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
+from wholebody.types import JointCommand
 
 SPEC = g1()
 POLICY = reach(0.45, 0.6)
@@ -122,3 +125,22 @@ def test_commands_are_led_ahead_step_by_step(supervisor):
     assert arrivals[-1] == pytest.approx(0.01)
     assert watch.sent(arrivals[-1]) == pytest.approx(0.0)
     supervisor.reset(MujocoPlant(SPEC).reset())
+
+
+@pytest.mark.parametrize("age", [0, 10])
+def test_torques_of_an_old_state_are_compared_with_the_command_of_its_time(supervisor, age):
+    """They were with the newest one: what a motion asks for now seemed to have been left out before."""
+    state = MujocoPlant(SPEC).reset()
+    supervisor.reset(state)
+    watch, controller, dt = supervisor.motors, supervisor.controller, supervisor.controller.config.dt
+    order, zero = supervisor.robot.pin_to_motor, np.zeros(SPEC.n_joints)
+
+    def torque(k):
+        return 0.5 * SPEC.effort_max * np.sin(2.0 * np.pi * 2.0 * dt * k)
+
+    for k in range(300):
+        told = torque(k - age - 1)[supervisor.robot.motor_to_pin]
+        watch.look(replace(state, time=dt * (k - age), tau=told), dt * k)
+        assert controller.added is None
+        controller.command = JointCommand(dt * (k - age), state.q[7:][order], zero, torque(k), SPEC.kp, SPEC.kd)
+    supervisor.reset(state)
