@@ -99,7 +99,7 @@ def join_curve(
     settling = join_duration(velocity, limits.scaled(HURRY)) if rough else DURATIONS[0]
     on_its_way = max(under_way, patience * under_way / from_rest)
     astray = _excursion(error, on_its_way) > ASTRAY * _excursion(place, on_its_way)
-    if under_way < min(from_rest, duration) and not astray and _heads_there(error):
+    if under_way < min(from_rest, duration) and not astray and _heads_there(error, on_its_way):
         # The motion is on its way to the path already: one that gave up its rates would begin anew.
         duration = on_its_way
         joined = _corrected(curve, error[None], s, [duration])
@@ -140,14 +140,25 @@ def join_duration(error: np.ndarray, limits: HandLimits, halvings: int = 0) -> f
 
 def _excursion(error: np.ndarray, duration: float) -> float:
     """Largest ratio of a correction to what is called no difference."""
+    return max(_excursions(error, duration))
+
+
+def _excursions(error: np.ndarray, duration: float) -> list[float]:
+    """The ratio of position, orientation and fingers."""
     values = _BASIS[0] @ (error * np.array([[1.0], [duration], [duration**2]]))
-    return max(float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True))
+    return [float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True)]
 
 
-def _heads_there(error: np.ndarray) -> bool:
-    """Whether a hand moves straight towards the path, as one does whose chunk says again what the one before said."""
+def _heads_there(error: np.ndarray, duration: float) -> bool:
+    """Whether a hand moves straight towards the path, as one does whose chunk says again what the one before said.
+
+    A hand that is there already, as far as that is no difference, does not keep its fingers from closing.
+    """
     place, velocity = error[0, POSITION], error[1, POSITION]
-    return float(place @ velocity) <= -STRAIGHT * float(np.linalg.norm(place) * np.linalg.norm(velocity))
+    if float(place @ velocity) <= -STRAIGHT * float(np.linalg.norm(place) * np.linalg.norm(velocity)):
+        return True
+    position, _, fingers = _excursions(error, duration)
+    return position <= 1.0 < fingers
 
 
 def _bounds(limits: HandLimits) -> np.ndarray:
