@@ -52,7 +52,8 @@ class Attempt:
         drift: `ContactFeasibility.capture_point_drift` of it [m].
         deficit: `ContactFeasibility.friction_impulse_deficit` of it [m/s].
         warm_started: Whether the search began with a part of the plan before.
-        strain: Largest torque of waist and arms on the whole curve, as a share of what motors give (`Effort.strain`).
+        strain: Largest torque of waist and arms on the whole curve, as a share of what motors give (`Effort.strain`);
+            0 where the plan is no verdict.
         arms_spent: Largest torque of the arms where it comes to rest, as a share of its bound; 0 if nothing is carried.
     """
 

@@ -67,7 +67,7 @@ class ChunkPlanner:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
-        self._settings, self._loads, self._loaded, self._holding = config, (0.0, 0.0), False, False
+        self._settings, self._loads, self._loaded, self._holding, self._quick = config, (0.0, 0.0), False, False, False
         self.spec, self.config, self._budget, self.model = spec, config.planner, config.planning.budget, robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self._friction, self._holdable = config.friction, None
@@ -122,12 +122,11 @@ class ChunkPlanner:
             before: What the plan before would have done from now on, configurations one knot apart, shape (k, nq), the
                 first one a knot from now; the search begins with it where both plans agree.
             cpu_limit: CPU time of this thread in which the plan is wanted [s]; with it, plans depend on the machine.
-            quick: Take the first safe motion that is near the chunk at its own speed, however good a search would be.
+            quick: Take the first safe motion near the chunk at its own speed; torques are bounded between knots too.
             hold: Lead hands to where a still robot holds what they carry, if they cannot be where the chunk has them.
         """
-        self._holding = hold and self._loaded
-        budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
-        prepared = self._prepared(chunk)
+        self._holding, self._quick = hold and self._loaded, quick
+        prepared, budget = self._prepared(chunk), Budget(self._budget, SEARCH_SHARE * cpu_limit)
         targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
         chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
         chosen = chosen or choice.best(
@@ -142,7 +141,8 @@ class ChunkPlanner:
 
         It is None, too, where that takes more ``work``, in linearisations and steps, than is given.
         """
-        prepared, budget, self._holding = self._prepared(chunk), Budget(min(self._budget, work)), self._loaded
+        prepared, budget = self._prepared(chunk), Budget(min(self._budget, work))
+        self._holding, self._quick = self._loaded, True
         if prepared.implausible:
             return None
         targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
@@ -266,7 +266,7 @@ class ChunkPlanner:
             drift=self.balance.capture_point_drift(centroidal, slowdown),
             deficit=self.balance.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
-            strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]),
+            strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]) if self._quick else 0.0,
             arms_spent=arms_spent(body, body.body_of(knots.q[-AT_REST:])) if self._holding else 0.0,
         )
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from policy.action_spec.slot_values import CLIPPED, OUT_OF_RANGE
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between, matrix_to_rotvec, rotvec_to_matrix
 from policy.geometry.se3 import translated
@@ -71,9 +72,10 @@ class Repairer:
         self._judge, self._begin, self._holds, self._lasts = judge, begin, holds, lasts
         self._last_first: tuple[tuple, Begin] | None = None
         prepared = prepare(chunk, judge.planner.hand_limits)
-        self.chunk, self.inside = chunk, prepared.chunk
+        self.chunk, self.inside = chunk, in_range(prepared.chunk)
         # Noise that is moved too far when it is taken out may be slow enough to be followed.
-        self._scattered = above_floor(within_range(chunk, judge.planner.hand_limits))[0] if prepared.smoothed else None
+        scattered = above_floor(within_range(chunk, judge.planner.hand_limits))[0] if prepared.smoothed else None
+        self._scattered = scattered and in_range(scattered)
 
     def holds(self, chunk: ActionChunk) -> bool:
         """Whether a chunk is feasible as it is, by one plan for all of it."""
@@ -153,6 +155,11 @@ class Repairer:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)
 
 
+def in_range(chunk: ActionChunk) -> ActionChunk:
+    """A chunk whose numbers were brought into their range: that it was given others is no longer to be noted."""
+    return replace(chunk, notes=tuple(note for note in chunk.notes if CLIPPED not in note and OUT_OF_RANGE not in note))
+
+
 def changed(judge: ChunkJudge, chunk: ActionChunk, other: ActionChunk) -> tuple[float, float]:
     """How far palms are moved [m] and turned [rad] at most from a chunk to another one of as many steps."""
     (p, R), (q, S) = judge.asked(other), judge.asked(chunk)
@@ -193,8 +200,8 @@ def slower_by(chunk: ActionChunk, change: Change, more: float) -> Change:
 
 
 def hands_of(plan: ChunkPlan, chunk: ActionChunk) -> list[np.ndarray]:
-    """Wrist poses (H, 4, 4) of both hands at the steps of a chunk by its plan."""
-    times = plan.start + plan.rate * np.arange(len(chunk)) / chunk.fps
+    """Wrist poses (H, 4, 4) of both hands at the steps of a chunk by its plan; where that begins, before it does."""
+    times = plan.start + plan.rate * np.maximum(np.arange(len(chunk)) / chunk.fps - plan.start, 0.0)
     return [path.sample(times).T_world_hand for path in plan.paths]
 
 
