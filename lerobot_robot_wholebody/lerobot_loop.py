@@ -17,10 +17,24 @@ import sys
 import time
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-if TYPE_CHECKING:
-    from lerobot_robot_wholebody.wholebody_g1 import WholebodyG1
+from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyG1Config
+
+
+class Paced(Protocol):
+    """What LeRobot's loops are tied to: a robot with a clock of its own."""
+
+    config: WholebodyG1Config
+
+    def now(self) -> float:
+        """Present time of the robot [s]."""
+
+    def let_pass(self, seconds: float) -> None:
+        """Let simulated time pass [s]."""
+
+    def begin(self, phase: str) -> None:
+        """Begin an ``episode``, or a ``reset`` between two."""
 
 
 class Loops:
@@ -30,7 +44,7 @@ class Loops:
         robot: Told of phases, and waited for in lockstep.
     """
 
-    def __init__(self, robot: WholebodyG1) -> None:
+    def __init__(self, robot: Paced) -> None:
         from lerobot.utils.robot_utils import precise_sleep
 
         self._before: list[tuple[ModuleType, str, object]] = []
@@ -60,7 +74,7 @@ class Loops:
             setattr(*self._before.pop())
 
 
-def _telling(record_loop: Callable, robot: WholebodyG1) -> Callable:
+def _telling(record_loop: Callable, robot: Paced) -> Callable:
     @functools.wraps(record_loop)
     def told(*args: object, **named: object) -> object:
         robot.begin("reset" if named.get("dataset") is None else "episode")

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
 if TYPE_CHECKING:
-    from lerobot_robot_wholebody.wholebody_g1 import WholebodyG1
+    from lerobot.robots import Robot
 
-_robots: WeakValueDictionary[str | None, WholebodyG1] = WeakValueDictionary()
+_robots: WeakValueDictionary[str | None, Robot] = WeakValueDictionary()
 
 
-def enter(robot: WholebodyG1) -> None:
+def enter(robot: Robot) -> None:
     """Let a robot be found.
 
     Raises:
@@ -23,7 +23,7 @@ def enter(robot: WholebodyG1) -> None:
     _robots[robot.id] = robot
 
 
-def find(robot_id: str | None) -> WholebodyG1:
+def find(robot_id: str | None) -> Robot:
     """The connected robot of that `id`, or the only one.
 
     Raises:
