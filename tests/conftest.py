@@ -8,6 +8,10 @@ import pytest
 from hypothesis import settings
 
 from tests.support.stored import Measured, StoredValues
+from wholebody.jit.checked import SWITCH
+
+# Whatever memory a kernel is given, also in processes that tests start, is compared with what it was compiled for.
+os.environ[SWITCH] = "1"
 
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
 NEED_LEROBOT = [

@@ -21,6 +21,9 @@ from hashlib import sha256
 from pathlib import Path
 from threading import RLock
 from types import FunctionType, ModuleType
+from typing import Any
+
+from wholebody.jit.checked import checked, is_asked_for
 
 OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "forceinline": True}
 """Kernels allocate nothing, so nothing has to be reference counted. A module that calls BLAS says ``ALLOCATES = True``:
@@ -41,7 +44,7 @@ class Entry:
 
     It is compiled for the kinds of arguments of the first call and called by its native entry afterwards, which leaves
     out numba's look at the types: that would take as long as a small kernel. So every later call must have arguments of
-    the same types and memory layouts; nothing checks them.
+    the same types and memory layouts; `wholebody.jit.checked` compares them where the environment asks for it.
 
     Args:
         function: A kernel; the kernels that it calls are found in its code.
@@ -60,7 +63,8 @@ class Entry:
         if self._native is None:
             with _COMPILING:
                 if self._native is None:
-                    self._native = self.compile(*arguments)
+                    native = self.compile(*arguments)
+                    self._native = checked(self.function, native, arguments) if is_asked_for() else native
         return self._native
 
     @property
@@ -125,7 +129,7 @@ def _register(function: Callable) -> set[ModuleType]:
     return modules
 
 
-def _options(module: ModuleType) -> dict[str, object]:
+def _options(module: ModuleType) -> dict[str, Any]:
     return {
         **OPTIONS,
         "_nrt": getattr(module, "ALLOCATES", False),

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import prod
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,11 @@ class Packed:
         ValueError: If a field has more than three dimensions, or a name stands twice.
     """
 
+    memory: np.ndarray
+    fields: tuple[tuple[str, str, int], ...]
+    _views: dict[str, np.ndarray]
+    _starts: dict[str, tuple[int, int]]
+
     def __init__(self, reals: Mapping[str, Shape], ints: Mapping[str, Shape]) -> None:
         named = [(name, "f", shape) for name, shape in reals.items()] + [(n, "i", shape) for n, shape in ints.items()]
         names = [name for name, _, _ in named]
@@ -47,7 +53,7 @@ class Packed:
         sizes = [prod(shape) for _, _, shape in named]
         starts = TABLE_ROW * len(named) + np.cumsum([0, *sizes])
         memory = np.zeros(int(starts[-1]))
-        integers, views = memory.view(np.int64), {}
+        integers, views = memory.view(np.int64), dict[str, np.ndarray]()
         for k, ((name, kind, shape), start, size) in enumerate(zip(named, starts.tolist(), sizes, strict=False)):
             integers[TABLE_ROW * k] = start
             integers[TABLE_ROW * k + 1 : TABLE_ROW * k + 1 + len(shape)] = shape
@@ -57,9 +63,9 @@ class Packed:
         store["fields"] = tuple((name, kind, len(shape)) for name, kind, shape in named)
         store["_starts"] = dict(zip(names, zip(starts.tolist(), starts[1:].tolist(), strict=False), strict=True))
 
-    def __getattr__(self, name: str) -> np.ndarray | float | int:
-        """A field in its shape, sharing the memory; a scalar as a number."""
-        view = self.__dict__.get("_views", {}).get(name)
+    def __getattr__(self, name: str) -> Any:
+        """A field in its shape, an array that shares the memory; a scalar as a number."""
+        view: np.ndarray | None = self.__dict__.get("_views", {}).get(name)
         if view is None:
             raise AttributeError(f"there is no field '{name}'")
         return view if view.ndim else view.item()

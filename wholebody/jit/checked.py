@@ -1,0 +1,74 @@
+"""Comparison of a kernel's arguments with those that it was compiled for, at every call: slower, and so on request.
+
+Its native entry reads memory as it was laid out in the first call, whatever it is given later: whole numbers are read
+as reals, columns as rows. What Python calls has converted its arguments by then; this is how the tests know.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from inspect import signature
+from numbers import Integral, Real
+
+import numpy as np
+
+from wholebody.jit.packed import Packed
+
+SWITCH = "WHOLEBODY_CHECK_ENTRIES"
+"""Environment variable that asks for the comparison, with anything in it; processes that are started inherit it."""
+
+
+def is_asked_for() -> bool:
+    """Whether the environment asks for the comparison."""
+    return bool(os.environ.get(SWITCH))
+
+
+def checked(function: Callable, native: Callable, first: tuple) -> Callable:
+    """The native entry of a function behind a comparison with the arguments of its first call.
+
+    Raises:
+        TypeError: By the callable: if an argument has another dtype, number of dimensions, memory order or length (of a
+            tuple) than in the first call. Reals may be given as whole numbers, which are converted.
+    """
+    names, kinds = tuple(signature(function).parameters), tuple(map(_kind, first))
+
+    def call(*arguments: object) -> object:
+        if len(arguments) != len(kinds):
+            raise TypeError(f"{function.__qualname__} takes {len(kinds)} arguments, not {len(arguments)}")
+        for name, kind, argument in zip(names, kinds, arguments, strict=True):
+            given = _kind(argument)
+            if not _fits(kind, given):
+                raise TypeError(
+                    f"{function.__module__}.{function.__qualname__} was compiled for {name} = {kind}, not {given}: "
+                    "convert it before the call"
+                )
+        return native(*arguments)
+
+    return call
+
+
+def _kind(argument: object) -> object:
+    """What compiled code depends on in an argument, comparable."""
+    if isinstance(argument, np.ndarray):
+        flags = argument.flags
+        order = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "any order"
+        return "array", argument.dtype, argument.ndim, order, flags.aligned
+    if isinstance(argument, Packed):
+        return argument.fields
+    if isinstance(argument, tuple):
+        return type(argument), *map(_kind, argument)
+    for kind in (bool, np.bool_, Integral, Real):
+        if isinstance(argument, kind):
+            return kind
+    return type(argument)
+
+
+def _fits(kind: object, given: object) -> bool:
+    if kind == given or (kind is Real and given is Integral):
+        return True
+    if not (isinstance(kind, tuple) and isinstance(given, tuple) and len(kind) == len(given)):
+        return False
+    if kind[:1] == ("array",):
+        return kind[:3] == given[:3] and kind[3] == "any order" and kind[4] <= given[4]
+    return all(map(_fits, kind, given))
