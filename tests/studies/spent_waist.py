@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from models import g1
 from tests.support.body_cases import leaning
+from wholebody.execution.states import Event
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.state import Robot
 from wholebody.sim.fall import detect_fall
@@ -57,6 +58,7 @@ def fall(supervisor: Supervisor, plant: MujocoPlant, q: np.ndarray, seconds: flo
     mujoco.mj_forward(plant.model, plant.data)
     state = plant.state()
     supervisor.reset(state)
+    supervisor._states.on(Event.TAKEN_OVER)
     supervisor._reflex.stand(state, state.time)
     while state.time < seconds:
         state = plant.step(supervisor.step(state))

@@ -16,9 +16,9 @@ from wholebody.control.reference_packet import COM, PALM, PackedReference, Refer
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
 from wholebody.execution import standing, statuses
+from wholebody.execution.ending.way_back import WayBack
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.state_monitor import StateMonitor
-from wholebody.execution.way_back import WayBack
 from wholebody.planning.plan import PlanReport
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandMotion, HandPath

@@ -10,6 +10,7 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.config import PlanningConfig
 from wholebody.execution.background_planner import BackgroundPlanner, PlanAnswer, PlanRequest
+from wholebody.execution.states import Event, Machine, State
 from wholebody.planning.plan import ChunkPlan
 from wholebody.robot.support_polygon import SupportPolygon
 
@@ -57,6 +58,7 @@ class Handover:
 
     def __init__(self, planner: BackgroundPlanner, config: PlanningConfig, dt: float) -> None:
         self._planner, self._config, self._dt = planner, config, dt
+        self._states = Machine(State.IDLE)
         self.reset()
 
     def reset(self) -> None:
@@ -66,14 +68,15 @@ class Handover:
 
     def cancel(self) -> None:
         """Nothing is wanted any more."""
+        self._states.on(Event.CANCELLED)
         self._asked: PlanRequest | None = None
-        self._ready: PlanAnswer | None = None
+        self._ready: tuple[PlanRequest, ChunkPlan] | None = None
         self._dropped: ActionChunk | None = None
 
     @property
     def busy(self) -> bool:
         """Whether a plan is being computed or waits for its time."""
-        return self._asked is not None or self._ready is not None
+        return self._states.now is not State.IDLE
 
     @property
     def cpu_limit(self) -> float:
@@ -88,11 +91,12 @@ class Handover:
 
     def ask(self, request: PlanRequest) -> None:
         """Have a plan computed, in time."""
+        self._states.on(Event.ASKED)
         self._asked = replace(request, cpu_limit=self.cpu_limit)
         self._planner.submit(self._asked)
 
     def collect(self, now: float, followed: float) -> PlanAnswer | None:
-        """What has come of the request. A plan that is too late is dropped and doubles the lead.
+        """What has come of the request, to be settled. A plan that is too late is dropped and doubles the lead.
 
         So does one that would have been another with more time; it is dropped if it is not safe.
 
@@ -101,14 +105,17 @@ class Handover:
             followed: Time up to which the present plan has been followed [s].
         """
         answer = self._planner.poll(now)
-        if answer is None or answer.request is not self._asked:
+        request = self._asked
+        if answer is None or request is None or answer.request is not request:
             return None
-        request, self._asked, self.planning_time = self._asked, None, answer.took
+        self._asked, self.planning_time = None, answer.took
         late, plan = followed > request.due + 0.5 * self._dt, answer.plan
         short = plan is not None and plan.report.timed_out and self.lead < self._config.lead_max
+        unsafe = plan is not None and not plan.report.safe
         if late or short:
             self.lead = min(2.0 * max(self.lead, self._dt), self._config.lead_max)
-        if late or (short and not plan.report.safe):
+        if late or (short and unsafe):
+            self._states.on(Event.LATE)
             self.late += 1
             self._dropped = request.chunk
             return None
@@ -116,9 +123,10 @@ class Handover:
             self.lead = max(0.5 * self.lead, self._config.lead)
         return answer
 
-    def keep(self, answer: PlanAnswer) -> None:
-        """Take this plan over when it is due."""
-        self._ready = answer
+    def settle(self, request: PlanRequest, plan: ChunkPlan | None) -> None:
+        """Keep the plan of a request that was collected until it is due; None where it is not to be followed."""
+        self._states.on(Event.REFUSED if plan is None else Event.CLEARED)
+        self._ready = None if plan is None else (request, plan)
 
     def take(self, followed: float, s: float | None, rate: float) -> Takeover | None:
         """The plan that takes over now, once: from exactly the point of the present one at which it begins.
@@ -131,19 +139,20 @@ class Handover:
             s: Parameter of the present plan [s]; None if none is followed.
             rate: Its derivative.
         """
-        answer = self._ready
-        if answer is None or followed < answer.request.due - 0.5 * self._dt:
+        if self._ready is None or followed < self._ready[0].due - 0.5 * self._dt:
             return None
-        request, plan, start = answer.request, answer.plan, answer.request.start
+        (request, plan), start = self._ready, self._ready[0].start
         late, fraction = max(followed - request.due, 0.0), 1.0
         if s is not None:
             if s < start.s - SAME:
                 if late >= WAIT:
+                    self._states.on(Event.MISSED)
                     self._ready, self._dropped = None, request.chunk
                 return None
             late = (s - start.s) / max(rate, RATE_MIN)
             fraction = min(rate / start.rate, 1.0) if start.rate > RATE_MIN else 1.0
         self._ready = None
+        self._states.on(Event.DUE)
         return Takeover(request.chunk, plan, max(late, 0.0) * plan.rate * fraction, fraction)
 
     def take_dropped(self) -> ActionChunk | None:

@@ -15,9 +15,10 @@ from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.execution import statuses
 from wholebody.execution.ending.leaning import words
+from wholebody.execution.ending.way_back import WayBack
 from wholebody.execution.plan_follower import Foreseen, PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
-from wholebody.execution.way_back import WayBack
+from wholebody.execution.states import OFF_PLAN, Event, Machine
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother, rest_row
 from wholebody.robot.kernels.pendulum import natural_frequency
@@ -69,9 +70,9 @@ class Reflex:
         follower: Told what to follow.
         smoother: Of the hands.
         planted: Has the stance on its feet.
+        states: What the robot follows.
 
     Attributes:
-        active: Whether the robot is off any plan.
         status: What a person sees of it then.
     """
 
@@ -82,13 +83,20 @@ class Reflex:
         follower: PlanFollower,
         smoother: ReferenceSmoother,
         planted: PlantedFeet,
+        states: Machine,
     ) -> None:
         self._controller, self._config, self._follower, self._smoother = controller, config, follower, smoother
-        self._planted = planted
-        self._patience, self._back = Patience(), None
+        self._planted, self._states = planted, states
+        self._patience = Patience()
+        self._back: WayBack | None = None
         robot, self._share = controller.robot, config.planner.posture.torque_share
         self._waist = np.flatnonzero(np.isin(robot.motor_to_pin, controller.spec.limbs["waist"])).tolist()
-        self.active, self.status = False, statuses.OFF_PLAN
+        self.status = statuses.OFF_PLAN
+
+    @property
+    def active(self) -> bool:
+        """Whether the robot is off any plan."""
+        return self._states.now in OFF_PLAN
 
     def stand(self, state: RobotState, now: float) -> float:
         """Come to rest where the robot is, hands let go of; the time to stand before a chunk is joined [s].
@@ -96,10 +104,12 @@ class Reflex:
         Where the waist cannot hold what is above it, the robot goes towards its stance at once. One that still moves
         fast comes to rest first, which may lead elsewhere.
         """
-        here = self._hold_still(state)
+        here, event = self._hold_still(state), Event.LOST
         if np.abs(state.v[6:]).max() <= FAST and self._sinks(state):
             self._back = WayBack(self._controller.robot, here, self._planted.stance, straight=False)
-        self.active, self.status = True, statuses.OFF_PLAN
+            event = Event.SPENT
+        self._states.on(event)
+        self.status = statuses.OFF_PLAN
         return self._patience.wait(now)
 
     def foreseen(self, state: RobotState, ticks: int) -> Foreseen:
@@ -109,6 +119,7 @@ class Reflex:
         """
         if self._back is not None and not self._sinks(state):
             self._hold_still(state)
+            self._states.on(Event.PLANNED_FROM)
         self._smoother.reset(hands_as_measured(self._controller.robot, self._smoother.motion.rows))
         resting = self._resting(state) if self._back is None else self._back.posture(ticks * self._config.dt)
         return replace(self._follower.foreseen(ticks), body=BodyState.still(resting, len(state.v)))
@@ -127,15 +138,16 @@ class Reflex:
         """Go towards the stance; the time after which a chunk is to be joined from where the robot is then [s]."""
         if self._back is None:
             self._back = WayBack(self._controller.robot, self._hold_still(state), self._planted.stance)
-        self.active, said = True, words(self._controller, self._config.planner.posture.com_margin)
-        detail = f"{statuses.GOING_BACK.detail}; {said}" if said else statuses.GOING_BACK.detail
+        self._states.on(Event.NO_WAY)
+        leaning = words(self._controller, self._config.planner.posture.com_margin)
+        detail = f"{statuses.GOING_BACK.detail}; {leaning}" if leaning else statuses.GOING_BACK.detail
         self.status = replace(statuses.GOING_BACK, detail=detail)
         return GO_BACK
 
     def go_to(self, state: RobotState, posture: np.ndarray, status: StatusReport) -> None:
         """Go to a posture (nq,) from where the robot is, whatever it does, and stay there."""
         self._back = WayBack(self._controller.robot, self._hold_still(state), posture)
-        self.active, self.status = True, status
+        self.status = status
 
     @property
     def has_arrived(self) -> bool:
@@ -148,8 +160,8 @@ class Reflex:
             self._follow(self._back.advance(elapsed))
 
     def end(self) -> None:
-        """A plan is followed."""
-        self.active, self._back = False, None
+        """Go nowhere any more: a plan is followed, or the stance is reached."""
+        self._back = None
 
     def _hold_still(self, state: RobotState) -> SampledTrajectory:
         """Come to rest where the robot is: the one row that is followed."""

@@ -8,14 +8,15 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.errors import ChunkError
 from policy.joints import layout_robot
-from wholebody.control.tick_report import TickReport
+from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.errors import StateError
 from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.state_monitor import StateMonitor
+from wholebody.execution.states import Machine, State
 from wholebody.planning.plan import ChunkPlan, PlanReport
-from wholebody.reference import HandMotion
-from wholebody.types import Reason, Status, StatusReport
+from wholebody.reference import HandMotion, ReferenceSmoother
+from wholebody.types import Reason, RobotState, Status, StatusReport
 
 RATE_SAID = 0.98
 """Share of its speed below which a chunk is said to be slowed; chosen, no trial is on record."""
@@ -32,6 +33,8 @@ GOING_BACK = StatusReport(
 )
 NO_HANDS = StatusReport(Status.STOP, Reason.HANDS_DROPPED, "balance needs everything: hands give way")
 FAILED = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution: last torques held")
+OF_LEVEL = {TickLevel.FAILED: FAILED, TickLevel.NO_HANDS: NO_HANDS}
+"""What is said of a tick that could not do all of its program."""
 STANDING_LOST = StatusReport(Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped")
 LOWERING = StatusReport(Status.HOLD, Reason.LOWERING, "the robot goes into its crouch")
 LOWERED = StatusReport(
@@ -48,7 +51,7 @@ NOT_JOINED = StatusReport(
 GATE_LATE = StatusReport(Status.HOLD, Reason.GATE_LATE, "the chunk was not cleared in time: it is judged again")
 
 
-def refused(reason: Reason, detail: str) -> StatusReport:
+def refused(reason: Reason | None, detail: str) -> StatusReport:
     """A chunk is not followed: what goes on instead is the one before."""
     return StatusReport(Status.HOLD, reason, detail)
 
@@ -91,13 +94,31 @@ class Following:
     plan_report: PlanReport | None
     last_tick: TickReport | None
     monitor: StateMonitor
-    _follower: PlanFollower | None
-    _ahead: HandsAhead | None
+    _newest: ActionChunk | None
+    _waiting: ActionChunk | None
+    _refused: StatusReport | None
+    _refusal: StatusReport | None
+    _last_state: RobotState
+    _smoother: ReferenceSmoother
+    _follower: PlanFollower
+    _ahead: HandsAhead
+    _states: Machine
     _now: float
+    _chunk_end: float
+
+    def _seen(self, tick: TickReport, off_plan: StatusReport | None) -> StatusReport:
+        """Status after a tick, worst first; ``off_plan`` is that of a robot that follows none."""
+        if (worst := OF_LEVEL.get(tick.level, off_plan)) is not None:
+            return worst
+        if self.plan is None or self.chunk is None:
+            return self._refused or NO_CHUNK
+        if self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
+            return self._refused or STARVED
+        return self._refused or plan_status(self.plan.report, self.rate, self._follower.s)
 
     def _following(self) -> PlanFollower:
         """The follower of this episode; a `StateError` before the first one."""
-        if self._follower is None:
+        if self._states.now is State.NEW:
             raise StateError("the supervisor has no state yet: call `reset` with a measured state of standing first")
         return self._follower
 
@@ -110,6 +131,11 @@ class Following:
     def moved_for(self) -> Reason | None:
         """Why a hand is commanded elsewhere than the chunk has it, however little a person would see of that."""
         return None if self.plan is None else self.plan.report.moved_at(self._follower.s)
+
+    @property
+    def state(self) -> State:
+        """What the robot follows; docs/architecture.md draws what leads from one state to the other."""
+        return self._states.now
 
     @property
     def rate(self) -> float:

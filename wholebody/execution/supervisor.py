@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from policy.chunk import ActionChunk
 from wholebody.backends.registry import make_controller
 from wholebody.config import ControllerConfig
 from wholebody.control.motor_watch import MotorWatch
-from wholebody.control.tick_report import TickLevel
 from wholebody.execution import standing, statuses
 from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
@@ -24,7 +24,9 @@ from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.state_monitor import GO_ON, StateMonitor
+from wholebody.execution.states import Event, Machine, State
 from wholebody.planning.chunk_planner import ChunkPlanner
+from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import ReferenceSmoother
 from wholebody.types import JointCommand, Reason, RobotState, StatusReport, check_state
@@ -53,6 +55,9 @@ class Supervisor(statuses.Following):
         monitor: Says which states are used. touch: What the hands touch. motors: How they answer.
     """
 
+    _reflex: standing.Reflex
+    _lowering: Lowering
+
     def __init__(
         self,
         spec: RobotSpec,
@@ -71,16 +76,16 @@ class Supervisor(statuses.Following):
         self.handover, self._gated = Handover(beside, planning, self.config.dt), gate is not None
         self.carrying, self._legs = Carrying(self.controller, self.config), StiffLegs(spec)
         self.monitor, self.motors = StateMonitor(self.robot, self.config.dt), MotorWatch(self.controller)
-        self._planted, self._smoother, self._last_state = PlantedFeet(self.controller), None, None
-        self.touch, self._lowering, self.contacts = self.carrying.touch, None, self._planted.contacts
-        self._follower = self._reflex = self._ahead = None
+        self._planted, self._states = PlantedFeet(self.controller), Machine(State.NEW)
+        self.touch, self.contacts = self.carrying.touch, self._planted.contacts
         self._forget(0.0)
 
     def _forget(self, now: float) -> None:
         """Nothing is planned, refused or waiting."""
         self.status, self.last_tick = statuses.NO_CHUNK, None
-        self._now, self._retry, self._chunk_end, self._fallen = now, now, 0.0, False
-        self.plan = self.plan_report = self.chunk = self._newest = self._waiting = self._refused = self._refusal = None
+        self._now, self._retry, self._chunk_end = now, now, 0.0
+        self.plan = self.plan_report = self.chunk = self._newest = self._waiting = None
+        self._refused = self._refusal = None
         self.handover.reset()
 
     def reset(self, state: RobotState, now: float | None = None) -> None:
@@ -94,9 +99,11 @@ class Supervisor(statuses.Following):
         trajectory, rows = SampledTrajectory.still(self.robot, state.q), standing.hands_at_rest(self.robot, state.q)
         self._smoother = ReferenceSmoother(rows, [limits.outer for limits in self.planner.hand_limits])
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows, touch=self.touch)
-        self._reflex = standing.Reflex(self.controller, self.config, self._follower, self._smoother, self._planted)
+        owned = self._follower, self._smoother, self._planted, self._states
+        self._reflex = standing.Reflex(self.controller, self.config, *owned)
         self._ahead = HandsAhead(self._follower, self._smoother, self.planner.hand_limits, self.touch)
-        self._lowering = Lowering(self.controller, self._reflex, self._planted)
+        self._lowering = Lowering(self.controller, self._reflex, self._planted, self._states)
+        self._states.on(Event.RESET)
         self._last_state = self.monitor.clock.placed(state)
         self._forget(self.monitor.clock.now)
 
@@ -134,7 +141,7 @@ class Supervisor(statuses.Following):
     @property
     def lowered(self) -> bool:
         """Whether the last command may be kept for ever: the robot crouches on stiff legs."""
-        return self._lowering is not None and self._lowering.stays and self._legs.share == 1.0
+        return self.state is State.LOWERED and self._legs.share == 1.0
 
     def lower(self) -> StatusReport:
         """Go into a crouch that needs no controller, whatever the robot does now; `lowered` says when it is there."""
@@ -146,7 +153,7 @@ class Supervisor(statuses.Following):
 
     def _leave(self, *, down: bool) -> StatusReport:
         self._following()
-        if not self._fallen:
+        if self.state is not State.FALLEN:
             self._lowering.begin(self._last_state, down=down)
             self.handover.cancel()
             self.plan = self.chunk = self._newest = self._waiting = self._refused = None
@@ -178,17 +185,17 @@ class Supervisor(statuses.Following):
         ahead = self.plan is not None and self._follower.s < self.plan.end
         changed = self.carrying.changed or self.motors.weaker
         again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not changed
-        before = self.plan and self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
+        before = None if self.plan is None else self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
         self.contacts, loads, torques = self._planted.planned(state), self.carrying.planned(), self.motors.planned()
-        counted = {"loads": loads, "contacts": self.contacts, "surfaces": self.touch.met(), "torques": torques}
-        self.handover.ask(PlanRequest(chunk, self._now, due, start, before, again, **counted))
+        wanted = PlanRequest(chunk, self._now, due, start, before, again, contacts=self.contacts)
+        self.handover.ask(replace(wanted, loads=loads, surfaces=self.touch.met(), torques=torques))
         self._exchange(self._now)
 
     def _exchange(self, now: float) -> None:
         """Judge a plan that has come, and take one over that is due; a chunk whose plan came too late waits again."""
         handover, follower, late = self.handover, self._follower, self.handover.late
         if (answer := handover.collect(now, self._now)) is not None:
-            self._judge_plan(answer)
+            handover.settle(answer.request, self._cleared(answer))
         taken = handover.take(self._now, None if self.plan is None else follower.s, follower.rate)
         if taken is not None:
             self._take_over(taken)
@@ -197,26 +204,25 @@ class Supervisor(statuses.Following):
         if self._gated and handover.late > late:
             self._refuse(statuses.GATE_LATE)
 
-    def _judge_plan(self, answer: PlanAnswer) -> None:
-        """Keep a plan for its time, or refuse its chunk."""
+    def _cleared(self, answer: PlanAnswer) -> ChunkPlan | None:
+        """The plan that has come, to be followed in its time; None where it is not, and its chunk is refused."""
         request, plan, chunk = answer.request, answer.plan, answer.request.chunk
         if plan is None:
             self._refuse_planned(chunk, why_not(answer))
             if self._reflex.active:
                 self._waiting = self._waiting or chunk
             self._go_back()
-            return
+            return None
         support, margin = self.controller.balance.support, self.config.safety.balance_margin
         balanced = plan.report.safe and ends_at_rest(plan, support, margin)
         if not balanced or plan.report.hindered:
             self._waiting = self._waiting or chunk
         if request.again and not (balanced and plan.report.quicker(self.plan_report)):
-            return
-        if balanced:
-            self.handover.keep(answer)
-        else:
+            return None
+        if not balanced:
             self._refuse_planned(chunk, statuses.NOT_JOINED)
             self._go_back()
+        return plan if balanced else None
 
     def _take_over(self, taken: Takeover) -> None:
         """Follow a plan whose time has come, unless the robot, off its last one, is not where it begins."""
@@ -224,6 +230,7 @@ class Supervisor(statuses.Following):
             self._waiting, self._retry = self._waiting or taken.chunk, self._now
             return
         self.plan, self._refused, last = taken.plan, None, 0.0
+        self._states.on(Event.TAKEN_OVER)
         self._reflex.end()
         if taken.chunk.spec_id != standing.HELD:
             self.chunk, self.plan_report, self._chunk_end = taken.chunk, taken.plan.report, float(taken.chunk.times[-1])
@@ -258,8 +265,10 @@ class Supervisor(statuses.Following):
         state, elapsed, fault = self.monitor.seen(state, now, self.last_tick, ahead)
         measured, blind = self.monitor.clock.now, self.monitor.bridged > GO_ON
         now = measured + ahead
-        if self._fallen or self.monitor.standing_lost:
-            self._fallen, self._now, self._last_state = True, now, state
+        if self.monitor.standing_lost:
+            self._states.on(Event.FELL)
+        if self.state is State.FALLEN:
+            self._now, self._last_state = now, state
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
@@ -276,8 +285,8 @@ class Supervisor(statuses.Following):
         self._last_state, self._now = state, max(now, self._now)
         reference = follower.reference(state.q, elapsed, allowed=0.0 if blind else 1.0)
         command, self.last_tick = self.controller.step(state, reference, elapsed)
-        self._judge()
-        self.status = fault or (self.status if self._lowering.active else self.touch.status(self.status))
+        seen = self._seen(self.last_tick, self._reflex.status if self._reflex.active else None)
+        self.status = fault or (seen if self._lowering.active else self.touch.status(seen))
         self.controller.command = self._legs.stiffened(command, blind or self._lowering.stays, elapsed)
         return self.controller.command
 
@@ -292,21 +301,6 @@ class Supervisor(statuses.Following):
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest
         self._try_waiting(self._now)
-
-    def _judge(self) -> None:
-        """Status after a tick, worst first."""
-        if self.last_tick.level is TickLevel.FAILED:
-            self.status = statuses.FAILED
-        elif self.last_tick.level is TickLevel.NO_HANDS:
-            self.status = statuses.NO_HANDS
-        elif self._reflex.active:
-            self.status = self._reflex.status
-        elif self.plan is None or self.chunk is None:
-            self.status = self._refused or statuses.NO_CHUNK
-        elif self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
-            self.status = self._refused or statuses.STARVED
-        else:
-            self.status = self._refused or statuses.plan_status(self.plan.report, self.rate, self._follower.s)
 
     def _refuse(self, refusal: StatusReport) -> StatusReport:
         self._refused = self.status = refusal

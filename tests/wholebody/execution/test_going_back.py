@@ -13,6 +13,7 @@ from policy.scripted.policy import to_chunk
 from tests.studies import spent_waist
 from tests.support.body_cases import leaning
 from wholebody.execution.standing import hands_at_rest
+from wholebody.execution.states import Event
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.state import Robot
@@ -95,6 +96,7 @@ def test_a_plan_for_a_robot_off_its_plan_begins_with_the_hands_where_the_arms_co
     supervisor.reset(state)
     supervisor.step(state)
     reflex = supervisor._reflex
+    supervisor._states.on(Event.TAKEN_OVER)
     reflex.stand(state, state.time)
     start = reflex.foreseen(state, 150)
     of_body = hands_at_rest(robot, start.body.q)

@@ -164,14 +164,16 @@ def test_a_robot_that_is_slower_than_foreseen_takes_the_plan_over_where_it_begin
     run(supervisor, plant, state, LEAD + 0.004)
     handover = Handover(Slow(), PlanningConfig(), 0.002)
     start = supervisor._follower.foreseen(50)
-    answer = PlanAnswer(PlanRequest(supervisor.chunk, 1.0, 1.1, start), supervisor.plan)
-    handover.keep(answer)
+    request = PlanRequest(supervisor.chunk, 1.0, 1.1, start)
+    handover.ask(request)
+    handover.settle(request, supervisor.plan)
     assert handover.take(1.05, start.s, 1.0) is None, "it is not due"
     assert handover.take(1.1, start.s - 0.01, 0.5) is None, "the robot is not there"
     taken = handover.take(1.12, start.s + 0.001, 0.5)
     assert taken.speed_fraction == 0.5
     assert taken.beyond == pytest.approx(0.001)
-    handover.keep(answer)
+    handover.ask(request)
+    handover.settle(request, supervisor.plan)
     assert handover.take(1.21, start.s - 0.01, 0.0) is None
     assert handover.take_dropped() is supervisor.chunk
     assert not handover.busy
