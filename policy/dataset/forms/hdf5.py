@@ -165,11 +165,24 @@ def _task(found: _Contents, place: Place) -> str:
 def _contents(file: Path) -> _Contents:
     try:
         require_file(file, FILE_MAX)
-        return _read(file, file.stat().st_mtime_ns)
+        modified_ns = file.stat().st_mtime_ns
+        if refused := _refusal(file, modified_ns):
+            raise ReadingError(refused)
+        return _read(file, modified_ns)
     except OSError as error:
         raise DatasetError(f"{file} cannot be read: {error.strerror or error}") from error
     except ReadingError as error:
         raise DatasetError(f"{file} {error}") from error
+
+
+@lru_cache(maxsize=4096)
+def _refusal(file: Path, modified_ns: int) -> str:
+    """Why a file is refused, empty if it is read: a dataset is opened often, and a refusal may take its time once."""
+    try:
+        _read(file, modified_ns)
+    except ReadingError as error:
+        return str(error)
+    return ""
 
 
 @lru_cache(maxsize=4)

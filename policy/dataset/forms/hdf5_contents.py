@@ -7,7 +7,10 @@ is a line of JSON, a list of ``[path, shape, attributes]``, and the numbers as d
 from __future__ import annotations
 
 import json
+import math
 import sys
+import time
+from collections.abc import Callable
 
 import h5py
 import numpy as np
@@ -23,16 +26,23 @@ FILTERS = {1, 2, 3, 4, 5, 6, 32000}
 MEMORY_MAX = 2**30
 """Memory beyond what imports take [bytes]; definition: four times `TOTAL_MAX`."""
 
-CPU_MAX = 8
-"""Processor time of reading a file [s]; chosen: three times what 256 MiB of gzip take, and no loop without an end."""
+CPU_FIRST, CPU_NODE, CPU_BYTE = 2.0, 1e-3, 8.0 / TOTAL_MAX
+"""Processor time of opening a file, of a group or array, and of a byte of numbers [s]; chosen: three times what h5py
+and gzip take, so that a loop without an end in a small file ends soon."""
 
 
 class RefusedError(Exception):
     """What is not read, and why."""
 
 
-def contents(path: str) -> tuple[list[tuple[str, list[int], dict]], list[np.ndarray]]:
+def contents(
+    path: str, allow: Callable[[float], None] = lambda seconds: None
+) -> tuple[list[tuple[str, list[int], dict]], list[np.ndarray]]:
     """Every array of numbers of one or two dimensions: path, shape and attributes, and its numbers as doubles.
+
+    Args:
+        path: The file.
+        allow: Is told before each piece of work how long all of it may have taken when that is done [s].
 
     Raises:
         RefusedError: If the file holds more than is read.
@@ -40,9 +50,11 @@ def contents(path: str) -> tuple[list[tuple[str, list[int], dict]], list[np.ndar
     """
     listed: list[tuple[str, list[int], dict]] = []
     arrays: list[np.ndarray] = []
+    seen, total = [0], 0
+    allow(CPU_FIRST)
     with h5py.File(path, "r") as file:
-        total = 0
-        for name, node in _nodes(file, "", 0, [0]):
+        for name, node in _nodes(file, "", 0, seen):
+            allow(CPU_FIRST + CPU_NODE * seen[0] + CPU_BYTE * total)
             if isinstance(node, h5py.Group):
                 listed.append((name, [], _attributes(node)))
                 arrays.append(np.empty(0))
@@ -52,6 +64,7 @@ def contents(path: str) -> tuple[list[tuple[str, list[int], dict]], list[np.ndar
             total += 8 * int(np.prod(node.shape, dtype=object))
             if total > TOTAL_MAX:
                 raise RefusedError(f"holds more than {TOTAL_MAX} bytes of numbers; split it")
+            allow(CPU_FIRST + CPU_NODE * seen[0] + CPU_BYTE * total)
             listed.append((name, list(node.shape), _attributes(node)))
             arrays.append(np.asarray(node[()], dtype=float))
     return listed, arrays
@@ -112,12 +125,27 @@ def _text(value: object) -> str | None:
     return text if isinstance(text, str) and len(text) <= TEXT_MAX else None
 
 
-def _limit() -> None:
-    """Bound time and what may still be allocated, where the system can."""
+def _bound_time() -> Callable[[float], None]:
+    """Function that bounds the processor time of all that follows, where the system can: this process ends with it."""
+    begin = time.process_time()
+
+    def allow(seconds: float) -> None:
+        try:
+            import resource
+
+            hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(begin + seconds), hard))
+        except (ImportError, OSError, ValueError):
+            return
+
+    return allow
+
+
+def _bound_memory() -> None:
+    """Bound what may still be allocated, where the system can."""
     try:
         import resource
 
-        resource.setrlimit(resource.RLIMIT_CPU, (CPU_MAX, CPU_MAX + 1))
         with open("/proc/self/status") as status:
             now = 1024 * next(int(line.split()[1]) for line in status if line.startswith("VmData"))
         resource.setrlimit(resource.RLIMIT_DATA, (now + MEMORY_MAX, now + MEMORY_MAX))
@@ -127,9 +155,9 @@ def _limit() -> None:
 
 def main() -> int:
     """Write the contents of the file that is named; 1 with a sentence on standard error if it is refused."""
-    _limit()
+    _bound_memory()
     try:
-        listed, arrays = contents(sys.argv[1])
+        listed, arrays = contents(sys.argv[1], _bound_time())
     except RefusedError as error:
         sys.stderr.write(str(error))
         return 1

@@ -15,6 +15,7 @@ import pytest
 
 from policy import builtin
 from policy.dataset.forms import hdf5_contents
+from policy.dataset.forms.hdf5 import PROGRAM
 from policy.dataset.open import open_dataset
 from policy.errors import DatasetError
 from policy.recorded.dataset_replay import open_episode
@@ -100,6 +101,30 @@ def test_a_reader_that_dies_is_a_refusal(tmp_path, monkeypatch):
     monkeypatch.setattr("policy.dataset.forms.hdf5.PROGRAM", program)
     with pytest.raises(DatasetError, match="the HDF5 library fails on it"):
         open_dataset(folder)
+
+
+def test_a_loop_without_an_end_ends_after_what_was_read_is_worth_and_is_met_once(tmp_path, monkeypatch):
+    """A spliced file took eight seconds, each time that it was opened."""
+    folder = write_aloha(tmp_path / "aloha", fps=50)
+    program = tmp_path / "loops.py"
+    program.write_text(
+        f"import pathlib, sys\nsys.path.insert(0, {str(PROGRAM.parent)!r})\nimport hdf5_contents\n"
+        f"with open({str(tmp_path / 'begun')!r}, 'a') as log: log.write('x')\n"
+        "allow = hdf5_contents._bound_time()\nallow(0.5)\nwhile True: pass\n"
+    )
+    monkeypatch.setattr("policy.dataset.forms.hdf5.PROGRAM", program)
+    for _ in range(2):
+        with pytest.raises(DatasetError, match="the HDF5 library fails on it"):
+            open_dataset(folder / "episode_0.hdf5")
+    assert (tmp_path / "begun").read_text() == "x"
+
+
+def test_time_is_allowed_by_what_a_file_holds(tmp_path):
+    told = []
+    hdf5_contents.contents(str(write_robomimic(tmp_path / "a.h5", demonstrations=2)), told.append)
+    assert told == sorted(told)
+    assert told[0] == hdf5_contents.CPU_FIRST
+    assert hdf5_contents.CPU_FIRST < told[-1] < hdf5_contents.CPU_FIRST + 0.1
 
 
 def test_what_is_read_is_numbers_with_their_attributes(tmp_path):
