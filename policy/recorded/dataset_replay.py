@@ -53,7 +53,6 @@ def open_episode(
         raise DatasetError(f"{folder} has no episode {number}; it has 0 to {len(dataset.episodes) - 1}")
     check_times(dataset, [dataset.episodes[number]])
     episode, source = dataset.episodes[number], find_source(dataset, ACTION)
-    actions = source.of(dataset.table(episode, list(source.features)), episode)
     spec, notes = recorded_layout(dataset, ACTION, robot) if assume is None else assume, source.notes
     if assume is not None:
         require_same_names(assume, tuple(zip(source.parts, source.names, strict=True)), ACTION)
@@ -64,9 +63,9 @@ def open_episode(
         joints = column_layout(dataset, source, robot=robot)
         spec = joints.whole_spec
         columns = joints.columns_of(spec)
-        actions = actions[:, columns]
         notes += tuple(f"{listed(names, 6)} left out: {reason}" for reason, names in joints.left_out.items())
         notes += () if joints.hand else ("there are no hands in it: fingers stay as they are",)
+    actions = source.of(dataset.table(episode, list(source.features)), episode, columns)
     if spec.dim != actions.shape[1]:
         raise DatasetError(f"'{ACTION}' of {folder} has {actions.shape[1]} numbers; '{spec.name}' has {spec.dim}")
     require_finite(actions, spec.feature_names)

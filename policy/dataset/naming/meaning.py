@@ -79,7 +79,12 @@ def meaning(name: str, part: str = "", robot: RobotSpec | None = None) -> Meanin
         part: Of the vector; empty if there are none.
         robot: Whose joints; the G1's with Dex3 hands if None.
     """
-    known = _known((robot or g1()).joint_names)
+    return _meaning(name, part, (robot or g1()).joint_names)
+
+
+@lru_cache(maxsize=4096)
+def _meaning(name: str, part: str, joints: tuple[str, ...]) -> Meaning:
+    known = _known(joints)
     for pattern, reason in _LEFT_OUT.items():
         if any(re.search(pattern, _words(text)) for text in (name, part) if text):
             return Meaning(reason=reason)

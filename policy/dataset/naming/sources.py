@@ -56,8 +56,13 @@ class Source:
         """Whether they are the feature of that key and nothing else."""
         return self.features == (self.key,)
 
-    def of(self, rows: pyarrow.Table, episode: Episode) -> np.ndarray:
-        """Numbers (n, dim) of an episode's rows, in their own precision.
+    def of(self, rows: pyarrow.Table, episode: Episode, columns: np.ndarray | None = None) -> np.ndarray:
+        """Numbers of an episode's rows, in their own precision, shape (n, dim) or (n, len(columns)).
+
+        Args:
+            rows: Of the episode.
+            episode: For messages.
+            columns: Which numbers, in which order; all as they are if None.
 
         Raises:
             DatasetError: If a row is missing or has another length than its feature.
@@ -65,7 +70,9 @@ class Source:
         pairs = zip(self.features, self.widths, strict=True)
         found = [vectors(rows.column(key), width, key, episode) for key, width in pairs]
         values = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
-        return values if self.correct is None else self.correct(values)
+        values = values if self.correct is None else self.correct(values)
+        in_order = columns is None or np.array_equal(columns, np.arange(self.dim))
+        return values if in_order else values.take(columns, axis=1)
 
     def numbers(self, dataset: Dataset) -> Iterator[np.ndarray]:
         """Numbers (length, dim) of each episode in turn.
