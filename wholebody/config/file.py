@@ -138,7 +138,7 @@ def _structure(owner: object, changes: object, place: Place, path: tuple[str, ..
         here = (*path, printable(name, 80))
         if name not in names:
             near = get_close_matches(str(name), names, n=1)
-            hint = f"did you mean '{near[0]}'? " if near else ""
+            hint = f"did you mean '{near[0]}'? " if near else _about(str(name), owner)
             if RENAMED.get(str(name)) in names:
                 hint = f"it is called '{RENAMED[str(name)]}' now; "
             raise ConfigError(
@@ -151,6 +151,12 @@ def _structure(owner: object, changes: object, place: Place, path: tuple[str, ..
             values[name] = _value(types[name], value, place, here)
             require_bounds(".".join(here), values[name], type(owner), place(here))
     return replace(owner, **values)
+
+
+def _about(name: str, owner: object) -> str:
+    """What the one setting says whose description has a word like an unknown name; nothing if there is not one."""
+    told = {one: " ".join(text.split()) for one, text in meanings(type(owner)).items() if name.lower() in text.lower()}
+    return "".join(f"'{one}' is about that: {text} " for one, text in told.items()) if len(told) == 1 else ""
 
 
 def _value(kind: type, value: object, place: Place, path: tuple[str, ...]) -> object:

@@ -41,6 +41,10 @@ def test_an_empty_file_is_the_default(tmp_path):
     ("changes", "says"),
     [
         ({"solvr": "daqp"}, "did you mean 'solver'"),
+        (
+            {"robot": {"locked": ["waist_roll_joint"]}},
+            "'body' is about that: Joints that this G1 has: '29dof'",
+        ),
         ({"planner": {"turning": 0.1}}, "it is called 'orientation_relaxed' now"),
         ({"planner": {"posture": {"sweep": 0.1}}}, "it is called 'approach_time' now"),
         ({"hand": {"kq": 1.0}}, "unknown setting 'hand.kq'"),

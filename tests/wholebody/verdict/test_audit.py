@@ -70,6 +70,8 @@ def test_a_journal_of_other_settings_is_not_gone_on_with(tmp_path):
     Journal(tmp_path, ASKED).close()
     with pytest.raises(InputError, match=r"other settings \(fps\).*--to"):
         Journal(tmp_path, {"fps": 60.0})
+    with pytest.raises(InputError, match=r"other settings \(.*fps.*\)"):
+        Journal(tmp_path, {})  # of a version that did not ask for it
 
 
 def test_a_journal_that_an_audit_is_writing_is_left_to_it(tmp_path):

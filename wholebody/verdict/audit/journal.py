@@ -64,7 +64,8 @@ class Journal:
             except (ValueError, TypeError) as error:
                 raise InputError(f"{self._path} is damaged in line {number + 1}: {error}; delete it") from error
             if not number and told.get("asked") != asked:
-                changed = sorted(key for key in asked if told.get("asked", {}).get(key) != asked[key])
+                before = told.get("asked") or {}
+                changed = sorted(key for key in {*asked, *before} if before.get(key) != asked.get(key))
                 raise InputError(
                     f"{self._path} is of an audit with other settings ({', '.join(changed)}): name another folder "
                     "with --to, or delete it"
