@@ -1,0 +1,105 @@
+"""Strategy: steps along bases that move, against where both feet have to be and what legs can do.
+
+The base is midway between the soles when both carry; every step is in the box of its stance foot, whatever is told; a
+base that comes to its goal has both feet beside it after the last step. What is foreseen of a base is where it goes.
+"""
+
+import numpy as np
+import pytest
+
+from wholebody.walking.footsteps import LEFT, RIGHT, base_of, beside, box, closed, footsteps
+from wholebody.walking.gait import Gait
+from wholebody.walking.guide import Guide
+from wholebody.walking.places import Place, Velocity, moved
+
+GAIT, WIDTH = Gait(), 0.24
+START = Place(0.3 + 0.2j, 0.4)
+SOLES = [beside(START, foot, WIDTH) for foot in (LEFT, RIGHT)]
+
+
+def guided(velocity, time=1.0):
+    guide = Guide(START)
+    guide.follow(velocity)
+    for _ in range(round(time / 0.002)):
+        guide.advance(0.002)
+    return guide
+
+
+@pytest.mark.parametrize("velocity", [Velocity(0.3 + 0j), Velocity(0.1j), Velocity(0.2 - 0.05j, 0.3), Velocity(-0.2)])
+def test_the_base_is_midway_between_the_soles_when_both_carry(velocity):
+    guide, gait = guided(velocity), GAIT
+    steps = footsteps(SOLES, RIGHT, guide, WIDTH, gait, start=0.4, most=6, ends=False)
+    assert [step.foot for step in steps] == [RIGHT, LEFT, RIGHT, LEFT, RIGHT, LEFT]
+    for k in range(3, 6):
+        both = [steps[k - 1].sole, steps[k].sole]
+        middle = both[0].between(both[1])
+        time = 0.4 + k * gait.step + 0.5 * gait.double
+        (base, _), *_ = guide.foresee([time])
+        # On an arc both soles are a little behind: by the sine of half a step's turn.
+        assert abs(middle.point - base.point) < 0.01 + 0.5 * WIDTH * abs(velocity.turn) * 0.5 * gait.step
+        assert abs(middle.turn_to(base)) < 0.01
+
+
+def test_every_step_is_within_what_legs_can_do():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        velocity = Velocity(complex(*rng.normal(0.0, 0.6, 2)), rng.normal())
+        first = int(rng.integers(2))
+        steps = footsteps(SOLES, first, guided(velocity), WIDTH, GAIT, start=0.4, most=5, ends=False)
+        there = list(SOLES)
+        for step in steps:
+            low, high = box(step.foot, GAIT)
+            seen = there[1 - step.foot].seen(step.sole.point)
+            assert low.real - 1e-9 <= seen.real <= high.real + 1e-9
+            assert low.imag - 1e-9 <= seen.imag <= high.imag + 1e-9
+            there[step.foot] = step.sole
+
+
+def test_the_last_steps_close_the_feet_beside_the_base():
+    guide = guided(Velocity(0.3 + 0j, 0.2))
+    guide.follow(Velocity())
+    steps = footsteps(SOLES, LEFT, guide, WIDTH, GAIT, start=0.4, most=8, ends=True)
+    assert len(steps) < 8
+    (base, rests), *_ = guide.foresee([5.0])
+    assert rests
+    there = list(SOLES)
+    for step in steps:
+        there[step.foot] = step.sole
+    assert closed(there, base, WIDTH)
+    assert abs(base_of(there).point - base.point) < 0.01
+
+
+def test_a_base_at_rest_on_its_feet_still_makes_one_step():
+    steps = footsteps(SOLES, LEFT, Guide(START), WIDTH, GAIT, start=0.4, most=4, ends=True)
+    assert len(steps) == 1
+    assert abs(steps[0].sole.point - SOLES[LEFT].point) < 1e-9
+
+
+def test_what_is_foreseen_of_a_base_is_where_it_goes():
+    guide = guided(Velocity(0.3 + 0j, 0.2), time=0.3)
+    foreseen = [place for place, _ in guide.foresee([0.5, 1.5, 3.0])]
+    now = 0.0
+    for time, place in zip((0.5, 1.5, 3.0), foreseen, strict=True):
+        while now < time - 1e-9:
+            guide.advance(0.002)
+            now += 0.002
+        assert abs(guide.place.point - place.point) < 2e-3
+
+
+def test_a_base_goes_to_its_goal_and_stays():
+    goal = START.to(0.7 - 0.3j, -0.8)
+    guide, speeds = Guide(START), []
+    guide.go_to(goal)
+    for _ in range(6000):
+        guide.advance(0.002)
+        speeds.append(abs(guide.velocity.way))
+    assert guide.rests
+    assert guide.place == goal
+    assert max(speeds) < 0.26
+
+
+def test_a_velocity_that_turns_leads_on_an_arc():
+    place = moved(Place(0j, 0.0), Velocity(0.2 + 0j, 0.5), 2.0 * np.pi / 0.5)
+    assert abs(place.point) < 1e-12
+    half = moved(Place(0j, 0.0), Velocity(0.2 + 0j, 0.5), np.pi / 0.5)
+    assert half.point == pytest.approx(0.8j)

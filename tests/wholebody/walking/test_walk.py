@@ -1,0 +1,162 @@
+"""Strategy: walks of a pendulum whose zero-moment point is where the walk wants it, and whose soles are where it leads.
+
+Without a robot the gait is what is left: states follow their table, the base goes where it is told, the feet close, and
+a pushed capture point is caught by place and time of the step. A pendulum that is not stepped for falls at once.
+"""
+
+from math import exp
+
+import numpy as np
+import pytest
+
+from wholebody.robot.support_polygon import convex_polygon
+from wholebody.walking.footsteps import LEFT, RIGHT, beside, closed
+from wholebody.walking.gait import TABLE, Step
+from wholebody.walking.guide import Guide
+from wholebody.walking.places import Place, Velocity
+from wholebody.walking.pressure import Sole, between, on
+from wholebody.walking.walk import Seen, Walk
+
+OMEGA, DT, SOLE = 3.85, 0.002, Sole(0.073, 0.019)
+
+
+class Pendulum:
+    """Capture point and soles that do exactly what a walk says."""
+
+    def __init__(self, width=0.238):
+        self.dcm, self.time = 0j, 0.0
+        self.soles = [beside(Place(0j, 0.0), foot, width) for foot in (LEFT, RIGHT)]
+        self.walk = Walk(self.seen(), SOLE)
+        self.states = [Step.STAND]
+
+    def seen(self):
+        return Seen(self.dcm, OMEGA, tuple(self.soles), (0.0, 0.0))
+
+    def run(self, seconds):
+        for _ in range(round(seconds / DT)):
+            walk = self.walk
+            walk.advance(self.seen(), DT)
+            if walk.state is not self.states[-1]:
+                self.states.append(walk.state)
+            if walk.swing is not None:
+                self.soles[1 - walk.stance] = walk.swing.place
+            self.dcm = walk.pressure + (self.dcm - walk.pressure) * exp(OMEGA * DT)
+            self.time += DT
+            assert abs(self.dcm - walk.guide.place.point) < 0.6, f"it fell at {self.time:.2f} s in {walk.state}"
+
+    @property
+    def stands(self):
+        walk = self.walk
+        return walk.state is Step.STAND and closed(walk.soles, walk.guide.place, walk.width)
+
+
+def test_states_follow_their_table():
+    one = Pendulum()
+    one.walk.guide.follow(Velocity(0.2 + 0j))
+    one.run(4.0)
+    one.walk.guide.follow(Velocity())
+    one.run(6.0)
+    for before, after in zip(one.states, one.states[1:], strict=False):
+        assert after in (TABLE[before].then, TABLE[before].done), (before, after)
+    assert one.states[:4] == [Step.STAND, Step.SHIFT, Step.SWING, Step.LAND]
+    assert one.states[-3:] == [Step.SWING, Step.SETTLE, Step.STAND]
+    assert one.stands
+
+
+def test_it_stands_while_nothing_is_told():
+    one = Pendulum()
+    one.run(3.0)
+    assert one.states == [Step.STAND]
+    assert abs(one.dcm) < 1e-9
+    assert one.walk.made == 0
+
+
+@pytest.mark.parametrize(
+    "velocity",
+    [Velocity(0.4 + 0j), Velocity(-0.2 + 0j), Velocity(0.15j), Velocity(-0.15j), Velocity(0j, 0.5), Velocity(0.3, 0.3)],
+)
+def test_it_walks_as_fast_as_it_is_told(velocity):
+    one = Pendulum()
+    one.walk.guide.follow(velocity)
+    one.run(5.0)
+    wanted = Guide(one.walk.guide.place)
+    wanted.follow(velocity)
+    wanted.velocity = velocity
+    begin = one.walk.guide.place
+    one.run(4 * one.walk.gait.step)
+    went = abs(one.walk.guide.place.point - begin.point) / (4 * one.walk.gait.step)
+    assert went == pytest.approx(abs(velocity.way), rel=0.05, abs=1e-3) or velocity.turn != 0.0
+    assert abs(one.walk.guide.place.point - one.dcm) < 0.25
+
+
+def test_it_stops_from_any_command_at_any_phase():
+    rng, steps = np.random.default_rng(5), []
+    for _ in range(40):
+        one = Pendulum()
+        velocity = Velocity(complex(rng.uniform(-0.2, 0.4), rng.uniform(-0.12, 0.12)), rng.uniform(-0.4, 0.4))
+        one.walk.guide.follow(velocity)
+        one.run(rng.uniform(1.5, 4.0))
+        one.walk.guide.follow(Velocity())
+        before = one.walk.made
+        one.run(8.0)
+        assert one.stands, velocity
+        steps.append(one.walk.made - before)
+    print(f"steps to stand: median {np.median(steps):.0f}, most {max(steps)}")
+    assert max(steps) <= 5
+
+
+def test_it_goes_to_a_place_and_closes_its_feet_there():
+    rng = np.random.default_rng(6)
+    for _ in range(10):
+        one, goal = Pendulum(), Place(complex(*rng.uniform(-0.6, 0.8, 2)), rng.uniform(-1.0, 1.0))
+        one.walk.guide.go_to(goal)
+        one.run(25.0)
+        assert one.stands
+        assert one.walk.guide.place == goal
+
+
+def test_a_pushed_pendulum_is_caught_by_its_steps():
+    for push in (0.05, -0.05, 0.03j, -0.03j):
+        one = Pendulum()
+        one.walk.marches = True
+        one.run(2.7)
+        one.dcm += push
+        one.run(6.0)
+        assert abs(one.dcm - one.walk.dcm) < 0.01
+    unadjusted = Pendulum()
+    unadjusted.walk.marches = True
+    unadjusted.run(2.7)
+    unadjusted.walk._adjust = lambda seen: None
+    unadjusted.dcm += 0.03j
+    with pytest.raises(AssertionError, match="fell"):
+        unadjusted.run(6.0)
+
+
+def test_a_foot_that_is_up_carries_nothing_and_one_that_is_lifted_is_relieved():
+    one, before = Pendulum(), 1.0
+    one.walk.marches = True
+    for _ in range(2000):
+        one.run(DT)
+        walk = one.walk
+        if walk.state is Step.SWING:
+            assert walk.load[1 - walk.stance] == 0.0
+            assert walk.load[walk.stance] == 1.0
+            assert before <= 0.02
+        before = min(walk.load)
+        assert all(0.0 <= share <= 1.0 for share in walk.load)
+
+
+def test_the_zero_moment_point_stays_on_what_carries():
+    rng = np.random.default_rng(2)
+    left, right = Place(0.1 + 0.12j, 0.2), Place(-0.1 - 0.1j, -0.1)
+    corners = [complex(x, y) for x in (-SOLE.length, SOLE.length) for y in (-SOLE.width, SOLE.width)]
+    points = [sole.world(corner) for sole in (left, right) for corner in corners]
+    hull = convex_polygon(np.array([[point.real, point.imag] for point in points]))
+    for _ in range(200):
+        point = complex(*rng.normal(0.0, 0.3, 2))
+        seen = left.seen(on(left, SOLE, point))
+        assert abs(seen.real) <= SOLE.length + 1e-12
+        assert abs(seen.imag) <= SOLE.width + 1e-12
+        inside = between((left, right), SOLE, point)
+        assert hull.margin(np.array([inside.real, inside.imag])) > -0.005  # soles that are turned are not one rectangle
+    assert abs(between((left, right), SOLE, 0.01j) - 0.01j) < 0.02

@@ -1,0 +1,1 @@
+"""Walking: footsteps, the plan of the capture point through them, its adjustment, the swing, and the gait's states."""

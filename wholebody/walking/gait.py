@@ -1,0 +1,95 @@
+"""States of a gait as a table, and the numbers that it has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Step(Enum):
+    """States of a gait."""
+
+    STAND = "stand"
+    """Both feet stay: plans are followed as ever."""
+    SHIFT = "shift"
+    """The weight goes over the foot that is to carry."""
+    SWING = "swing"
+    """One foot carries, the other one swings; place and time of its landing are adjusted."""
+    LAND = "land"
+    """Both carry: the weight goes on from the old foot to the new one."""
+    SETTLE = "settle"
+    """The weight goes between both feet, which stay."""
+    RECOVER = "recover"
+    """Both feet stay, apart, after a step that caught the robot, until it has come to rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A row of the table.
+
+    Attributes:
+        both: Whether both feet carry.
+        lasts: Name of its duration in `Gait`; empty for one that nothing but a command ends.
+        then: What follows while there are steps to make.
+        done: What follows where there are none.
+        rests: Whether it lasts, beyond its duration, until the capture point is at rest.
+    """
+
+    both: bool
+    lasts: str
+    then: Step
+    done: Step
+    rests: bool = False
+
+
+TABLE: dict[Step, State] = {
+    Step.STAND: State(True, "", then=Step.SHIFT, done=Step.STAND),
+    Step.SHIFT: State(True, "shift", then=Step.SWING, done=Step.SETTLE),
+    Step.SWING: State(False, "swing", then=Step.LAND, done=Step.SETTLE),
+    Step.LAND: State(True, "double", then=Step.SWING, done=Step.SWING),
+    Step.SETTLE: State(True, "settle", then=Step.SHIFT, done=Step.STAND, rests=True),
+    Step.RECOVER: State(True, "pause", then=Step.SHIFT, done=Step.SETTLE, rests=True),
+}
+"""What follows what. A swing whose step is the last one ends in `Step.SETTLE`, or in `Step.RECOVER` if it caught the
+robot."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gait:
+    """Times and lengths of a gait."""
+
+    swing: float = 0.55
+    """Time for which one foot carries [s]."""
+    double: float = 0.15
+    """Time for which both do between two swings [s]."""
+    shift: float = 0.6
+    """Time in which the weight goes over the first foot [s]."""
+    settle: float = 0.6
+    """Time in which it goes between both again, at least [s]."""
+    pause: float = 0.7
+    """Time for which the feet stay after a step that caught the robot, at least [s]."""
+    lift: float = 0.05
+    """Height of the sole in the middle of a swing [m]."""
+    height: float = 0.66
+    """Height of the centre of mass over the soles [m]."""
+    ahead: float = 0.32
+    """Largest step ahead or back, from the stance foot [m]."""
+    narrow: float = 0.15
+    """Least distance of the soles to the side [m]."""
+    wide: float = 0.42
+    """Largest distance of the soles to the side [m]."""
+    inward: float = 0.25
+    """Largest turn of a sole towards the other one [rad]."""
+    outward: float = 0.45
+    """Largest turn of a sole away from the other one [rad]."""
+    sooner: float = 0.65
+    """Share of the swing's time that it lasts at least."""
+    later: float = 1.3
+    """The same at most."""
+    foot_speed: float = 2.0
+    """Mean speed of the foot over the floor up to which a swing is shortened [m/s]."""
+
+    @property
+    def step(self) -> float:
+        """Time from one step to the next [s]."""
+        return self.swing + self.double

@@ -1,0 +1,100 @@
+"""The base that a walk follows: a place between the feet that moves as smoothly as what is told allows."""
+
+from __future__ import annotations
+
+from cmath import exp
+from collections.abc import Sequence
+from math import ceil, copysign, sqrt
+
+from wholebody.walking.places import Place, Velocity, moved
+
+ACCELERATION = (0.3, 0.8)
+"""Largest acceleration of the base along its way [m/s^2] and about the vertical [rad/s^2]; chosen: from rest to 0.4 m/s
+in two steps."""
+FASTEST = Velocity(0.25 + 0j, 0.3)
+"""Speeds along its way and about the vertical on the way to a goal [m/s, rad/s]; chosen: a step of 0.18 m."""
+BRAKE = 0.7
+"""Share of the acceleration with which the base comes to rest at a goal [no unit]; chosen: the rest follows."""
+THERE = (5e-4, 1e-3)
+"""Distance [m] and angle [rad] from a goal at which the base is there; derived: a tenth of what plans count as moved
+feet."""
+AHEAD = 0.05
+"""Period in which the base is foreseen [s]; chosen: ramps are straight and arcs short over it."""
+
+
+class Guide:
+    """A place that moves by a velocity that is told, or to a goal, within `ACCELERATION`.
+
+    Attributes:
+        place: Where it is.
+        velocity: In its own axes.
+        change: Of that velocity, ahead + i to the left [m/s^2] and about the vertical [rad/s^2].
+        wanted: Velocity that is told; None for a goal.
+        goal: Place to go to, or None.
+    """
+
+    def __init__(self, place: Place) -> None:
+        self.place, self.velocity, self.change = place, Velocity(), (0j, 0.0)
+        self.wanted: Velocity | None = Velocity()
+        self.goal: Place | None = None
+
+    def follow(self, velocity: Velocity) -> None:
+        """Move with a velocity from now on."""
+        self.wanted, self.goal = velocity, None
+
+    def go_to(self, goal: Place) -> None:
+        """Move to a place, and stay there."""
+        self.wanted, self.goal = None, goal
+
+    @property
+    def rests(self) -> bool:
+        """Whether it has come to rest, and to its goal."""
+        still = self.velocity.is_rest
+        return still and (self.wanted.is_rest if self.goal is None else self._missing() == (0j, 0.0))
+
+    def motion(self) -> tuple[complex, complex]:
+        """Velocity [m/s] and acceleration [m/s^2] of its point in world."""
+        axes, way, turn = exp(1j * self.place.heading), self.velocity.way, self.velocity.turn
+        return way * axes, (self.change[0] + 1j * turn * way) * axes
+
+    def advance(self, dt: float) -> None:
+        """Move on by a period [s]."""
+        wanted = self.wanted or self._towards()
+        before = self.velocity
+        way, turn = wanted.way - before.way, wanted.turn - before.turn
+        most, most_turn = ACCELERATION[0] * dt, ACCELERATION[1] * dt
+        way = way if abs(way) <= most else way * (most / abs(way))
+        turn = max(min(turn, most_turn), -most_turn)
+        self.change = way / dt, turn / dt
+        self.velocity = Velocity(before.way + way, before.turn + turn)
+        mean = Velocity(before.way + 0.5 * way, before.turn + 0.5 * turn)
+        self.place = moved(self.place, mean, dt)
+        if self.goal is not None and self._missing() == (0j, 0.0):
+            self.place, self.velocity = self.goal, Velocity()
+
+    def foresee(self, times: Sequence[float]) -> list[tuple[Place, bool]]:
+        """Where it will be after times [s], which rise, and whether it will have come to rest."""
+        copy, now, places = Guide(self.place), 0.0, []
+        copy.velocity, copy.wanted, copy.goal = self.velocity, self.wanted, self.goal
+        for time in times:
+            steps = max(ceil((time - now) / AHEAD), 0)
+            for _ in range(steps):
+                copy.advance((time - now) / steps)
+            now = max(now, time)
+            places.append((copy.place, copy.rests))
+        return places
+
+    def _missing(self) -> tuple[complex, float]:
+        """Way [m] and angle [rad] to the goal in its own axes; zeros where it is there."""
+        way, turn = self.place.seen(self.goal.point), self.place.turn_to(self.goal)
+        slow = abs(self.velocity.way) <= ACCELERATION[0] * AHEAD and abs(self.velocity.turn) <= ACCELERATION[1] * AHEAD
+        there = slow and abs(way) < THERE[0] and abs(turn) < THERE[1]
+        return (0j, 0.0) if there else (way, turn)
+
+    def _towards(self) -> Velocity:
+        """Velocity with which it would come to rest at its goal."""
+        way, turn = self._missing()
+        size, most = abs(way), FASTEST
+        speed = min(sqrt(2.0 * BRAKE * ACCELERATION[0] * size), abs(most.way), 8.0 * size)
+        rate = min(sqrt(2.0 * BRAKE * ACCELERATION[1] * abs(turn)), most.turn, 8.0 * abs(turn))
+        return Velocity(way * (speed / size) if size > 0.0 else 0j, copysign(rate, turn))

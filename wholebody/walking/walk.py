@@ -1,0 +1,264 @@
+"""A walk, tick by tick: which feet carry, where the zero-moment point is to be, and where the other foot is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+
+from wholebody.walking.adjustment import Room, adjust
+from wholebody.walking.adjustment import Step as Adjusted
+from wholebody.walking.dcm import Piece, bounded, start_for
+from wholebody.walking.footsteps import LEFT, RIGHT, Footstep, base_of, box, closed, footsteps
+from wholebody.walking.gait import TABLE, Gait, Step
+from wholebody.walking.guide import Guide
+from wholebody.walking.places import Place
+from wholebody.walking.pressure import Sole, between, on
+from wholebody.walking.swing import FROZEN, Swing
+
+COUNT = 4
+"""Steps that are planned [no unit]; derived: what comes later changes the capture point now by less than 0.1 mm."""
+PULL = 4.0
+"""Rate with which the zero-moment point brings the capture point back to its plan [1/s]; chosen, no trial is on
+record."""
+TAKEN = 0.6
+"""Share of what the stance sole can take of an error of the capture point that is left to it, before the step is
+changed [no unit]; chosen: the rest is for what comes on top."""
+RELIEF, RELIEVED = 0.1, 0.3
+"""Time before a foot is lifted in which its share of the load goes to 0 [s], and the share from which it goes down [no
+unit]; chosen: 150 N a point are more than a foot carries then."""
+TAKING = 0.05
+"""Time in which a foot that was set down gets all of its share [s]; chosen, no trial is on record."""
+LEAST = 0.01
+"""Least share of the load of a foot that stands [no unit]; chosen: 5 N a point."""
+TOUCHED = 0.6
+"""Share of a swing from which a foot that touches has landed [no unit]; measured: earlier touches are scuffs."""
+SPARE = 0.02
+"""Distance of the soles beyond the least one that steps aside leave on their narrow side [m]; chosen: room to move."""
+CALM = 0.015
+"""Distance of the capture point from the middle of the feet at which a robot stands still [m]; chosen: inside the
+margin that standing keeps."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a walk is told of the robot.
+
+    Attributes:
+        dcm: Capture point in world [m].
+        omega: Of its pendulum [1/s].
+        soles: Both soles as measured, left first; heights: of their middles [m].
+        touching: Whether each carries weight; None if that is not known.
+    """
+
+    dcm: complex
+    omega: float
+    soles: tuple[Place, Place]
+    heights: tuple[float, float]
+    touching: tuple[bool, bool] | None = None
+
+
+class Walk:
+    """The gait of a robot whose feet begin where they are.
+
+    Attributes:
+        state: Of the table.
+        guide: The base that it follows.
+        soles: Where both stand, or are to be set down, left first.
+        stance: The foot that carries, or is to.
+        load: Share of its bounds that each foot carries, left first.
+        swing: The foot that is up, or None.
+        pressure: Where the zero-moment point is to be now, ``x + iy`` [m].
+        plan, dcm: Where it and the capture point are by the plan [m].
+        marches: Whether it steps on although its base rests.
+        made: Number of steps made.
+        adjusted: How far the last step is moved from its plan [m].
+    """
+
+    def __init__(self, seen: Seen, sole: Sole, gait: Gait | None = None) -> None:
+        self.gait, self._sole = gait or Gait(), sole
+        self.state, self.soles, self.stance = Step.STAND, list(seen.soles), LEFT
+        self.width = abs(seen.soles[LEFT].point - seen.soles[RIGHT].point)
+        self.guide = Guide(base_of(seen.soles))
+        self.load, self.swing, self.marches, self.made, self.adjusted = (1.0, 1.0), None, False, 0, 0.0
+        self.plan = self.pressure = self.dcm = self.guide.place.point
+        self._left = self._elapsed = self._nominal_left = 0.0
+        self._steps: list[Footstep] = []
+        self._floor = 0.0
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there is a step to make."""
+        return self.marches or not self.guide.rests or not closed(self.soles, self.guide.place, self.width)
+
+    @property
+    def left(self) -> float:
+        """Time until the state is over [s]."""
+        return self._left
+
+    def advance(self, seen: Seen, dt: float) -> None:
+        """Go on by a period [s]."""
+        if self.state in (Step.SWING, Step.LAND):
+            self.guide.advance(dt)
+        if self._over(seen):
+            self._enter(self._following(), seen)
+        self._elapsed += dt
+        self._left -= dt
+        self._nominal_left -= dt
+        if self.state is Step.SWING:
+            self._adjust(seen)
+        self._follow_plan(seen, dt)
+        self._share_load()
+        if self.swing is not None:
+            goal, total = self._steps[0].sole, self._elapsed + max(self._left, dt)
+            self.swing = self.swing.advance(
+                goal, self._floor, self.gait.lift, min(self._elapsed / total, 1.0), self._left, dt
+            )
+
+    def _over(self, seen: Seen) -> bool:
+        """Whether the state ends now."""
+        if self.state is Step.STAND:
+            return self.wanted
+        if self.state is Step.SWING and seen.touching is not None and seen.touching[1 - self.stance]:
+            share = self._elapsed / (self._elapsed + max(self._left, 0.0))
+            return share >= TOUCHED or self._left <= 0.0
+        if self._left > 0.0:
+            return False
+        if TABLE[self.state].rests:
+            return abs(seen.dcm - self._middle()) < CALM
+        return self.state is not Step.SHIFT or abs(seen.dcm - self.dcm) < CALM
+
+    def _following(self) -> Step:
+        row = TABLE[self.state]
+        if self.state is Step.SWING:
+            return row.then if len(self._steps) > 1 else row.done
+        return row.then if self.wanted else row.done
+
+    def _enter(self, state: Step, seen: Seen) -> None:
+        """Go over into a state."""
+        gait, before = self.gait, self.state
+        self.state, self._elapsed, self._left = state, 0.0, getattr(gait, TABLE[state].lasts or "settle")
+        if before is Step.SWING:
+            self._set_down(seen)
+        if state is Step.SHIFT:
+            self._take_stand(seen)
+            first = self._first_foot()
+            self.stance = 1 - first
+            self._plan_steps(first, self._left + gait.swing)
+            rest = self._pieces()[1:]
+            piece = Piece(self._left, 0j, self._middle_of(self.soles[self.stance]))
+            self.plan = start_for(seen.dcm, piece, bounded(rest, seen.omega), seen.omega)
+        elif state is Step.LAND:
+            self.stance = 1 - self.stance
+            self._plan_steps(1 - self.stance, self._left + gait.swing)
+        elif state is Step.SWING:
+            # The steps are those of the shift of weight before: the capture point has been led there.
+            foot = 1 - self.stance
+            self._nominal_left, self._nominal = self._left, self._steps[0].sole
+            self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot])
+            self._floor = seen.heights[self.stance]
+        elif state is Step.STAND:
+            self._steps = []
+
+    def _first_foot(self) -> int:
+        """The foot to begin with: the one on the side to which the base goes."""
+        velocity = self.guide.wanted or self.guide._towards()
+        side = velocity.way.imag + 0.1 * velocity.turn
+        return LEFT if side > 0.0 else RIGHT
+
+    def _set_down(self, seen: Seen) -> None:
+        """The foot that was up stands where it is."""
+        foot, self.swing = 1 - self.stance, None
+        self.soles[foot] = seen.soles[foot]
+        self.made += 1
+
+    def _take_stand(self, seen: Seen) -> None:
+        self.soles = list(seen.soles)
+
+    def _plan_steps(self, first: int, start: float) -> None:
+        gait, guide = self.gait, self.guide
+        aside = max(abs((guide.wanted or guide.velocity).way.imag), abs(guide.velocity.way.imag))
+        width = max(self.width, gait.narrow + SPARE + aside * gait.step)
+        self._steps = footsteps(self.soles, first, guide, width, gait, start=start, most=COUNT, ends=not self.marches)
+
+    def _middle_of(self, sole: Place) -> complex:
+        return sole.point
+
+    def _middle(self) -> complex:
+        return 0.5 * (self.soles[LEFT].point + self.soles[RIGHT].point)
+
+    def _pieces(self) -> list[Piece]:
+        """What the zero-moment point does from now on."""
+        gait, left = self.gait, max(self._left, 0.0)
+        if self.state not in (Step.SHIFT, Step.SWING, Step.LAND):
+            return [Piece(left, self.plan, self._middle())]
+        carry = self._middle_of(self.soles[self.stance])
+        pieces = [Piece(left, self.plan, carry)]
+        if self.state is not Step.SWING:
+            pieces.append(Piece(gait.swing, carry, carry))
+        for step in self._steps[:-1]:
+            new = self._middle_of(step.sole)
+            pieces += [Piece(gait.double, carry, new), Piece(gait.swing, new, new)]
+            carry = new
+        end = 0.5 * (carry + self._middle_of(self._steps[-1].sole))
+        return [*pieces, Piece(gait.settle, carry, end)]
+
+    def _adjust(self, seen: Seen) -> None:
+        """Move the landing to where and when the capture point asks for it."""
+        self.plan = stance = self._middle_of(self.soles[self.stance])
+        if self._left <= FROZEN:
+            return
+        gait, foot, omega, axes = self.gait, 1 - self.stance, seen.omega, self.soles[self.stance]
+        nominal, kept = self._nominal, self._left
+        self._left, self._steps[0] = max(self._nominal_left, FROZEN), Footstep(foot, nominal)
+        pieces = self._pieces()
+        planned, end = bounded(pieces, omega), bounded(pieces[1:], omega)
+        gone = exp(-omega * gait.double)
+        share = (1.0 - gone) / (omega * gait.double)
+        turned = axes.seen(stance)
+        place, landing = axes.seen(nominal.point) - turned, axes.seen(end) - turned
+        error = axes.seen(seen.dcm) - axes.seen(planned)
+        take = TAKEN * (1.0 - exp(-omega * self._left))
+        felt = (
+            axes.seen(planned)
+            - turned
+            + complex(_beyond(error.real, take * self._sole.length), _beyond(error.imag, take * self._sole.width))
+        )
+        low, high = box(foot, gait)
+        way = abs(self.swing.way.x - self._steps[0].sole.point) / gait.foot_speed
+        soonest = max(gait.sooner * gait.swing - self._elapsed, way, FROZEN)
+        latest = max(gait.later * gait.swing - self._elapsed, soonest)
+        step = Adjusted(place, self._left, (landing - share * place) / gone)
+        best = adjust(felt, step, Room(low - turned, high - turned, soonest, latest), omega, gait.double)
+        self._left = best.time if abs(best.time - kept) > 1e-9 else kept
+        self._steps[0] = Footstep(foot, Place(axes.world(best.place + turned), nominal.heading))
+        self.adjusted = abs(best.place - place)
+
+    def _follow_plan(self, seen: Seen, dt: float) -> None:
+        """Zero-moment point for this tick."""
+        pieces = self._pieces()
+        self.dcm = bounded(pieces, seen.omega)
+        if self.state is Step.SHIFT and self._left <= 0.0:
+            self.plan = self.dcm
+        wanted = self.plan + (1.0 + PULL / seen.omega) * (seen.dcm - self.dcm)
+        if self.state is Step.SWING:
+            self.pressure = on(self.soles[self.stance], self._sole, wanted)
+        else:
+            self.pressure = between(self.soles, self._sole, wanted)
+        if self.state is not Step.SWING:
+            self.plan = pieces[0].left(dt).start
+
+    def _share_load(self) -> None:
+        """Share of the load that each foot may have."""
+        load = [1.0, 1.0]
+        if self.state is Step.SWING:
+            load[1 - self.stance] = 0.0
+        elif self.state in (Step.SHIFT, Step.LAND) and self._left < RELIEF:
+            load[1 - self.stance] = max(RELIEVED * self._left / RELIEF, LEAST)
+        if self.state is Step.LAND and self._elapsed < TAKING:
+            load[self.stance] = max(self._elapsed / TAKING, LEAST)
+        self.load = tuple(load)
+
+
+def _beyond(error: float, taken: float) -> float:
+    """What of an error is left where so much of it is taken."""
+    return max(error - taken, 0.0) + min(error + taken, 0.0)
