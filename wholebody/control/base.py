@@ -37,6 +37,7 @@ class Controller(ABC):
         balance: The support, and how to keep inside; no support before the first reset.
         contacts: Which feet stand, and where; None before the first reset.
         compiled: The program in compiled form, or None: then the readable one is solved.
+        led: Whether a foot that is up follows a swing that the reference has.
         touch: What both hands feel, rows as in `wholebody.robot.touch`, shape (2, TOUCH).
         lean: How far the centre of mass is leant against it, shape (2,), [m].
         tipped: How far it moves the centre of pressure, shape (2,), [m].
@@ -54,7 +55,7 @@ class Controller(ABC):
         self.tasks, self.feet = make_tasks(spec, config, self.robot), make_feet(spec, config)
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
-        self.compiled, self._elapsed = None, config.dt
+        self.compiled, self._elapsed, self.led = None, config.dt, False
         self.contacts: Contacts | None = None
         self.command: JointCommand | None = None
         self.added: np.ndarray | None = None
@@ -70,6 +71,10 @@ class Controller(ABC):
         row = np.zeros(row_length(self.robot.n_joints)) if compiled is None else compiled.reference
         trust = np.ones(2) if compiled is None else compiled.trust
         memory = self._reference = ReferenceMemory(row)
+        swing = np.zeros((len(self.feet), 24)) if compiled is None else compiled.tick.foot_ref
+        self._swing = swing
+        for foot, row_of_foot in zip(self.tasks.feet, swing, strict=True):
+            foot.bind(row_of_foot)
         for i, palm in enumerate(self.palms):
             palm.bind(memory.palms[i], trust[i : i + 1], self.touch[i])
         self.tasks.com.bind(memory.com, self.lean)
@@ -82,7 +87,11 @@ class Controller(ABC):
         self._reference.take(reference)
         contacts = reference.contacts
         if contacts is not None and not (self.contacts is contacts or contacts.same(self.contacts)):
-            self.stand_on(contacts)
+            self.stand_on(contacts) if self._anew(contacts) else self._relieve(contacts)
+        if (reference.swing is not None) != self.led:
+            self._lead(reference.swing is not None)
+        if self.led:
+            self._swing[:] = reference.swing
 
     def step(
         self, state: RobotState, reference: BodyReference | PackedReference, elapsed: float | None = None
@@ -123,6 +132,25 @@ class Controller(ABC):
         """The feet that stand stay there from now on, on the floor that they make; the others may move."""
         self._keep_feet(contacts)
         self.stand_on_floor(contacts.feet)
+
+    def _anew(self, contacts: Contacts) -> bool:
+        """Whether others of the feet stand than before, or elsewhere; else only what each may carry has changed."""
+        before = self.contacts
+        return before is None or before.stands != contacts.stands or not contacts.feet.same(before.feet)
+
+    def _lead(self, led: bool) -> None:
+        """Whether a foot that is up follows a swing from now on, or moves as suits the rest."""
+        self.led = led
+        if self.compiled is not None:
+            self.compiled.tick.led = led
+
+    def _relieve(self, contacts: Contacts) -> None:
+        """Each foot has its share of the load from now on; the same ones stand."""
+        self.contacts = contacts
+        for foot, load in zip(self.feet, contacts.load, strict=True):
+            foot.load = load
+        if self.compiled is not None:
+            self.compiled.bound_loads()
 
     def stand_on_floor(self, feet: Feet) -> None:
         """Count on the floor that these feet make: friction about its normal, and how high it comes where hands do."""

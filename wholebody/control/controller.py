@@ -16,6 +16,7 @@ from wholebody.contacts.friction import pyramid_slope
 from wholebody.control.base import Controller
 from wholebody.control.gains import Gains
 from wholebody.control.tick_report import TickLevel, TickReport
+from wholebody.control.weights import Weights
 from wholebody.errors import InputError
 from wholebody.limits.base import Limit
 from wholebody.limits.body import HeightLimit, OrientationLimit
@@ -63,7 +64,7 @@ class WholeBodyController(Controller):
         self.extra_tasks, self.extra_limits = (*self.tasks.extra, *extra_tasks), tuple(extra_limits)
         self._make_limits()
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
-        self.joints = self._joint_limits()
+        self.joints, self._leak_time = self._joint_limits(), self.config.leak
         self.tau, self.kp, self.kd = np.zeros(self.robot.n_joints), spec.kp, spec.kd
         self.compiled = CompiledProgram(self.inputs()) if self.config.solver == "compiled" else None
         self.q_des, self.dq_des = np.zeros((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
@@ -158,6 +159,18 @@ class WholeBodyController(Controller):
             tick.hand_kp, tick.hand_kd = gains.hand_kp, gains.hand_kd
             tick.posture_kp[:], tick.posture_kd[:] = posture.kp, posture.kd
 
+    def weigh(self, weights: Weights) -> None:
+        """Weigh the tasks so from the next tick on; what they are is in the table of `wholebody.control.weights`."""
+        legs = np.isin(
+            self.robot.motor_to_pin, np.concatenate([self.spec.limbs["left_leg"], self.spec.limbs["right_leg"]])
+        )
+        weights.apply(self.tasks, self.feet, legs, None if self.compiled is None else self.compiled.tick)
+        self._leak_time = weights.leak
+        if self.balance.active != weights.balance:
+            self.balance.active = weights.balance
+            if self.compiled is not None:
+                self.compiled.reset()
+
     def reset(self, state: RobotState) -> None:
         """Start from a measured state: the feet stay where they are."""
         self.q_des[:], self.dq_des[:] = state.q[7:], state.v[6:]
@@ -191,7 +204,7 @@ class WholeBodyController(Controller):
     @property
     def _leak(self) -> float:
         """Share of its difference from the measured state that the desired one forgets in this tick."""
-        return min(self._elapsed / self.config.leak, 1.0)
+        return min(self._elapsed / self._leak_time, 1.0)
 
     def place(self, state: RobotState) -> None:
         """Tell the compiled program what further tasks and limits ask for at a state; without any, this is free."""
@@ -220,6 +233,8 @@ class WholeBodyController(Controller):
             low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self.effort_max
             slowed = self.tasks.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-DAMPING * robot.v[6:])
+        up = [task for task, foot in zip(self.tasks.feet, self.feet, strict=True) if self.led and foot.load == 0.0]
+        objectives += [task.objective(robot) for task in up]
         further = [task.objective(robot) for task in self.extra_tasks]
         rows = [limit.rows(robot) for limit in self.limits]
         for one in further:

@@ -43,6 +43,8 @@ class BodyReference:
         com: Planned centre of mass, its velocity and acceleration, shape (3,) each.
         momentum: Planned angular momentum about the centre of mass and its rate, shape (3,) each [N m s, N m].
         contacts: Which feet stand, where, and what they may carry from this tick on; as before if None.
+        swing: Pose, twist and acceleration of both feet for the one that is up: rotation (9), position (3), twist (6)
+            and acceleration (6) in world axes, shape (2, 24); a foot that is up moves as suits the rest if None.
     """
 
     palms: tuple[PalmReference, PalmReference]
@@ -55,6 +57,7 @@ class BodyReference:
     com: tuple[np.ndarray, np.ndarray, np.ndarray]
     momentum: tuple[np.ndarray, np.ndarray]
     contacts: Contacts | None = None
+    swing: np.ndarray | None = None
 
     def pack(self, out: np.ndarray | None = None) -> np.ndarray:
         """All of it in one row, as `ReferenceMemory` lays it out, shape (row_length,)."""
@@ -79,6 +82,7 @@ class PackedReference:
 
     row: np.ndarray
     contacts: Contacts | None = None
+    swing: np.ndarray | None = None
 
     def pack(self, out: np.ndarray) -> np.ndarray:
         """Copy the row."""

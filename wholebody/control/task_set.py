@@ -10,6 +10,7 @@ from wholebody.contacts.foot import FootContact
 from wholebody.robot.state import Robot
 from wholebody.tasks.body_tasks import BodyTasks
 from wholebody.tasks.com import ComTask
+from wholebody.tasks.foot import FootTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask
 from wholebody.tasks.momentum import AngularMomentumTask
@@ -35,8 +36,16 @@ def make_tasks(spec: RobotSpec, config: ControllerConfig, robot: Robot) -> BodyT
         com=ComTask(kp=body.com_kp, kd=body.com_kd, weight=body.com_weight),
         momentum=AngularMomentumTask(kd=body.momentum_kd, weight=body.momentum_weight),
         posture=PostureTask(kp=kp, kd=kd, weight=weight),
+        feet=tuple(_foot_up(foot.frame, config) for foot in spec.feet),
         fingers=fingers,
     )
+
+
+def _foot_up(frame: str, config: ControllerConfig) -> FootTask:
+    """A foot that is up has to be where it is to land as a hand at its target: gains and weights are those of hands."""
+    hand = config.hand
+    weights = {"position_weight": hand.position_weight, "orientation_weight": hand.orientation_weight}
+    return FootTask(frame, kp=hand.kp, kd=hand.kd, **weights)
 
 
 def _hands(spec: RobotSpec, config: ControllerConfig) -> tuple[HandTask, ...]:

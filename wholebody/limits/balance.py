@@ -30,12 +30,14 @@ class CapturePointLimit:
     def __init__(self, *, margin: float, gain: float) -> None:
         self.margin, self.gain = margin, gain
         self.support: SupportPolygon | None = None
+        self.active = True
+        """Whether it has rows: not where a step is the answer to a capture point that leaves the support."""
         self.tipped = np.zeros(2)
         """How far the forces on the hands move the centre of pressure, shape (2,), [m]."""
 
     def rows(self, robot: Robot) -> Rows:
         """One row per edge of the support."""
-        if self.support is None:
+        if self.support is None or not self.active:
             return Rows(np.zeros((0, robot.nv)), np.zeros(0), ())
         normals = self.support.normals
         omega = natural_frequency(robot.com[2])

@@ -122,7 +122,8 @@ class CompiledBody:
 
     def reset(self) -> None:
         """Take over which feet stand, where, and the support; the working set is forgotten."""
-        tick, support = self.tick, self.inputs.balance.support if self._supported else None
+        balance = self.inputs.balance
+        tick, support = self.tick, balance.support if self._supported and balance.active else None
         tick.n_edges = 0 if support is None else len(support.offsets)
         if support is not None:
             tick.edges[: tick.n_edges] = np.column_stack([support.normals, support.offsets])
@@ -143,7 +144,7 @@ class CompiledProgram(CompiledBody):
 
     def __init__(self, inputs: ProgramInputs) -> None:
         super().__init__(inputs, make_workspace(inputs), partial(shapes_of, inputs), supported=inputs.safety)
-        self._bound_loads()
+        self.bound_loads()
         tick = self.tick
         self.v, self.dv, self.forces, self.desired = tick.v, tick.dv, tick.f.reshape(-1, 3), tick.desired
         self._answer = tick.span("dv", "dual")
@@ -156,9 +157,10 @@ class CompiledProgram(CompiledBody):
     def reset(self) -> None:
         """Take over which feet stand, where, what each may carry, and the support; the working set is forgotten."""
         super().reset()
-        self._bound_loads()
+        self.bound_loads()
 
-    def _bound_loads(self) -> None:
+    def bound_loads(self) -> None:
+        """Take over what each foot may carry."""
         for c, foot in enumerate(self.inputs.feet):
             self.tick.force_min[c], self.tick.force_max[c] = foot.load_bounds
 

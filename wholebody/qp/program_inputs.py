@@ -101,7 +101,8 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[Shapes, Shapes]:
         "torso_gain": (4,), "height_gain": (4,), "posture_kp": (nj,), "posture_kd": (nj,), "posture_weight": (nj,),
         "posture_feedback_max": (), "balance_margin": (), "balance_gain": (), "tolerance": (), "primal_accepted": (),
         "dual_accepted": (), "dt": (), "q": (model.nq,), "v": (nv,), "trust": (2,), "touch": (2, TOUCH), "lean": (2,),
-        "tipped": (2,), "hand_ref": (2, 24),
+        "tipped": (2,), "foot_ref": (feet, 24), "foot_kp_up": (), "foot_kd_up": (), "foot_weight": (2,),
+        "foot_feedback_max": (2,), "hand_ref": (2, 24),
         "com_ref": (15,), "pelvis_ref": (15,), "torso_ref": (15,), "height_ref": (3,), "posture_ref": (3, nj),
         "R": (nb, 3, 3), "p": (nb, 3), "S": (nv, 6), "force": (nb, 6), "sums": (22,),
         "frame_R": (frames, 3, 3), "frame_p": (frames, 3), "frame_V": (frames, 6), "frame_A": (frames, 6),
@@ -111,7 +112,7 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[Shapes, Shapes]:
     }  # fmt: skip
     ints = {
         "parent": (nb,), "frame_body": (frames,), "n_contacts": (), "n_edges": (), "hands": (), "iterations": (),
-        "iteration_limit": (), "n_working": (),
+        "iteration_limit": (), "n_working": (), "led": (),
     }  # fmt: skip
     return reals, ints
 
@@ -141,6 +142,7 @@ def standing_shapes(p: BodyInputs, standing: Sequence[int], others: int = 0) -> 
     }  # fmt: skip
     ints = {
         "bound_columns": (bound,), "free_columns": (nv - bound,), "standing": (len(standing),), "loaded": (points,),
+        "lifted": (len(p.feet) - len(standing),),
         "rows": (nu + 1,),
     }  # fmt: skip
     return reals, ints
@@ -171,6 +173,9 @@ def fill_body(p: BodyInputs, tick: Packed) -> None:
     tick.hand_kp, tick.hand_kd, tick.com_kp, tick.com_kd = hand.kp, hand.kd, com.kp, com.kd
     tick.hand_feedback_max[:], tick.hand_weight[:] = hand.feedback_max, (hand.weight[0], hand.weight[3])
     tick.com_feedback_max, tick.com_weight[:] = com.feedback_max, com.weight
+    foot = p.tasks.feet[0]
+    tick.foot_kp_up, tick.foot_kd_up, tick.foot_weight[:] = foot.kp, foot.kd, (foot.weight[0], foot.weight[3])
+    tick.foot_feedback_max[:] = foot.feedback_max
     for name in ("pelvis", "torso", "height"):
         gain, task = getattr(tick, f"{name}_gain"), getattr(p.tasks, name)
         gain[:] = task.kp, task.kd, task.feedback_max, task.weight[0]
@@ -189,6 +194,7 @@ def stand(p: BodyInputs, tick: Packed, shapes: StandingShapes) -> None:
         tick.shape(each)
     moves, points = contact_moves(p)[standing].any(0), np.arange(len(tick.points_local)).reshape(len(p.feet), -1)
     tick.standing[:], tick.loaded[:] = standing, points[standing].reshape(-1)
+    tick.lifted[:], tick.weight[: len(p.feet)] = [c for c in range(len(p.feet)) if c not in standing], 0.0
     tick.bound_columns[:], tick.free_columns[:] = np.flatnonzero(moves), np.flatnonzero(~moves)
     tick.n_working = 0
     for R, position, foot in zip(tick.foot_R_ref, tick.foot_p_ref, p.feet, strict=True):

@@ -8,6 +8,7 @@ import numpy as np
 
 from wholebody.tasks.base import Task
 from wholebody.tasks.com import ComTask
+from wholebody.tasks.foot import FootTask
 from wholebody.tasks.hand import HandTask
 from wholebody.tasks.height import HeightTask
 from wholebody.tasks.momentum import AngularMomentumTask
@@ -20,6 +21,7 @@ class BodyTasks:
     """Every task by name.
 
     Attributes:
+        feet: Left and right foot, each followed while it is up.
         fingers: The finger joints, Pinocchio order.
         extra: Tasks that no reference is read for: a new task is added here, in `make_tasks`, and nowhere else.
     """
@@ -31,6 +33,7 @@ class BodyTasks:
     com: ComTask
     momentum: AngularMomentumTask
     posture: PostureTask
+    feet: tuple[FootTask, ...]
     fingers: np.ndarray
     extra: tuple[Task, ...] = ()
 

@@ -14,6 +14,7 @@ from tests.support.body_cases import standing
 from wholebody.backends.kinematic.controller import KinematicController
 from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
+from wholebody.control.weights import RECOVERING, WALKING, Weights
 from wholebody.errors import InputError
 from wholebody.robot.contact_schedule import Contacts
 from wholebody.types import RobotState
@@ -77,6 +78,70 @@ def test_the_compiled_program_is_the_readable_one_with_a_foot_up(up):
         for name in ("dv", "forces", "tau"):
             x, y = getattr(a, name), getattr(b, name)
             assert np.abs(x - y).max() < 2e-4 * max(1.0, np.abs(y).max()), name
+
+
+def swings(controller, foot, lift=0.01):
+    """Rows that lead a foot up from where it is, turning."""
+    rows = np.zeros((2, 24))
+    T = controller.robot.pose(controller.feet[foot].frame)
+    rows[foot, :9], rows[foot, 9:12] = (T.rotation @ pin.exp3(np.array([0.0, 0.0, 0.02]))).ravel(), T.translation
+    rows[foot, 11] += lift
+    rows[foot, 12:18], rows[foot, 18:24] = (0.3, 0.1, 0.2, 0.0, 0.1, 0.2), (1.0, -1.0, 2.0, 0.5, 0.0, 1.0)
+    return rows
+
+
+@pytest.mark.parametrize("up", ["left", "right"])
+@pytest.mark.parametrize("weights", [WALKING, RECOVERING])
+def test_a_foot_that_is_up_follows_its_swing_in_both_programs(up, weights):
+    (one, q), (other, _) = make(), make(solver="daqp")
+    foot = 0 if up == "left" else 1
+    for seed in range(3):
+        answers_of = []
+        for controller in (one, other):
+            controller.weigh(weights)
+            state = drawn(controller, q, seed)
+            controller.robot.update(state.q, state.v)
+            reference = standing(controller, state.q)
+            contacts = Contacts(controller.contacts.feet, UP[up])
+            told = {**vars(reference), "contacts": contacts, "swing": swings(controller, foot)}
+            _, report = controller.step(state, type(reference)(**told))
+            controller.robot.update(state.q, state.v)
+            answers_of.append(report.solution)
+            wanted = controller.tasks.feet[foot].objective(controller.robot)
+            missed = np.linalg.norm((wanted.J @ report.solution.dv - wanted.target)[:3])
+            assert missed < 0.3 * np.linalg.norm(wanted.target[:3])
+        a, b = answers_of
+        for name in ("dv", "forces", "tau"):
+            x, y = getattr(a, name), getattr(b, name)
+            assert np.abs(x - y).max() < 2e-4 * max(1.0, np.abs(y).max()), name
+
+
+def test_weights_that_come_back_leave_no_trace():
+    (one, q), (other, _) = make(), make()
+    state = drawn(one, q, 3)
+    one.weigh(WALKING)
+    answers(one, state, one.contacts)
+    one.weigh(Weights.standing(one.config))
+    one.compiled.forget()
+    one.reset(RobotState(0.0, q, np.zeros(one.robot.nv)))
+    after, fresh = answers(one, state, one.contacts).solution, answers(other, state, other.contacts).solution
+    for name in ("dv", "forces", "tau"):
+        assert np.array_equal(getattr(after, name), getattr(fresh, name))
+
+
+def test_a_share_of_the_load_alone_keeps_the_working_set():
+    controller, q = make()
+    state, feet = RobotState(0.0, q, np.zeros(controller.robot.nv)), controller.contacts.feet
+    controller.robot.update(q, state.v)
+    reference = standing(controller, q)
+    for share in (1.0, 0.02, 0.01):
+        told = {**vars(reference), "contacts": Contacts(feet, (1.0, share))}
+        before = controller.compiled.active
+        controller.set_reference(type(reference)(**told))
+        assert controller.compiled.active == before
+        _, report = controller.step(state, type(reference)(**told))
+        assert np.split(report.solution.forces, 2)[1][:, 2].max() <= share * controller.config.force_max + 1e-6
+    assert before > 0
 
 
 def test_a_foot_set_down_again_leaves_no_trace():

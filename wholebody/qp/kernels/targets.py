@@ -23,6 +23,8 @@ def targets(tick: Packed) -> None:
     n = tick.n_contacts
     for i in range(2):
         hand_target(tick, i, n + i)
+    for k in range(tick.lifted.shape[0]):
+        foot_up_target(tick, tick.lifted[k])
     orientation_target(tick, tick.pelvis_ref, tick.pelvis_gain, n + 2)
     orientation_target(tick, tick.torso_ref, tick.torso_gain, n + 3)
     height_target(tick, n + 2)
@@ -47,6 +49,22 @@ def hand_target(tick: Packed, i, f) -> None:
         weight[k] = trust * size[k // 3]
     if touch[SHARE] > 0.0:
         touching_target(ref, q, x, velocity, drift, kd, touch, feedback, target)
+
+
+def foot_up_target(tick: Packed, c) -> None:
+    """Foot ``c``, which is up, as `FootTask` if it is led; its reference is laid out as that of a hand."""
+    q, ref, x, velocity, drift = tick.q, tick.foot_ref[c], tick.frame_p[c], tick.frame_V[c], tick.frame_A[c]
+    kp, kd, largest, size = tick.foot_kp_up, tick.foot_kd_up, tick.foot_feedback_max, tick.foot_weight
+    target, weight, feedback = tick.target[c], tick.weight[c], tick.scratch
+    rotation_between(ref[:9].reshape((3, 3)), tick.frame_R[c], feedback[3:])
+    for k in range(3):
+        feedback[k] = kp * (ref[9 + k] - q[k] - x[k])
+        feedback[3 + k] *= kp
+    shorten(feedback, 0, largest[0])
+    shorten(feedback, 3, largest[1])
+    for k in range(6):
+        target[k] = ref[18 + k] + kd * (ref[12 + k] - velocity[k]) + feedback[k] - drift[k]
+        weight[k] = tick.led * size[k // 3]
 
 
 def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None:

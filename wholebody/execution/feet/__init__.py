@@ -1,0 +1,1 @@
+"""Feet that step: a walk of `wholebody.walking` as references of the controller."""
