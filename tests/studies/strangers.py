@@ -28,8 +28,7 @@ import numpy as np
 from policy.action_spec.codec import decode, encode
 from policy.recorded.replay import ReplayPolicy
 from tests.support.sent_chunks import STANCE
-from tests.support.stranger_chunks import SPEC, stranger
-from wholebody.config import ControllerConfig, LoadConfig
+from tests.support.stranger_chunks import SPEC, stranger, told_of
 from wholebody.episode.run import EpisodeConfig
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
@@ -40,11 +39,6 @@ HOLD = 2.5
 """Time for which the robot is watched after the last step [s]."""
 NEAR = 1e-3
 """Distance of a place that is told from that of the step [m]."""
-
-
-def told_of(loads):
-    """Settings that tell of what the hands carry."""
-    return ControllerConfig(loads=LoadConfig(source="told", left=loads[0], right=loads[1])) if any(loads) else None
 
 
 @cache

@@ -11,6 +11,7 @@ from policy.action_spec.builtin import builtin
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.scripted.policy import minimum_jerk, palm_offset, stance_pose
+from wholebody.config import ControllerConfig, LoadConfig
 
 FAMILIES = ("down", "beside", "moving_end", "loaded")
 LOAD = 1.5
@@ -41,6 +42,11 @@ def stranger(number):
         left = LOAD * rng.choice([0.0, 0.5, 1.0])
         loads = (float(left), float(LOAD - left))
     return Stranger(number, family, chunk, loads)
+
+
+def told_of(loads):
+    """Settings that tell of what the hands carry."""
+    return ControllerConfig(loads=LoadConfig(source="told", left=loads[0], right=loads[1])) if any(loads) else None
 
 
 def sent(goals, turns, share, fps):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -24,7 +24,6 @@ from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Surroundings
 from wholebody.planning.plan import ChunkPlan
-from wholebody.planning.preparation import prepare
 from wholebody.resources import processors
 from wholebody.robot.feet import Feet
 from wholebody.types import RobotState
@@ -32,33 +31,17 @@ from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.input_steps import far_from_stance, last_step, within
 from wholebody.verdict.plan_run import PlanRun, Suspect
-from wholebody.verdict.repair import (  # fmt: skip
-    MORE,
-    MORE_TRIES,
-    Change,
-    Repairer,
-    changed,
-    hands_of,
-    slowed,
-    slower_by,
-    towards,
-)
+from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.chunk_program import STARTS
-from wholebody.verdict.why.explainer import Explainer, would_change
-from wholebody.verdict.why.sentence import with_changes
-from wholebody.verdict.why.single_changes import MOVED_MOST
+from wholebody.verdict.why.explainer import Explainer
+from wholebody.verdict.why.of_run import RunExplainer
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
-LED_SLOWER, LED_SHARES, LED_ROUNDS = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 2
-"""Slow-downs and shares of the way to a plan that are tried where no single change does, and how often: what is led to
-a plan may have another one, nearer by [no unit]; chosen, no trial is on record."""
 WHOLE_STEPS, WHOLE_TIME = 150, 5.0
 """Steps and time of a recording up to which causes, and what would do, are looked for in all of it and not in a window
 [no unit, s]; chosen: three windows, a search of seconds."""
-SUSPECTS = 3
-"""Chunks that were not followed as given among which the first with a cause is looked for."""
 Start = Literal["first", "stance"]
 
 
@@ -108,22 +91,27 @@ class FastChecker:
         require_run("duration", duration)
         # A robot that stands elsewhere has its first plan when that is computed, and later ones as late.
         lead = self.config.planning.lead if start == "stance" else 0.0
-        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True)
+        episode = getattr(policy, "episode", None)
+        end = np.inf if episode is None else (len(episode) - 1) / episode.fps
+        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end)
         run.placed = start == "first"
         begin = self._play(run, policy, duration, None if run.placed else self.judge.stance(), lead)
-        if ask_why and (whole := self._whole(run, policy, duration, begin, lead)) is not None:
-            run.suspects.insert(0, whole)
-        return self._told(run, name, last_step(policy, duration, run.result.fps), ask_why=ask_why)
+        verdict, last = self._told(run, name), last_step(policy, duration, run.result.fps)
+        if ask_why and verdict.verdict != "feasible":
+            explainer = RunExplainer(
+                self.judge, self.explainer, run, self._play, self._whole(policy, duration, begin, lead)
+            )
+            verdict = explainer.explained(verdict, last / run.result.fps)
+        return within(verdict, last)
 
-    def _whole(self, run: PlanRun, policy: Policy, duration: float, begin: Begin, lead: float) -> Suspect | None:
-        """A short recording as one chunk, begun there, where a chunk of it is not followed as given."""
+    def _whole(self, policy: Policy, duration: float, begin: Begin, lead: float) -> Suspect | None:
+        """A short recording as one chunk, begun there."""
         episode = getattr(policy, "episode", None)
-        if not run.suspects or episode is None or len(episode) > WHOLE_STEPS or duration > WHOLE_TIME:
+        if episode is None or len(episode) > WHOLE_STEPS or duration > WHOLE_TIME:
             return None
-        chunk = replace(episode, t_obs=run.result.start)
-        now = chunk.t_obs + lead
-        plan = self.judge.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True, hold=True)
-        return Suspect(chunk, begin, now, plan)
+        chunk = replace(episode, t_obs=0.0)
+        plan = self.judge.planner.plan(chunk, lead, begin.body, begin.hands, begin.before, quick=True, hold=True)
+        return Suspect(chunk, begin, lead, plan)
 
     def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> Begin:
         """Chunk after chunk for a time [s], begun somewhere or with the hands at the first step; where it was begun."""
@@ -172,7 +160,12 @@ class FastChecker:
         run.placed = placed
         run.result.notes += [Note(chunk.t_obs, text) for text in notes]
         run.follow(chunk, begin, chunk.t_obs, np.inf)
-        return self._told(run, name, len(chunk) - 1, ask_why=ask_why)
+        verdict, last = self._told(run, name), len(chunk) - 1
+        if ask_why and verdict.verdict != "feasible":
+            whole = Suspect(chunk, begin, chunk.t_obs, run.planned.plan)
+            explainer = RunExplainer(self.judge, self.explainer, run, self._play, whole, at_once=True)
+            verdict = explainer.explained(verdict, last / run.result.fps)
+        return within(verdict, last)
 
     def of_plan(
         self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]
@@ -210,77 +203,9 @@ class FastChecker:
 
         return Repairer(self.judge, chunk, begin, holds, lasts)
 
-    def _told(self, run: PlanRun, name: str, last: int, *, ask_why: bool) -> Verdict:
-        """What is told of a run whose input has its last step there; then it is held."""
-        verdict = replace(run.verdict(name, self._settings), odds=self._odds(run))
-        if ask_why and verdict.verdict != "feasible":
-            verdict = self._explained(verdict, run, last / run.result.fps)
-        return within(verdict, last)
-
-    def _explained(self, verdict: Verdict, run: PlanRun, end: float) -> Verdict:
-        """A verdict with the causes of the first chunk that has any, and what would do for it, or for the first one."""
-        free, every = run.result.orientation_free, len(run.suspects) <= SUSPECTS
-        for suspect in run.suspects[:SUSPECTS]:
-            sound = partial(self._sound, run, suspect)
-            told = self.explainer.explained(verdict, suspect, free, run.result.start, sound, end)
-            if told.causes:
-                return self._with_some_change(told, run, suspect)
-            every = every and told.why_complete
-        finds = every and len(run.suspects) > 0 and self.judge.scene is None
-        verdict = replace(verdict, search_finds=finds, why_complete=every)
-        return self._with_some_change(verdict, run, run.suspects[0]) if run.suspects else verdict
-
-    def _with_some_change(self, verdict: Verdict, run: PlanRun, suspect: Suspect) -> Verdict:
-        """A verdict that no single change cures, with one of all: slower, and led to where plans have the hands."""
-        if any(one.chunk is not None for one in verdict.would_do):
-            return verdict
-        change = self._led(run, suspect)
-        if change is None:
-            return verdict
-        would_do = [would_change(self.judge, suspect.chunk, change), *verdict.would_do]
-        alone = len(verdict.causes) == 1
-        return replace(
-            verdict,
-            would_do=would_do,
-            causes=[
-                with_changes(replace(one, sentence=one.told), would_do) if alone else one for one in verdict.causes
-            ],
-        )
-
-    def _led(self, run: PlanRun, suspect: Suspect) -> Change | None:
-        """The chunk led to where plans at several speeds have the hands, half the way if that holds."""
-        judge, inside = self.judge, prepare(suspect.chunk, self.judge.planner.hand_limits).chunk
-        for factor in LED_SLOWER:
-            chunk, given = slowed(inside, factor), slowed(suspect.chunk, factor)
-            for _ in range(LED_ROUNDS):
-                begin = self._begun(run, suspect, chunk)
-                plan = judge.planner.plan(chunk, suspect.now, begin.body, begin.hands, quick=True, hold=True)
-                goal = hands_of(plan, chunk)
-                for share in LED_SHARES:
-                    led = towards(chunk, goal, share, share, judge.planner.offsets)
-                    one = Change("led", factor, *changed(judge, given, led), led)
-                    if one.moved <= MOVED_MOST and self._sound(run, suspect, one) is not None:
-                        return one
-                chunk = led
-        return None
-
-    def _begun(self, run: PlanRun, suspect: Suspect, changed: ActionChunk) -> Begin:
-        """Where a changed chunk is begun: with its own first step where the robot was placed there."""
-        placed = run.placed and self.judge.begins_with(suspect.chunk, suspect.begin)
-        return self.judge.first_pose(changed) if placed else suspect.begin
-
-    def _sound(self, run: PlanRun, suspect: Suspect, change: Change) -> Change | None:
-        """A change, or up to a sixth more of a slow-down, that is feasible as the changed chunk is played."""
-        lead = suspect.now - suspect.chunk.t_obs
-        for more in (MORE**k for k in range(MORE_TRIES)):
-            tried = change if more == 1.0 else slower_by(suspect.chunk, change, more)
-            again, policy = PlanRun(self.judge, run.result.orientation_free, at_once=True), ReplayPolicy(tried.chunk)
-            self._play(again, policy, policy.duration, self._begun(run, suspect, tried.chunk), lead)
-            if again.verdict("", {}).verdict == "feasible":
-                return tried
-            if change.kind != "slower":
-                break
-        return None
+    def _told(self, run: PlanRun, name: str) -> Verdict:
+        """What is told of a run, without reasons."""
+        return replace(run.verdict(name, self._settings), odds=self._odds(run))
 
     def _odds(self, run: PlanRun) -> Odds | None:
         """What is likely to become of the chunks, each by itself; None of a body that was not learned."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -75,16 +76,24 @@ class PlanRun:
         free: Whether the orientation of the left and the right palm is free.
         by_path: Compare palms where the plan is on its path; at the steps' own times if not.
         at_once: The first chunk begins with its first step; where its plan does if not.
+        end: Time of the last step that is asked for, since the first one [s]; then it is held.
     """
 
     def __init__(
-        self, judge: ChunkJudge, free: tuple[bool, bool], *, by_path: bool = False, at_once: bool = False
+        self,
+        judge: ChunkJudge,
+        free: tuple[bool, bool],
+        *,
+        by_path: bool = False,
+        at_once: bool = False,
+        end: float = np.inf,
     ) -> None:
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
-        self._by_path, self._at_once = by_path, at_once
+        self._by_path, self._at_once, self._end = by_path, at_once, end
         self.margins: dict[Limit, Margin] = {}
         self.suspects: list[Suspect] = []
         self.followed: ChunkJudgement | None = None
+        self.planned: ChunkJudgement | None = None
         self.quantities: list[tuple[float, dict[str, float]]] = []
         self.moving, self._looked_at, self.placed = False, -np.inf, True
         self._planned: ActionChunk | None = None
@@ -140,6 +149,7 @@ class PlanRun:
 
     def _plan(self, chunk: ActionChunk, begin: Begin, now: float, found: ChunkJudgement | None) -> None:
         planned, found = found is None, found or self.judge.judge(chunk, begin, now)
+        self.planned = found
         self._note(chunk, found, begin)
         if planned and self._is_news(chunk):
             self.quantities.append((chunk.t_obs - self.result.start, quantities(self.judge, chunk, begin, found)))
@@ -168,10 +178,25 @@ class PlanRun:
         if report.slowdown > result.slowdown:
             result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
         since = chunk.t_obs - result.start
-        for one in found.margins:
+        for one in self._room(chunk, found):
             moved = replace(one, time=one.time + since, step=one.step + round(since * chunk.fps))
             if one.code not in self.margins or one.share < self.margins[one.code].share:
                 self.margins[one.code] = moved
+
+    def own(self, chunk: ActionChunk) -> ActionChunk:
+        """A chunk without what only holds the end of the input: to stop there is the plan's part, and no step's."""
+        left = self._end - (chunk.t_obs - self.result.start)
+        n = int(np.floor(min(left, len(chunk) / chunk.fps) * chunk.fps + 1e-6)) + 1
+        if not 2 <= n < len(chunk):
+            return chunk
+        return replace(chunk, **{name: value[:n] for name, value in chunk.arrays().items()})
+
+    def _room(self, chunk: ActionChunk, found: ChunkJudgement) -> Iterable[Margin]:
+        """Room to every bound; to those of numbers, of the numbers that are the input's own."""
+        if (own := self.own(chunk)) is chunk:
+            return found.margins
+        room = {one.code: one for one in found.margins} | self.judge.of_numbers(own)
+        return room.values()
 
     def _score(self, chunk: ActionChunk, due: np.ndarray, begin: Begin) -> None:
         """Compare steps of a chunk with what is commanded then: by its plan, or by the one before."""

@@ -39,4 +39,4 @@ def said(slower: float, moved: float, turned: float, lighter: float = 0.0, force
     parts += [f"with a hand turned by {quantity(turned, 'rad')}"] if turned > TURNED_MIN else []
     parts += [f"with {lighter:.2f} kg less in the hands"] if lighter else []
     parts += [f"with a hand pushing with {int(force)} N"] if force else []
-    return " and ".join(parts) or "with the fingers in their range"
+    return " and ".join(parts) or "with its numbers in their range"

@@ -197,9 +197,13 @@ class ChunkJudge:
 
     def numbers(self, chunk: ActionChunk, begin: Begin, now: float) -> dict[Limit, Margin]:
         """Room that a chunk leaves to the bounds that need no plan: on its own numbers, and what it asks of a scene."""
-        found = [self.start_margin(chunk, begin, now), *chunk_margins(chunk, self.planner.hand_limits, self.spec)]
+        found = [self.start_margin(chunk, begin, now)]
         found += [] if self.scene is None or (near := self.scene.asked(chunk)) is None else [near]
-        return {one.code: one for one in found}
+        return {one.code: one for one in found} | self.of_numbers(chunk)
+
+    def of_numbers(self, chunk: ActionChunk) -> dict[Limit, Margin]:
+        """Room that a chunk leaves to the bounds on its own numbers, wherever it is begun."""
+        return {one.code: one for one in chunk_margins(chunk, self.planner.hand_limits, self.spec)}
 
     def start_margin(self, chunk: ActionChunk, begin: Begin, now: float) -> Margin:
         """How far a chunk begins from where the hands are then, now [s], against what is no continuation any more."""

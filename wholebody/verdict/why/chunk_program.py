@@ -220,11 +220,11 @@ class ChunkProgram:
 
     def reach(self, witness: Witness) -> Margin:
         """How far the palms of a motion are from where they are asked to be, at the worst."""
-        share, k, side = witness.worst
+        _, k, side = witness.worst
         T, wanted, bound = witness.knots.T_palms[k, side], self.targets.T_palms[k, side], self.judge.config.verdict
         off = float(np.linalg.norm(T[:3, 3] - wanted[:3, 3]))
         turn, time = float(angle_between(T[:3, :3], wanted[:3, :3])), float(self.targets.steps[k])
-        turned = off / bound.palm_feasible < share
+        turned = not self.free[side] and turn / bound.turn_feasible > off / bound.palm_feasible
         code, value, bound = (
             (Limit.ORIENTATION, turn, bound.turn_feasible) if turned else (Limit.REACH, off, bound.palm_feasible)
         )

@@ -69,7 +69,7 @@ class Explainer:
         suspect: Suspect,
         free: tuple[bool, bool],
         start: float,
-        sound: Callable[[Change], Change | None] = lambda change: change,
+        sound: Callable[[Change], Change | None] | None = lambda change: change,
         end: float = inf,
     ) -> Verdict:
         """A verdict with what is found of a chunk that is not followed as given.
@@ -79,8 +79,8 @@ class Explainer:
             suspect: The chunk.
             free: Whether nothing is asked of the left and the right palm's orientation.
             start: Time of the first step of the input [s].
-            sound: A change, or a little more of it, that is feasible when it is checked; None if none is.
-            end: Time of the last step of the input since its first one [s]; then it is held.
+            sound: A change, or a little more, that is feasible when checked; without it, no change is looked for.
+            end: Time of the last step of the input since its first one [s].
         """
         chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
         for twin in self._twins:
@@ -97,7 +97,7 @@ class Explainer:
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
         # A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
         at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in told) or not program.rests()
-        idle = SimpleQueue()
+        idle, kinds = SimpleQueue(), () if sound is None else CHANGES
 
         def changed(kind: Kind) -> tuple[Change | None, bool]:
             judge = idle.get()
@@ -108,7 +108,7 @@ class Explainer:
                 idle.put(judge)
 
         with ThreadPoolExecutor(len(CHANGES)) as pool:
-            asked = [pool.submit(changed, kind) for kind in CHANGES if kind != "slower" or not at_rest]
+            asked = [pool.submit(changed, kind) for kind in kinds if kind != "slower" or not at_rest]
             for twin in self._twins:
                 idle.put(twin)
             try:
