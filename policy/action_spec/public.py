@@ -139,6 +139,15 @@ def brainco26(robot: RobotSpec) -> ActionSpec:
     )
 
 
+def joint14(robot: RobotSpec) -> ActionSpec:
+    """Both arms in motor order, without hands; fingers stay as they are; 14 numbers.
+
+    Source:
+        Recordings of a G1 without hands, such as those of xr_teleoperate without ``--ee``.
+    """
+    return ActionSpec(name="joint14", robot=robot, slots=stack(*_arms(robot)))
+
+
 def joint29(robot: RobotSpec) -> ActionSpec:
     """The 29 body joints in motor order, without hands, at 50 Hz; legs say where the pelvis is over feet that stay.
 
@@ -199,6 +208,6 @@ def _quaternion_wrist(side: str) -> tuple[dict, dict]:
 
 LAYOUTS = (
     *(openhlm34, unifolm_wla54, decoupled_wbc43, decoupled_wbc_eef14),
-    *(inspire26, inspire26_by_side, brainco26, joint29, joint23),
+    *(inspire26, inspire26_by_side, brainco26, joint14, joint29, joint23),
 )
 """Layouts of this module."""

@@ -192,14 +192,19 @@ def inside(folder: Path, template: object, **parts: object) -> Path:
     Raises:
         DatasetError: If the template is none, or leads elsewhere.
     """
+    if not isinstance(template, str):
+        raise DatasetError(
+            f"{folder}/meta/info.json does not say where files are: data_path (and video_path of videos) is a text "
+            "such as 'data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet'"
+        )
     try:
-        text = str(template)
+        text = template
         if len(text) > PATH_MAX or not all(
             name is None or (name.isidentifier() and conversion is None and _FIELD.fullmatch(layout or ""))
             for _, name, layout, conversion in Formatter().parse(text)
         ):
             raise ValueError("only {name} and {name:03d} can be filled in")
-        file = folder / str(template).format(**parts)
+        file = folder / template.format(**parts)
     except (KeyError, IndexError, ValueError, TypeError, AttributeError) as error:
         raise DatasetError(f"meta/info.json has the path '{template}', which cannot be filled in: {error!r}") from error
     if not _within(file, folder):

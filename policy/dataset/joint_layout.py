@@ -34,6 +34,7 @@ from policy.dataset.naming.meaning import (
 from policy.dataset.naming.vouched import column_names, require_same_names
 from policy.errors import DatasetError, did_you_mean
 from policy.joints import joints_of
+from policy.reading import listed
 
 LEGS = ("left_leg", "right_leg")
 _CLOSINGS = {"inspire": INSPIRE, "brainco": BRAINCO}
@@ -180,41 +181,56 @@ def joint_layout(
     if assume is not None:
         return _assumed(named, dim, feature, assume, unit, robot)
     if says_nothing(given, dim):
-        fitting = [name for name in LAYOUTS if builtin(name, robot).dim == dim]
-        known = f"layouts with {dim} numbers: {', '.join(fitting)}" if fitting else "`wholebody layouts` has a list"
         raise DatasetError(
             f"'{feature}' has {dim} columns without names; equal size does not say which joints they are. "
-            f"If you know the layout, say --assume-spec {fitting[0] if fitting else 'joint28 or joint16'} or a JSON "
-            f"file of your own ({known}; `wholebody layouts --from` looks which fit)",
+            f"If you know the layout, {_by_width(dim, robot)}",
             feature=feature,
         )
     if len(given) != dim:
         raise DatasetError(
             f"'{feature}' has {dim} columns but {len(given)} names; there must be one name a column", feature=feature
         )
-    found = [_known(name, part, feature, robot) for part, name in named]
+    found = [_known(name, part, feature, robot, dim) for part, name in named]
     layout = JointLayout(tuple(one.name for one in found), given, unit, tuple(one.reason for one in found), robot)
     _check_complete(layout, feature)
     return layout
 
 
-def _known(name: str, part: str, feature: str, robot: RobotSpec) -> Meaning:
+def _known(name: str, part: str, feature: str, robot: RobotSpec, dim: int) -> Meaning:
     found = meaning(name, part, robot)
     if found.name or found.reason:
         return found
     near = did_you_mean(name, (*UNITREE_DEX3, "kLeftGripper", "kRightGripper", *robot.joint_names))
     raise DatasetError(
         f"'{feature}' has a column '{name}', which is no joint of the G1 with Dex3 hands or Dex1 grippers, and no "
-        f"finger of an Inspire or BrainCo hand; {near}if the names say nothing, --assume-spec joint28 or joint16 does",
+        f"finger of an Inspire or BrainCo hand; {near}correct it in meta/info.json; if the names say nothing, "
+        f"{_by_width(dim, robot)}",
         feature=feature,
     )
 
 
+def _by_width(dim: int, robot: RobotSpec) -> str:
+    """What a user who knows the layout may say of so many numbers."""
+    fitting = [name for name in LAYOUTS if builtin(name, robot).dim == dim]
+    known = f"layouts with {dim} numbers: {', '.join(fitting)}" if fitting else f"no layout has {dim} numbers"
+    named = f"--assume-spec {fitting[0]} or a JSON file" if fitting else "--assume-spec with a JSON file"
+    return f"say {named} of your own ({known}; `wholebody layouts --from` looks which fit)"
+
+
 def _check_complete(layout: JointLayout, feature: str) -> None:
     there = [name for name in layout.names if name]
+    if not there:
+        reasons = "; ".join(f"{listed(names, 4)}: {reason}" for reason, names in layout.left_out.items())
+        raise DatasetError(
+            f"'{feature}' has no joints ({reasons}). If you know the layout, {_by_width(layout.dim, layout.robot)}",
+            feature=feature,
+        )
     doubled = sorted({name for name in there if there.count(name) > 1})
     if doubled:
-        raise DatasetError(f"'{feature}' has two columns for {', '.join(doubled)}", feature=feature)
+        raise DatasetError(
+            f"'{feature}' has two columns for {', '.join(doubled)}: correct the names in meta/info.json",
+            feature=feature,
+        )
     robot, arms, own = layout.robot, arms_of(layout.robot), fingers_of(layout.robot)
     kinds = {"Dex3 fingers": own, "grippers": GRASPS, "fingers of another hand": FOREIGN_FINGERS}
     have = [kind for kind, names in kinds.items() if any(name in there for name in names)]

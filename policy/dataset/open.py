@@ -12,7 +12,7 @@ from policy.dataset.forms.hdf5 import hdf5_files, read_hdf5
 from policy.dataset.forms.v21 import read_v21
 from policy.dataset.forms.v30 import read_v30
 from policy.dataset.forms.xr_json import episode_files, read_xr_json
-from policy.errors import DatasetError
+from policy.errors import DatasetError, printable
 from policy.reading import FPS_MAX, FPS_MIN
 
 INFO = Path("meta", "info.json")
@@ -47,9 +47,14 @@ def open_dataset(folder: str | Path) -> Dataset:
     version = info.get("codebase_version")
     readers = {"v3.0": read_v30, "v2.1": read_v21, "v2.0": read_v21}
     if not isinstance(version, str) or version not in readers:
+        old = isinstance(version, str) and version.startswith("v1")
+        cure = (
+            "bring it up with LeRobot's own converters (lerobot.scripts.convert_dataset_*) first"
+            if old
+            else "write the one that it is there"
+        )
         raise DatasetError(
-            f"{folder} is in the format {version}; {', '.join(readers)} are read: bring it up with LeRobot's own "
-            "converters (lerobot.scripts.convert_dataset_*) first"
+            f"{folder}/meta/info.json has the codebase_version {version!r:.40}; {', '.join(readers)} are read: {cure}"
         )
     check_info(folder, info)
     dataset = readers[version](folder, info)
@@ -105,12 +110,13 @@ def check_info(folder: Path, info: Mapping[str, Any]) -> None:
     fps, features = info.get("fps"), info.get("features")
     if not isinstance(fps, (int, float)) or isinstance(fps, bool) or not FPS_MIN <= fps <= FPS_MAX:
         said = f"a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}"
-        raise DatasetError(f"{folder}/meta/info.json has fps {fps!r:.40}; {said}")
-    if not isinstance(features, dict) or not all(
-        isinstance(feature, dict) and isinstance(feature.get("dtype"), str) and "shape" in feature
-        for feature in features.values()
-    ):
+        raise DatasetError(f"{folder}/meta/info.json has fps {fps!r:.40}; {said}: write it there")
+    if not isinstance(features, dict):
         raise DatasetError(f"{folder}/meta/info.json has no 'features', an object with dtype and shape of each")
+    for key, feature in features.items():
+        if not (isinstance(feature, dict) and isinstance(feature.get("dtype"), str) and "shape" in feature):
+            text = f"{folder}/meta/info.json has the feature '{printable(key, 80)}' without dtype or shape"
+            raise DatasetError(f"{text}: an object with both is expected of each in 'features'")
     if not all(_is_shape(feature["shape"]) for feature in features.values()):
         raise DatasetError(f"{folder}/meta/info.json has a feature whose shape is no list of whole numbers")
     chunks_size = info.get("chunks_size", 1)

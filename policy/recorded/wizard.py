@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -13,11 +15,13 @@ from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.codec import decode
 from policy.action_spec.frame_guess import ARM_REACH, LEAN, SHOULDERS
 from policy.action_spec.mask import full_mask
+from policy.action_spec.slot import CLOSING, QuaternionOrder, Rot6dLayout, Slot
 from policy.action_spec.spec import ActionSpec
 from policy.archive import read_arrays
 from policy.dataset.checks import column_layout
 from policy.dataset.format import ACTION
 from policy.dataset.inspection import action_findings
+from policy.dataset.naming.meaning import GRASPS
 from policy.dataset.naming.sources import find_source
 from policy.dataset.naming.vouched import require_same_names
 from policy.dataset.open import is_dataset, open_dataset
@@ -29,6 +33,8 @@ ROWS_MAX = 600
 """Most rows that are looked at; chosen: 20 s at 30 Hz, in which every joint moves."""
 REACH_SHARE = 0.9
 """Share of the rows in which wrists must be in reach of their shoulders; chosen: calibration and overshoot."""
+CLOSINGS = ((0.0, 1.0), (-1.0, 1.0), (0.0, 100.0), (0.0, 255.0), (0.0, 1000.0))
+"""Ranges that closing numbers are given in; chosen: shares, signs, percent, bytes, and the counts of Inspire hands."""
 BY_NAMES = "by_names"
 """What the layout is called that the names of a dataset's columns say."""
 
@@ -102,8 +108,36 @@ def fits(numbers: Numbers) -> list[Fit]:
         spec = builtin(name)
         if spec.dim == numbers.dim:
             settings = {"fps": numbers.fps or spec.fps, "horizon": numbers.horizon or spec.horizon}
-            found.append(_fit(dataclasses.replace(spec, **settings), numbers))
+            spec = dataclasses.replace(spec, **settings)
+            found.append(_fit(spec, numbers))
+            found += [one for one in (_fit(other, numbers) for other in _variants(spec, numbers)) if one.fits]
     return sorted(found, key=lambda one: (not one.fits, len(one.why)))
+
+
+def _variants(spec: ActionSpec, numbers: Numbers) -> list[ActionSpec]:
+    """A layout changed as what is found about the numbers says, by one thing each."""
+    if numbers.values is None:
+        return []
+    codes = {one.check for one in action_findings(spec, numbers.values, Anchor.nominal(), spec.fps)}
+    found: list[ActionSpec] = []
+
+    def change(name: str, which: Callable[[Slot], bool], **fields: object) -> None:
+        slots = tuple(dataclasses.replace(slot, **fields) if which(slot) else slot for slot in spec.slots)
+        found.append(dataclasses.replace(spec, name=f"{spec.name}_{name}", version=1, slots=slots))
+
+    if "rot6d_layout" in codes:
+        for layout in get_args(Rot6dLayout):
+            change(layout, lambda slot: slot.kind == "rot6d", rot6d_layout=layout)
+    if "quaternion_order" in codes:
+        for order in get_args(QuaternionOrder):
+            change(order, lambda slot: slot.kind == "quaternion", quaternion_order=order)
+    if codes & {"closing_range", "gripper_share"}:
+        grasps = [slot for slot in spec.slots if slot.name in GRASPS]
+        seen = np.array([numbers.values[:, slot.start] for slot in grasps])
+        low, high = min(CLOSINGS, key=lambda ends: abs(seen.min() - ends[0]) + abs(seen.max() - ends[1]))
+        for name, ends in (("opens_up", (high, low)), ("closes_up", (low, high))):
+            change(name, lambda slot: slot.name in GRASPS, unit=CLOSING, closing=ends, limits=None)
+    return found
 
 
 def lines(numbers: Numbers, found: list[Fit]) -> list[str]:

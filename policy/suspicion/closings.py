@@ -40,7 +40,8 @@ def _share(name: str, numbers: np.ndarray) -> Iterator[Finding]:
             "gripper_share", "warning",
             f"{name} is {numbers.min():.2g} to {numbers.max():.2g}, {np.ptp(numbers) / DEX1_OPEN:.0%} of its range "
             f"of 0 to {DEX1_OPEN} rad: 0 to 1 looks like a share",
-            'name a layout with the unit "closing" and what it is open and closed',
+            'name a layout with the unit "closing" and what it is open and closed: `wholebody layouts --from` '
+            "writes it",
         )  # fmt: skip
 
 
@@ -51,7 +52,8 @@ def _range(name: str, closing: np.ndarray) -> Iterator[Finding]:
             "closing_range", "error",
             f"{name} is {closing.min():.3g} to {closing.max():.3g} where 0 is open and 1 closed, out of it in "
             f"{np.mean(excess > OUTSIDE):.0%} of the steps",
-            'name a layout with the unit "closing" and what it is open and closed, such as [-1, 1]',
+            'name a layout with the unit "closing" and what it is open and closed, such as [-1, 1]: `wholebody '
+            "layouts --from` writes it",
         )  # fmt: skip
 
 

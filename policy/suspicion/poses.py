@@ -109,7 +109,8 @@ def _rot6d(slot: Slot, numbers: np.ndarray) -> Iterator[Finding]:
         f"{slot.name} is no rot6d by {slot.rot6d_layout} in {share:.0%} of steps: "
         f"they are {sizes.min():.2f} to {sizes.max():.2f} long and {np.median(angle):.0f} deg apart, not "
         "unit and at right angles",
-        f'name a layout with "rot6d_layout": "{fitting[0]}", which fits every step' if fitting else "no layout fits",
+        f'name a layout with "rot6d_layout": "{fitting[0]}", which fits every step: `wholebody layouts --from` writes '
+        "it" if fitting else "no layout fits",
     )  # fmt: skip
 
 
@@ -136,7 +137,8 @@ def _quaternion_order(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> 
             "error",
             f"the wrists' quaternions as {given} are {np.rad2deg(was):.0f} deg from the stance in the median step, as "
             f"{other} {np.rad2deg(would):.0f} deg",
-            f'name a layout with "quaternion_order": "{other}", or --read-as as_named',
+            f'name a layout with "quaternion_order": "{other}", which `wholebody layouts --from` writes, or --read-as '
+            "as_named",
         )
 
 

@@ -52,9 +52,18 @@ _LEFT_OUT = {
     "hand, and joints are read",
     r"(^|[._/ ])(dof_?vel|q?vel|dq|velocity|joint_?vel)([._/ ]|$)": "a velocity",
     r"(^|[._/ ])(tau|torques?|efforts?|currents?|dof_?tau)([._/ ]|$)": "a torque",
-    r"(^|[._/ ])(root|base|pelvis|torso|navigate|nav|cmd|height|imu|chassis)([._/ 0-9]|$)": "of the base, which stands",
 }
 """Names of what is no joint position, with what is said of it."""
+_OF_BASE = r"(^|[._/ ])(root|base|pelvis|torso|navigate|nav|cmd|height|imu|chassis)([._/ 0-9]|$)"
+"""Names of what is of the base, where they are no joint."""
+_BESIDE = frozenset(
+    re.findall(
+        r"\w+",
+        "joint joints arm arms leg legs body motor dex3 pos position positions q qpos angle rad target cmd command "
+        "goal desired state action robot robot0 g1 unitree main follower leader",
+    )
+)
+"""Words beside a joint's name that say nothing of which joint it is."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +106,21 @@ def _meaning(name: str, part: str, joints: tuple[str, ...]) -> Meaning:
         for text in (f"{side}{last}", f"{side}hand{last}"):
             if found := known.get(text):
                 return Meaning(found)
+    if found := _among_words(name, known):
+        return Meaning(found)
+    if any(re.search(_OF_BASE, _words(text)) for text in (name, part) if text):
+        return Meaning(reason="of the base, which stands")
     return Meaning()
+
+
+def _among_words(name: str, known: Mapping[str, str]) -> str:
+    """Canonical name of what words among others say, in any order of side and joint; empty if they say nothing."""
+    words = [word for word in re.findall(r"[a-z0-9]+", _words(name)) if word not in _BESIDE]
+    sides = [{"l": "left", "r": "right"}.get(word, word) for word in words if word in (*SIDES, "l", "r")]
+    if len(sides) > 1:
+        return ""
+    rest = "".join(word for word in words if word not in (*SIDES, "l", "r"))
+    return next((known[key] for key in (f"{''.join(sides)}{way}{rest}" for way in ("", "hand")) if key in known), "")
 
 
 @lru_cache(maxsize=16)
@@ -136,6 +159,8 @@ def says_nothing(names: Sequence[str], dim: int) -> bool:
 
 
 def _of_object(names: Mapping) -> tuple[tuple[str, str], ...]:
+    if all(str(key).isdecimal() and isinstance(value, str) for key, value in names.items()):
+        names = {value: int(key) for key, value in names.items()}
     if all(type(value) is int for value in names.values()):
         by_number = sorted(names, key=lambda name: names[name])
         in_order = [names[name] for name in by_number] == list(range(len(names)))

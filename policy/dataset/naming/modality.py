@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from models import g1
 from policy.action_spec.slot import SHORT_ARM
 from policy.dataset.format import ACTION, Dataset, read_json
 from policy.errors import DatasetError
 from policy.joints import joints_of
+from policy.reading import listed
 
 MODALITY = "modality.json"
 _GROUPS = ("left_arm", "right_arm", "left_leg", "right_leg", "waist", "left_hand", "right_hand")
@@ -63,6 +64,27 @@ def modality_names(
     if any(_behind_its_arm(hand, at.get(hand, -1), said) for hand in _HANDS):
         notes.append(f"{key}: fingers are taken as index, middle, thumb, since each hand stands behind its arm")
     return tuple((part, name or f"unnamed_{i}") for i, (part, name) in enumerate(named)), tuple(notes)
+
+
+def numbered_parts(named: Sequence[tuple[str, str]]) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Names with those such as ``left_arm_0`` to ``left_arm_6`` replaced by joints, and what was taken for granted.
+
+    Args:
+        named: Part and name of each column.
+    """
+    found: dict[str, dict[int, int]] = {}
+    for column, (_, name) in enumerate(named):
+        if match := re.fullmatch(r"(.*?)[_.]?(\d{1,3})", name.lower()):
+            found.setdefault(match[1].rpartition(".")[2], {})[int(match[2])] = column
+    names, parts = [name for _, name in named], []
+    for part, columns in found.items():
+        joints = () if part in _HANDS else part_joints(part, len(columns))
+        if joints and sorted(columns) == list(range(len(columns))):
+            parts.append(part)
+            for number, column in columns.items():
+                names[column] = joints[number]
+    note = f"{listed(parts, 6)} are numbered, not named: joints are taken in motor order"
+    return tuple((part, name) for (part, _), name in zip(named, names, strict=True)), (note,) if parts else ()
 
 
 def part_joints(part: str, width: int, *, pinocchio: bool = False) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from policy.dataset.format import ACTION, INDICES, STATE, Dataset, Episode, vectors
 from policy.dataset.naming.meaning import DOUBLED, meaning, parted_names, says_nothing
-from policy.dataset.naming.modality import modality_names, part_joints
+from policy.dataset.naming.modality import modality_names, numbered_parts, part_joints
 from policy.errors import DatasetError, did_you_mean
 from policy.reading import listed
 
@@ -100,6 +100,12 @@ def find_source(dataset: Dataset, key: str) -> Source:
     for found in (_scalars(dataset, key), _parts(dataset, key)):
         if found is not None:
             return found
+    for one in _KEYS[key]:
+        if one in dataset.features:
+            dtype = dataset.feature(one)["dtype"]  # refuses what is no vector
+            raise DatasetError(
+                f"'{one}' of {dataset.folder} has the dtype {dtype}; {' or '.join(_NUMBERS)} is read", feature=one
+            )
     there = [name for name in dataset.features if name not in (*dataset.cameras, *INDICES)]
     raise DatasetError(
         f"{dataset.folder} has no feature '{key}'; {did_you_mean(key, there)}there are {', '.join(there) or 'none'}. "
@@ -115,6 +121,9 @@ def _whole(dataset: Dataset, key: str, feature: str) -> Source:
     notes: tuple[str, ...] = ()
     if says_nothing([name for _, name in named], width):
         named, notes = modality_names(dataset, key, feature, width)
+    else:
+        named, numbered = numbered_parts(named)
+        notes += tuple(f"{key}: {note}" for note in numbered)
     if named and len(named) != width:
         raise DatasetError(
             f"'{feature}' has {width} columns but {len(named)} names; there must be one name a column", feature=feature
@@ -175,7 +184,7 @@ def _of_part(dataset: Dataset, feature: str, part: str) -> list[tuple[str, str, 
     width = _width(dataset, feature)
     named = parted_names(dataset.features[feature].get("names"))
     if len(named) != width or says_nothing([name for _, name in named], width):
-        names = part_joints(part, width)
+        names = part_joints(part, width) or ((part,) if width == 1 else ())
         return [(part, names[i] if names else f"{part}_{i}", feature) for i in range(width)]
     return [(part, name, feature) for _, name in named]
 

@@ -32,6 +32,7 @@ PINNED = {
     "inspire26": (26, "05c855ec47fe"),
     "inspire26_by_side": (26, "d3c3cd4d37e6"),
     "brainco26": (26, "26d0e668ec15"),
+    "joint14": (14, "89ac7a005257"),
     "joint29": (29, "7a103ba1e65e"),
     "joint23": (23, "dd86896a8d30"),
 }

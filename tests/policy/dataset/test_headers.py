@@ -97,6 +97,57 @@ def test_legs_that_step_are_refused_and_the_option_judges_the_hands(tmp_path):
     np.testing.assert_allclose(chunk.T_world_lhand[-1], chunk.T_world_lhand[0], atol=1e-9)
 
 
+ARMS = [f"{side}_{joint}_joint" for side in ("left", "right") for joint in (
+    "shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("features", "names"),
+    [
+        ([f"action.{name.removesuffix('_joint')}.pos" for name in ARMS], None),
+        (["action"], [f"{side}_arm_{i}" for side in ("left", "right") for i in range(7)]),
+        (["action"], {str(i): name for i, name in enumerate(ARMS)}),
+        (["action"], [f"main_{name.removesuffix('_joint')}_target" for name in ARMS]),
+    ],
+)
+def test_a_joint_is_known_as_a_feature_by_its_number_and_among_other_words(tmp_path, features, names):
+    values = np.array([[STANCE[name] + 0.1 * i for i, name in enumerate(ARMS)]] * 5)
+    episode = dict(zip(features, np.split(values, len(features), axis=1), strict=True))
+    folder = write_dataset(tmp_path / "set", [episode], {} if names is None else {"action": names})
+    layout = column_layout(open_dataset(folder), find_source(open_dataset(folder), "action"))
+    assert list(layout.names) == ARMS
+    notes = open_episode(folder, 0, read_as=["as_named"]).episode.notes
+    numbered = any(
+        "'left_arm', 'right_arm' are numbered, not named: joints are taken in motor order" in n for n in notes
+    )
+    assert numbered == (names is not None and "left_arm_0" in names)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda i: i.pop("data_path"), "does not say where files are: data_path"),
+        (lambda i: i.pop("codebase_version"), "codebase_version None; v3.0, v2.1, v2.0 are read: write the one"),
+        (lambda i: i.update(codebase_version="v1.6"), "LeRobot's own converters"),
+        (lambda i: i["features"]["action"].pop("shape"), "the feature 'action' without dtype or shape"),
+        (lambda i: i["features"]["action"].update(shape=[1, 14]), r"shape \[1, 14\]; a vector is expected"),
+        (lambda i: i["features"]["action"].update(dtype="int32"), "has the dtype int32; float16 or float32"),
+        (lambda i: i["features"]["action"].update(names=[*ARMS[:-1], "left_hand_open"]),
+         "'left_hand_open'.*correct it in meta/info.json.*--assume-spec .*layouts with 14 numbers: .*joint14"),
+        (lambda i: i["features"]["action"].update(names=[f"{s}_ee_{c}" for s in ("left", "right") for c in "abcdefg"]),
+         "has no joints .*a pose of the hand.*--assume-spec decoupled_wbc_eef14"),
+        (lambda i: i["features"]["action"].update(names=[*ARMS[:-1], ARMS[0]]), "two columns for.*correct the names"),
+    ],
+)  # fmt: skip
+def test_a_header_that_is_not_read_is_answered_with_what_mends_it(tmp_path, change, said):
+    folder = write_dataset(tmp_path / "set", [{"action": np.zeros((5, 14))}], {"action": ARMS})
+    info = json.loads((folder / "meta/info.json").read_text())
+    change(info)
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    with pytest.raises(DatasetError, match=said):
+        open_episode(folder, 0)
+
+
 def test_parts_that_overlap_or_leave_a_number_out_are_refused(tmp_path):
     said = {"action": {"left_arm": {"start": 0, "end": 7}, "right_arm": {"start": 6, "end": 13}}}
     folder = write_dataset(tmp_path / "a", [{"action": np.zeros((3, 14))}], files={"modality.json": json.dumps(said)})
@@ -139,6 +190,10 @@ def test_split_and_foreign_sets_become_wrists_with_what_was_left_out_on_record(t
         ("dof_vel.left_knee_joint", "", "a velocity"), ("left_elbow_joint.tau", "", "a torque"),
         ("base_height", "", "of the base"), ("left_hand_3", "left_hand", "of a hand that is not named"),
         ("shoulder_pitch", "left_arm", "left_shoulder_pitch_joint"), ("L_Elbow", "", "left_elbow_joint"),
+        ("arms/left/shoulder_pitch_joint", "", "left_shoulder_pitch_joint"), ("elbow_right", "", "right_elbow_joint"),
+        ("left_arm_elbow_cmd", "", "left_elbow_joint"), ("left_elbow_joint (rad)", "", "left_elbow_joint"),
+        ("robot0:left_hand_thumb_0", "", "left_hand_thumb_0_joint"), ("left_elbow_error", "", ""),
+        ("left_elbow_deg", "", ""), ("left_right_elbow", "", ""), ("left_leg_knee_vel", "", "a velocity"),
         ("elbow", "", ""), ("torso_height", "", "of the base"), ("kWaistYaw", "", "waist_yaw_joint"),
     ],
 )  # fmt: skip

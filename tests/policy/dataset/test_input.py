@@ -109,7 +109,7 @@ def test_a_folder_that_is_no_dataset_is_named(tmp_path):
 @pytest.mark.parametrize("text", ["", "{", "[1]", "{}"])
 def test_info_that_says_nothing_is_refused(source, text):
     (source / "meta" / "info.json").write_text(text)
-    refused(source, r"cannot be read|an object is expected|is in the format None")
+    refused(source, r"cannot be read|an object is expected|codebase_version None")
 
 
 @pytest.mark.parametrize("version", ["v1.6", "v4.0", None, 3])

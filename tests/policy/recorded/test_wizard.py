@@ -5,9 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from policy import builtin, write_chunk_file
+from policy import Anchor, builtin, write_chunk_file
+from policy.action_spec.codec import decode
+from policy.action_spec.spec import ActionSpec
 from policy.errors import PolicyError
+from policy.geometry.rotations import matrix_to_rot6d, rotvec_to_matrix
+from policy.recorded.chunk_file import ChunkFile
 from policy.recorded.example import example_file
+from policy.recorded.replay import open_recording
 from policy.recorded.wizard import BY_NAMES, fits, label, lines, numbers_of
 from tests.support.public_headers import written
 from tests.support.written_datasets import write_dataset
@@ -34,6 +39,50 @@ def test_hands_of_another_kind_do_not_fit_and_why_is_said(tmp_path):
     assert found["inspire26"].fits
     assert not found["inspire26_by_side"].fits
     assert next(iter(found)) in ("inspire26", "brainco26")  # what fits comes first
+
+
+def quaternions_turned(actions):
+    for at in (3, 10):
+        actions[:, at : at + 4] = np.roll(actions[:, at : at + 4], -1, axis=1)
+
+
+def interleaved(actions):
+    for at in (3, 12):
+        actions[:, at : at + 6] = actions[:, at : at + 6].reshape(-1, 2, 3).swapaxes(1, 2).reshape(-1, 6)
+
+
+def signs(actions):
+    actions[:, 18:20] = 2.0 * np.linspace(0.0, 1.0, len(actions))[:, None] - 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said", "fitting"),
+    [
+        ("wbc32", interleaved, "rot6d_layout", ["wbc32_interleaved"]),
+        ("decoupled_wbc_eef14", quaternions_turned, "quaternion_order", ["decoupled_wbc_eef14_xyzw"]),
+        ("wbc27", signs, '"closing"', ["wbc27_opens_up", "wbc27_closes_up"]),
+    ],
+)
+def test_a_convention_that_no_layout_has_becomes_one_that_is_read(tmp_path, name, change, said, fitting):
+    file = example_file(builtin(name))
+    spec, right = file.spec, file.actions.copy()
+    if change is interleaved:  # which an identity hides
+        R = rotvec_to_matrix(np.array([0.0, 0.0, 0.3]))
+        right[:, 3:9] = right[:, 12:18] = matrix_to_rot6d(R, "cols")
+    actions = right.copy()
+    change(actions)
+    path = tmp_path / "x.npz"
+    write_chunk_file(path, ChunkFile(spec, actions, file.fps))
+    with pytest.raises(PolicyError, match=said):
+        open_recording(path)
+    found = [one.spec for one in fits(numbers_of(path)) if one.fits]
+    assert [one.name for one in found][: len(fitting)] == fitting
+    for one in found[: len(fitting)]:
+        episode = open_recording(path, assume=ActionSpec.from_json(one.to_json())).episode
+        assert not any("clipped" in note for note in episode.notes)
+        if change is not signs:
+            expected = decode(spec, right, Anchor.nominal())
+            np.testing.assert_allclose(episode.T_world_lhand, expected.T_world_lhand, atol=1e-9)
 
 
 def test_names_say_it_or_speak_against_it(tmp_path):
