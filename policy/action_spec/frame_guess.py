@@ -89,7 +89,10 @@ def unit_guess(wrists: Mapping[str, np.ndarray], anchor: Anchor) -> tuple[str, .
     if not away[hand] > ROOM:
         return ()
     side = {"lhand": "left", "rhand": "right"}[hand]
-    return (f"the {side} wrist is asked to be {away[hand]:.3g} m from the pelvis: positions are in metres",)
+    return (
+        f"the {side} wrist is asked to be {away[hand]:.3g} m from the pelvis: positions are in metres; "
+        "`wholebody layouts --from` looks whether another unit fits",
+    )
 
 
 def _from_hand(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> tuple[float, float]:

@@ -103,7 +103,8 @@ def _check_gripper(values: np.ndarray, column: int, spelt: str, feature: str) ->
     if np.abs(values[frame]) > DEGREES_FROM:
         raise DatasetError(
             f"'{feature}' column {column} ({spelt}) is {values[frame]:.4g} at frame {frame}; a Dex1 motor angle is "
-            f"between 0 (closed) and {DEX1_OPEN} rad (open)",
+            f'between 0 (closed) and {DEX1_OPEN} rad (open); of shares or percent a layout with the unit "closing" is '
+            "meant, which `wholebody layouts --from` writes",
             feature=feature,
             frame=frame,
         )

@@ -238,7 +238,8 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> np.ndarray:
         if line.count(",") != len(columns) - 1:
             raise FileFormatError(
                 f"row {number} has {line.count(',') + 1} columns; {len(columns)} are expected: root x y z, "
-                f"root quaternion x y z w, {len(columns) - len(ROOT_COLUMNS)} joints in motor order",
+                f"root quaternion x y z w, {len(columns) - len(ROOT_COLUMNS)} joints in motor order"
+                f"{_columns_hint(line, len(columns))}",
                 path=str(path),
             )
     table = np.empty((len(rows), len(columns)))
@@ -247,12 +248,24 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> np.ndarray:
     return table
 
 
+def _columns_hint(line: str, columns: int) -> str:
+    """What a row of another number of columns may be, and what makes it one that is read."""
+    count = line.count(",") + 1
+    if count == 1 and len(re.split(r"[\s;]+", line.strip())) == columns:
+        return "; a comma is expected between numbers: tr -s ' \\t;' ',' writes it"
+    if count == columns + 1:
+        return "; one in front, of time or a number of rows, is left out by cut -d, -f2-"
+    if count == len(ROOT_COLUMNS) + 23:
+        return "; of a G1 with 23 joints write a .npz with root_pos, root_rot, dof_pos and fps, which is read"
+    return ""
+
+
 def _number(field: str, row: int, column: int, columns: tuple[str, ...], path: Path) -> float:
     try:
         return float(field)
     except ValueError as error:
         raise FileFormatError(
             f"row {row}, column {column + 1} ({columns[column]}) is {field.strip()[:60]!r}, no number; "
-            "a file without a header is expected",
+            f"a file without a header is expected{': tail -n +2 leaves it out' if row == 1 else ''}",
             path=str(path),
         ) from error

@@ -13,7 +13,7 @@ import numpy as np
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.codec import decode
-from policy.action_spec.frame_guess import ARM_REACH, LEAN, SHOULDERS
+from policy.action_spec.frame_guess import ARM_REACH, LEAN, ROOM, SHOULDERS
 from policy.action_spec.mask import full_mask
 from policy.action_spec.slot import CLOSING, QuaternionOrder, Rot6dLayout, Slot
 from policy.action_spec.spec import ActionSpec
@@ -35,6 +35,8 @@ REACH_SHARE = 0.9
 """Share of the rows in which wrists must be in reach of their shoulders; chosen: calibration and overshoot."""
 CLOSINGS = ((0.0, 1.0), (-1.0, 1.0), (0.0, 100.0), (0.0, 255.0), (0.0, 1000.0))
 """Ranges that closing numbers are given in; chosen: shares, signs, percent, bytes, and the counts of Inspire hands."""
+OF_MOTORS = 10.0
+"""Largest angle of a gripper's motor [rad]; definition: `policy.action_spec.slot.DEX1_OPEN`, nearly twice."""
 BY_NAMES = "by_names"
 """What the layout is called that the names of a dataset's columns say."""
 
@@ -119,6 +121,9 @@ def _variants(spec: ActionSpec, numbers: Numbers) -> list[ActionSpec]:
     if numbers.values is None:
         return []
     codes = {one.check for one in action_findings(spec, numbers.values, Anchor.nominal(), spec.fps)}
+    places = [slot for slot in spec.slots if slot.kind == "position" and slot.unit == "m"]
+    if places and np.abs(numbers.values[:, places[0].indices]).max() > ROOM:
+        codes.add("unit")
     found: list[ActionSpec] = []
 
     def change(name: str, which: Callable[[Slot], bool], **fields: object) -> None:
@@ -128,12 +133,15 @@ def _variants(spec: ActionSpec, numbers: Numbers) -> list[ActionSpec]:
     if "rot6d_layout" in codes:
         for layout in get_args(Rot6dLayout):
             change(layout, lambda slot: slot.kind == "rot6d", rot6d_layout=layout)
+    if "unit" in codes:
+        for unit in ("cm", "mm"):
+            change(unit, lambda slot: slot.kind == "position", unit=unit)
     if "quaternion_order" in codes:
         for order in get_args(QuaternionOrder):
             change(order, lambda slot: slot.kind == "quaternion", quaternion_order=order)
-    if codes & {"closing_range", "gripper_share"}:
-        grasps = [slot for slot in spec.slots if slot.name in GRASPS]
-        seen = np.array([numbers.values[:, slot.start] for slot in grasps])
+    grasps = [slot for slot in spec.slots if slot.name in GRASPS]
+    seen = np.array([numbers.values[:, slot.start] for slot in grasps])
+    if codes & {"closing_range", "gripper_share"} or (grasps and np.abs(seen).max() > OF_MOTORS):
         low, high = min(CLOSINGS, key=lambda ends: abs(seen.min() - ends[0]) + abs(seen.max() - ends[1]))
         for name, ends in (("opens_up", (high, low)), ("closes_up", (low, high))):
             change(name, lambda slot: slot.name in GRASPS, unit=CLOSING, closing=ends, limits=None)

@@ -73,16 +73,18 @@ def state_findings(state: np.ndarray, action: np.ndarray, names: Sequence[str]) 
         names: Of the columns.
 
     Returns:
-        That the state is the action, at once or a row late, that grippers are complements, that a joint has a constant
-        offset, and by how many rows states follow actions where they do.
+        That the state is the action, at once or some rows late, or does not move, that grippers are complements, that
+        a joint has a constant offset, and by how many rows states follow actions where they do.
     """
     state, action = np.asarray(state, dtype=float), np.asarray(action, dtype=float)
     if state.shape != action.shape or len(state) < ROWS_MIN or not np.ptp(action, axis=0).any():
         return []
-    if np.abs(state - action).max() <= EQUAL:
-        return [_copied("the state is the action, to the last digit, in every row")]
-    if np.abs(state[1:] - action[:-1]).max() <= EQUAL:
-        return [_copied("the state is the action of the row before, to the last digit")]
+    if np.ptp(state, axis=0).max() <= EQUAL and np.ptp(action, axis=0).max() > OFFSET:
+        return [_copied("the state is the same in every row, and the action moves")]
+    for lag in range(LAG_MAX + 1):
+        if np.abs(state[lag:] - action[: len(action) - lag]).max() <= EQUAL:
+            before = ("", " of the row before")[lag] if lag < 2 else f" of {lag} rows before"
+            return [_copied(f"the state is the action{before}, to the last digit, in every row")]
     return [*_complements(state, action, names), *_offsets(state, action, names)]
 
 

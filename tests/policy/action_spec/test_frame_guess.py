@@ -85,4 +85,6 @@ def test_numbers_in_millimetres_are_told_that_positions_are_in_metres():
     assert decode(WBC32, actions, Anchor.nominal()).notes == ()
     actions[:, [0, 1, 2, 9, 10, 11]] *= 1e3
     (note,) = decode(WBC32, actions, Anchor.nominal()).notes
-    assert re.fullmatch(r"the (left|right) wrist is asked to be \d+ m from the pelvis: positions are in metres", note)
+    assert re.fullmatch(
+        r"the (left|right) wrist is asked to be \d+ m from the pelvis: positions are in metres; .*--from.*", note
+    )

@@ -201,6 +201,8 @@ def dataset(tmp_path, change):
         (lambda a, s: (a, s), ""),
         (lambda a, s: (a, a), "the state is the action, to the last digit, in every row"),
         (lambda a, s: (a, np.vstack([a[:1], a[:-1]])), "the state is the action of the row before"),
+        (lambda a, s: (a, np.vstack([a[:1]] * 3 + [a[:-3]])), "the state is the action of 3 rows before"),
+        (lambda a, s: (a, np.tile(s[:1], (len(s), 1))), "the state is the same in every row, and the action moves"),
         (lambda a, s: (np.repeat(a[::2], 2, axis=0), np.repeat(s[::2], 2, axis=0)), "every second row is the same"),
         (lambda a, s: (a, s + np.where(np.arange(28) == 3, 0.3, 0.0)), "most of all left_elbow_joint by 0."),
     ],

@@ -104,6 +104,20 @@ def test_a_malformed_file_is_refused_with_row_and_column(file, edit, complaint):
     assert str(file) in str(refusal.value)
 
 
+@pytest.mark.parametrize(
+    ("edit", "hint"),
+    [
+        (lambda line: line.replace(",", " "), "a comma is expected between numbers"),
+        (lambda line: f"0.1,{line}", "cut -d, -f2-"),
+        (lambda line: ",".join(line.split(",")[:30]), "a G1 with 23 joints write a .npz"),
+    ],
+)
+def test_a_table_of_another_form_is_answered_with_what_makes_it_one_that_is_read(file, edit, hint):
+    file.write_text("".join(edit(line) + "\n" for line in file.read_text().splitlines()))
+    with pytest.raises(FileFormatError, match=hint):
+        read_motion_csv(file)
+
+
 @pytest.mark.parametrize("fps", [0.0, -60.0, np.nan, np.inf])
 def test_an_impossible_frame_rate_is_refused(file, fps):
     with pytest.raises(FileFormatError, match="positive rate"):

@@ -55,11 +55,21 @@ def signs(actions):
     actions[:, 18:20] = 2.0 * np.linspace(0.0, 1.0, len(actions))[:, None] - 1.0
 
 
+def millimetres(actions):
+    actions[:, [0, 1, 2, 9, 10, 11]] *= 1000.0
+
+
+def percent(actions):
+    actions[:, 14:16] = np.linspace(0.0, 100.0, len(actions))[:, None]
+
+
 @pytest.mark.parametrize(
     ("name", "change", "said", "fitting"),
     [
         ("wbc32", interleaved, "rot6d_layout", ["wbc32_interleaved"]),
         ("decoupled_wbc_eef14", quaternions_turned, "quaternion_order", ["decoupled_wbc_eef14_xyzw"]),
+        ("wbc32", millimetres, "positions are in metres", ["wbc32_mm"]),
+        ("joint16", percent, '"closing"', ["joint16_opens_up", "joint16_closes_up"]),
         ("wbc27", signs, '"closing"', ["wbc27_opens_up", "wbc27_closes_up"]),
     ],
 )
@@ -73,14 +83,18 @@ def test_a_convention_that_no_layout_has_becomes_one_that_is_read(tmp_path, name
     change(actions)
     path = tmp_path / "x.npz"
     write_chunk_file(path, ChunkFile(spec, actions, file.fps))
-    with pytest.raises(PolicyError, match=said):
-        open_recording(path)
+    try:
+        answer = " ".join(open_recording(path).episode.notes)
+    except PolicyError as error:
+        answer = str(error)
+    assert said in answer
+    assert "`wholebody layouts --from`" in answer
     found = [one.spec for one in fits(numbers_of(path)) if one.fits]
     assert [one.name for one in found][: len(fitting)] == fitting
     for one in found[: len(fitting)]:
         episode = open_recording(path, assume=ActionSpec.from_json(one.to_json())).episode
         assert not any("clipped" in note for note in episode.notes)
-        if change is not signs:
+        if change not in (signs, percent):
             expected = decode(spec, right, Anchor.nominal())
             np.testing.assert_allclose(episode.T_world_lhand, expected.T_world_lhand, atol=1e-9)
 
