@@ -37,6 +37,7 @@ _HOME = {
     "SensorConfig": "sim.sensors",
     "Sensors": "sim.sensors",
     "Solution": "planning.posture",
+    "StandingPlace": "planning.reachability.standing_place",
     "StateEstimator": "estimation.state_estimator",
     "Status": "types",
     "StatusReport": "types",
@@ -58,6 +59,7 @@ _HOME = {
     "reachability": "planning.reachability.reach_map",
     "run_episode": "episode.run",
     "solve": "planning.posture",
+    "stand_for": "planning.reachability.standing_place",
     "warm_up": "episode.warm_up",
 }
 """Public name and the module that it is in."""

@@ -30,6 +30,8 @@ from wholebody.planning.posture import solve as solve
 from wholebody.planning.posture_path import PosturePath as PosturePath
 from wholebody.planning.reachability.reach_map import ReachabilityMap as ReachabilityMap
 from wholebody.planning.reachability.reach_map import reachability as reachability
+from wholebody.planning.reachability.standing_place import StandingPlace as StandingPlace
+from wholebody.planning.reachability.standing_place import stand_for as stand_for
 from wholebody.planning.still_postures import Constraint as Constraint
 from wholebody.robot.state import Robot as Robot
 from wholebody.sim.plant import MujocoPlant as MujocoPlant

@@ -78,6 +78,11 @@ class Walker:
         """Whether both feet stand and no step is to be made."""
         return self.walk is not None and self.walk.state is Step.STAND and not self.walk.wanted
 
+    @property
+    def palms(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of both palms as they are told to be: rotation (9), position (3), twist and acceleration, (24,) each."""
+        return self._memory.palms
+
     def end(self) -> None:
         """Weigh as a robot that stands."""
         self.controller.weigh(Weights.standing(self.controller.config))

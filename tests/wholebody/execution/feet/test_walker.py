@@ -1,0 +1,98 @@
+"""Strategy: the robot walks in MuJoCo by the walker alone, for a few steps; the true one, and a realistic one.
+
+It does not fall, its palms stay where they are told to be, it stands on both feet once it is told to stop, and the
+program is solved whole at every tick. `python -m tests.studies.walks` has the long runs.
+"""
+
+import numpy as np
+import pytest
+
+from models import g1
+from models.pinocchio_model import stance_q
+from tests.support.walks import START, rms, walk
+from wholebody.backends.kinematic.controller import KinematicController
+from wholebody.config import ControllerConfig
+from wholebody.control.controller import WholeBodyController
+from wholebody.errors import InputError
+from wholebody.execution.feet.walker import Walker
+from wholebody.types import RobotState
+from wholebody.walking.gait import Step
+from wholebody.walking.places import Velocity
+
+STOP = START + 2.0
+
+
+def told(velocity):
+    def tell(one, time):
+        wanted = velocity if time < STOP else Velocity()
+        if one.guide.wanted != wanted:
+            one.guide.follow(wanted)
+
+    return tell
+
+
+@pytest.mark.parametrize("velocity", [Velocity(0.3 + 0j), Velocity(0.1 + 0.1j, 0.3)])
+def test_it_walks_stops_and_stands_with_its_palms_in_place(velocity):
+    one = walk(told(velocity), STOP + 4.0)
+    assert one.fell is None
+    assert one.stands
+    assert one.made >= 3
+    assert one.missed == 0
+    assert rms(one.errors) < 2e-3
+    assert one.errors.max() < 8e-3
+    assert one.errors[-1] < 1e-3
+    assert abs(one.middle - one.base) < 0.02
+    assert abs(one.base) > 0.15
+
+
+def test_it_steps_on_the_spot_with_its_palms_in_world():
+    states = []
+
+    def tell(one, time):
+        one.marches = time < STOP
+
+    def look(walker, plant, state):
+        if not states or walker.walk.state is not states[-1]:
+            states.append(walker.walk.state)
+
+    one = walk(tell, STOP + 3.5, look=look)
+    assert one.fell is None
+    assert one.stands
+    assert one.made >= 2
+    assert abs(one.base) < 1e-6
+    assert rms(one.errors) < 1e-3
+    assert one.errors.max() < 3e-3
+    assert states[:4] == [Step.STAND, Step.SHIFT, Step.SWING, Step.LAND]
+    assert states[-2:] == [Step.SETTLE, Step.STAND]
+
+
+def test_a_realistic_robot_steps_by_its_estimated_state():
+    def tell(one, time):
+        one.marches = True
+
+    one = walk(tell, 3.5, seed=1)
+    assert one.fell is None
+    assert one.made >= 3
+    assert one.errors.max() < 0.015
+
+
+def test_a_walker_that_ends_leaves_the_weights_of_standing():
+    controller, fresh = (WholeBodyController(g1(), ControllerConfig()) for _ in range(2))
+    q = stance_q(controller.spec, controller.robot.model)
+    state = RobotState(0.0, q, np.zeros(controller.robot.nv))
+    for one in (controller, fresh):
+        one.reset(state)
+    walker = Walker(controller)
+    walker.begin(state)
+    assert walker.stands
+    assert not controller.balance.active
+    walker.end()
+    assert controller.balance.active
+    assert np.array_equal(controller.tasks.com.weight, fresh.tasks.com.weight)
+    assert np.array_equal(controller.tasks.posture.weight, fresh.tasks.posture.weight)
+
+
+def test_other_backends_are_refused():
+    controller = KinematicController(g1(), ControllerConfig(backend="kinematic", solver="daqp"))
+    with pytest.raises(InputError, match="only the native backend walks"):
+        Walker(controller)
