@@ -26,7 +26,7 @@ HEADINGS = 24
 SURE = 2.0
 """Logarithm of the odds from which a base is tried [no unit]; chosen: the map errs near its border."""
 ENOUGH = 6.0
-"""Logarithm of the odds above which more is of no use [no unit]; derived: from there the map is sure, `reach_map.SURE`."""
+"""Logarithm of the odds above which more is of no use [no unit]; derived: from there the map is sure."""
 STEP = (0.2, 0.25)
 """Way [m] and turn [rad] of a step; chosen: what a gait does at its slower speeds."""
 BESIDE = (0.12, 0.3)
