@@ -5,7 +5,7 @@ import sys
 
 import policy
 
-HEAVY = ("torch", "lerobot", "pinocchio", "mujoco", "scipy", "placo", "numba", "yaml")
+HEAVY = ("torch", "lerobot", "pinocchio", "mujoco", "scipy", "placo", "llvmlite", "yaml")
 
 
 def test_importing_policy_loads_numpy_only():

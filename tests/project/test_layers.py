@@ -21,7 +21,8 @@ PLUGIN = "lerobot_robot_wholebody"  # a distribution of its own, which uses thes
 
 # Rooms from the ground up. A room imports from earlier floors only; on one floor none imports another.
 FLOORS = (
-    {"models", "wholebody.errors", "wholebody.jit", "wholebody.resources"},
+    {"models", "wholebody.errors", "wholebody.resources"},
+    {"wholebody.jit"},
     {"policy", "wholebody.types", "wholebody.collision", "wholebody.lending"},
     {"wholebody.config", "wholebody.robot"},
     {
@@ -59,7 +60,7 @@ COMPOSITION = {"episode", "verdict", "bench", "live", "cli"}
 ADAPTER_ONLY = {"torch", "torchvision", "lerobot", "transformers", "safetensors", "datasets"}
 
 # Too slow or too big to come with `import wholebody`.
-HEAVY = ("pinocchio", "mujoco", "placo", "torch", "lerobot", "numba", "scipy", "qpsolvers", "matplotlib", "imageio")
+HEAVY = ("pinocchio", "mujoco", "placo", "torch", "lerobot", "llvmlite", "scipy", "qpsolvers", "matplotlib", "imageio")
 
 MODULE_LINES, FUNCTION_LINES, FOLDER_FILES, ROOMS, PLANNING_FLOORS = 320, 60, 16, 29, 7
 

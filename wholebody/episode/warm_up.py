@@ -1,4 +1,4 @@
-"""Compile everything that a control tick and a plan need, once: later runs load it from numba's cache on disk."""
+"""Compile everything that a control tick and a plan need, once: later runs load it from the cache on disk."""
 
 from __future__ import annotations
 

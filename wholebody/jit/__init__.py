@@ -1,1 +1,1 @@
-"""How arithmetic is compiled with numba."""
+"""How arithmetic is compiled: kernels, their arguments, and the compiler."""

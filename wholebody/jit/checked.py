@@ -1,7 +1,7 @@
 """Comparison of a kernel's arguments with those that it was compiled for, at every call: slower, and so on request.
 
-Its native entry reads memory as it was laid out in the first call, whatever it is given later: whole numbers are read
-as reals, columns as rows. What Python calls has converted its arguments by then; this is how the tests know.
+Its native entry looks at arrays, not at the fields of packed memory nor at whole numbers where it has read truth
+values. What Python calls has converted its arguments by then; this is how the tests know.
 """
 
 from __future__ import annotations

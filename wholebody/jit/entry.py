@@ -1,14 +1,20 @@
-"""Compile plain functions with numba, on first use: one way for every kernel of the project.
+"""Compile plain functions for the processor at hand, on first use: one way for every kernel of the project.
 
-A kernel is a plain function of scalars, arrays, named tuples of arrays and packed memory (`wholebody.jit.packed`). It
-calls other kernels as Python does, so editors and tests follow the calls, and it runs interpreted as it stands. What
-Python calls is an `Entry` of it::
+A kernel is a plain function of numbers, arrays, tuples of them and packed memory (`wholebody.jit.packed`). It calls
+other kernels as Python does, so editors and tests follow the calls, and it runs interpreted as it stands. What Python
+calls is an `Entry` of it::
 
-    _cost = Entry(cost)          # nothing is compiled, numba is not imported
-    total = _cost(motion, scales)  # compiled for these kinds of arguments, or loaded from numba's cache on disk
+    _cost = Entry(cost)          # nothing is compiled, LLVM is not imported
+    total = _cost(motion, scales)  # compiled for these kinds of arguments, or loaded from the cache on disk
 
-No fastmath but what a module asks for by ``FASTMATH``, and that is no more than other roundings: the result is that of
-the interpreted function up to rounding.
+The language of kernels is what `wholebody.jit.compiler` knows of Python: assignments, ``if``, ``while``, ``for`` over
+ranges, tuples and arrays, arithmetic and comparisons of numbers, views of arrays, the functions of
+`wholebody.jit.compiler.arithmetic.FUNCTIONS`, and calls of other kernels. Kernels allocate nothing: whole arrays are
+only set, other arithmetic of arrays is written as loops. What is outside of the language is refused with its line. An
+index that is written as negative counts from the end; no index is looked at otherwise.
+
+No fastmath but what a module asks for by ``FASTMATH`` (flags of LLVM), and that is no more than other roundings: the
+result is that of the interpreted function up to rounding.
 """
 
 from __future__ import annotations
@@ -21,30 +27,24 @@ from hashlib import sha256
 from pathlib import Path
 from threading import RLock
 from types import FunctionType, ModuleType
-from typing import Any
 
+from wholebody.jit import objects
 from wholebody.jit.checked import checked, is_asked_for
-
-OPTIONS = {"error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True, "forceinline": True}
-"""Kernels allocate nothing, so nothing has to be reference counted. A module that calls BLAS says ``ALLOCATES = True``:
-numba counts what it hands over. Called kernels are put into their callers: an array that is passed on is six numbers or
-more on the stack, which cost a small kernel more than its arithmetic."""
 
 PACKAGES = ("wholebody",)
 """Where kernels may lie."""
 
 _IMPORT = re.compile(r"^(?:from|import) ([\w.]+)", re.MULTILINE)
-_registered: set[Callable] = set()
 _COMPILING = RLock()
-"""Held while anything is compiled: kernels are registered for all entries alike."""
+"""Held while anything is compiled or loaded: LLVM does one thing at a time."""
 
 
 class Entry:
     """A function that Python calls in its compiled form.
 
-    It is compiled for the kinds of arguments of the first call and called by its native entry afterwards, which leaves
-    out numba's look at the types: that would take as long as a small kernel. So every later call must have arguments of
-    the same types and memory layouts; `wholebody.jit.checked` compares them where the environment asks for it.
+    It is compiled for the kinds of arguments of the first call. A later call with arrays of another type, another
+    number of dimensions or another order in memory is refused (`wholebody.jit.compiler.border`); all else is compared
+    where the environment asks for it (`wholebody.jit.checked`).
 
     Args:
         function: A kernel; the kernels that it calls are found in its code.
@@ -73,20 +73,24 @@ class Entry:
         return self._native is not None
 
     def compile(self, *arguments: object) -> Callable:
-        """The native entry for arguments of these kinds, which are looked at only: their values do not matter."""
-        import numba
+        """The native entry for arguments of these kinds, which are looked at only: their values do not matter.
 
-        from wholebody.jit.packed_type import typeof
+        Raises:
+            KernelError: If a kernel or an argument is outside the language of kernels.
+        """
+        from wholebody.jit.compiler import machine
+        from wholebody.jit.compiler.kinds import kind_of
+        from wholebody.jit.compiler.program import Program
 
-        types = tuple(typeof(argument) for argument in arguments)
-        modules = _register(self.function)
-        modules |= {
-            sys.modules[type(argument).__module__] for argument in arguments if _is_ours(type(argument).__module__)
-        }
-        compiler = numba.njit(cache=True, nogil=True, **_options(sys.modules[self.function.__module__]))
-        dispatcher = compiler(_named(self.function, _digest(modules)))
-        dispatcher.compile(types)
-        return dispatcher.overloads[dispatcher.signatures[0]].entry_point
+        kinds = tuple(map(kind_of, arguments))
+        name = f"{self.function.__module__}.{self.function.__name__}"
+        key = sha256(f"{name} {kinds} {machine.host()} {sys.version}".encode() + _sources(self.function)).hexdigest()
+        symbol = f"entry_{key[:32]}"
+        code = objects.find(name, key)
+        if code is None:
+            code = machine.object_of(Program().text(self.function, kinds, symbol))
+            objects.keep(name, key, code)
+        return machine.function_of(code, symbol, self.function.__name__)
 
 
 def kernels_of(function: Callable) -> Iterator[Callable]:
@@ -115,45 +119,18 @@ def _is_ours(module: str) -> bool:
     return module.split(".", maxsplit=1)[0] in PACKAGES
 
 
-def _register(function: Callable) -> set[ModuleType]:
-    """Let compiled code call the kernels below a function; the modules in which all of them lie."""
-    from numba.extending import register_jitable
-
-    modules = set()
-    for kernel in kernels_of(function):
-        module = sys.modules[kernel.__module__]
-        modules.add(module)
-        if kernel is not function and kernel not in _registered:
-            _registered.add(kernel)
-            register_jitable(**_options(module))(kernel)
-    return modules
-
-
-def _options(module: ModuleType) -> dict[str, Any]:
-    return {
-        **OPTIONS,
-        "_nrt": getattr(module, "ALLOCATES", False),
-        "fastmath": getattr(module, "FASTMATH", False),
-    }
-
-
-def _digest(modules: set[ModuleType]) -> int:
-    """A number that changes with the source of any of the modules, of what they import, and of this one.
-
-    numba's cache notices changes of the file of a function only.
-    """
-    here = Path(__file__)
-    sources = {name: _source(here.with_name(f"{name}.py"))[0] for name in ("entry", "packed", "packed_type")}
-    waiting = [module.__name__ for module in modules]
+def _sources(function: Callable) -> bytes:
+    """What changes with the source of any kernel below a function, of what its module imports, and of this package."""
+    here = Path(__file__).parent
+    sources = {str(path.relative_to(here)): _source(path)[0] for path in here.rglob("*.py")}
+    waiting = [kernel.__module__ for kernel in kernels_of(function)]
     while waiting:
         name = waiting.pop()
         file = getattr(sys.modules.get(name), "__file__", None)
         if name not in sources and file is not None:
             sources[name], imported = _source(Path(file))
             waiting += imported
-    return int.from_bytes(
-        sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()[:7], "little"
-    )
+    return sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()
 
 
 @cache
@@ -161,14 +138,3 @@ def _source(file: Path) -> tuple[bytes, tuple[str, ...]]:
     """What is in a file, and the modules of this package that it imports; read once."""
     text = file.read_bytes()
     return text, tuple(filter(_is_ours, _IMPORT.findall(text.decode())))
-
-
-def _named(function: Callable, version: int) -> Callable:
-    """Function under a name with a number, for which numba's cache on disk has files of its own.
-
-    It would read the files of another version before it sees that they are out of date, and fails where the class of an
-    argument has moved since.
-    """
-    named = FunctionType(function.__code__, function.__globals__, function.__name__)
-    named.__module__, named.__qualname__ = function.__module__, f"{function.__qualname__}_{version:x}"
-    return named

@@ -1,9 +1,9 @@
-"""Sums that may be taken in any order, so that they become vector instructions."""
+"""Sums that may be taken in any order, so that they become vector instructions, and products of small matrices."""
 
 from __future__ import annotations
 
 FASTMATH = {"contract", "reassoc"}
-"""What `wholebody.jit.entry` lets numba do here: a product and a sum in one instruction, and sums in another order."""
+"""What LLVM may do here: a product and a sum in one instruction, and sums in another order."""
 
 
 def dot(a, b, n) -> float:
@@ -12,3 +12,19 @@ def dot(a, b, n) -> float:
     for i in range(n):
         total += a[i] * b[i]
     return total
+
+
+def outer_gram(A, out) -> None:
+    """``out = A A'``."""
+    rows, n = A.shape
+    for i in range(rows):
+        for j in range(i + 1):
+            out[i, j] = out[j, i] = dot(A[i], A[j], n)
+
+
+def times_transposed(A, B, out) -> None:
+    """``out = A B'``."""
+    rows, n = A.shape
+    for i in range(rows):
+        for j in range(B.shape[0]):
+            out[i, j] = dot(A[i], B[j], n)

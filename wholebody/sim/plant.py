@@ -296,7 +296,7 @@ def _parts(model: mujoco.MjModel, feet: set[int]) -> np.ndarray:
 
 
 def warm_up() -> None:
-    """Compile what a plant calls, or load it from numba's cache on disk."""
+    """Compile what a plant calls, or load it from the cache on disk."""
     row, index, entries = np.zeros(1), np.zeros((3, 1), dtype=np.int64), np.zeros(1, dtype=np.int64)
     _drive.compile((row,) * 5, index, row, (row, row), row, row, row, True)
     _read.compile((row, row), (entries, entries), row, row)

@@ -81,7 +81,7 @@ def test_c6_warming_up_says_in_a_pipe_what_it_does(monkeypatch, capsys):
     monkeypatch.setattr("wholebody.episode.warm_up.warm_up", lambda robot, half_way: half_way() or 61.0)
     warmup()
     assert capsys.readouterr().err.splitlines() == [
-        "compiling the control tick and the plan: about a minute, once",
+        "compiling the control tick and the plan: some ten seconds, once",
         "the plan is compiled",
         "ready after 61 s; later runs load what was compiled",
     ]

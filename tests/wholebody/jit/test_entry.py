@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from models.cache import CACHE_VARIABLE
 from wholebody.jit.entry import Entry, kernels_of
 
 SUMS = '''
@@ -57,7 +58,7 @@ print(entry.Entry(module.widest)(np.array([1.0, 2.0, 6.0]), np.zeros(3)))
 @pytest.fixture
 def chain(tmp_path, monkeypatch):
     """The chain, whose compiled form is kept beside it."""
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr("wholebody.jit.entry.PACKAGES", ("wholebody_sums", "wholebody_chain"))
     (tmp_path / "wholebody_sums.py").write_text(SUMS)
@@ -85,10 +86,19 @@ def test_a_compiled_chain_gives_what_the_interpreted_one_gives(chain):
 
 def test_another_process_loads_it_from_the_cache(chain, tmp_path):
     Entry(chain.widest)(np.zeros(3), np.zeros(3))
-    made = sorted(tmp_path.rglob("*.nbc"))
+    made = sorted(tmp_path.rglob("*.o"))
     assert made
     assert compiled_in_another_process(tmp_path) == 3.0
-    assert sorted(tmp_path.rglob("*.nbc")) == made
+    assert sorted(tmp_path.rglob("*.o")) == made
+
+
+def test_damaged_machine_code_is_made_again_and_never_loaded(chain, tmp_path):
+    Entry(chain.widest)(np.zeros(3), np.zeros(3))
+    (made,) = tmp_path.rglob("*.o")
+    good = made.read_bytes()
+    made.write_bytes(good[:-9] + bytes(9))
+    assert compiled_in_another_process(tmp_path) == 3.0
+    assert made.read_bytes() == good
 
 
 def test_a_change_of_a_callee_in_another_file_is_noticed(chain, tmp_path):
@@ -109,7 +119,7 @@ print(entry.Entry(module.both)(Pair(1.0, 2.0)))
 
 
 def test_a_cache_from_before_the_class_of_an_argument_moved_is_not_read(chain, tmp_path):
-    """numba reads all of a function's cache before it sees that it is out of date; the class named there was gone."""
+    """A cache of pickles would be read before it is seen to be out of date; the class named there is gone."""
     source = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    a: float\n    b: float\n"
     (tmp_path / "wholebody_chain.py").write_text("def both(pair):\n    return pair.a + pair.b\n")
     for name, other in (("wholebody_pairs", "wholebody_other"), ("wholebody_other", "wholebody_pairs")):
@@ -120,7 +130,7 @@ def test_a_cache_from_before_the_class_of_an_argument_moved_is_not_read(chain, t
 
 
 def test_threads_that_meet_cold_compile_one_after_another_and_each_entry_once():
-    """Two threads that judged first registered the same kernels at once, and one failed in numba."""
+    """LLVM does one thing at a time: two threads that meet cold must not be in it at once."""
     guard, inside, made = threading.Lock(), [0], []
 
     class Slow(Entry):

@@ -26,7 +26,7 @@ def warmup(*, robot: RobotModel = "") -> None:
     from wholebody.config.robot import RobotConfig
     from wholebody.episode.warm_up import warm_up
 
-    text = "compiling the control tick and the plan: about a minute, once"
+    text = "compiling the control tick and the plan: some ten seconds, once"
     say(text, to_errors=True)
     # A line that moves on a terminal, three in a pipe.
     terminal = sys.stderr.isatty()

@@ -1,4 +1,4 @@
-"""From the readings of an instant to the state of the robot; compiles with numba as it stands.
+"""From the readings of an instant to the state of the robot; compiled by `wholebody.jit`.
 
 Bodies and soles are in the axes of the base; the filter's position and velocity are those of the IMU in world.
 """

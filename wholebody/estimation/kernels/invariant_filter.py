@@ -1,4 +1,4 @@
-r"""A right-invariant extended Kalman filter with two contacts; compiles with numba as it stands.
+r"""A right-invariant extended Kalman filter with two contacts; compiled by `wholebody.jit`.
 
 The state is one matrix Lie group element: orientation R, velocity v and position p of the IMU and the places d of both
 soles, all in world; beside it the biases of gyro and accelerometer. Its error ``xi`` is the turn and the shifts that

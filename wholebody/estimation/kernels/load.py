@@ -1,6 +1,6 @@
 """What the hands carry and what pushes them, from the torques of the arms over one control period.
 
-Compiles with numba as it stands.
+Compiled by `wholebody.jit`.
 
 With ``dv`` the acceleration that happened, the arm's rows of the dynamics miss what an unknown mass m at the point x of
 the hand adds: ``tau - M dv - nle = m J_x' (a_x - g)``. Feet and everything they touch have no part in these rows.

@@ -1,4 +1,4 @@
-"""What the controller is to follow at one tick, from a plan; compiles with numba as it stands.
+"""What the controller is to follow at one tick, from a plan; compiled by `wholebody.jit`.
 
 One call does what a tick needs before its program: how far along the plan the robot may go, where the hands should be
 there, the smoother behind, and the whole-body trajectory, all written into the row of `control.reference_packet`.

@@ -1,4 +1,4 @@
-"""How far a hand is trusted by what torque there is left; compiles with numba as it stands."""
+"""How far a hand is trusted by what torque there is left; compiled by `wholebody.jit`."""
 
 import math
 

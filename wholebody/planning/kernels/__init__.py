@@ -1,1 +1,1 @@
-"""Arithmetic of a plan around its search; compiled with numba."""
+"""Arithmetic of a plan around its search; compiled by `wholebody.jit`."""

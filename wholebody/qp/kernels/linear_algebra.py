@@ -1,4 +1,4 @@
-"""Small dense linear algebra on preallocated arrays; compiles with numba as it stands.
+"""Small dense linear algebra on preallocated arrays; compiled by `wholebody.jit`.
 
 Loops run along rows, whose entries lie side by side, and add up rows rather than products: that is what vector
 instructions can do without reordering sums.

@@ -1,6 +1,6 @@
 r"""Arithmetic of the robot's rigid-body dynamics: one pass out to the fingers, one pass back, on flat arrays.
 
-Everything is plain Python on float64 arrays and compiles with numba as it stands (`wholebody.jit.entry`).
+Everything is plain Python on float64 arrays and compiles as it stands (`wholebody.jit.entry`).
 
 All spatial vectors are written in world axes about one point, the origin of the base ("about the base" below):
 twists and accelerations ``[linear; angular]``, forces ``[force; moment]``. With one common point nothing has to be

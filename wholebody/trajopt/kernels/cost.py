@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.jit.blas import outer_gram
+from wholebody.jit.vectors import outer_gram
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import (  # fmt: skip
     FREE_LOWER,

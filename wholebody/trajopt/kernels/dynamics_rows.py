@@ -5,7 +5,7 @@ They are the wrench of the floor per weight, torques of waist and arms, and acce
 
 from __future__ import annotations
 
-from wholebody.jit.blas import times_transposed
+from wholebody.jit.vectors import times_transposed
 from wholebody.robot.kernels.spatial import cross, cross_motion, dot6
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import (  # fmt: skip

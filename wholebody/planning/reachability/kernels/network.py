@@ -1,4 +1,4 @@
-"""How far inside the map a pair of palms is; compiles with numba as it stands."""
+"""How far inside the map a pair of palms is; compiled by `wholebody.jit`."""
 
 import math
 

@@ -1,0 +1,1 @@
+"""A compiler of kernels: from their source to machine code by LLVM."""
