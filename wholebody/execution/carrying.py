@@ -88,15 +88,23 @@ class Carrying:
         if not news or not self._learns:
             return
         blocked, known, least = self._blocked(row), observer.known.tolist(), self._config.follow
-        hands = zip(known, observer.loads.tolist(), self.loads.masses, blocked, self._carried, strict=True)
+        seen = [mass if mass > least else 0.0 for mass in observer.loads.tolist()]
+        hands = zip(known, seen, self.loads.masses, blocked, self._presses(), self._carried, strict=True)
         left, right = (
-            (min(seen, carried) if held else seen if seen > least else 0.0) if sure else mass
-            for sure, seen, mass, held, carried in hands
+            (min(seen, carried) if held else max(seen, carried) if presses else seen) if sure else mass
+            for sure, seen, mass, held, presses, carried in hands
         )
         other = max(abs(left - self.loads.masses[0]), abs(right - self.loads.masses[1])) > least
         if other or known != self._known:
             self._known = known
             self._count_on(left, right)
+
+    def _presses(self) -> list[bool]:
+        """Whether each hand touches something with a force that it is told: what it rests on does not make it lighter.
+
+        A hand that is told of none may have been relieved of what it carried.
+        """
+        return [share > 0.0 and self.touch.told.size(hand) > 0.0 for hand, share in enumerate(self.touch.shares)]
 
     def _blocked(self, row: np.ndarray) -> list[bool]:
         """Whether something above each hand holds it: it no longer rises with its command, and does not sink either.

@@ -199,3 +199,11 @@ def test_a_hand_that_wipes_feels_the_force_that_it_is_told():
     force = np.convolve(run.forces[wiping, 0, 2], np.ones(50) / 50.0, "valid")
     assert np.mean(np.abs(force - 10.0) < 3.0) > 0.95
     assert run.result.scene_contacts == {}
+
+
+def test_a_hand_that_wipes_with_something_in_it_presses_no_harder_by_its_weight():
+    """It rested on the table with half of a kilogram that nobody told, and was taken to carry nothing: 15 N."""
+    run = Run(wipe(seconds=6.0), "table", loads=[(0.0, (0.5, 0.0))])
+    assert run.result.fall is None
+    wiping = (run.times > run.settle + 5.0) & (run.times < run.settle + 9.0)
+    assert run.forces[wiping, 0, 2].mean() == pytest.approx(10.0, abs=2.0)
