@@ -209,7 +209,7 @@ class Walk:
         if self._left <= FROZEN:
             return
         gait, foot, omega, axes = self.gait, 1 - self.stance, seen.omega, self.soles[self.stance]
-        nominal, kept = self._nominal, self._left
+        nominal, kept, way = self._nominal, self._left, abs(self.swing.way.x - self._steps[0].sole.point)
         self._left, self._steps[0] = max(self._nominal_left, FROZEN), Footstep(foot, nominal)
         pieces = self._pieces()
         planned, end = bounded(pieces, omega), bounded(pieces[1:], omega)
@@ -225,8 +225,7 @@ class Walk:
             + complex(_beyond(error.real, take * self._sole.length), _beyond(error.imag, take * self._sole.width))
         )
         low, high = box(foot, gait)
-        way = abs(self.swing.way.x - self._steps[0].sole.point) / gait.foot_speed
-        soonest = max(gait.sooner * gait.swing - self._elapsed, way, FROZEN)
+        soonest = max(gait.sooner * gait.swing - self._elapsed, way / gait.foot_speed, FROZEN)
         latest = max(gait.later * gait.swing - self._elapsed, soonest)
         step = Adjusted(place, self._left, (landing - share * place) / gone)
         best = adjust(felt, step, Room(low - turned, high - turned, soonest, latest), omega, gait.double)

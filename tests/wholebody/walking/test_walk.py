@@ -132,6 +132,18 @@ def test_a_pushed_pendulum_is_caught_by_its_steps():
         unadjusted.run(6.0)
 
 
+def test_a_landing_is_not_put_off_again_and_again():
+    one = Pendulum()
+    one.walk.marches = True
+    one.run(2.9)
+    assert one.walk.state is Step.SWING
+    latest = one.time + one.walk.left + (one.walk.gait.later - 1.0) * one.walk.gait.swing + one.walk.gait.double
+    one.dcm += 0.09 - 0.03j
+    while one.walk.state is Step.SWING:
+        one.run(DT)
+        assert one.time < latest
+
+
 def test_a_foot_that_is_up_carries_nothing_and_one_that_is_lifted_is_relieved():
     one, before = Pendulum(), 1.0
     one.walk.marches = True
