@@ -119,7 +119,7 @@ def _offsets(state: np.ndarray, action: np.ndarray, names: Sequence[str]) -> Ite
         i = max(off, key=lambda i: abs(middle[i]))
         yield Finding(
             "state_offset", "warning",
-            f"{len(off)} columns of the state are a constant away from the action, most of all {names[i] or i} by "
-            f"{middle[i]:.3g}, {lag} rows later",
+            f"columns of the state that are a constant away from the action: {len(off)}, most of all {names[i] or i} "
+            f"by {middle[i]:.3g}, {lag} rows later",
             "an encoder's zero, or another unit: compare both at rest",
         )  # fmt: skip

@@ -116,9 +116,15 @@ def waiting(text: str, quiet: bool = False) -> Iterator[None]:
 
 @contextmanager
 def progress_bar(
-    name: str, *, quiet: bool = False, drawing: bool = False
+    name: str, *, quiet: bool = False, before_frames: str = ""
 ) -> Iterator[Callable[[float, float], None] | None]:
-    """How far a simulation is, or a drawing: a bar on a terminal, in a pipe a plain line every few seconds."""
+    """How far a simulation is, or work on frames: a bar on a terminal, in a pipe a plain line every few seconds.
+
+    Args:
+        name: Of what is worked on.
+        quiet: Show nothing.
+        before_frames: What is done before the first frame, of work on frames; of a simulation empty.
+    """
     if quiet:
         yield None
     elif sys.stderr.isatty():
@@ -128,11 +134,11 @@ def progress_bar(
 
         columns = (SpinnerColumn(), *Progress.get_default_columns()[:-1], TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            slow = "" if drawing else ", compiling if it is the first time"
+            slow = "" if before_frames else ", compiling if it is the first time"
             task = bar.add_task(f"{escape(printable(name, 200))}{slow}", total=1.0)
             yield lambda time, end: bar.update(task, completed=time / end, description=escape(printable(name, 200)))
     else:
-        lines = _DrawingLines(name) if drawing else _ProgressLines(name)
+        lines = _FrameLines(name, before_frames) if before_frames else _ProgressLines(name)
         with heartbeat(lines.line):
             yield lines.update
 
@@ -152,11 +158,11 @@ class _ProgressLines:
         return f"{self.name}: {self.now}{why} ({seconds:.0f} s)"
 
 
-class _DrawingLines:
-    """How far a drawing is."""
+class _FrameLines:
+    """How many frames of all are drawn, or converted."""
 
-    def __init__(self, name: str) -> None:
-        self.name, self.now = name, "loading the robot"
+    def __init__(self, name: str, before: str) -> None:
+        self.name, self.now = name, before
 
     def update(self, done: float, total: float) -> None:
         self.now = f"{done:.0f} of {total:.0f} frames"
@@ -200,7 +206,7 @@ def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, r
             if output is None:
                 continue
             try:
-                with progress_bar(f"drawing {output}", drawing=True) as progress:
+                with progress_bar(f"drawing {output}", before_frames="loading the robot") as progress:
                     render(file, output, progress=progress)
                 say(f"wrote {output}", to_errors=True)
             except RenderError as error:

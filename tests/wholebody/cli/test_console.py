@@ -88,7 +88,7 @@ def test_c6_warming_up_says_in_a_pipe_what_it_does(monkeypatch, capsys):
 
 
 def test_in_a_pipe_a_drawing_says_how_far_it_is(quick, capsys):
-    with console.progress_bar("drawing run.mp4", drawing=True) as progress:
+    with console.progress_bar("drawing run.mp4", before_frames="loading the robot") as progress:
         until("wholebody: drawing run.mp4: loading the robot (0 s)\n", capsys)
         progress(12, 180)
         until("wholebody: drawing run.mp4: 12 of 180 frames (0 s)\n", capsys)

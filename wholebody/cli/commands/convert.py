@@ -82,7 +82,7 @@ def _convert_dataset(source: Path, target: Path | None, settings: DatasetSetting
     quiet = json_to == "-"
     name = settings.to if isinstance(settings.to, str) else settings.to.name
     target = target or source.absolute().with_name(f"{source.absolute().name}_{name}")
-    with progress_bar(source.name, quiet=quiet) as progress:
+    with progress_bar(source.name, quiet=quiet, before_frames="looking at every episode") as progress:
         result = convert_dataset(source, target, settings, progress=progress)
     if not quiet:
         say(*result.lines())
