@@ -35,11 +35,14 @@ class Numbers:
         slots = [self.spec.slot("left_hand"), self.spec.slot("right_hand")]
         fingers = [pair for slot in slots for pair in zip(slot.feature_names, slot.joint_names, strict=True)]
         self.bounds = {name: joints[joint] for name, joint in fingers}
+        self._at: tuple[Observation, Anchor] | None = None
         self.known = tuple(dict.fromkeys((*self.action_names, *GRASPS, *self.state_names)))
 
     def anchor(self, observation: Observation) -> Anchor:
-        """Where a robot stands."""
-        return Anchor.measured(observation, self.spec.robot)
+        """Where a robot stands; asked for several times a step, found once."""
+        if self._at is None or self._at[0] is not observation:
+            self._at = observation, Anchor.measured(observation, self.spec.robot)
+        return self._at[1]
 
     def state(self, observation: Observation) -> dict[str, float]:
         """The state's numbers by name."""
@@ -57,7 +60,7 @@ class Accepted:
 
     def __init__(self, numbers: Numbers, observation: Observation) -> None:
         self._numbers = numbers
-        names, values = numbers.action_names, state_numbers(numbers.aligned, observation)
+        names, values = numbers.action_names, state_numbers(numbers.aligned, observation, numbers.anchor(observation))
         self._last = dict(zip(names, values.tolist(), strict=True))
 
     def take(self, given: dict[str, float], observation: Observation) -> tuple[dict[str, np.ndarray], dict[str, float]]:

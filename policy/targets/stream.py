@@ -38,6 +38,9 @@ ROTATION_TOLERANCE = 1e-3
 """Largest residual of a target's rotation; chosen: above float32 rounding, below any real fault."""
 STAMPS = 256
 """Targets by which the two clocks are compared; chosen: 3 to 25 s, in which clocks drift by less than a millisecond."""
+SAME = (1e-3, 0.01, 0.02)
+"""Distance from what was foretold up to which a target says nothing new: position [m], orientation [rad], a finger
+[rad]; chosen: a fifth of what streams are followed to."""
 NAMES = ("lhand", "rhand", "q_lhand", "q_rhand")
 """What a target may say: wrist poses in world (4, 4) and fingers in motor order (7,)."""
 
@@ -48,6 +51,12 @@ class _Wrist:
     def __init__(self) -> None:
         self._p, self._turn = (Foretelling(*bounds) for bounds in WRIST)
         self._R = np.eye(3)
+
+    @property
+    def last(self) -> tuple[float, np.ndarray]:
+        """Time [s] and pose (4, 4) of the last one."""
+        time, p = self._p.last
+        return time, make_transform(self._R, p)
 
     def add(self, time: float, T: np.ndarray) -> None:
         """Take a pose (4, 4) at a time [s]; turns are told from the last one, whose own is zero."""
@@ -69,6 +78,11 @@ class _Fingers:
 
     def __init__(self) -> None:
         self._q = Foretelling(*FINGERS)
+
+    @property
+    def last(self) -> tuple[float, np.ndarray]:
+        """Time [s] and joints (7,) of the last ones."""
+        return self._q.last
 
     def add(self, time: float, q: np.ndarray) -> None:
         """Take joints (7,) at a time [s]."""
@@ -116,6 +130,8 @@ class TargetStream:
             self._stamp, self._seq = -np.inf, -1
             self._offsets: deque[float] = deque(maxlen=STAMPS)
             self._anchor: Anchor | None = None
+            self._chunk: ActionChunk | None = None
+            self._unused = False
 
     def put(self, stamp: float | None = None, **target: np.ndarray) -> None:
         """Say where hands are to be now.
@@ -142,6 +158,7 @@ class TargetStream:
                     self._said.add(name)
                     self._tracks[name] = _Wrist() if value.ndim == 2 else _Fingers()
                 self._tracks[name].add(time, value)
+            self._unused = True
 
     def put_action(self, action: np.ndarray, stamp: float | None = None, anchor: Anchor | None = None) -> None:
         """Say it in the numbers of the layout, shape (A,).
@@ -177,7 +194,22 @@ class TargetStream:
             self._seq += 1
             times = observation.time + np.arange(HORIZON) / FPS
             arrays = [self._tracks[name].at(times) for name in NAMES]
-            return ActionChunk(self.spec.id, self._seq, float(observation.time), FPS, *arrays)
+            self._unused = False
+            self._chunk = ActionChunk(self.spec.id, self._seq, float(observation.time), FPS, *arrays)
+            return self._chunk
+
+    @property
+    def news(self) -> bool:
+        """Whether the newest target is elsewhere than the last chunk has it: there is a better chunk by now."""
+        with self._lock:
+            chunk = self._chunk
+            if chunk is None or not self._unused:
+                return chunk is None
+            parts = (chunk.T_world_lhand, chunk.T_world_rhand, chunk.q_lhand, chunk.q_rhand)
+            return any(
+                _differs(rows, (time - chunk.t_obs) * chunk.fps, value)
+                for rows, (time, value) in zip(parts, (self._tracks[name].last for name in NAMES), strict=True)
+            )
 
     def infer_after(self, observation: Observation, prefix: Prefix) -> ActionChunk:
         """Chunk that repeats what is being executed for the inference delay, and is free from the horizon on.
@@ -229,6 +261,17 @@ def after(chunk: ActionChunk, prefix: Prefix) -> ActionChunk:
         else:
             own[:n] = theirs + free[:, None] * (own[:n] - theirs)
     return ActionChunk(chunk.spec_id, chunk.seq, chunk.t_obs, chunk.fps, **arrays)
+
+
+def _differs(rows: np.ndarray, step: float, value: np.ndarray) -> bool:
+    """Whether rows (H, ...) are elsewhere at a step, a fraction of one too; before the first they count as there."""
+    step = min(max(step, 0.0), len(rows) - 1.0)
+    k = min(int(step), len(rows) - 2)
+    off = rows[k] + (step - k) * (rows[k + 1] - rows[k]) - value
+    if value.ndim == 1:
+        return bool(np.abs(off).max() > SAME[2])
+    # Of two rotations that are near, the angle is the size of their difference over the root of two.
+    return bool(np.linalg.norm(off[:3, 3]) > SAME[0] or np.linalg.norm(off[:3, :3]) > np.sqrt(2.0) * SAME[1])
 
 
 def _checked(name: str, value: np.ndarray) -> np.ndarray:

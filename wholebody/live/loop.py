@@ -83,6 +83,7 @@ class ControlLoop:
         state: The one that the supervisor was reset with.
         task: What the policy is told to do.
         clock: The robot's; the wall's since the robot's origin if not given.
+        scored: Whether the palms' errors are measured.
 
     Attributes:
         executor: Where chunks come from, on the robot's clock; None: there are none.
@@ -101,13 +102,15 @@ class ControlLoop:
         state: RobotState,
         task: str = "",
         clock: Clock | None = None,
+        *,
+        scored: bool = True,
     ) -> None:
         self.spec, self.supervisor, self.robot, self.state, self.task = spec, supervisor, robot, state, task
         self.executor: Executor | None = None
         self.dt = supervisor.config.dt
         self.lateness, self.told, self.errors = Lateness(self.dt), Told(), TrackingError(supervisor)
         self.clock = clock or RobotClock(robot)
-        self.stopped = False
+        self.stopped, self._scored = False, scored
 
     def run(self, going: Callable[[float], bool]) -> None:
         """Tick until told to stop.
@@ -150,7 +153,7 @@ class ControlLoop:
         if self.executor is not None:
             self._poll(now)
         self._refused(supervisor.take_refusal())
-        if supervisor.plan_report is not None:
+        if self._scored and supervisor.plan_report is not None:
             self.errors.follow(supervisor.chunk, supervisor.plan_report)
             if state is not None:
                 self.errors.measure(state, supervisor.palm_reference(), supervisor.status.reason)

@@ -144,9 +144,9 @@ def _joined(
     slow, moved = limits if share == 1.0 else limits.scaled(share), np.zeros(len(times))
     projected = continued(times, T, q, slow, motion, s) if len(times) > 1 else None
     if projected is None or not projected.changed:
-        path = HandPath.from_knots(times, T, q, limits=limits).joined(motion, s, limits=slow)
+        path = HandPath.through(times, T, q, limits).joined(motion, s, limits=slow)
         if projected is None or not path.join.rough:
             return path, moved
-    path = HandPath.from_knots(projected.times, projected.T, projected.q, limits=limits).joined(motion, s, limits=slow)
+    path = HandPath.through(projected.times, projected.T, projected.q, limits).joined(motion, s, limits=slow)
     moved[len(times) - len(projected.moved) :] = projected.moved
     return path, moved

@@ -19,7 +19,7 @@ from wholebody.jit.entry import Entry
 from wholebody.reference.hand_limits import HandLimits
 from wholebody.reference.join import Join, join_curve
 from wholebody.reference.kernels.path import curve_rows
-from wholebody.reference.knots import POSITION, ROTATION, check_knots, curve_through
+from wholebody.reference.knots import POSITION, ROTATION, all_fingers, check_knots, curve_through
 from wholebody.reference.layout import ROW, HandMotion
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
 
@@ -63,9 +63,19 @@ class HandPath:
         Raises:
             InputError: If a shape is wrong, a value is not finite, times do not increase, or a rotation is none.
         """
-        limits = HandLimits() if limits is None else limits
-        times, T, q = check_knots(times, T_world_hand, q_hand)
-        curve, outliers = curve_through(times, T, q, limits)
+        return cls.through(*check_knots(times, T_world_hand, q_hand), HandLimits() if limits is None else limits)
+
+    @classmethod
+    def through(cls, times: np.ndarray, T_world_hand: np.ndarray, q_hand: np.ndarray, limits: HandLimits) -> HandPath:
+        """Path through knots that are known to be valid, as those of a prepared chunk: `from_knots` without its checks.
+
+        Args:
+            times: Parameters of the knots, increasing, shape ``(H,)``, [s].
+            T_world_hand: Poses, shape ``(H, 4, 4)``.
+            q_hand: Finger joints in motor order, shape ``(H, n)``, n up to 7, [rad].
+            limits: Limits of the hand.
+        """
+        curve, outliers = curve_through(times, T_world_hand, all_fingers(q_hand), limits)
         return cls(curve, float(times[0]), float(times[-1]), limits, tuple(np.flatnonzero(outliers).tolist()))
 
     def joined(self, motion: HandMotion, s: float, *, limits: HandLimits | None = None) -> HandPath:

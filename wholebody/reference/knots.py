@@ -75,7 +75,13 @@ def check_knots(
             field="T_world_hand",
             knot=knot,
         )
-    return times, T, np.pad(q, ((0, 0), (0, FINGERS - q.shape[1])))
+    return times, T, q
+
+
+def all_fingers(q_hand: np.ndarray) -> np.ndarray:
+    """Finger joints (H, n) as those of a hand with all fingers, shape (H, 7); fingers that it does not have are 0."""
+    lacking = FINGERS - q_hand.shape[1]
+    return np.pad(q_hand, ((0, 0), (0, lacking))) if lacking else q_hand
 
 
 def curve_through(

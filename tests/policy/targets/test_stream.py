@@ -164,3 +164,31 @@ def test_a_reset_forgets_everything():
     stream.reset()
     stream.put(0.0, lhand=pose(0.3))
     assert stream.infer(HERE.observation(0.0)).seq == 0
+
+
+def test_a_target_is_news_where_the_last_chunk_has_it_elsewhere():
+    stream = TargetStream()
+    assert stream.news
+    for time in np.arange(0.0, 1.0, 1.0 / FPS):
+        stream.put(time, lhand=pose(0.2 * time), q_rhand=np.full(7, 0.1))
+    assert stream.infer(HERE.observation(1.0)) is not None
+    stream.put(1.02, lhand=pose(0.204))
+    assert not stream.news  # it goes on as it was going
+    stream.put(1.05, lhand=pose(0.21 + 2e-3))
+    assert stream.news
+    stream.infer(HERE.observation(1.06))
+    stream.put(1.07, lhand=pose(0.21 + 2e-3 + 0.004, turn=0.02))
+    assert stream.news
+    stream.infer(HERE.observation(1.08))
+    assert not stream.news
+    stream.put(1.09, q_rhand=np.full(7, 0.15))
+    assert stream.news
+    stream.reset()
+    assert stream.news
+
+
+def test_a_target_that_is_repeated_is_no_news_however_long():
+    stream, _ = followed(lambda t: (0.0, 0.3), 0.2)
+    for time in 0.3 + np.arange(60) / FPS:
+        stream.put(time, lhand=pose(0.0, 0.3))
+        assert not stream.news

@@ -94,7 +94,7 @@ class HandsAhead:
         chunk = prepared.chunk
         hands = (chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand)
         own = (
-            HandPath.from_knots(prepared.times, T, q, limits=limits)
+            HandPath.through(prepared.times, T, q, limits)
             for (T, q), limits in zip(hands, self._limits, strict=True)
         )
         paths = self._continued(own, s)

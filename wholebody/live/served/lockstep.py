@@ -86,7 +86,7 @@ class InLockstep:
         compile_plan(spec)
         state = self._robot.plant.state()
         self._supervisor.reset(state, state.time)
-        self._loop = ControlLoop(spec, self._supervisor, self._robot, state, clock=self._clock)
+        self._loop = ControlLoop(spec, self._supervisor, self._robot, state, clock=self._clock, scored=False)
         self._executor = Executor(
             program.stream, self._clock, config=ASKING, worker=SimulatedWorker(program.stream, self._clock, lambda: 0.0)
         )

@@ -73,7 +73,8 @@ class Program:
             except PolicyError as error:
                 self.refused[str(error)] = self.refused.get(str(error), 0) + 1
             else:
-                robot.hasten()
+                if self.stream.news:
+                    robot.hasten()
         elif isinstance(message, End):
             self.there, self.asked_to_end = False, True
 
