@@ -10,6 +10,7 @@ LINKS = ("sim",)
 """What a robot can be reached by so far."""
 CLOCKS = ("wall", "lockstep")
 TASKS = ("none", "reach")
+RECORDS = ("requested", "executed")
 
 
 @dataclass(kw_only=True)
@@ -39,6 +40,10 @@ class WholebodyG1Config(RobotConfig):
     """What is to be done: with reach each palm has a goal, which is shown to cameras and among the observations."""
     seed: int = 0
     """Of the task's goals."""
+    gate: bool = False
+    """Whether targets are judged before they are followed, and held where they cannot be done nearly so."""
+    record: str = "requested"
+    """Which actions are written into datasets: as requested, or as executed, which is measured a step later."""
     settings: str = ""
     """YAML file with changed settings of the controller."""
     report: str = ""
@@ -47,6 +52,6 @@ class WholebodyG1Config(RobotConfig):
     def __post_init__(self) -> None:
         if self.link in ("twin", "dds"):
             raise ValueError(f"--robot.link={self.link} is not built yet: the robot is reached by {', '.join(LINKS)}")
-        for name, known in (("link", LINKS), ("clock", CLOCKS), ("task", TASKS)):
+        for name, known in (("link", LINKS), ("clock", CLOCKS), ("task", TASKS), ("record", RECORDS)):
             if getattr(self, name) not in known:
                 raise ValueError(f"--robot.{name}={getattr(self, name)} is unknown; there are {', '.join(known)}")

@@ -5,6 +5,7 @@ It tells no one that an episode begins or is over, and shows observations to tel
 by which its loops know these functions are replaced while a robot is connected:
 
 - ``record_loop`` says the phase: ``episode`` with a dataset, ``reset`` without one.
+- with ``record=executed`` its dataset gets, one step later, what was done instead of what was asked for.
 - in lockstep ``precise_sleep`` lets simulated time pass, and ``time.perf_counter`` reads it.
 
 Modules without those names are left alone.
@@ -17,7 +18,7 @@ import sys
 import time
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
-from typing import Protocol
+from typing import Any, Protocol
 
 from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyG1Config
 
@@ -32,6 +33,12 @@ class Paced(Protocol):
 
     def let_pass(self, seconds: float) -> None:
         """Let simulated time pass [s]."""
+
+    def get_observation(self) -> dict[str, Any]:
+        """Look at the robot."""
+
+    def executed(self) -> dict[str, float]:
+        """Numbers of the action that is done where the robot was seen last."""
 
     def begin(self, phase: str) -> None:
         """Begin an ``episode``, or a ``reset`` between two."""
@@ -74,10 +81,53 @@ class Loops:
             setattr(*self._before.pop())
 
 
+class Executed:
+    """A dataset whose frames get the action that was done for the one that was asked for, as soon as it is seen.
+
+    Args:
+        dataset: Of LeRobot.
+        robot: Seen once a frame, before the frame is added.
+    """
+
+    def __init__(self, dataset: Any, robot: Paced) -> None:
+        self._dataset, self._robot, self._waiting = dataset, robot, None
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever else the dataset has."""
+        return getattr(self._dataset, name)
+
+    def add_frame(self, frame: dict[str, Any]) -> None:
+        """Add the frame before with what was done since; this one waits."""
+        self._add()
+        self._waiting = frame
+
+    def finish(self) -> None:
+        """Add the last frame, with what was done up to now."""
+        if self._waiting is not None:
+            self._robot.get_observation()
+            self._add()
+            self._waiting = None
+
+    def _add(self) -> None:
+        if (frame := self._waiting) is not None:
+            import numpy as np
+
+            action, done = frame["action"], self._robot.executed()
+            names = self._dataset.features["action"]["names"]
+            self._dataset.add_frame(frame | {"action": np.array([done[name] for name in names], dtype=action.dtype)})
+
+
 def _telling(record_loop: Callable, robot: Paced) -> Callable:
     @functools.wraps(record_loop)
     def told(*args: object, **named: object) -> object:
-        robot.begin("reset" if named.get("dataset") is None else "episode")
-        return record_loop(*args, **named)
+        dataset = named.get("dataset")
+        robot.begin("reset" if dataset is None else "episode")
+        if dataset is None or robot.config.record == "requested":
+            return record_loop(*args, **named)
+        named["dataset"] = done = Executed(dataset, robot)
+        try:
+            return record_loop(*args, **named)
+        finally:
+            done.finish()
 
     return told

@@ -44,6 +44,11 @@ class Numbers:
             self._at = observation, Anchor.measured(observation, self.spec.robot)
         return self._at[1]
 
+    def executed(self, observation: Observation) -> dict[str, float]:
+        """Numbers of the action that a robot has done: those of its wrists and fingers, by name."""
+        numbers = state_numbers(self.aligned, observation, self.anchor(observation))
+        return dict(zip(self.action_names, numbers.tolist(), strict=True))
+
     def state(self, observation: Observation) -> dict[str, float]:
         """The state's numbers by name."""
         numbers = state_numbers(self._layout, observation, self.anchor(observation))
@@ -56,12 +61,14 @@ class Accepted:
     Args:
         numbers: What they mean.
         observation: Of the robot at first.
+
+    Attributes:
+        last: Its numbers by name.
     """
 
     def __init__(self, numbers: Numbers, observation: Observation) -> None:
         self._numbers = numbers
-        names, values = numbers.action_names, state_numbers(numbers.aligned, observation, numbers.anchor(observation))
-        self._last = dict(zip(names, values.tolist(), strict=True))
+        self.last = numbers.executed(observation)
 
     def take(self, given: dict[str, float], observation: Observation) -> tuple[dict[str, np.ndarray], dict[str, float]]:
         """Parts of a target in world, and the numbers as they were accepted.
@@ -74,7 +81,7 @@ class Accepted:
             ChunkError: If wrist numbers are no rotation.
         """
         numbers, spec = self._numbers, self._numbers.spec
-        said = {name: value for name, value in given.items() if name in self._last}
+        said = {name: value for name, value in given.items() if name in self.last}
         grasps = {name: float(np.clip(given[name], 0.0, 1.0)) for name in GRASPS if name in given}
         fingers = {name: self._closed(name, closing) for name, closing in grasps.items()}
         for closed in fingers.values():
@@ -82,18 +89,18 @@ class Accepted:
         said |= {name: float(np.clip(said[name], *bounds)) for name, bounds in numbers.bounds.items() if name in said}
         anchor, going_back = numbers.anchor(observation), bool(given.keys() - said.keys() - grasps.keys())
         try:
-            chunk = decode(spec, np.array([[(self._last | said)[name] for name in spec.feature_names]]), anchor)
+            chunk = decode(spec, np.array([[(self.last | said)[name] for name in spec.feature_names]]), anchor)
         except ChunkError:
             turns = {name for name in said if "_wrist_r" in name}
             if not (going_back and turns):
                 raise
             # LeRobot's way back blends rotations number by number: where that gives none, a hand keeps its own.
             return self.take({name: value for name, value in given.items() if name not in turns}, observation)
-        self._last = dict(zip(spec.feature_names, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
+        self.last = dict(zip(spec.feature_names, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
         poses = {"lhand": chunk.T_world_lhand[0], "rhand": chunk.T_world_rhand[0]}
         everything = poses | {"q_lhand": chunk.q_lhand[0], "q_rhand": chunk.q_rhand[0]}
         parts = {part for prefix, part in _PARTS.items() if any(name.startswith(prefix) for name in said)}
-        accepted = {name: self._last[name] for name in given if name in self._last}
+        accepted = {name: self.last[name] for name in given if name in self.last}
         return everything, parts, accepted | grasps
 
     def _closed(self, grasp: str, closing: float) -> dict[str, float]:

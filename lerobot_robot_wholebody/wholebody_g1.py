@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections import deque
 from functools import cached_property
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 AGAIN = 0.03
 """Time after which a part that an action leaves out is said again [s]; chosen: about a step, since a hand that is told
 no more would go on as it went and then rest."""
+TAKEN = 64
+"""Targets that are remembered, to say at which one a robot stays whose gate holds the newest; derived: two seconds, and
+a plan is judged within one."""
 
 
 class WholebodyG1(Robot):
@@ -53,6 +57,7 @@ class WholebodyG1(Robot):
         self._accepted: Accepted | None = None
         self._said: dict[str, Any] = {}
         self._told: dict[str, float] = {}
+        self._taken: deque[tuple[float, dict[str, float]]] = deque(maxlen=TAKEN)
         self.observation: dict[str, Any] = {}
 
     @cached_property
@@ -119,7 +124,8 @@ class WholebodyG1(Robot):
             raise ConnectionError(f"{self} is connected already")
         stage.enter(self)
         config = self.config
-        robot = ServedRobot(Served(config.scene, "", config.settings, config.clock, report=config.report))
+        named = {"report": config.report, "gate": config.gate}
+        robot = ServedRobot(Served(config.scene, "", config.settings, config.clock, **named))
         try:
             self._cameras = Cameras(config.scene, config.cameras, self.task.marks if self.task else 0)
             self.seen = robot.start()
@@ -128,6 +134,7 @@ class WholebodyG1(Robot):
             self._observed()
             self.phase, self.phases, self._said = "run", 0, {}
             self._told = {}
+            self._taken.clear()
             self._loops = Loops(self)
         except BaseException:
             self._end(robot)
@@ -141,8 +148,18 @@ class WholebodyG1(Robot):
             SimulationError: If its processes ended.
         """
         self._connected()
-        self.seen = self._robot.see()
+        self.seen, now = self._robot.see(), self.now()
+        if self.held:
+            followed = now - self.seen.observation.time + self.seen.followed
+            while len(self._taken) > 1 and self._taken[-1][0] > followed:
+                self._taken.pop()
+            self._accepted.last = dict(self._taken[-1][1])
         return dict(self._observed())
+
+    @property
+    def held(self) -> bool:
+        """Whether the gate held what was said last, when the robot was seen last: it stays at the target before."""
+        return self.seen.status[1] == "not_cleared"
 
     def _observed(self) -> dict[str, Any]:
         seen, task = self.seen, self.task
@@ -162,7 +179,8 @@ class WholebodyG1(Robot):
             action: Any of the action's numbers; ``left_grasp.pos``, ``right_grasp.pos`` stand for a hand's fingers.
 
         Returns:
-            The same numbers as they were accepted: fingers within their limits, rotations orthonormal.
+            The same numbers as they were accepted: fingers within their limits, rotations orthonormal. While the gate
+            holds a target, those of the last one that it did not: there the robot stays.
 
         Raises:
             ValueError: If a name is unknown or a number not finite or no rotation; nothing is taken then.
@@ -172,6 +190,10 @@ class WholebodyG1(Robot):
         given = {name: self._number(name, value) for name, value in action.items()}
         parts, said, accepted = self._accepted.take(given, self.seen.observation)
         now = self.now()
+        if self.held and self._taken:
+            accepted = {name: self._taken[-1][1].get(name, value) for name, value in accepted.items()}
+        else:
+            self._taken.append((now, dict(self._accepted.last)))
         for part, value in parts.items():
             if part in said or now - self._told.get(part, -math.inf) > AGAIN:
                 self._said[part], self._told[part] = value, now
@@ -193,6 +215,10 @@ class WholebodyG1(Robot):
         if self._said:
             self._robot.put(**self._said)
             self._said = {}
+
+    def executed(self) -> dict[str, float]:
+        """Numbers of the action that is done where the robot was seen last, by name."""
+        return self.numbers.executed(self.seen.observation)
 
     def now(self) -> float:
         """Present time: in lockstep what was let pass, else the wall's [s]."""

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from lerobot_robot_wholebody import WholebodyG1, WholebodyG1Config
+from lerobot_robot_wholebody.lerobot_loop import Executed
 from lerobot_robot_wholebody.target import Accepted, Numbers
 from policy.action_spec.anchor import Anchor
 from wholebody.errors import WholebodyError
@@ -119,7 +120,7 @@ def test_a_name_that_there_is_not_is_refused_with_the_one_that_is_meant(robot):
 
 def test_what_is_accepted_is_said_and_accepted_again_as_it_is(robot):
     names = [name for name in robot.action_features if name.startswith(("left_wrist_r6", "left_hand"))]
-    asked = {name: robot._accepted._last[name] * 1.3 for name in names} | {"left_hand_index_0.pos": 5.0}
+    asked = {name: robot._accepted.last[name] * 1.3 for name in names} | {"left_hand_index_0.pos": 5.0}
     accepted = robot.send_action(asked)
     assert accepted.keys() == asked.keys()
     assert abs(accepted["left_hand_index_0.pos"]) < 2.0
@@ -148,6 +149,33 @@ def test_halfway_between_opposite_rotations_a_hand_keeps_its_own():
     assert not any("_r6_" in name for name in taken)
     with pytest.raises(ValueError, match="left_wrist_rotation"):
         accepted.take({name: value for name, value in turned.items() if name in numbers.action_names}, stance)
+
+
+class Rows:
+    """What `lerobot-record` writes to."""
+
+    def __init__(self, names):
+        self.features, self.rows = {"action": {"names": list(names)}}, []
+
+    def add_frame(self, frame):
+        self.rows.append(frame)
+
+
+def test_a_dataset_of_what_is_executed_gets_what_is_seen_a_step_later(robot):
+    rows = Rows(robot.action_features)
+    done, asked, seen = Executed(rows, robot), robot.get_observation()["left_wrist_z.pos"] + 0.05, []
+    for step in range(45):
+        seen.append(robot.get_observation()["left_wrist_z.pos"])
+        action = robot._accepted.last | {"left_wrist_z.pos": asked}
+        done.add_frame({"action": np.array([*action.values()], np.float32), "step": step})
+        robot.send_action({"left_wrist_z.pos": asked})
+        robot.let_pass(STEP)
+    done.finish()
+    assert [row["step"] for row in rows.rows] == list(range(45))
+    written = [float(row["action"][2]) for row in rows.rows]
+    assert written == pytest.approx([*seen[1:], robot.get_observation()["left_wrist_z.pos"]], abs=1e-6)
+    assert abs(written[0] - asked) > 0.04  # a hand does not jump
+    assert written[-1] == pytest.approx(asked, abs=5e-3)
 
 
 @pytest.mark.parametrize(("name", "value"), [("link", "dds"), ("link", "twin"), ("clock", "moon"), ("task", "dance")])
@@ -189,6 +217,30 @@ def test_a_robot_whose_processes_were_killed_says_so(tmp_path):
         robot.get_observation()
     robot.disconnect()
     assert robot.report == {}
+
+
+def test_a_gate_holds_what_cannot_be_done_and_the_robot_stays_at_the_target_before(tmp_path):
+    robot = made(tmp_path, gate=True)
+    robot.connect()
+    names = [f"left_wrist_{axis}.pos" for axis in "xyz"]
+    first = robot.get_observation()
+    good = {name: first[name] + (0.05 if name == names[0] else 0.0) for name in names}
+    before = go(robot, good, 2.0)
+    assert wrist(before, "left") == pytest.approx([*good.values()], abs=1e-2)
+    assert robot.send_action(good) == pytest.approx(good, abs=1e-9)
+
+    hostile = good | {names[0]: good[names[0]] + 2.0}
+    held = go(robot, hostile, 2.0)
+    assert robot.held
+    assert robot.send_action(hostile) == pytest.approx(good, abs=1e-9)
+    assert wrist(held, "left") == pytest.approx(wrist(before, "left"), abs=1e-2)
+
+    after = go(robot, good | {names[2]: good[names[2]] + 0.05}, 2.0)
+    assert not robot.held
+    assert after[names[2]] - held[names[2]] == pytest.approx(0.05, abs=1e-2)
+    robot.disconnect()
+    assert robot.report["chunks"]["refused"]["not_cleared"] >= 1
+    assert not robot.report["fell"]
 
 
 @pytest.mark.alone

@@ -94,8 +94,7 @@ class HandsAhead:
         chunk = prepared.chunk
         hands = (chunk.T_world_lhand, chunk.q_lhand), (chunk.T_world_rhand, chunk.q_rhand)
         own = (
-            HandPath.through(prepared.times, T, q, limits)
-            for (T, q), limits in zip(hands, self._limits, strict=True)
+            HandPath.through(prepared.times, T, q, limits) for (T, q), limits in zip(hands, self._limits, strict=True)
         )
         paths = self._continued(own, s)
         near = all(path.join.distance <= LEASH[0] and path.join.angle <= LEASH[1] for path in paths)

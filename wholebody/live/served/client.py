@@ -62,7 +62,7 @@ class ServedRobot:
         with other:
             # A session of its own: Ctrl-C in a terminal is for the program, which then says what is to be done.
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "wholebody.live.served.server", str(other.fileno())],
+                [sys.executable, "-m", "wholebody.cli.serve_robot", str(other.fileno())],
                 pass_fds=[other.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=sys.stderr.fileno() if _has_stderr() else subprocess.DEVNULL,

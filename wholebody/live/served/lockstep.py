@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from policy.clock import SimulatedClock
 from policy.executor.executor import Executor
 from policy.executor.simulated import SimulatedWorker
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
-from wholebody.episode.run import observe
 from wholebody.episode.warm_up import compile_plan
+from wholebody.execution.gate import Gate
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live.loop import ControlLoop
 from wholebody.live.served.messages import Seen, Served
-from wholebody.live.served.program import Program
+from wholebody.live.served.program import Program, seen_by
 from wholebody.live.served.wall import ASKING
 from wholebody.live.session import lower
 from wholebody.sim.fall import Fall, detect_fall
@@ -70,6 +72,7 @@ class InLockstep:
         served: Which robot, where, and how.
         settings: Of the controller.
         program: The other program.
+        gate: Makes what judges plans; nothing does if None.
 
     Attributes:
         origin: 0: stamps are simulated time.
@@ -78,11 +81,13 @@ class InLockstep:
         WholebodyError: If a setting is wrong.
     """
 
-    def __init__(self, served: Served, settings: ControllerConfig, program: Program) -> None:
+    def __init__(
+        self, served: Served, settings: ControllerConfig, program: Program, gate: Callable[[], Gate] | None = None
+    ) -> None:
         spec = describe(settings.robot)
         self.origin, self._program, self._clock = 0.0, program, SimulatedClock()
         self._robot = SteppedRobot(MujocoPlant(spec, scene=served.scene, control_dt=settings.dt), self._clock)
-        self._supervisor = Supervisor(spec, settings)
+        self._supervisor = Supervisor(spec, settings, gate=gate and gate())
         compile_plan(spec)
         state = self._robot.plant.state()
         self._supervisor.reset(state, state.time)
@@ -127,10 +132,7 @@ class InLockstep:
 
     def seen(self) -> Seen:
         """What there is to see now."""
-        observation = observe(self._loop.spec, self._supervisor, self._loop.state, now=self._clock.now())
-        status = self._supervisor.status
-        said = (status.status.value, str(status.reason or ""))
-        return Seen(observation, self._robot.plant.objects(), said, self._robot.fall is not None)
+        return seen_by(self._loop, self._robot.plant.objects(), self._robot.fall is not None)
 
     def close(self) -> dict[str, object]:
         """End everything; a summary of the run."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 from typing import Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ class Served:
         clock: Whose time passes.
         report: Where a summary of the run is written at its end, as JSON, also if the program was killed; nowhere if
             empty.
+        gate: Whether what targets come to is judged by its plan, and held where it cannot be done nearly so.
     """
 
     scene: str = "floor"
@@ -31,6 +33,7 @@ class Served:
     config: str = ""
     clock: Clocks = "wall"
     report: str = ""
+    gate: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,9 +80,11 @@ class Seen:
         objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
         status: What the controller says of itself, and why, in one word each.
         fallen: Whether standing was lost.
+        followed: Time of the robot up to which the targets are followed: what was said later is under way, or held [s].
     """
 
     observation: Observation
     objects: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     status: tuple[str, str] = ("", "")
     fallen: bool = False
+    followed: float = -inf

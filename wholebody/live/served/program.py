@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from math import inf
 from multiprocessing.connection import Connection
 from typing import Protocol
 
+import numpy as np
+
 from policy.errors import PolicyError
 from policy.targets.stream import TargetStream
+from wholebody.episode.run import observe
+from wholebody.live.loop import ControlLoop
 from wholebody.live.served.messages import Advance, Ask, End, Reset, Seen, Target
 
 
@@ -29,6 +34,15 @@ class ServedLoop(Protocol):
     def reset(self) -> None:
         """Put the robot into its stance, and tell the program once it stands."""
         ...
+
+
+def seen_by(loop: ControlLoop, objects: np.ndarray, fallen: bool) -> Seen:
+    """What a loop has to show now, beside the poses of the scene's bodies (k, 7) and whether standing was lost."""
+    supervisor = loop.supervisor
+    observation = observe(loop.spec, supervisor, loop.state, now=loop.clock.now())
+    status, chunk = supervisor.status, supervisor.chunk
+    said = (status.status.value, str(status.reason or ""))
+    return Seen(observation, objects, said, fallen, -inf if chunk is None else float(chunk.t_obs))
 
 
 class Program:

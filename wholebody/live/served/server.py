@@ -1,4 +1,4 @@
-"""``python -m wholebody.live.served.server FD``: the control loop of a robot that is served to another program.
+"""The control loop of a robot that is served to another program; `wholebody.cli.serve_robot` runs it.
 
 Where the program is gone, however that came, the robot is lowered and everything ends.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
+from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -19,6 +19,7 @@ from wholebody.live.served.program import Program
 
 if TYPE_CHECKING:
     from wholebody.config import ControllerConfig
+    from wholebody.execution.gate import Gate
     from wholebody.live.served.lockstep import InLockstep
     from wholebody.live.served.wall import OnTheWall
 
@@ -32,13 +33,19 @@ def settings_of(served: Served) -> ControllerConfig:
     return replace(settings, robot=replace(settings.robot, model=served.robot or settings.robot.model))
 
 
-def main(connection: Connection) -> None:
-    """Serve one program from its first message on."""
+def serve(connection: Connection, gate: Callable[[ControllerConfig, Served], Callable[[], Gate]]) -> None:
+    """Serve one program from its first message on.
+
+    Args:
+        connection: To the program.
+        gate: Says who makes what judges plans, in whatever process computes them, where the program wants that.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     program = Program(connection)
     try:
         served = connection.recv()
-        robot = _robot(served, program)
+        settings = settings_of(served)
+        robot = _robot(served, settings, program, gate(settings, served) if served.gate else None)
     except EOFError:
         return
     except Exception as error:  # noqa: BLE001 - told to the program, which ends with it
@@ -54,15 +61,16 @@ def main(connection: Connection) -> None:
             program.tell(summary)
 
 
-def _robot(served: Served, program: Program) -> OnTheWall | InLockstep:
-    settings = settings_of(served)
+def _robot(
+    served: Served, settings: ControllerConfig, program: Program, gate: Callable[[], Gate] | None
+) -> OnTheWall | InLockstep:
     if served.clock == "wall":
         from wholebody.live.served.wall import OnTheWall
 
-        return OnTheWall(served, settings, program)
+        return OnTheWall(served, settings, program, gate)
     from wholebody.live.served.lockstep import InLockstep
 
-    return InLockstep(served, settings, program)
+    return InLockstep(served, settings, program, gate)
 
 
 def _write(path: Path, summary: dict[str, object]) -> None:
@@ -70,7 +78,3 @@ def _write(path: Path, summary: dict[str, object]) -> None:
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     beside.write_text(json.dumps(summary, indent=2))
     beside.replace(path)
-
-
-if __name__ == "__main__":
-    main(Connection(int(sys.argv[1])))

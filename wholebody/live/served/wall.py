@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from policy.executor.executor import ExecutorConfig
-from policy.targets.stream import HORIZON
 from wholebody.config import ControllerConfig
 from wholebody.config.description import describe
-from wholebody.episode.run import observe
 from wholebody.live import wire
 from wholebody.live.robot_process import RobotProcess, World, WorldView
 from wholebody.live.served.messages import Seen, Served
-from wholebody.live.served.program import Program
+from wholebody.live.served.program import Program, seen_by
 from wholebody.live.session import Session, SessionConfig
 from wholebody.types import RobotState
 
 if TYPE_CHECKING:
     import socket
 
+    from wholebody.execution.gate import Gate
 
-ASKING = ExecutorConfig(replace_every=HORIZON // 2)
-"""A chunk is asked for at every new target, and when the last one is half over."""
+
+ASKING = ExecutorConfig(replace_every=4)
+"""A chunk is asked for at every target that says something new, and every 0.13 s: within
+`wholebody.execution.ahead.hands_ahead.SOON`, so that it counts as a stream all the while."""
 
 
 class _Viewed(RobotProcess):
@@ -43,15 +45,18 @@ class OnTheWall:
         served: Which robot, where, and how.
         settings: Of the controller.
         program: The other program.
+        gate: Makes what judges plans, in the planner's process; nothing does if None.
 
     Raises:
         WholebodyError: If the processes do not come up.
     """
 
-    def __init__(self, served: Served, settings: ControllerConfig, program: Program) -> None:
+    def __init__(
+        self, served: Served, settings: ControllerConfig, program: Program, gate: Callable[[], Gate] | None = None
+    ) -> None:
         self._program, world = program, World(describe(settings.robot), served.scene)
         self._robot = _Viewed(world, settings.dt)
-        self._session = Session(settings, self._robot, SessionConfig(settle=0.0, hold=0.0))
+        self._session = Session(settings, self._robot, SessionConfig(settle=0.0, hold=0.0), gate=gate)
         self._objects, self._greeted, self._ended = np.zeros((0, 7)), False, False
 
     @property
@@ -73,10 +78,7 @@ class OnTheWall:
         loop = self._session.loop
         if (view := wire.newest(self._robot.view)) is not None:
             self._objects = WorldView.of(view).objects
-        observation = observe(loop.spec, loop.supervisor, loop.state, now=loop.clock.now())
-        status = loop.supervisor.status
-        said = (status.status.value, str(status.reason or ""))
-        return Seen(observation, self._objects, said, loop.told.fallen is not None)
+        return seen_by(loop, self._objects, loop.told.fallen is not None)
 
     def reset(self) -> None:
         """Nothing: time on the wall does not begin anew; the program is told what there is to see."""
