@@ -15,6 +15,11 @@ PLUGIN = lerobot_robot_wholebody
 ARGS ?=
 # Folder of recorded motions (.csv) for the long studies: make regression MOTIONS=~/motions
 MOTIONS ?=
+# What is taught, and where everything about it goes: make loop TASK=pick
+TASK ?= reach
+LOOP ?= build/loop-$(TASK)
+# Checkout of LeRobot, with which the plugin is tested: make test-lerobot LEROBOT=~/lerobot
+LEROBOT ?=
 # Where the studies that take hours write: make studies OUT=~/studies ARGS="--only variants"
 OUT ?= build/studies
 # Checkout of openpi, whose own server is then met: make test-openpi OPENPI=~/openpi
@@ -29,7 +34,7 @@ REGRESSION = G1_MOTIONS="$(MOTIONS)" $(BIN)/python $(PYTEST) -m regression
 # Modules are compiled once, not in each of the processes that tests start; container images often switch that off.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: configs help demo setup setup-core lint format test regression regression-update studies test-latest test-openpi test-browser fuzz-readers bench lock clean
+.PHONY: configs help demo setup setup-core lint format test regression regression-update studies loop test-lerobot test-latest test-openpi test-browser fuzz-readers bench lock clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' Makefile | sed 's/:.*## /\t/' | expand -t 20
@@ -75,6 +80,14 @@ test-openpi: $(VENV)/.all-installed $(OPENPI_VENV)/.installed ## Meet openpi's o
 
 test-browser: $(VENV)/.all-installed ## Look at the live page in Chromium, from the system's packages
 	$(BIN)/python $(PYTEST) -m browser $(ARGS)
+
+loop: $(VENV)/.all-installed ## Record, train and evaluate a policy with LeRobot's commands: make loop TASK=pick
+	@$(BIN)/wholebody warmup
+	$(BIN)/python -m training.loop --task $(TASK) --out $(LOOP) $(ARGS)
+
+test-lerobot: $(VENV)/.all-installed ## Test the plugin with a checkout of LeRobot: make test-lerobot LEROBOT=FOLDER
+	@test -d "$(LEROBOT)/src/lerobot" || { echo "say where LeRobot is checked out: make test-lerobot LEROBOT=FOLDER" >&2; exit 2; }
+	PYTHONPATH="$(LEROBOT)/src" OMP_NUM_THREADS=1 $(BIN)/python $(PYTEST) tests/lerobot_robot_wholebody $(ARGS)
 
 fuzz-readers: $(VENV)/.all-installed ## Read 16,000 broken and hostile files under limits of memory and time
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.studies.fuzz_readers $(ARGS)

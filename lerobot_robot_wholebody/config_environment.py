@@ -10,7 +10,7 @@ from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.envs.configs import EnvConfig
 from lerobot.utils.constants import ACTION, OBS_ENV_STATE, OBS_IMAGES, OBS_STATE
 
-from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyCameraConfig
+from lerobot_robot_wholebody.config_wholebody_g1 import TASKS, WholebodyCameraConfig
 
 if TYPE_CHECKING:
     from gymnasium import Env
@@ -30,17 +30,23 @@ class WholebodyEnvConfig(EnvConfig):
     """Around the robot."""
     cameras: dict[str, WholebodyCameraConfig] = field(default_factory=dict)
     """By name, as of the robot."""
-    steps: int = 150
-    """In an episode."""
+    steps: int | None = None
+    """In an episode; the task's own number if not given."""
+    gate: bool = False
+    """Whether targets are judged before they are followed."""
+    report: str = ""
+    """File in which episodes, successes and falls are counted at the end; of the last one, of several beside."""
 
     def __post_init__(self) -> None:
-        for name, known in (("task", "reach"), ("fps", 30)):
-            if getattr(self, name) != known:
-                raise ValueError(f"--env.{name}={getattr(self, name)} is unknown; there is {known}")
+        for name, known in (("task", TASKS[1:]), ("fps", (30,))):
+            if getattr(self, name) not in known:
+                there = ", ".join(map(str, known))
+                raise ValueError(f"--env.{name}={getattr(self, name)} is unknown; there are {there}")
+        shown = 6 if self.task == "reach" else 3
         sizes = {
             "action": (32, ACTION, FeatureType.ACTION),
-            "agent_pos": (29, OBS_STATE, FeatureType.STATE),
-            "environment_state": (6, OBS_ENV_STATE, FeatureType.ENV),
+            "agent_pos": (23 + shown, OBS_STATE, FeatureType.STATE),
+            "environment_state": (shown, OBS_ENV_STATE, FeatureType.ENV),
         }
         for name, (size, key, kind) in sizes.items():
             self.features[name], self.features_map[name] = PolicyFeature(kind, (size,)), key
@@ -63,7 +69,8 @@ class WholebodyEnvConfig(EnvConfig):
     def gym_kwargs(self) -> dict[str, Any]:
         """Arguments of the environment."""
         sizes = {name: (camera.height, camera.width) for name, camera in self.cameras.items()}
-        return {"cameras": sizes, "scene": self.scene, "render_mode": "rgb_array", "steps": self.steps}
+        own = {"task": self.task, "scene": self.scene, "steps": self.steps, "gate": self.gate, "report": self.report}
+        return own | {"cameras": sizes, "render_mode": "rgb_array"}
 
     def create_envs(self, n_envs: int, use_async_envs: bool = False) -> dict[str, dict[int, VectorEnv]]:
         """Environments beside each other; LeRobot's own way does not register them in the processes of several."""

@@ -9,7 +9,7 @@ from lerobot.robots import RobotConfig
 LINKS = ("sim",)
 """What a robot can be reached by so far."""
 CLOCKS = ("wall", "lockstep")
-TASKS = ("none", "reach")
+TASKS = ("none", "reach", "pick", "press", "hand_over")
 RECORDS = ("requested", "executed")
 
 
@@ -37,7 +37,8 @@ class WholebodyG1Config(RobotConfig):
     cameras: dict[str, WholebodyCameraConfig] = field(default_factory=dict)
     """By name, head, left_wrist or right_wrist: ``"{head: {width: 96, height: 96}}"``."""
     task: str = "none"
-    """What is to be done: with reach each palm has a goal, which is shown to cameras and among the observations."""
+    """What is to be done, which is shown among the observations: with reach each palm has a goal; the others move
+    something, in a scene of their own."""
     seed: int = 0
     """Of the task's goals."""
     gate: bool = False
@@ -55,3 +56,5 @@ class WholebodyG1Config(RobotConfig):
         for name, known in (("link", LINKS), ("clock", CLOCKS), ("task", TASKS), ("record", RECORDS)):
             if getattr(self, name) not in known:
                 raise ValueError(f"--robot.{name}={getattr(self, name)} is unknown; there are {', '.join(known)}")
+        if self.task not in TASKS[:2] and self.clock != "lockstep":
+            raise ValueError(f"--robot.task={self.task} needs --robot.clock=lockstep, in which things are put back")

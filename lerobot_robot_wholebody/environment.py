@@ -1,8 +1,10 @@
-"""The robot's tasks as a Gymnasium environment, ``wholebody/G1-v0``: both palms to a goal each, balanced meanwhile."""
+"""The robot's tasks as a Gymnasium environment, ``wholebody/G1-v0``: done with balance kept."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,49 +12,60 @@ import numpy as np
 
 from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyCameraConfig
 from lerobot_robot_wholebody.sight import Cameras
-from lerobot_robot_wholebody.target import Accepted, Numbers, palm_of
-from lerobot_robot_wholebody.tasks import REACHED, SIDES, Reach
-from policy.geometry.se3 import inverse
+from lerobot_robot_wholebody.target import Accepted, Numbers
+from lerobot_robot_wholebody.tasks import task_of
 from wholebody.live.served.client import ServedRobot
 from wholebody.live.served.messages import Seen, Served
 
-FPS, STEPS = 30, 150
-"""Actions a second [Hz], and in an episode."""
-HELD = 10
-"""Steps for which both palms must be at their goals for success; chosen: a third of a second, so that none flies by."""
+FPS = 30
+"""Actions a second [Hz]."""
 FAR, FALLEN = 10.0, -1.0
 """Largest magnitude of a number of action and observation [m, rad], and the reward of a fall [no unit]; chosen."""
 
 
 class G1Env(gymnasium.Env):
-    """Reach: a goal for each palm, drawn anew by `reset`.
+    """A task of `tasks.task_of`, another instance of it by `reset`.
 
-    Reward of a step is minus the larger of both distances [m], 1 more for the step of success, -1 for a fall. Success:
-    both palms within `REACHED` of their goals for `HELD` steps; it ends an episode, as a fall does. An action whose
-    rotations are none leaves both hands where they are.
+    Reward of a step is minus how far from done it is [m], 1 more for the step of success, -1 for a fall. Success: it is
+    done for as many steps as the task says; it ends an episode, as a fall does. An action whose rotations are none
+    leaves both hands where they are.
 
     Args:
         cameras: Height and width of pictures by camera; without any there are no ``pixels``.
-        scene: Around the robot.
+        scene: Around the robot, where the task has none of its own.
         render_mode: ``rgb_array`` draws what the head's camera sees.
-        steps: In an episode.
+        steps: In an episode; the task's own number if None.
+        task: Its name.
+        gate: Whether targets are judged before they are followed.
+        report: Where the episodes, successes and falls are counted at the end, as JSON; nowhere if empty.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": FPS}  # noqa: RUF012 - as Gymnasium has it
-    task = task_description = "reach the balls"
 
     def __init__(
         self,
         cameras: Mapping[str, tuple[int, int]] | None = None,
         scene: str = "floor",
         render_mode: str | None = None,
-        steps: int = STEPS,
+        steps: int | None = None,
+        task: str = "reach",
+        gate: bool = False,
+        report: str = "",
     ) -> None:
-        self._max_episode_steps = steps
-        self.render_mode, self._numbers, self._task = render_mode, Numbers(), Reach(0)
-        self._sizes, self._scene = dict(cameras or {}), scene
-        self._robot, self._drawn, self._pictures = ServedRobot(Served(scene, clock="lockstep")), None, None
+        self._task = task_of(task, 0)
+        if self._task is None:
+            raise ValueError("an environment needs a task")
+        self.task = self.task_description = self._task.words
+        self._max_episode_steps = steps or self._task.steps
+        self.render_mode, self._numbers = render_mode, Numbers()
+        self._sizes, self._scene = dict(cameras or {}), self._task.scene or scene
+        self._robot, self._drawn, self._pictures = (
+            ServedRobot(Served(self._scene, clock="lockstep", gate=gate)),
+            None,
+            None,
+        )
         self._seen: Seen | None = None
+        self._report, self._count = report, {"episodes": 0, "successes": 0, "falls": 0}
         box = gymnasium.spaces.Box
         self.action_space = box(-FAR, FAR, (len(self._numbers.action_names),), np.float32)
         spaces: dict[str, Any] = {
@@ -67,10 +80,14 @@ class G1Env(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """The robot in its stance, with other goals."""
+        """The robot in its stance, with another instance of the task."""
         super().reset(seed=seed)
         self._task.draw(self.np_random)
         self._seen = self._robot.reset() if self._robot.running else self._robot.start()
+        if (objects := self._task.objects(self._seen.objects)) is not None:
+            self._robot.place(objects)
+            self._seen = self._robot.see()
+        self._count["episodes"] += 1
         self._accepted, self._steps, self._held = Accepted(self._numbers, self._seen.observation), 0, 0
         return self._observation(), {"is_success": False}
 
@@ -86,9 +103,11 @@ class G1Env(gymnasium.Env):
         self._robot.advance(1.0 / FPS)
         self._seen = self._robot.see()
         self._steps += 1
-        far = float(self.distances().max())
-        self._held = self._held + 1 if far <= REACHED else 0
-        success, fell = self._held >= HELD, self._seen.fallen
+        far = self._task.far(self._seen, self._numbers.palms(self._seen.observation))
+        self._held = self._held + 1 if far <= 0.0 else 0
+        success, fell = self._held >= self._task.held, self._seen.fallen
+        self._count["successes"] += int(success)
+        self._count["falls"] += int(fell and not success)
         reward = FALLEN if fell else float(success) - far
         return (
             self._observation(),
@@ -98,19 +117,12 @@ class G1Env(gymnasium.Env):
             {"is_success": success, "taken": taken, "fell": fell},
         )
 
-    def distances(self) -> np.ndarray:
-        """Of both palms from their goals, shape (2,), [m]."""
-        anchor = self._numbers.anchor(self._seen.observation)
-        T = inverse(anchor.T_world_stance) @ anchor.T_world_base
-        hands = zip(("lhand", "rhand"), SIDES, strict=True)
-        palms = np.array([palm_of(T @ anchor.poses[hand], side, self._numbers) for hand, side in hands])
-        return np.linalg.norm(palms - self._task.goals, axis=1)
-
     def _observation(self) -> dict[str, Any]:
-        numbers = self._numbers.state(self._seen.observation) | self._task.shown()
+        shown = self._task.shown(self._seen)
+        numbers = self._numbers.state(self._seen.observation) | shown
         found: dict[str, Any] = {
             "agent_pos": np.array([*numbers.values()], dtype=np.float32),
-            "environment_state": self._task.goals.ravel().astype(np.float32),
+            "environment_state": np.array([*shown.values()], dtype=np.float32),
         }
         if self._sizes:
             self._drawn = self._drawn or self._cameras(self._sizes)
@@ -133,6 +145,8 @@ class G1Env(gymnasium.Env):
 
     def close(self) -> None:
         """End the robot's processes."""
+        if self._report:
+            Path(self._report).write_text(json.dumps(self._count))
         self._robot.close()
         for cameras in filter(None, (self._drawn, self._pictures)):
             cameras.close()

@@ -10,7 +10,7 @@ from policy.action_spec.codec import decode, encode_valid
 from policy.action_spec.hands import grasp_posture
 from policy.action_spec.state import aligned_state, state_layout, state_numbers
 from policy.errors import ChunkError
-from policy.geometry.se3 import make_transform
+from policy.geometry.se3 import inverse, make_transform
 from policy.observation import Observation
 
 GRASPS = ("left_grasp.pos", "right_grasp.pos")
@@ -43,6 +43,13 @@ class Numbers:
         if self._at is None or self._at[0] is not observation:
             self._at = observation, Anchor.measured(observation, self.spec.robot)
         return self._at[1]
+
+    def palms(self, observation: Observation) -> np.ndarray:
+        """Palm points in the stance, left first, shape (2, 3), [m]."""
+        anchor = self.anchor(observation)
+        T = inverse(anchor.T_world_stance) @ anchor.T_world_base
+        hands = (("lhand", "left"), ("rhand", "right"))
+        return np.array([palm_of(T @ anchor.poses[hand], side, self) for hand, side in hands])
 
     def executed(self, observation: Observation) -> dict[str, float]:
         """Numbers of the action that a robot has done: those of its wrists and fingers, by name."""

@@ -1,10 +1,20 @@
-"""What is to be done: goals, and whether they are met."""
+"""What is to be done: what is shown of it, and whether it is done."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 
+from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
+from models.places import BUTTON_TRAVEL, ON_TABLE
 from policy.action_spec.anchor import Anchor
+from policy.scripted.contact import press
+from policy.scripted.library import grasp, hand_over
+from policy.scripted.policy import ScriptedPolicy
+from wholebody.live.served.messages import Seen
 
 SIDES = ("left", "right")
 LOW, HIGH = np.array([0.26, 0.10, 0.75]), np.array([0.42, 0.30, 1.15])
@@ -12,6 +22,46 @@ LOW, HIGH = np.array([0.26, 0.10, 0.75]), np.array([0.42, 0.30, 1.15])
 need a lean, all can be reached at once."""
 REACHED = 0.03
 """Distance of a palm from its goal within which it is reached [m]; as of the trials in `docs/lerobot.md`."""
+TILT = 0.3
+"""Angle from upright up to which a crate that was lifted counts [rad]; chosen: what is in it stays."""
+
+
+class Task(Protocol):
+    """Something to do.
+
+    Attributes:
+        scene: Around the robot; empty: any.
+        names: Of the numbers that are shown of it.
+        marks: How many balls show it.
+        held: Steps for which it must be done to count.
+        steps: In an episode, at 30 a second.
+        words: What a policy is told.
+    """
+
+    scene: str
+    names: tuple[str, ...]
+    marks: int
+    held: int
+    steps: int
+    words: str
+
+    def draw(self, rng: np.random.Generator) -> None:
+        """Draw another instance of it from somebody's numbers."""
+
+    def next(self) -> None:
+        """Draw another one from its own."""
+
+    def objects(self, usual: np.ndarray) -> np.ndarray | None:
+        """Poses (k, 7) of the scene's bodies at the beginning, given the usual ones; None: as they are."""
+
+    def shown(self, seen: Seen) -> dict[str, float]:
+        """Its numbers by name, in the stance."""
+
+    def in_world(self, anchor: Anchor) -> list[np.ndarray]:
+        """Where the balls are in world, (3,) each [m]."""
+
+    def far(self, seen: Seen, palms: np.ndarray) -> float:
+        """How far from done it is [m], given both palms in the stance (2, 3); 0 or less: done."""
 
 
 class Reach:
@@ -22,10 +72,9 @@ class Reach:
 
     Attributes:
         goals: Of the left and right palm in the stance, shape (2, 3), [m].
-        names: Of their numbers among observations.
-        marks: How many balls show them.
     """
 
+    scene, held, steps, words = "", 10, 150, "reach the balls"
     marks = len(SIDES)
     names = tuple(f"goal_{side}_{axis}.pos" for side in SIDES for axis in "xyz")
 
@@ -41,7 +90,11 @@ class Reach:
         """Draw other goals from somebody's numbers."""
         self.goals = rng.uniform(LOW, HIGH, (2, 3)) * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]])
 
-    def shown(self) -> dict[str, float]:
+    def objects(self, usual: np.ndarray) -> np.ndarray | None:
+        """None are its own."""
+        return None
+
+    def shown(self, seen: Seen) -> dict[str, float]:
         """The goals' numbers by name."""
         return dict(zip(self.names, self.goals.ravel().tolist(), strict=True))
 
@@ -49,3 +102,118 @@ class Reach:
         """The goals in world, (3,) each [m]."""
         T = anchor.T_world_stance
         return [T[:3, :3] @ goal + T[:3, 3] for goal in self.goals]
+
+    def far(self, seen: Seen, palms: np.ndarray) -> float:
+        """Larger distance of a palm from its goal, past `REACHED` [m]."""
+        return float(np.linalg.norm(palms - self.goals, axis=1).max()) - REACHED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moved:
+    """Something that is to be moved.
+
+    Attributes:
+        scene: Around the robot; its first body is moved.
+        words: What a policy is told.
+        way: Axis along which it is to be moved in world.
+        least: How far [m].
+        script: Motion of an expert, given how far ahead and to the left of its usual place it stands [m].
+        spread: How far that is at most, both ways [m].
+        held: Steps for which it must be there.
+        steps: In an episode.
+    """
+
+    scene: str
+    words: str
+    way: tuple[float, float, float]
+    least: float
+    script: Callable[[np.ndarray], ScriptedPolicy]
+    spread: tuple[float, float] = (0.0, 0.0)
+    held: int = 10
+    steps: int = 300
+
+
+class Thing:
+    """Something is to be moved, which stands a little elsewhere each time.
+
+    Args:
+        seed: Of where it stands.
+        about: What it is.
+    """
+
+    marks = 0
+    names = tuple(f"object_{axis}.pos" for axis in "xyz")
+
+    def __init__(self, seed: int, about: Moved) -> None:
+        self._rng, self._about = np.random.default_rng(seed), about
+        self.scene, self.words, self.held, self.steps = about.scene, about.words, about.held, about.steps
+        self._begin: np.ndarray | None = None
+        self.next()
+
+    def next(self) -> None:
+        """Draw another place."""
+        self.draw(self._rng)
+
+    def draw(self, rng: np.random.Generator) -> None:
+        """Draw another place from somebody's numbers."""
+        self.off = rng.uniform(-1.0, 1.0, 2) * self._about.spread
+
+    def objects(self, usual: np.ndarray) -> np.ndarray:
+        """The usual poses, the first body moved aside."""
+        poses = np.array(usual)
+        poses[0, :2] += self.off
+        self._begin = poses[0].copy()
+        return poses
+
+    def script(self) -> ScriptedPolicy:
+        """Motion of an expert."""
+        return self._about.script(self.off)
+
+    def shown(self, seen: Seen) -> dict[str, float]:
+        """Where it is; world and stance are the same to a robot whose feet stay."""
+        return dict(zip(self.names, seen.objects[0, :3].tolist(), strict=True))
+
+    def in_world(self, anchor: Anchor) -> list[np.ndarray]:
+        """No balls: it is seen itself."""
+        return []
+
+    def far(self, seen: Seen, palms: np.ndarray) -> float:
+        """How much further it is to be moved [m]; all of it if it is tilted by more than `TILT`."""
+        thing = seen.objects[0]
+        upright = 1.0 - 2.0 * (thing[4] ** 2 + thing[5] ** 2)  # of a quaternion wxyz, its axis' z
+        moved = float(np.array(self._about.way) @ (thing[:3] - self._begin[:3]))
+        return self._about.least - (moved if upright >= np.cos(TILT) else min(moved, 0.0))
+
+
+def _grasped(off: np.ndarray) -> ScriptedPolicy:
+    return grasp((ON_TABLE[0] + off[0], ON_TABLE[1] + off[1], ON_TABLE[2] + 0.08))
+
+
+UP, IN = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+THINGS = {
+    "pick": Moved(
+        scene="table_cylinder", words="pick up the cylinder", way=UP, least=0.06, script=_grasped, spread=(0.02, 0.04)
+    ),
+    "press": Moved(
+        scene="button", words="press the button", way=IN, least=BUTTON_TRAVEL, script=lambda _: press(), held=1,
+        steps=210,
+    ),
+    "hand_over": Moved(
+        scene="table_flask", words="hand over the flask", way=UP, least=0.15, script=lambda _: hand_over(), held=30,
+        steps=390,
+    ),
+}  # fmt: skip
+"""What is moved, by the name of its task; distances chosen: past them it is plain that it was done."""
+
+
+def task_of(name: str, seed: int) -> Task | None:
+    """A task by its name; None for ``none``.
+
+    Raises:
+        ValueError: If there is none of that name.
+    """
+    if name not in TASKS:
+        raise ValueError(f"there is no task {name}; there are {', '.join(TASKS)}")
+    if name in THINGS:
+        return Thing(seed, THINGS[name])
+    return Reach(seed) if name == "reach" else None

@@ -15,10 +15,12 @@ from lerobot_robot_wholebody import stage
 from lerobot_robot_wholebody.config_wholebody_g1 import WholebodyG1Config
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from lerobot_robot_wholebody.lerobot_loop import Loops
     from lerobot_robot_wholebody.sight import Cameras
     from lerobot_robot_wholebody.target import Accepted, Numbers
-    from lerobot_robot_wholebody.tasks import Reach
+    from lerobot_robot_wholebody.tasks import Task
     from wholebody.live.served.client import ServedRobot
     from wholebody.live.served.messages import Seen
 
@@ -68,11 +70,16 @@ class WholebodyG1(Robot):
         return Numbers()
 
     @cached_property
-    def task(self) -> Reach | None:
+    def task(self) -> Task | None:
         """What is to be done."""
-        from lerobot_robot_wholebody.tasks import Reach
+        from lerobot_robot_wholebody.tasks import task_of
 
-        return Reach(self.config.seed) if self.config.task == "reach" else None
+        return task_of(self.config.task, self.config.seed)
+
+    @property
+    def scene(self) -> str:
+        """Around the robot: the task's, where it has one."""
+        return (self.task.scene if self.task else "") or self.config.scene
 
     @property
     def cameras(self) -> dict[str, Any]:
@@ -125,11 +132,12 @@ class WholebodyG1(Robot):
         stage.enter(self)
         config = self.config
         named = {"report": config.report, "gate": config.gate}
-        robot = ServedRobot(Served(config.scene, "", config.settings, config.clock, **named))
+        robot = ServedRobot(Served(self.scene, "", config.settings, config.clock, **named))
         try:
-            self._cameras = Cameras(config.scene, config.cameras, self.task.marks if self.task else 0)
+            self._cameras = Cameras(self.scene, config.cameras, self.task.marks if self.task else 0)
             self.seen = robot.start()
-            self._robot = robot
+            self._robot, self._usual = robot, self.seen.objects
+            self._set_up()
             self._accepted = Accepted(self.numbers, self.seen.observation)
             self._observed()
             self.phase, self.phases, self._said = "run", 0, {}
@@ -165,7 +173,7 @@ class WholebodyG1(Robot):
         seen, task = self.seen, self.task
         self.observation = self.numbers.state(seen.observation)
         if task:
-            self.observation |= task.shown()
+            self.observation |= task.shown(seen)
         marks = task.in_world(self.numbers.anchor(seen.observation)) if task else []
         self.observation |= self._cameras.look(seen, marks)
         return self.observation
@@ -243,6 +251,20 @@ class WholebodyG1(Robot):
         self.phase, self.phases = phase, self.phases + 1
         if phase == "reset" and self.task:
             self.task.next()
+        if phase == "episode":
+            self._set_up()
+
+    def _set_up(self) -> None:
+        """Put the task's things where they belong at the beginning."""
+        objects = self.task.objects(self._usual) if self.task else None
+        if objects is not None:
+            self._robot.place(objects)
+            self.seen = self._robot.see()
+
+    @property
+    def palms(self) -> np.ndarray:
+        """Palm points in the stance when the robot was seen last, shape (2, 3), [m]."""
+        return self.numbers.palms(self.seen.observation)
 
     def disconnect(self) -> None:
         """Lower the robot into a crouch that needs no controller, and end everything.

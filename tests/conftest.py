@@ -16,6 +16,7 @@ os.environ[SWITCH] = "1"
 # Without the lerobot extra (make test-latest) there is nothing those files could test.
 NEED_LEROBOT = [
     "lerobot_robot_wholebody/*",
+    "training/*",
     "policy/lerobot/*",
     "policy/dataset/*",
     "policy/recorded/test_dataset_replay.py",

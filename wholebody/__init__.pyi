@@ -22,7 +22,12 @@ from wholebody.errors import WholebodyError as WholebodyError
 from wholebody.estimation.readings import Readings as Readings
 from wholebody.estimation.state_estimator import StateEstimator as StateEstimator
 from wholebody.execution.background_planner import ThreadPlanner as ThreadPlanner
+from wholebody.execution.planner_process import PlannerProcess as PlannerProcess
 from wholebody.execution.supervisor import Supervisor as Supervisor
+from wholebody.live.loop import ControlLoop as ControlLoop
+from wholebody.live.robot_link import RobotLink as RobotLink
+from wholebody.live.robot_process import RobotProcess as RobotProcess
+from wholebody.live.robot_process import World as World
 from wholebody.planning.posture import PostureSolver as PostureSolver
 from wholebody.planning.posture import Solution as Solution
 from wholebody.planning.posture import path_to as path_to

@@ -9,7 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from lerobot_robot_wholebody.config_environment import WholebodyEnvConfig
-from lerobot_robot_wholebody.environment import HELD, G1Env
+from lerobot_robot_wholebody.environment import G1Env
 from lerobot_robot_wholebody.target import wrist_at
 from policy.action_spec.codec import encode_valid
 from policy.action_spec.state import state_numbers
@@ -72,7 +72,7 @@ def test_palms_that_stay_at_their_goals_are_a_success_that_ends_the_episode(env)
     assert info["is_success"]
     assert not info["fell"]
     assert rewards[-1] > 0.9 > 0.0 > rewards[0]
-    assert len(rewards) > HELD
+    assert len(rewards) > env.unwrapped._task.held
 
 
 def test_an_episode_in_which_nothing_is_done_ends_without_success():
@@ -96,14 +96,48 @@ def test_goals_are_among_the_observations(env):
     assert observation["environment_state"].tolist() == observation["agent_pos"][-6:].tolist()
 
 
+@pytest.fixture(scope="module")
+def picking():
+    env = G1Env(task="pick")
+    yield env
+    env.close()
+
+
+def test_a_thing_stands_elsewhere_by_the_seed_and_is_put_back(picking):
+    places = []
+    for seed in (1, 2, 1):
+        observation, _ = picking.reset(seed=seed)
+        assert observation["environment_state"].tolist() == observation["agent_pos"][-3:].tolist()
+        places.append(observation["environment_state"])
+    assert np.abs(places[0] - places[1]).max() > 5e-3
+    assert np.array_equal(places[0], places[2])
+
+
+def test_a_thing_that_was_lifted_far_enough_for_long_enough_is_a_success(picking):
+    picking.reset(seed=3)
+    *_, terminated, _, info = picking.step(stay(type("", (), {"unwrapped": picking})))
+    assert not terminated
+    assert not info["is_success"]
+    poses = picking._seen.objects.copy()
+    poses[0, 2] += 0.5  # in the air: it falls for 0.3 s
+    picking._robot.place(poses)
+    seen = 0
+    while not info["is_success"] and seen < 12:
+        *_, info = picking.step(stay(type("", (), {"unwrapped": picking})))
+        seen += 1
+    assert not info["is_success"]  # it is above the mark for nine steps
+    assert picking._held < picking._task.held
+
+
 @pytest.mark.parametrize(("name", "value"), [("task", "dance"), ("fps", 50)])
 def test_a_setting_that_cannot_be_is_refused_by_its_name(name, value):
     with pytest.raises(ValueError, match=f"{name}={value}"):
         WholebodyEnvConfig(**{name: value})
 
 
-def test_lerobots_features_are_the_environments():
-    config = WholebodyEnvConfig()
+@pytest.mark.parametrize("task", ["reach", "pick", "press"])
+def test_lerobots_features_are_the_environments(task):
+    config = WholebodyEnvConfig(task=task)
     env = G1Env(**config.gym_kwargs)
     shapes = {name: feature.shape for name, feature in config.features.items()}
     assert shapes.pop("action") == env.action_space.shape

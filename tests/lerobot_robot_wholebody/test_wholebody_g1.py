@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lerobot_robot_wholebody import WholebodyG1, WholebodyG1Config
+from lerobot_robot_wholebody import WholebodyExpert, WholebodyExpertConfig, WholebodyG1, WholebodyG1Config
 from lerobot_robot_wholebody.lerobot_loop import Executed
 from lerobot_robot_wholebody.target import Accepted, Numbers
 from policy.action_spec.anchor import Anchor
@@ -241,6 +241,37 @@ def test_a_gate_holds_what_cannot_be_done_and_the_robot_stays_at_the_target_befo
     robot.disconnect()
     assert robot.report["chunks"]["refused"]["not_cleared"] >= 1
     assert not robot.report["fell"]
+
+
+def test_an_expert_picks_up_the_cylinder_and_it_is_put_back_for_the_next_episode(tmp_path):
+    robot = made(tmp_path, task="pick", seed=1, id="picker")
+    expert = WholebodyExpert(WholebodyExpertConfig(calibration_dir=tmp_path, robot_id="picker"))
+    expert.connect()
+    robot.connect()
+    robot.begin("episode")
+    first, far = robot.seen.objects[0].copy(), []
+    for _ in range(robot.task.steps):
+        robot.send_action(expert.get_action())
+        robot.let_pass(STEP)
+        robot.get_observation()
+        far.append(robot.task.far(robot.seen, robot.palms))
+    assert sum(one <= 0.0 for one in far) > robot.task.held
+    assert robot.get_observation()["object_z.pos"] > first[2] + 0.06
+    robot.begin("reset")
+    for _ in range(75):
+        robot.send_action(expert.get_action())
+        robot.let_pass(STEP)
+        robot.get_observation()
+    robot.begin("episode")
+    assert robot.seen.objects[0, 2] == pytest.approx(first[2], abs=5e-3)
+    assert np.abs(robot.seen.objects[0, :2] - first[:2]).max() > 5e-3
+    assert not robot.seen.fallen
+    robot.disconnect()
+
+
+def test_a_task_with_things_is_refused_on_the_wall_clock():
+    with pytest.raises(ValueError, match=r"needs --robot\.clock=lockstep"):
+        WholebodyG1Config(task="pick")
 
 
 @pytest.mark.alone

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from models.conversion import Conversion
-from models.moving_bodies import moving_joints, poses_of
+from models.moving_bodies import moving_joints, poses_of, put
 from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio
 from models.spec import FLOOR_FRICTION, RobotSpec
@@ -193,6 +193,21 @@ class MujocoPlant:
     def objects(self) -> np.ndarray:
         """Poses of the scene's bodies that move: position [m] and quaternion wxyz, shape (k, 7)."""
         return poses_of(self.model, self.data.qpos, self._moving)
+
+    def place(self, poses: np.ndarray) -> None:
+        """Put the scene's bodies that move elsewhere, at rest: poses as `objects` has them, shape (k, 7).
+
+        Raises:
+            InputError: If the shape is another one, or a number is not finite.
+        """
+        shape = (len(self._moving), 7)
+        if np.shape(poses) != shape or not np.isfinite(poses).all():
+            raise InputError(f"poses have shape {np.shape(poses)}; finite ones of {shape} are expected")
+        put(self.model, self.data.qpos, self._moving, np.asarray(poses, dtype=float))
+        for joint in self._moving:
+            self.data.qvel[self.model.dof_jntid == joint] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+        self._touching = None
 
     def is_robot(self, body: str) -> bool:
         """Whether a body of the scene is a part of the robot."""

@@ -17,7 +17,7 @@ from time import monotonic
 import numpy as np
 
 from wholebody.errors import SimulationError
-from wholebody.live.served.messages import Advance, Ask, End, Reset, Seen, Served, Target
+from wholebody.live.served.messages import Advance, Ask, End, Place, Reset, Seen, Served, Target
 
 START_TIMEOUT = 900.0
 """Longest time until the robot stands [s]; chosen: with an empty cache controller and planner are compiled first."""
@@ -125,6 +125,21 @@ class ServedRobot:
             seen = self._receive(ANSWER_TIMEOUT)
         self.time = seen.observation.time
         return seen
+
+    def place(self, objects: np.ndarray) -> None:
+        """Put the scene's bodies that move elsewhere in lockstep, at rest.
+
+        Args:
+            objects: Their poses, as in `Seen`, shape (k, 7).
+
+        Raises:
+            ValueError: On the wall clock.
+            SimulationError: If the robot's processes ended.
+        """
+        if self.served.clock == "wall":
+            raise ValueError("on the wall clock nobody puts things back: a scene is set in lockstep")
+        with self._lock:
+            self._send(Place(np.asarray(objects, dtype=float)))
 
     def close(self) -> dict[str, object]:
         """Lower the robot and end its processes; a summary of the run, empty if they do not answer."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from policy.clock import SimulatedClock
 from policy.executor.executor import Executor
 from policy.executor.simulated import SimulatedWorker
@@ -86,6 +88,7 @@ class InLockstep:
     ) -> None:
         spec = describe(settings.robot)
         self.origin, self._program, self._clock = 0.0, program, SimulatedClock()
+        self._ended: float | None = None
         self._robot = SteppedRobot(MujocoPlant(spec, scene=served.scene, control_dt=settings.dt), self._clock)
         self._supervisor = Supervisor(spec, settings, gate=gate and gate())
         compile_plan(spec)
@@ -111,7 +114,7 @@ class InLockstep:
             return program.there
 
         loop.run(going)
-        loop.executor = None
+        loop.executor, self._ended = None, self._clock.now()
         lower(loop, lambda now: self._robot.watch(loop))
 
     def _greet(self) -> None:
@@ -126,6 +129,10 @@ class InLockstep:
         self._loop.executor, self._program.until = None, SETTLE
         self._loop.restart(self._robot.reset())
 
+    def place(self, objects: np.ndarray) -> None:
+        """Put the scene's bodies that move elsewhere."""
+        self._robot.plant.place(objects)
+
     def hasten(self) -> None:
         """Ask for a chunk that goes to the newest target."""
         self._executor.hasten()
@@ -139,6 +146,8 @@ class InLockstep:
         told, fall = self._loop.told, self._robot.fall
         return {
             "fell": fall is not None,
+            "fell_at": fall.time if fall else None,
+            "lowering_from": self._ended,
             "robot": {"fall": fall.cause if fall else ""},
             "lowered": self._supervisor.lowered,
             "seconds": self._clock.now(),

@@ -62,6 +62,13 @@ class Reset:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Put the scene's bodies that move elsewhere in lockstep: their poses as in `Seen`."""
+
+    objects: np.ndarray
+
+
+@dataclass(frozen=True)
 class Ask:
     """Wanted: what there is to see now."""
 

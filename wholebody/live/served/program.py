@@ -12,7 +12,7 @@ from policy.errors import PolicyError
 from policy.targets.stream import TargetStream
 from wholebody.episode.run import observe
 from wholebody.live.loop import ControlLoop
-from wholebody.live.served.messages import Advance, Ask, End, Reset, Seen, Target
+from wholebody.live.served.messages import Advance, Ask, End, Place, Reset, Seen, Target
 
 
 class ServedLoop(Protocol):
@@ -33,6 +33,10 @@ class ServedLoop(Protocol):
 
     def reset(self) -> None:
         """Put the robot into its stance, and tell the program once it stands."""
+        ...
+
+    def place(self, objects: np.ndarray) -> None:
+        """Put the scene's bodies that move elsewhere."""
         ...
 
 
@@ -89,6 +93,8 @@ class Program:
             else:
                 if self.stream.news:
                     robot.hasten()
+        elif isinstance(message, Place):
+            robot.place(message.objects)
         elif isinstance(message, End):
             self.there, self.asked_to_end = False, True
 

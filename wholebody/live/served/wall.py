@@ -84,6 +84,9 @@ class OnTheWall:
         """Nothing: time on the wall does not begin anew; the program is told what there is to see."""
         self._program.tell(self.seen())
 
+    def place(self, objects: np.ndarray) -> None:
+        """Nothing: only in lockstep is somebody there who puts things back."""
+
     def close(self) -> dict[str, object]:
         """End everything; a summary of the run."""
         loop, supervisor = self._session.loop, self._session.supervisor

@@ -1,0 +1,62 @@
+"""Strategy: the real loop, as small as it goes, in its own process; then once more, where everything is there."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from lerobot_robot_wholebody.target import Numbers, wrist_at
+from policy.geometry.rotations import matrix_to_rot6d
+from training.measure import done
+
+ROOT = Path(__file__).parents[2]
+SMALL = ["--episodes", "2", "--seconds", "1", "--steps", "2", "--batch", "2", "--tries", "1"]
+
+
+def looped(folder):
+    """What a loop says."""
+    words = [sys.executable, "-m", "training.loop", "--out", str(folder), *SMALL]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_a_loop_ends_with_a_table_and_one_that_is_done_is_not_done_again(tmp_path):
+    said = looped(tmp_path)
+    rows = json.loads((tmp_path / "loop.json").read_text())["rows"]
+    assert rows.keys() == {"expert", "policy", "policy, gate"}
+    assert all(row["falls"] == 0 for row in rows.values())
+    assert [rows[name]["episodes"] for name in rows] == [2, 1, 1]
+    for name, row in rows.items():
+        assert f"| {name} | {row['success']:.0f} %" in said
+    config = json.loads((tmp_path / "policy/checkpoints/last/pretrained_model/config.json").read_text())
+    assert config["input_features"].keys() == {"observation.state", "observation.environment_state"}
+    again = looped(tmp_path)
+    assert "its words are in" not in again
+    assert "| policy, gate |" in again
+
+
+def test_a_reach_is_done_where_both_palms_are_at_their_goals():
+    numbers, goals = Numbers(), {"left": [0.3, 0.2, 0.9], "right": [0.3, -0.2, 0.9]}
+
+    def state(off):
+        row = {}
+        for side, goal in goals.items():
+            T = wrist_at(np.array(goal) + np.array([off, 0.0, 0.0]), np.eye(3), side, numbers)
+            row |= {f"{side}_wrist_{axis}.pos": T[i, 3] for i, axis in enumerate("xyz")}
+            row |= {f"{side}_wrist_r6_{i}.pos": x for i, x in enumerate(matrix_to_rot6d(np.eye(3), "cols"))}
+            row |= {f"goal_{side}_{axis}.pos": goal[i] for i, axis in enumerate("xyz")}
+        return row
+
+    names = list(state(0.0))
+    states = np.array([[*state(off).values()] for off in (0.1, 0.029)])
+    assert done(states, names, "reach")
+    assert not done(states[::-1], names, "reach")
+
+
+def test_a_thing_is_done_where_it_was_moved_far_enough():
+    names = [f"object_{axis}.pos" for axis in "xyz"]
+    assert done(np.array([[0.4, 0.1, 0.83], [0.4, 0.1, 0.90]]), names, "pick")
+    assert not done(np.array([[0.4, 0.1, 0.83], [0.5, 0.1, 0.88]]), names, "pick")

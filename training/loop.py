@@ -1,0 +1,164 @@
+"""``python -m training.loop [--task TASK] [--out FOLDER] ...``: record, train, evaluate, and a table of how it went.
+
+Every step is a command of LeRobot, in its own process, offline. ACT is trained on the state and on what is shown of the
+task, which `lerobot-record` writes into the state: `training.shown` adds a column in between.
+What is there already is not made again: a run that was ended goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+ROOT, BIN = Path(__file__).parents[1], Path(sys.executable).parent
+ACT = {
+    "type": "act", "device": "cpu", "push_to_hub": "false", "dim_model": 128, "n_heads": 4, "dim_feedforward": 512,
+    "n_encoder_layers": 3, "n_vae_encoder_layers": 2, "chunk_size": 20, "n_action_steps": 10, "optimizer_lr": 3e-4,
+}  # fmt: skip
+"""Settings of the policy; chosen: 3 MB, and chunks of two thirds of a second, half of which is done before the next."""
+
+
+class Steps:
+    """The steps of a loop, each told as it begins and how long it took.
+
+    Args:
+        folder: For everything that is made.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.seconds = folder, {}
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def run(self, name: str, command: str, *arguments: str, **options: object) -> None:
+        """Run a command, LeRobot's by its name, to its end; what it says is in a file.
+
+        Raises:
+            SystemExit: If it fails, with the end of what it said.
+        """
+        words = [
+            str(BIN / command),
+            *arguments,
+            *(f"--{key.replace('__', '.')}={value}" for key, value in options.items()),
+        ]
+        home = {
+            "HF_HOME": str(self.folder / "home"),
+            "HF_LEROBOT_HOME": str(self.folder / "home"),
+            "HF_HUB_OFFLINE": "1",
+        }
+        path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        log, begin = self.folder / f"{name}.log", perf_counter()
+        print(f"{name}: {Path(command).name}, its words are in {log}", flush=True)
+        with log.open("w") as said:
+            environment = {"OMP_NUM_THREADS": "1"} | os.environ | home | {"PYTHONPATH": path}
+            done = subprocess.run(words, stdout=said, stderr=subprocess.STDOUT, check=False, env=environment, cwd=ROOT)
+        self.seconds[name] = perf_counter() - begin
+        print(f"{name}: {self.seconds[name]:.0f} s", flush=True)
+        if done.returncode:
+            raise SystemExit(f"{name} failed:\n{log.read_text()[-2000:]}")
+
+
+def record(steps: Steps, task: str, episodes: int, seconds: float, seed: int) -> Path:
+    """Record the expert in lockstep, and give the dataset a column of what is shown of the task; its folder."""
+    plain, whole = steps.folder / "recorded", steps.folder / "data"
+    if not (plain / "meta" / "info.json").exists():
+        shutil.rmtree(plain, ignore_errors=True)
+        steps.run(
+            "record", "lerobot-record", robot__type="wholebody_g1", robot__clock="lockstep", robot__task=task,
+            robot__id="g1", robot__seed=seed, robot__report=steps.folder / "record.json",
+            robot__discover_packages_path="lerobot_robot_wholebody", teleop__type="wholebody_expert",
+            teleop__seed=seed, dataset__repo_id="loop/recorded", dataset__root=plain, dataset__single_task=task,
+            dataset__num_episodes=episodes, dataset__episode_time_s=seconds, dataset__reset_time_s=2.5,
+            dataset__video="false", dataset__push_to_hub="false", play_sounds="false",
+        )  # fmt: skip
+    if not (whole / "meta" / "info.json").exists():
+        shutil.rmtree(whole, ignore_errors=True)
+        steps.run("add", sys.executable, "-m", "training.shown", str(plain), str(whole))
+    return whole
+
+
+def train(steps: Steps, data: Path, count: int, batch: int, seed: int) -> Path:
+    """Train ACT; the folder of its checkpoint."""
+    out = steps.folder / "policy"
+    checkpoint = out / "checkpoints" / "last" / "pretrained_model"
+    if not checkpoint.exists():
+        shutil.rmtree(out, ignore_errors=True)
+        policy = {f"policy__{name}": value for name, value in ACT.items()}
+        steps.run(
+            "train", "lerobot-train", dataset__repo_id="loop/data", dataset__root=data, output_dir=out, steps=count,
+            batch_size=batch, num_workers=0, save_freq=count, log_freq=200, env_eval_freq=0, seed=seed, **policy,
+        )  # fmt: skip
+    return checkpoint
+
+
+def evaluate(steps: Steps, task: str, checkpoint: Path, episodes: int, gate: bool) -> dict[str, object]:
+    """Success of the policy in percent, by `lerobot-eval`, and falls, on seeds that were not recorded."""
+    name = "policy, gate" if gate else "policy"
+    out, report = steps.folder / f"eval{'_gate' if gate else ''}", steps.folder / f"eval{'_gate' if gate else ''}.json"
+    if not (out / "eval_info.json").exists():
+        steps.run(
+            name, "lerobot-eval", env__type="wholebody", env__task=task, env__gate=str(gate).lower(),
+            env__report=report, env__discover_packages_path="lerobot_robot_wholebody", policy__path=checkpoint,
+            policy__device="cpu", output_dir=out, eval__n_episodes=episodes, eval__batch_size=1, seed=100_000,
+        )  # fmt: skip
+    told, falls = json.loads((out / "eval_info.json").read_text()), json.loads(report.read_text())["falls"]
+    return {
+        "success": told["overall"]["pc_success"],
+        "episodes": episodes,
+        "falls": falls,
+        "seconds": steps.seconds.get(name),
+    }
+
+
+def experts(folder: Path, task: str) -> dict[str, object]:
+    """Success of the expert in the recorded episodes, by their last state, and falls."""
+    from pyarrow import parquet
+
+    from training.measure import done
+
+    names = json.loads((folder / "recorded" / "meta" / "info.json").read_text())["features"]["observation.state"][
+        "names"
+    ]
+    tables = [parquet.read_table(path) for path in sorted((folder / "recorded" / "data").rglob("*.parquet"))]
+    states = np.concatenate([np.array(table["observation.state"].to_pylist()) for table in tables])
+    episode = np.concatenate([np.array(table["episode_index"]) for table in tables])
+    count = [done(states[episode == number], names, task) for number in np.unique(episode)]
+    report = json.loads((folder / "record.json").read_text())
+    fell = report["fell_at"] is not None and report["fell_at"] < report["lowering_from"]
+    return {"success": 100.0 * float(np.mean(count)), "episodes": len(count), "falls": int(fell)}
+
+
+def main() -> None:
+    """Run the loop, print its table."""
+    parser = argparse.ArgumentParser(prog="python -m training.loop", description=__doc__)
+    parser.add_argument("--task", default="reach", choices=["reach", "pick"])
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "loop")
+    parser.add_argument("--episodes", type=int, default=60, help="that are recorded")
+    parser.add_argument("--seconds", type=float, default=3.5, help="of an episode")
+    parser.add_argument("--steps", type=int, default=4000, help="of training")
+    parser.add_argument("--batch", type=int, default=32)
+    parser.add_argument("--tries", type=int, default=20, help="episodes that the policy is evaluated in, each way")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    steps = Steps(given.out.resolve())
+    data = record(steps, given.task, given.episodes, given.seconds, given.seed)
+    rows = {"expert": experts(steps.folder, given.task)}
+    checkpoint = train(steps, data, given.steps, given.batch, given.seed)
+    for gate in (False, True):
+        rows["policy, gate" if gate else "policy"] = evaluate(steps, given.task, checkpoint, given.tries, gate)
+    (steps.folder / "loop.json").write_text(json.dumps({"rows": rows, "seconds": steps.seconds}, indent=2))
+    print("| | success | episodes | falls |\n|---|---|---|---|")
+    for name, row in rows.items():
+        print(f"| {name} | {row['success']:.0f} % | {row['episodes']} | {row['falls']} |")
+    print(", ".join(f"{name} {seconds:.0f} s" for name, seconds in steps.seconds.items()))
+
+
+if __name__ == "__main__":
+    main()
