@@ -55,6 +55,8 @@ from wholebody.types import StatusReport as StatusReport
 from wholebody.verdict.check import Checker as Checker
 from wholebody.verdict.fast import FastChecker as FastChecker
 from wholebody.verdict.gate import ChunkGate as ChunkGate
+from wholebody.verdict.given.many import Ranking as Ranking
+from wholebody.verdict.given.many import judge_many as judge_many
 from wholebody.verdict.given.own_numbers import judge as judge
 from wholebody.verdict.given.own_numbers import repair as repair
 from wholebody.verdict.trial import Outcome as Outcome

@@ -137,10 +137,7 @@ class ChunkPlanner:
     def as_given(
         self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, work: float = inf
     ) -> ChunkPlan | None:
-        """What `plan` answers, where that is quick and an attempt at the chunk's own speed follows it; else None.
-
-        It is None, too, where that takes more ``work``, in linearisations and steps, than is given.
-        """
+        """What `plan` answers, where that is quick and an attempt follows the chunk within some work; else None."""
         prepared, budget = self._prepared(chunk), Budget(min(self._budget, work))
         self._holding, self._quick = self._loaded, True
         if prepared.implausible:
@@ -149,6 +146,13 @@ class ChunkPlanner:
         chosen = self._preview(targets(1.0), start)
         chosen = chosen or choice.as_given(self.config, attempt, budget, self._asked(targets, start.q, budget))
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
+
+    def previews(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, far: float) -> bool:
+        """Whether a preview follows the chunk, no step of which is changed by more than ``far`` [m] before it."""
+        self._holding, self._quick, prepared = self._loaded, True, self._prepared(chunk)
+        targets = self.targets(prepared, now, commanded, 1.0)
+        changed = np.append(prepared.lift + prepared.moved + targets.projected, prepared.turned)
+        return bool(changed.max() <= far) and self._preview(targets, start) is not None
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
         return prepare(chunk, self.hand_limits, self.optimizer.body.footing.floor.rise)
@@ -179,11 +183,8 @@ class ChunkPlanner:
     ) -> ChunkPlan:
         """An attempt as it is followed: hands led along it where it does not reach the targets."""
         paths, moved = clamped(chosen, self.config, self.optimizer.palms, self.offsets)
-        begins = {
-            "elsewhere": prepared.begins_elsewhere(now, commanded),
-            "distance": prepared.distance_at(now, commanded),
-        }
-        changed = changes(chosen, prepared, moved, self.config, **begins)
+        elsewhere, distance = prepared.begins_elsewhere(now, commanded), prepared.distance_at(now, commanded)
+        changed = changes(chosen, prepared, moved, self.config, elsewhere=elsewhere, distance=distance)
         report = self._report(chosen, changed, budget, implausible=prepared.implausible)
         steps, contacts = chosen.targets.steps, self.optimizer.body.footing.contacts
         return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots, contacts)
@@ -198,16 +199,17 @@ class ChunkPlanner:
 
     def _surely_out_of_reach(self, targets: Targets) -> bool:
         """Whether the map has great odds against a pair of palms, however turned: a preview would be in vain."""
-        if self._map is None:
+        if self.map is None:
             return False
         points = np.ascontiguousarray(targets.T_palms[:, :, :3, 3])
         n = len(points)
         loads = np.broadcast_to(np.minimum(self._loads, LOAD_KNOWN), (n, 2))
         pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), loads)
-        return bool(((self._map.rooms(pairs) < -SURE) & self._map.knows(pairs)).any())
+        return bool(((self.map.rooms(pairs) < -SURE) & self.map.knows(pairs)).any())
 
     @cached_property
-    def _map(self) -> ReachabilityMap | None:
+    def map(self) -> ReachabilityMap | None:
+        """Map of this robot with these bounds, if there is one."""
         return map_for(basis(self.spec, self._settings))
 
     def _report(
@@ -313,8 +315,6 @@ class ChunkPlanner:
     def _continued(self, before: np.ndarray, T_palms: np.ndarray) -> np.ndarray:
         """First ones of the configurations from the second knot on that are near the palms wanted, (k, nq)."""
         n = min(len(before), len(T_palms) - 2)
-        off = np.linalg.norm(self.optimizer.palms(before[:n])[:, :, :3, 3] - T_palms[1 : n + 1, :, :3, 3], axis=2).max(
-            axis=1
-        )
-        far = np.flatnonzero(off > self.config.warm_start_distance)
+        palms, wanted = self.optimizer.palms(before[:n])[:, :, :3, 3], T_palms[1 : n + 1, :, :3, 3]
+        far = np.flatnonzero(np.linalg.norm(palms - wanted, axis=2).max(axis=1) > self.config.warm_start_distance)
         return before[: far[0] if len(far) else n]

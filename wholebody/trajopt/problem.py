@@ -112,6 +112,18 @@ class TrajectoryProblem:
         if first < self.K:
             _smooth(m.q[max(0, first - 1 - SMOOTHED_BEFORE) :])
 
+    def follow_rows(self, begins: np.ndarray, passes: int) -> None:
+        """Inverse kinematics from row to row of several motions, each begun with a row (K,) that stays where it is."""
+        entry_points.follow_rows(
+            begins, passes, self.body.tables, self._task, self.now, self._weights, self._penalties, self._system,
+            self._scratch, self._assembly,
+        )  # fmt: skip
+
+    def palms(self) -> np.ndarray:
+        """Palm poses of the present configurations, (K, 2, 4, 4), which puts the feet back."""
+        entry_points.place(self.body.tables, self._task, self.now, self._scratch, 0, self.K)
+        return self.now.palms
+
     def still_step(self, k: int) -> None:
         """One step of inverse kinematics at knot ``k`` of the present motion, from the terms of `evaluate_still`."""
         entry_points.warm_start(

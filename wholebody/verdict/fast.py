@@ -23,6 +23,7 @@ from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Surroundings
+from wholebody.planning.judgement.sketch import Sketches
 from wholebody.planning.plan import ChunkPlan
 from wholebody.resources import processors
 from wholebody.robot.feet import Feet
@@ -67,6 +68,11 @@ class FastChecker:
         from wholebody.verdict.scene import SceneDistance  # MuJoCo, which nothing else here needs
 
         return SceneDistance(self.spec, self._scene, self.config.verdict.palm_feasible)
+
+    @cached_property
+    def sketches(self) -> Sketches:
+        """What says roughly what many chunks come to."""
+        return Sketches(self.judge.planner, self.config.verdict.palm_feasible, self.config.verdict.turn_feasible)
 
     @cached_property
     def explainer(self) -> Explainer:
@@ -151,12 +157,13 @@ class FastChecker:
         notes: tuple[str, ...] = (),
         placed: bool = True,
         ask_why: bool = False,
+        odds: bool = True,
     ) -> Verdict:
-        """Judge a single chunk from where it is begun; notes are told along with its own.
+        """Judge a single chunk from where it is begun; notes are told along with its own, ``odds`` where asked for.
 
         A robot that was ``placed`` with its hands at the first step is so for a changed chunk, too.
         """
-        run = PlanRun(self.judge, free)
+        run = PlanRun(self.judge, free, odds=odds)
         run.placed = placed
         run.result.notes += [Note(chunk.t_obs, text) for text in notes]
         run.follow(chunk, begin, chunk.t_obs, np.inf)

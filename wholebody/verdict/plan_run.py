@@ -77,6 +77,7 @@ class PlanRun:
         by_path: Compare palms where the plan is on its path; at the steps' own times if not.
         at_once: The first chunk begins with its first step; where its plan does if not.
         end: Time of the last step that is asked for, since the first one [s]; then it is held.
+        odds: Collect the quantities that odds are made of, which takes longer than most plans.
     """
 
     def __init__(
@@ -87,9 +88,10 @@ class PlanRun:
         by_path: bool = False,
         at_once: bool = False,
         end: float = np.inf,
+        odds: bool = True,
     ) -> None:
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
-        self._by_path, self._at_once, self._end = by_path, at_once, end
+        self._by_path, self._at_once, self._end, self._odds = by_path, at_once, end, odds
         self.margins: dict[Limit, Margin] = {}
         self.suspects: list[Suspect] = []
         self.followed: ChunkJudgement | None = None
@@ -151,7 +153,7 @@ class PlanRun:
         planned, found = found is None, found or self.judge.judge(chunk, begin, now)
         self.planned = found
         self._note(chunk, found, begin)
-        if planned and self._is_news(chunk):
+        if planned and self._odds and self._is_news(chunk):
             self.quantities.append((chunk.t_obs - self.result.start, quantities(self.judge, chunk, begin, found)))
             self.moving |= bool(np.linalg.norm(begin.hands.v, axis=1).max() > MOVING)
         report = found.plan.report

@@ -10,6 +10,7 @@ import numpy as np
 
 from models.pinocchio_model import stance_q
 from models.spec import RobotSpec
+from policy.action_spec.slot_values import FINGER_TOLERANCE
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from wholebody.config import START_MAX, ControllerConfig
@@ -188,6 +189,11 @@ class ChunkJudge:
             margins.append(force)
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
 
+    def previews(self, chunk: ActionChunk, begin: Begin) -> bool:
+        """Whether the cheap tests alone show that a chunk is done as given, with no scene around; no plan is made."""
+        planner, far = self.planner, self.config.verdict.palm_feasible
+        return planner.previews(chunk, chunk.t_obs, begin.body, begin.hands, far)
+
     def around(self, chunk: ActionChunk, plan: ChunkPlan) -> tuple[Margin, ...]:
         """The least room to what stands around the robot, if anything is near."""
         if self.scene is None:
@@ -204,6 +210,13 @@ class ChunkJudge:
     def of_numbers(self, chunk: ActionChunk) -> dict[Limit, Margin]:
         """Room that a chunk leaves to the bounds on its own numbers, wherever it is begun."""
         return {one.code: one for one in chunk_margins(chunk, self.planner.hand_limits, self.spec)}
+
+    def exceeds(self, chunk: ActionChunk, begin: Begin) -> bool:
+        """Whether a chunk's own numbers show that it is not done as given from there, with its first step."""
+        numbers = self.numbers(chunk, begin, chunk.t_obs)
+        forgiven = {Limit.FINGER_RANGE: FINGER_TOLERANCE, Limit.INTO_FLOOR: self.config.verdict.palm_feasible}
+        told = (Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE)
+        return any(code in numbers and numbers[code].margin < -forgiven.get(code, 0.0) for code in told)
 
     def start_margin(self, chunk: ActionChunk, begin: Begin, now: float) -> Margin:
         """How far a chunk begins from where the hands are then, now [s], against what is no continuation any more."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from wholebody.trajopt.kernels.banded import factor_panel, solve_panel
+from wholebody.trajopt.kernels.configuration_terms import configuration_terms
 from wholebody.trajopt.kernels.cost import add_configuration
 from wholebody.trajopt.kernels.fixed_feet_kinematics import integrate
 from wholebody.trajopt.kernels.inequalities import configuration_changes, configuration_derivative
 from wholebody.trajopt.kernels.newton import list_exceeded
-from wholebody.trajopt.layout import COM_EDGE, FREE_LOWER, LOWER, N_FREE, RIGHT, UPPER
+from wholebody.trajopt.kernels.static_torque import static_torque
+from wholebody.trajopt.layout import COM_EDGE, DISTANCE, FREE_LOWER, LOWER, N_FREE, RIGHT, UPPER
 
 STEP_COST = 30.0
 """Weight of the step from one knot to the next [1/m^2, 1/rad^2]: without it a knot near a singular pose leaps; chosen:
@@ -33,6 +35,25 @@ def warm_start(k, robot, m, weights, penalties, system, work, sums) -> None:
     for i in range(N_FREE):
         system.z[k + 1, i] *= shrink
     shift(m.free[k], system.z[k + 1], m.q[k], work.lower_step)
+
+
+def follow_rows(begins, passes, robot, task, m, weights, penalties, system, work, sums) -> None:
+    """Move each row from where the one before it is towards its palm targets, distances aside, by some passes.
+
+    Rows that begin a motion (K,) stay where they are.
+    """
+    for k in range(m.q.shape[0]):
+        if begins[k]:
+            continue
+        for j in range(m.q.shape[1]):
+            m.q[k, j] = m.q[k - 1, j]
+        m.n_near[k] = 0
+        for c in range(DISTANCE, COM_EDGE):
+            m.violation[k, c] = -1.0
+        for _ in range(passes):
+            configuration_terms(k, robot, task, m, work)
+            static_torque(k, robot, m, work)
+            warm_start(k, robot, m, weights, penalties, system, work, sums)
 
 
 def newton_step(k, robot, m, penalties, count, s, sums) -> None:

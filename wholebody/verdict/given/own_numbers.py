@@ -31,7 +31,7 @@ Free = tuple[bool, bool]
 
 
 @dataclass(frozen=True)
-class _Given:
+class Given:
     """A chunk, its begin, and the layout and anchor of the numbers that it came as."""
 
     chunk: ActionChunk
@@ -72,7 +72,7 @@ def judge(
         InputError: If the state is malformed, or there is no chunk and no layout.
     """
     with checkers.lend(config or ControllerConfig(), scene) as checker:
-        given = _given(checker, chunk, state, layout, fps, orientation_free)
+        given = as_given_chunk(checker, chunk, stands_in(checker, state), layout, fps, orientation_free)
         begin, notes = given.begin, ()
         if begin is None:
             begin = checker.judge.first_pose(given.chunk)
@@ -112,7 +112,7 @@ def repair(
         ChunkError, FileFormatError, InputError: As in `judge`.
     """
     with checkers.lend(config or ControllerConfig(), scene) as checker:
-        given = _given(checker, chunk, state, layout, fps, orientation_free)
+        given = as_given_chunk(checker, chunk, stands_in(checker, state), layout, fps, orientation_free)
         change = checker.repairer(given.chunk, given.begin, given.free).repaired()
         if change is None or given.spec is None:
             return change
@@ -125,24 +125,28 @@ def repair(
         return replace(change, actions=actions) if holds else None
 
 
-def _given(
+def stands_in(checker: FastChecker, state: RobotState | None) -> tuple[RobotState | None, Begin | None]:
+    """A state, checked, with the checker's feet where it has them, and the begin of chunks there; None if not given."""
+    state = None if state is None else check_state(state, checker.spec.n_joints)
+    checker.stand(state)
+    return state, None if state is None else checker.judge.present(state)
+
+
+def as_given_chunk(
     checker: FastChecker,
     chunk: Numbers,
-    state: RobotState | None,
+    begun: tuple[RobotState | None, Begin | None],
     layout: ActionSpec | str | None,
     fps: float | None,
     free: Free | None,
-) -> _Given:
-    """What is to be judged, with the checker's feet where the state has them."""
-    robot = layout_robot(checker.spec)
-    state = None if state is None else check_state(state, checker.spec.n_joints)
-    checker.stand(state)
-    begin = None if state is None else checker.judge.present(state)
+) -> Given:
+    """What is to be judged from a state that the checker `stands_in`."""
+    robot, (state, begin) = layout_robot(checker.spec), begun
     if isinstance(chunk, ActionChunk):
         if layout is not None or fps is not None:
             raise InputError("layout and fps say what raw actions are; an ActionChunk has both already")
         chunk.validate(robot=robot)
-        return _Given(chunk, begin, free or (False, False))
+        return Given(chunk, begin, free or (False, False))
     spec = as_spec(layout, robot)
     if spec is None:
         raise InputError(
@@ -155,7 +159,7 @@ def _given(
         anchor, time = Anchor.measured(observation_of(checker.spec, checker.judge.robot, state), robot), state.time
     decoded = decode(spec, actions, anchor, t_obs=time, fps=fps)
     notes = settled(action_findings(spec, actions, anchor, decoded.fps), (), "actions")
-    return _Given(with_notes(decoded, notes), begin, free or spec.orientation_free, spec, anchor)
+    return Given(with_notes(decoded, notes), begin, free or spec.orientation_free, spec, anchor)
 
 
 def _numbers(values: object) -> np.ndarray:

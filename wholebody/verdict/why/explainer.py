@@ -13,7 +13,6 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
-from wholebody.episode.tracking_error import FINGER_TOLERANCE
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.chunk_margins import HANDS
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
@@ -141,7 +140,7 @@ class Explainer:
         plan = plan or judge.planner.plan(chunk, chunk.t_obs, begin.body, begin.hands, quick=True)
 
         def holds(changed: ActionChunk, work: float = inf) -> bool:
-            return _holds_as_given(judge, changed, begin, free, work)
+            return holds_as_given(judge, changed, begin, free, work)
 
         def at_first(changed: ActionChunk) -> bool:
             return holds(changed, TRY_WORK * max(len(changed) / STEPS, 1.0))
@@ -171,13 +170,10 @@ def makes_sense(one: WouldDo) -> bool:
     return one.moved <= MOVED_MOST and one.slower <= SLOWER_MOST
 
 
-def _holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:
+def holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tuple[bool, bool], work: float) -> bool:
     """Whether a chunk is feasible by an attempt at its own speed; what needs no plan comes first."""
-    now, far = chunk.t_obs, judge.config.verdict.palm_feasible
-    forgiven = {Limit.START: 0.0, Limit.FINGER_RANGE: FINGER_TOLERANCE}
-    forgiven |= {Limit.INTO_FLOOR: far, Limit.SCENE_DISTANCE: 0.0}
-    numbers = judge.numbers(chunk, begin, now)
-    if any(code in numbers and numbers[code].margin < -room for code, room in forgiven.items()):
+    now = chunk.t_obs
+    if judge.exceeds(chunk, begin):
         return False
     plan = judge.planner.as_given(chunk, now, begin.body, begin.hands, work)
     if plan is None:

@@ -1,0 +1,105 @@
+"""Is the chunk that is chosen among sixteen the best of them, in MuJoCo?
+
+    python -m tests.studies.best_of --sets 1000 1200 --out best_of.jsonl [--limit-ms 33]
+
+Sets are those of `tests.support.sampled_chunks`, begun in the stance. A line of JSON a set is added to the file, and
+sets that it has are not done again. All chunks of a set are judged by plans. The chunk that `judge_many` puts first is
+simulated; where it is not feasible, so are those that plans call better, until one is better in truth.
+
+It is told at the end how often the first is no worse than the best, among all and among sets that hold both feasible
+and infeasible chunks by plans, and the processor time. The answer is 1 if that is in less than 95 % of the latter.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from functools import cache
+from math import inf
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from policy.recorded.replay import ReplayPolicy
+from tests.support.sampled_chunks import sampled_set
+from wholebody import RobotState, judge_many
+from wholebody.episode.run import EpisodeConfig
+from wholebody.verdict.check import Checker
+from wholebody.verdict.fast import FastChecker
+
+ORDER = ("feasible", "feasible_after_repair", "infeasible")
+BAR = 0.95
+"""Share of sets in which the first has to be no worse than the best."""
+
+
+@cache
+def fast():
+    """What judges by plans."""
+    return FastChecker()
+
+
+@cache
+def simulation():
+    """What simulates."""
+    return Checker(episode=EpisodeConfig(settle=0.1, hold=2.5))
+
+
+def truth(chunk):
+    """What becomes of a chunk."""
+    policy = ReplayPolicy(chunk)
+    return simulation().check(policy, "", policy.duration)[0].verdict
+
+
+def chosen(number, limit):
+    """What one set comes to."""
+    chunks, begin = sampled_set(number), fast().judge.stance()
+    state, began = RobotState(0.0, begin.body.q, begin.body.v), process_time()
+    ranking = judge_many(chunks, state, limit_ms=limit)
+    seconds, first = process_time() - began, ranking.best
+    free = (False, False)
+    by_plans = [ORDER.index(fast().of_chunk(one, begin, "", free, odds=False).verdict) for one in chunks]
+    mine = best = ORDER.index(truth(chunks[first.index]))
+    for i in sorted(range(len(chunks)), key=by_plans.__getitem__):
+        if best < mine or by_plans[i] >= mine or i == first.index:
+            break
+        best = min(best, ORDER.index(truth(chunks[i])))
+    return {
+        "set": number, "seconds": seconds, "score": first.score, "by": first.looked_at, "complete": ranking.complete,
+        "mine": mine, "best": best, "plans": by_plans, "scores": [one.score for one in ranking.ranked],
+        "order": [one.index for one in ranking.ranked],
+    }  # fmt: skip
+
+
+def summary(lines):
+    """What all sets come to, and whether the bar is met."""
+    both = [one for one in lines if {0, 2} <= set(one["plans"])]
+    for name, some in (("all", lines), ("that hold both", both)):
+        good = sum(one["mine"] <= one["best"] for one in some)
+        print(f"sets {name}: {len(some)}, the first no worse than the best in {good}")
+    times = 1e3 * np.array([one["seconds"] for one in lines])
+    print(f"processor time: median {np.median(times):.1f} ms, p99 {np.quantile(times, 0.99):.1f} ms")
+    return all(one["mine"] <= one["best"] for one in both) or np.mean([x["mine"] <= x["best"] for x in both]) >= BAR
+
+
+def main() -> int:
+    """Do what is not in the file yet, and say what it comes to."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--sets", type=int, nargs=2, default=(1000, 1200), metavar=("FIRST", "END"))
+    parser.add_argument("--limit-ms", type=float, default=inf)
+    parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each set")
+    asked = parser.parse_args()
+    lines = list(map(json.loads, asked.out.read_text().splitlines())) if asked.out.exists() else []
+    known = {one["set"] for one in lines}
+    judge_many(sampled_set(0))  # compiles
+    for number in range(*asked.sets):
+        if number not in known:
+            lines.append(chosen(number, asked.limit_ms))
+            with asked.out.open("a") as file:
+                file.write(json.dumps(lines[-1]) + "\n")
+    return int(not summary(lines))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
