@@ -47,9 +47,10 @@ setup-core: $(VENV)/.core-installed ## Make .venv with the core packages
 
 setup: $(VENV)/.all-installed ## Make .venv with everything: lerobot, torch and the development tools
 
-lint: $(VENV)/.all-installed ## Check style and formatting
+lint: $(VENV)/.all-installed ## Check style, formatting and the types of the public API
 	$(BIN)/ruff check $(ARGS)
 	$(BIN)/ruff format --check
+	$(BIN)/python -m tests.support.public_api | xargs $(BIN)/mypy
 
 format: $(VENV)/.all-installed ## Fix style and formatting
 	$(BIN)/ruff check --fix $(ARGS)
@@ -110,7 +111,7 @@ $(BIN)/uv pip compile --quiet --generate-hashes --universal --python-version 3.1
 endef
 
 clean: ## Remove the environments and caches
-	rm -rf $(VENV) $(LATEST) $(OPENPI_VENV) build dist .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LATEST) $(OPENPI_VENV) build dist .pytest_cache .ruff_cache .mypy_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Environments. A stamp is older than its lock when the lock changed: set-up runs again.

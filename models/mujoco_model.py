@@ -47,10 +47,15 @@ def load_mujoco(
     Raises:
         RobotSpecError: If the scene does not exist, a number makes no sense, or the cache cannot be written.
     """
-    settings = {"scene": scene, "timestep": timestep, "payload_kg": payload_kg, "friction": friction}
+
+    def build() -> mujoco.MjSpec:
+        return build_mujoco(
+            spec, scene=scene, timestep=timestep, visuals=visuals, payload_kg=payload_kg, friction=friction
+        )
+
     if visuals or isinstance(scene, SceneFile):
-        return build_mujoco(spec, visuals=visuals, **settings).compile()
-    return compiled(spec, lambda: build_mujoco(spec, **settings), **settings)
+        return build().compile()
+    return compiled(spec, build, scene=scene, timestep=timestep, payload_kg=payload_kg, friction=friction)
 
 
 def build_mujoco(

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -248,7 +249,7 @@ class RobotSpec:
                     f"pattern '{pattern}' matches no joint of '{self.name}': {', '.join(self.joint_names)}"
                 )
             for i in matched:
-                joints[i] = dataclasses.replace(joints[i], **values)
+                joints[i] = dataclasses.replace(joints[i], **dict[str, Any](values))
         return dataclasses.replace(self, joints=tuple(joints))
 
     def _array(self, field: str) -> np.ndarray:

@@ -16,6 +16,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from models.members import PARTS, FootSpec, JointSpec, RobotSpecError, Stance, ToolSpec
 from models.spec import RobotSpec
@@ -164,7 +165,7 @@ def g1(hands: bool = True, *, linkage_effort: float = 35.0, locked: tuple[str, .
         for name in names
         if name not in fixed
     )
-    whole = mirrored_stance(**(STANCE_DEX3 if hands else STANCE_RUBBER), hands=hands)
+    whole = mirrored_stance(**dict[str, Any](STANCE_DEX3 if hands else STANCE_RUBBER), hands=hands)
     return RobotSpec(
         name=("g1_dex3" if hands else "g1") + (f"_{29 - len(fixed)}" if fixed else ""),
         urdf=urdf,

@@ -70,7 +70,7 @@ def package() -> Path:
         found = distribution("example-robot-data")
     except PackageNotFoundError:
         raise RobotSpecError("package 'example-robot-data' is missing; pip install 'example-robot-data>=6.0'") from None
-    return Path(found.locate_file("cmeel.prefix/share/example-robot-data")).resolve()
+    return Path(str(found.locate_file("cmeel.prefix/share/example-robot-data"))).resolve()
 
 
 def read_urdf(spec: RobotSpec) -> ET.Element:

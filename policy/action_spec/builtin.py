@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import overload
 
 from models import g1
 from models.spec import RobotSpec
@@ -174,6 +175,10 @@ def _made(name: str, robot: RobotSpec) -> ActionSpec:
     return LAYOUTS[name](robot)
 
 
+@overload
+def as_spec(spec: ActionSpec | str, robot: RobotSpec | None = None) -> ActionSpec: ...
+@overload
+def as_spec(spec: None, robot: RobotSpec | None = None) -> None: ...
 def as_spec(spec: ActionSpec | str | None, robot: RobotSpec | None = None) -> ActionSpec | None:
     """A layout that may be given by its built-in name, then of that robot."""
     return builtin(spec, robot) if isinstance(spec, str) else spec

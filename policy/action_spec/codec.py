@@ -24,7 +24,7 @@ import numpy as np
 
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.frame_guess import pelvis_guess, unit_guess, world_guess
-from policy.action_spec.hands import closing_of, finger_closings
+from policy.action_spec.hands import SIDES, closing_of, finger_closings
 from policy.action_spec.mask import unmasked
 from policy.action_spec.pelvis_path import PelvisPath, pelvis_path, tilt_of
 from policy.action_spec.slot import OF_TOUCH, Slot
@@ -43,7 +43,7 @@ from policy.action_spec.slot_values import (
 from policy.action_spec.spec import ActionSpec
 from policy.action_spec.wrist_codec import decode_wrist, encode_wrist
 from policy.chunk import ActionChunk
-from policy.errors import ChunkError
+from policy.errors import ChunkError, SpecError
 from policy.geometry.rotations import angle_between
 from policy.geometry.se3 import inverse
 from policy.joints import joints_of
@@ -154,7 +154,7 @@ def _not_followed(
     here = pelvis.T_world_base[:, 2, 3] if pelvis.q_legs is not None else anchor.T_world_base[2, 3]
     away = 0.0 if height is None else float(np.abs(height - here).max())
     speed = 0.0 if velocity is None else float(np.abs(velocity).max())
-    notes = ()
+    notes: tuple[str, ...] = ()
     if speed > WALK:
         notes += (f"base_velocity asks for up to {speed:.2g} m/s or rad/s and {NOT_FOLLOWED}: the feet stay",)
     if away > RISE:
@@ -241,8 +241,10 @@ def _clip(spec: ActionSpec, actions: np.ndarray) -> tuple[np.ndarray, tuple[str,
     return actions, tuple(notes)
 
 
-def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray, waist: np.ndarray | None) -> np.ndarray:
+def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray | None, waist: np.ndarray | None) -> np.ndarray:
     """``T_base_hand`` (H, 4, 4) of arm joints, with the given waist or the anchor's."""
+    if arm is None:
+        raise SpecError(f"a layout needs the {side} wrist or the joints of its arm")
     q_body = np.tile(anchor.q_body, (len(arm), 1))
     q_body[:, anchor.robot.limbs[f"{side}_arm"]] = arm
     if waist is not None:
@@ -252,7 +254,7 @@ def _reached(anchor: Anchor, side: str, hand: str, arm: np.ndarray, waist: np.nd
 
 def _values_for(slot: Slot, spec: ActionSpec, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     """SI values (H, size) that a chunk has for a joint, scalar or velocity slot, in the slot's order."""
-    steps, side = len(chunk), slot.name.split("_", maxsplit=1)[0]
+    steps, side = len(chunk), SIDES[not slot.name.startswith("left_")]
     q_hand = chunk.q_lhand if side == "left" else chunk.q_rhand
     if slot.name.startswith("base_"):
         return _base_values(slot, chunk, anchor)

@@ -19,6 +19,7 @@ from policy.errors import SpecError
 from policy.joints import joints_of
 
 Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
 
 
 def grasp_posture(side: Side, closing: np.ndarray | float, robot: RobotSpec | None = None) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -12,9 +12,9 @@ from policy.errors import SpecError, did_you_mean
 from policy.geometry.rotations import QuaternionOrder, Rot6dLayout
 
 Kind = Literal[
-    *("position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "fingers"),
-    *("scalar", "velocity", "planar", "tilt", "force", "ignored"),
-]
+    "position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "fingers",
+    "scalar", "velocity", "planar", "tilt", "force", "ignored",
+]  # fmt: skip
 Mode = Literal["absolute", "relative_se3", "relative_add", "delta", "delta_se3"]
 Frame = Literal["pelvis", "pelvis_yaw", "torso", "stance", "world"]
 Orientation = Literal["given", "free"]
@@ -301,7 +301,7 @@ class Slot:
             )
 
 
-def one_of(what: str, value: object, allowed: Iterable[str]) -> None:
+def one_of(what: str, value: object, allowed: Collection[str]) -> None:
     """Refuse a value that is not among those allowed, with the nearest one.
 
     Raises:

@@ -130,10 +130,11 @@ class ActionSpec:
     @property
     def orientation_free(self) -> tuple[bool, bool]:
         """Whether the left and the right wrist may be turned as is convenient; also where no slot says how."""
-        sides = ("left", "right")
-        rotations = (self.slot(f"{side}_wrist_rotation") for side in sides)
-        free = (slot is None or slot.orientation == "free" for slot in rotations)
-        return tuple(f and not self.slot(f"{side}_arm") for f, side in zip(free, sides, strict=True))
+        return self._is_free("left"), self._is_free("right")
+
+    def _is_free(self, side: str) -> bool:
+        slot = self.slot(f"{side}_wrist_rotation")
+        return (slot is None or slot.orientation == "free") and self.slot(f"{side}_arm") is None
 
     def with_free_orientation(self) -> ActionSpec:
         """Layout for tasks that do not depend on the orientations of the wrists."""
@@ -271,7 +272,7 @@ def differences(expected: ActionSpec, found: ActionSpec) -> list[str]:
 
 
 def _build[T: (ActionSpec, Slot)](
-    kind: type[T], data: Mapping[str, Any], keys: list[str], what: str = "slot", **more: object
+    kind: type[T], data: Mapping[str, Any], keys: list[str], what: str = "slot", **more: Any
 ) -> T:
     fields = {known.name: known for known in dataclasses.fields(kind) if known.name in keys}
     for key in data:
@@ -279,8 +280,9 @@ def _build[T: (ActionSpec, Slot)](
     missing = [name for name, known in fields.items() if known.default is dataclasses.MISSING and name not in data]
     if missing:
         raise SpecError(f"{what}: keys {missing} are missing")
+    values: dict[str, Any] = {key: _tuples(value) for key, value in data.items()}
     try:
-        return kind(**{key: _tuples(value) for key, value in data.items()}, **more)
+        return kind(**values, **more)
     except SpecError:
         raise
     except (TypeError, ValueError, OverflowError) as error:

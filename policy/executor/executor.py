@@ -199,26 +199,33 @@ class Executor:
         """The newest usable chunk among the outcomes that are there."""
         chunk = None
         while (outcome := self.worker.poll()) is not None:
-            chunk = self._judge(outcome, now) or chunk
+            chunk = self._judged(outcome, now) or chunk
         return chunk
 
-    def _judge(self, outcome: Outcome, now: float) -> ActionChunk | None:
-        job = outcome.job
+    def _judged(self, outcome: Outcome, now: float) -> ActionChunk | None:
+        """The chunk of an outcome, if it can be used."""
+        job, chunk = outcome.job, outcome.chunk
         if job.episode == self._episode and job.observation is not None:
             self._asked, self._hung = None, False
         if outcome.dead:
             self._dead = job.episode == self._episode
-            return self._fail(now, "policy_dead", f"{type(outcome.error).__name__}: {outcome.error}")
-        if outcome.error is not None:
-            return self._fail(now, "policy_raised", f"{type(outcome.error).__name__}: {outcome.error}")
+        if (failure := self._failure(outcome, now)) is not None:
+            self._fail(now, *failure)
+        elif isinstance(chunk, ActionChunk):
+            return self._hand_out(chunk, outcome.done, now)
+        return None
+
+    def _failure(self, outcome: Outcome, now: float) -> tuple[str, str] | None:
+        """Why there is nothing to use: code and sentence."""
+        job = outcome.job
+        if outcome.dead or outcome.error is not None:
+            code = "policy_dead" if outcome.dead else "policy_raised"
+            return code, f"{type(outcome.error).__name__}: {outcome.error}"
         if job.observation is None:
             return None
         if job.episode != self._episode:
-            return self._fail(now, "chunk_from_before_reset", f"asked for at {job.asked:.3f} s in the episode before")
-        fault = self._fault(outcome.chunk, job.observation, now)
-        if fault is not None:
-            return self._fail(now, *fault)
-        return self._hand_out(outcome, now)
+            return "chunk_from_before_reset", f"asked for at {job.asked:.3f} s in the episode before"
+        return self._fault(outcome.chunk, job.observation, now)
 
     def _fault(self, chunk: object, observation: Observation, now: float) -> tuple[str, str] | None:
         """Why an answer cannot be used: code and sentence."""
@@ -250,17 +257,16 @@ class Executor:
             return "chunk_stale", f"its observation is {age:.3f} s old; it is {length:.3f} s long, age_max {age_max} s"
         return None
 
-    def _hand_out(self, outcome: Outcome, now: float) -> ActionChunk:
-        chunk = outcome.chunk
-        self._latencies.append(outcome.done - chunk.t_obs)
+    def _hand_out(self, chunk: ActionChunk, done: float, now: float) -> ActionChunk:
+        self._latencies.append(done - chunk.t_obs)
         skipped = int((chunk.times < now - TIME_TOLERANCE).sum())
-        self.report.deliveries.append(Delivery(chunk.seq, chunk.t_obs, outcome.done, now, skipped))
+        self.report.deliveries.append(Delivery(chunk.seq, chunk.t_obs, done, now, skipped))
         self.report.recovered()
         self._starving = False
         self._before = (self.running, self._last)
         self._last = chunk
-        self.running = chunk if self._ensemble is None else self._ensemble.add(chunk)
-        return self.running
+        self.running = running = chunk if self._ensemble is None else self._ensemble.add(chunk)
+        return running
 
     def _fail(self, now: float, code: str, detail: str) -> None:
         self.report.add(now, code, detail)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +60,9 @@ class LeRobotPolicy:
         self.reset()
 
     @classmethod
-    def from_pretrained(cls, path: str | Path, *, spec: ActionSpec | str | None = None, **options: Any) -> Self:
+    def from_pretrained(
+        cls, path: str | Path, *, spec: ActionSpec | str | None = None, **options: Any
+    ) -> LeRobotPolicy:
         """Load a checkpoint, or refuse it.
 
         Args:

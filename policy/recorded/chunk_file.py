@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -175,7 +176,7 @@ def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None, 
 
 def write_chunk_file(path: str | Path, file: ChunkFile) -> None:
     """Write a chunk file, its spec as JSON with the hash beside it; the name is kept as it is given."""
-    arrays = {
+    arrays: dict[str, Any] = {
         "actions": np.asarray(file.actions, dtype=float),
         "fps": np.float64(file.fps),
         "spec": np.str_(file.spec.to_json()),

@@ -201,9 +201,9 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
     # A rounding error must not cost the last step.
     at = np.arange(int(np.floor(motion.duration * fps + 1e-9)) + 1) / fps
     T_l, T_r = (anchor.T_world_base @ interpolate(poses[hand], times, at) for hand in ("lhand", "rhand"))
-    fingers = [np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand)]
-    where = builtin("wbc32", motion.robot).id, 0, 0.0, float(fps)
-    chunk = ActionChunk(*where, T_l, T_r, *fingers, notes=_of_feet(motion))
+    q_l, q_r = (np.tile(q, (len(at), 1)) for q in (anchor.q_lhand, anchor.q_rhand))
+    layout = builtin("wbc32", motion.robot).id
+    chunk = ActionChunk(layout, 0, 0.0, float(fps), T_l, T_r, q_l, q_r, notes=_of_feet(motion))
     chunk.validate(robot=motion.robot)
     return chunk
 

@@ -143,8 +143,8 @@ def read_motion(
     rate = named_rate(path) or DEFAULT_FPS if fps is None else fps
     if Path(path).suffix.lower() == ".csv":
         motion = read_motion_csv(path, rate, robot, read_as=read_as)
-        told = (rate_note(motion, path),) if fps is None else ()
+        notes: tuple[str, ...] = (rate_note(motion, path),) if fps is None else ()
     else:
-        motion, told = read_motion_npz(path, rate, robot, read_as=read_as)
+        motion, notes = read_motion_npz(path, rate, robot, read_as=read_as)
     quaternion = matrix_to_quaternion(motion.T_world_base[:, :3, :3], "xyzw")
-    return motion, (*settled(motion_findings(motion, quaternion), read_as, str(path)), *told)
+    return motion, (*settled(motion_findings(motion, quaternion), read_as, str(path)), *notes)

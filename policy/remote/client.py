@@ -94,7 +94,8 @@ class RemotePolicy:
         metadata: Mapping[str, Any],
         options: RemoteOptions,
     ) -> None:
-        self.spec, self.metadata, self.options, self.timing = spec, metadata, options, {}
+        self.spec, self.metadata, self.options = spec, metadata, options
+        self.timing: dict[str, Any] = {}
         self.sees_robot = bool(metadata.get("sees_robot", True))
         self.duration = _seconds(metadata.get("duration"))
         self.cameras = dialect.cameras if isinstance(dialect, OpenpiDialect) else _cameras(metadata)
@@ -213,9 +214,10 @@ def _agree(
 ) -> ActionSpec:
     """Layout of a server's actions."""
     stated = metadata.get("action_spec") if assumed is None else assumed
-    if isinstance(stated, str | dict):
-        read = ActionSpec.from_json if isinstance(stated, str) else ActionSpec.from_dict
-        stated = read(stated, robot)
+    if isinstance(stated, str):
+        stated = ActionSpec.from_json(stated, robot)
+    elif isinstance(stated, dict):
+        stated = ActionSpec.from_dict(stated, robot)
     known = stated if isinstance(stated, ActionSpec) else None
     if spec is not None:
         require_same(spec, known)

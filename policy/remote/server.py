@@ -112,6 +112,8 @@ class PolicyServer:
 
     def wait(self) -> None:
         """Wait while a server that was entered as a context manager serves; ends like `serve_forever`."""
+        if self._thread is None:
+            raise PolicyError("`wait` is for a server that was entered: `with PolicyServer(...) as server: ...`")
         self._thread.join()
 
     def close(self) -> None:

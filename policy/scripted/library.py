@@ -10,7 +10,7 @@ import numpy as np
 from models import g1
 from models.places import ON_TABLE
 from models.spec import RobotSpec
-from policy.action_spec.hands import Side, grasp_posture
+from policy.action_spec.hands import SIDES, Side, grasp_posture
 from policy.errors import PolicyError, did_you_mean
 from policy.geometry.rotations import rpy_to_matrix
 from policy.scripted.contact import lift_box, press, pull_drawer, touch, turn_handle, wipe
@@ -50,7 +50,7 @@ def lissajous(*, scored: float = LISSAJOUS_SCORED, robot: RobotSpec | None = Non
     robot = robot or g1()
     stance = stance_pose(robot)
     end = LISSAJOUS_START + scored
-    fingers = [grasp_posture(side, 1.0, robot) for side in ("left", "right")]
+    fingers = [grasp_posture(side, 1.0, robot) for side in SIDES]
     if robot.fingers == g1().fingers:
         # The thumb's first joint turns the same way on both sides, the others are mirrored.
         fingers[0][:3], fingers[1][:3] = LISSAJOUS_THUMB, LISSAJOUS_THUMB * [1.0, -1.0, -1.0]
@@ -278,7 +278,7 @@ def scripted_policy(name: str, robot: RobotSpec | None = None, **settings: objec
     """
     if name not in SCRIPTS:
         raise PolicyError(f"no script is called '{name}'; {did_you_mean(name, SCRIPTS)}there are: {', '.join(SCRIPTS)}")
-    if name not in scripts_of(robot):
+    if robot is not None and name not in scripts_of(robot):
         raise PolicyError(f"script '{name}' is made for the G1 with Dex3 hands; of {robot.name}: {scripts_of(robot)}")
     if robot not in (None, g1()):
         settings["robot"] = robot

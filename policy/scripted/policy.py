@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -117,10 +118,12 @@ def to_chunk(
         )
     }
     hands = zip((motion.q_lhand, motion.q_rhand), robot.fingers, strict=True)
-    fingers = [np.broadcast_to(q, (steps, n)).copy() for q, n in hands]
+    left, right = (np.broadcast_to(q, (steps, n)).copy() for q, n in hands)
     expected = {"f_world_lpalm": motion.f_world_lpalm, "f_world_rpalm": motion.f_world_rpalm}
-    forces = {name: np.broadcast_to(f, (steps, 3)).astype(float) for name, f in expected.items() if np.any(f)}
-    return ActionChunk(spec_id, seq, t_obs, fps, wrists["lhand"], wrists["rhand"], *fingers, **forces)
+    forces: dict[str, Any] = {
+        name: np.broadcast_to(f, (steps, 3)).astype(float) for name, f in expected.items() if np.any(f)
+    }
+    return ActionChunk(spec_id, seq, t_obs, fps, wrists["lhand"], wrists["rhand"], left, right, **forces)
 
 
 def palm_offset(side: str, robot: RobotSpec | None = None) -> np.ndarray:

@@ -95,6 +95,8 @@ class _Fingers:
 
 def _ahead(track: Foretelling, times: np.ndarray) -> np.ndarray:
     """What a track says of times [s], one that has ended too: it comes to rest."""
+    if track.last is None:
+        raise ValueError("a track without a target has no future")
     ages, late = times - track.last[0], min(LATE * track.interval, FREE)
     return track.at(braked(ages, late if ages[0] > late else FREE, STOP), FREE + STOP / 2.0)
 
@@ -148,11 +150,12 @@ class TargetStream:
         values = {name: _checked(name, value) for name, value in target.items()}
         if not values:
             raise ChunkError(f"a target says nothing; it may say {', '.join(NAMES)}")
-        if stamp is None and self.clock is None:
-            raise ChunkError("a target needs a stamp where the stream has no clock", slot="stamp")
         with self._lock:
             now = None if self.clock is None else self.clock.now()
-            time = self._dated(now if stamp is None else float(stamp), now, owned=stamp is None)
+            said = now if stamp is None else float(stamp)
+            if said is None:
+                raise ChunkError("a target needs a stamp where the stream has no clock", slot="stamp")
+            time = self._dated(said, now, owned=stamp is None)
             for name, value in values.items():
                 if name not in self._said:
                     self._said.add(name)
@@ -193,9 +196,9 @@ class TargetStream:
             self._stay(observation.time, self._anchor)
             self._seq += 1
             times = observation.time + np.arange(HORIZON) / FPS
-            arrays = [self._tracks[name].at(times) for name in NAMES]
+            T_l, T_r, q_l, q_r = (self._tracks[name].at(times) for name in NAMES)
             self._unused = False
-            self._chunk = ActionChunk(self.spec.id, self._seq, float(observation.time), FPS, *arrays)
+            self._chunk = ActionChunk(self.spec.id, self._seq, float(observation.time), FPS, T_l, T_r, q_l, q_r)
             return self._chunk
 
     @property

@@ -27,6 +27,7 @@ from wholebody.cli.commands.settings import config, warmup
 from wholebody.cli.commands.spec import spec
 from wholebody.cli.console import complain, log_to_terminal
 from wholebody.cli.crash import CRASH, sentence
+from wholebody.cli.grouped import CommandsByTask, OptionsByGroup
 from wholebody.cli.options import flat
 
 MISUSE = 2
@@ -36,26 +37,21 @@ CLOSED = 141
 # What draws is a process of its own and says with which library; here MuJoCo is not to look for one.
 os.environ["MUJOCO_GL"] = "disable"
 
-app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out.")
-COMMANDS = (
-    check,
-    audit,
-    repair,
-    run,
-    live,
-    plot,
-    reachability,
-    convert,
-    layouts,
-    spec,
-    doctor,
-    serve_policy,
-    warmup,
-    config,
+app = typer.Typer(
+    cls=CommandsByTask, no_args_is_help=True, rich_markup_mode=None, help="Action chunks in, a balanced G1 out."
 )
-for command in COMMANDS:
-    app.command(command.__name__.replace("_", "-"))(flat(command))
-app.add_typer(bench, name="bench")
+TASKS = {
+    "Check": (check, audit, repair, reachability),
+    "Run": (run, live, plot),
+    "Convert": (convert, layouts, spec, doctor),
+    "Serve": (serve_policy,),
+    "Set up": (warmup, config),
+}
+for task, commands in TASKS.items():
+    for command in commands:
+        name = command.__name__.replace("_", "-")
+        app.command(name, cls=OptionsByGroup, rich_help_panel=task)(flat(command))
+app.add_typer(bench, name="bench", rich_help_panel="Measure")
 
 
 class _Outlet:

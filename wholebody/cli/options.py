@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
 
 from typer import Option
 
@@ -212,7 +213,7 @@ class Asking:
 
 @dataclass(frozen=True)
 class Network:
-    """How a checkpoint's network is loaded and run."""
+    """A checkpoint's network."""
 
     tokenizer: Annotated[
         Path | None, Option(help="Checkpoint: folder of its tokenizer, for SmolVLA of its whole VLM.")
@@ -227,7 +228,7 @@ class Network:
 
 @dataclass(frozen=True)
 class Sampling(Network):
-    """A network that draws samples."""
+    """A checkpoint's network, and what it draws."""
 
     seed: Annotated[int | None, Option(help="Checkpoint: makes sampling reproducible.")] = None
 
@@ -249,6 +250,18 @@ class Pictures:
         return any((self.video, self.sheet, self.record))
 
 
+def _title(group: type) -> str:
+    return (group.__doc__ or "").partition("\n")[0].rstrip(".")
+
+
+def _under(title: str, annotation: Any) -> Any:
+    """An option's annotation, to be shown under a title."""
+    kind, info = get_args(annotation)
+    shown = copy(info)
+    shown.rich_help_panel = title
+    return Annotated[kind, shown]
+
+
 def flat(command: Callable[..., None]) -> Callable[..., None]:
     """A command, some of whose parameters are groups, as the function with one parameter an option that typer reads.
 
@@ -256,7 +269,8 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
         command: Its parameters, called by name, are arguments, options, or groups: dataclasses of options.
 
     Returns:
-        A function with the command's name and docstring. Its signature has each group's fields in the group's place.
+        A function with the command's name and docstring. Its signature has each group's fields in the group's place,
+        which help shows under the group's docstring.
     """
     hints, parameters = get_type_hints(command, include_extras=True), []
     groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
@@ -266,10 +280,10 @@ def flat(command: Callable[..., None]) -> Callable[..., None]:
             continue
         options = get_type_hints(groups[name], include_extras=True)
         for field in fields(groups[name]):
-            option = Parameter(
-                field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=options[field.name]
+            annotation = _under(_title(groups[name]), options[field.name])
+            parameters.append(
+                Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=annotation)
             )
-            parameters.append(option)
 
     def flattened(**values: Any) -> None:
         made = {

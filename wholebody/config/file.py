@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import yaml
 
@@ -126,7 +126,7 @@ def dump_config(config: ControllerConfig, *, everything: bool = True) -> str:
     return "\n".join([f"# {about}. SI units.", *_documented(config, "", "", everything)]) + "\n"
 
 
-def _structure(owner: object, changes: object, place: Place, path: tuple[str, ...]) -> object:
+def _structure(owner: Any, changes: object, place: Place, path: tuple[str, ...]) -> Any:
     """A copy of a dataclass with changes, each field checked by its type."""
     if not isinstance(changes, dict):
         what = ".".join(path) or "the file"
@@ -205,8 +205,9 @@ def _line(node: yaml.Node | None, names: tuple[str, ...]) -> int:
     return line
 
 
-def _documented(owner: object, path: str, indent: str, everything: bool) -> Iterator[str]:
-    said = meanings(type(owner))
+def _documented(owner: Any, path: str, indent: str, everything: bool) -> Iterator[str]:
+    kind: type = type(owner)
+    said = meanings(kind)
     for field in fields(owner):
         value, name = getattr(owner, field.name), f"{path}{field.name}"
         inside = any(one.startswith(f"{name}.") for one in PUBLISHED)

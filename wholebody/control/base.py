@@ -17,10 +17,11 @@ from wholebody.control.tick_report import TickReport
 from wholebody.control.torque_share import TorqueShare
 from wholebody.errors import StateError
 from wholebody.limits.balance import CapturePointLimit
+from wholebody.qp.compiled_program import CompiledBody
 from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
 from wholebody.robot.state import Robot
-from wholebody.robot.support_polygon import convex_polygon
+from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.robot.touch import FORCE, PUSH_MAX, SHARE, TOUCH
 from wholebody.types import JointCommand, RobotState
 
@@ -55,7 +56,8 @@ class Controller(ABC):
         self.tasks, self.feet = make_tasks(spec, config, self.robot), make_feet(spec, config)
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
-        self.compiled, self._elapsed, self.led = None, config.dt, False
+        self.compiled: CompiledBody | None = None
+        self._elapsed, self.led = config.dt, False
         self.contacts: Contacts | None = None
         self.command: JointCommand | None = None
         self.added: np.ndarray | None = None
@@ -108,8 +110,7 @@ class Controller(ABC):
             StateError: If the controller was never reset.
             InputError: If a number of the reference is not finite.
         """
-        if self.balance.support is None:
-            raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
+        _ = self.support
         self.set_reference(reference)
         self._elapsed = self.config.dt if elapsed is None else min(elapsed, INTEGRATED_MAX)
         command, report = self._tick(state)
@@ -117,6 +118,13 @@ class Controller(ABC):
             command = replace(command, tau=command.tau * self.factor + self.added)
         self.command = command if self._share is None else self._share.of(command)
         return self.command, report
+
+    @property
+    def support(self) -> SupportPolygon:
+        """Convex hull of the soles that stand; a `StateError` before the first reset."""
+        if self.balance.support is None:
+            raise StateError("`step` before `reset`: the controller does not know yet where the feet stand")
+        return self.balance.support
 
     def set_down(self, q: np.ndarray, v: np.ndarray) -> None:
         """The feet stay from now on where they are at a configuration (nq,); torques are those of gravity and ``v``."""

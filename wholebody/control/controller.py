@@ -66,7 +66,9 @@ class WholeBodyController(Controller):
         self.dynamics = InverseDynamics(self.robot, self.feet, Regularisation())
         self.joints, self._leak_time = self._joint_limits(), self.config.leak
         self.tau, self.kp, self.kd = np.zeros(self.robot.n_joints), spec.kp, spec.kd
-        self.compiled = CompiledProgram(self.inputs()) if self.config.solver == "compiled" else None
+        self.compiled: CompiledProgram | None = None
+        if self.config.solver == "compiled":
+            self.compiled = CompiledProgram(self.inputs())
         self.q_des, self.dq_des = np.zeros((2, self.robot.n_joints)) if self.compiled is None else self.compiled.desired
         if self.compiled is not None:
             self.effort_max, self.tau_max = self.compiled.tick.effort_max, self.compiled.tick.tau_max
@@ -123,7 +125,7 @@ class WholeBodyController(Controller):
         if not self._safety and c.bounds != "physics":
             raise InputError(f"bounds is '{c.bounds}'; it must be 'all' or 'physics'")
         limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
-        self.limits = (*limits, *self.extra_limits) if self._safety else self.extra_limits
+        self.limits: tuple[Limit, ...] = (*limits, *self.extra_limits) if self._safety else self.extra_limits
         q_stance = stance_q(spec, self.robot.model)
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
         fingers = 6 + self.tasks.fingers
@@ -214,7 +216,8 @@ class WholeBodyController(Controller):
             return
         robot.update(state.q, state.v)
         objectives = [task.objective(robot) for task in self.extra_tasks]
-        self.compiled.set_extra(objectives, [limit.rows(robot) for limit in self.extra_limits])
+        if self.compiled is not None:
+            self.compiled.set_extra(objectives, [limit.rows(robot) for limit in self.extra_limits])
 
     def build(self, *, hands: bool = True) -> QuadraticProgram:
         """The program at the present state; without hands also the joint bounds are wide: the arms give way.
@@ -239,8 +242,8 @@ class WholeBodyController(Controller):
         rows = [limit.rows(robot) for limit in self.limits]
         for one in further:
             check_further("task", one.J, one.target, one.weight)
-        for one in rows[len(rows) - len(self.extra_limits) :]:
-            check_further(f"limit {', '.join(one.labels)}", one.J, one.upper)
+        for extra in rows[len(rows) - len(self.extra_limits) :]:
+            check_further(f"limit {', '.join(extra.labels)}", extra.J, extra.upper)
         objectives += further
         collision = [self.floor.rows(robot), self.self_collision.rows(robot)] if self._safety else []
         return self.dynamics.build(objectives, JointBounds(low, high, tau_max), rows, collision)
@@ -264,8 +267,9 @@ class WholeBodyController(Controller):
         """The readable program and the second solver, where the compiled answer is not acceptable."""
         robot = self.robot
         robot.update(robot.q, robot.v)
-        answer = self.compiled.answer(ok=False).qp()
-        if self.config.fallback != "none":
+        if self.compiled is not None and self.config.fallback == "none":
+            answer = self.compiled.answer(ok=False).qp()
+        else:
             answer = self._solve_readable(hands, (self.config.fallback,))
         if not answer.ok:
             return TickReport(None, answer, TickLevel.FAILED)

@@ -77,13 +77,14 @@ def _row(record: Record, row: int, spec: ActionSpec, robot: RobotSpec) -> tuple[
     joints = q[7:][[names.index(name) for name in robot.joint_names]]
     T = make_transform(quaternion_to_matrix(q[3:7], "xyzw"), q[:3])
     fingers = [joints[robot.indices(tool.finger_joints)] for tool in robot.tools]
-    seen = Observation(float(record["time"][row]), joints[: len(robot.body_joints)], *fingers, T)
+    seen = Observation(float(record["time"][row]), joints[: len(robot.body_joints)], fingers[0], fingers[1], T)
     anchor = Anchor.measured(seen, robot)
     motors = list(record["motor_names"])
-    wrists, closed = [], []
+    hands = []
     for tool, palm in zip(robot.tools, record["T_world_palms_asked"][row], strict=True):
         R = make_transform(nearest_rotation(palm[:3, :3]), palm[:3, 3])
-        wrists.append(translated(R, -np.asarray(tool.palm_offset))[None])
-        closed.append(command[[motors.index(name) for name in tool.finger_joints]][None].astype(float))
-    chunk = ActionChunk(spec.id, 0, seen.time, spec.fps, *wrists, *closed)
+        closed = command[[motors.index(name) for name in tool.finger_joints]][None].astype(float)
+        hands.append((translated(R, -np.asarray(tool.palm_offset))[None], closed))
+    (T_l, q_l), (T_r, q_r) = hands
+    chunk = ActionChunk(spec.id, 0, seen.time, spec.fps, T_l, T_r, q_l, q_r)
     return encode_valid(spec, chunk, anchor)[0], state_numbers(spec, seen, anchor)

@@ -37,9 +37,11 @@ def observation_of(
     )
 
 
-def fingers_of(spec: RobotSpec, joints: np.ndarray) -> list[np.ndarray]:
+def fingers_of(spec: RobotSpec, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Fingers of left and right hand among joints in motor order [rad]; or the relaxed ones of a layout."""
     if sum(spec.fingers):
-        return [joints[spec.indices(tool.finger_joints)] for tool in spec.tools]
+        left, right = (joints[spec.indices(tool.finger_joints)] for tool in spec.tools)
+        return left, right
     robot = layout_robot(spec)
-    return list(robot.by_hand(robot.hand_neutral))
+    left, right = robot.by_hand(robot.hand_neutral)
+    return left, right

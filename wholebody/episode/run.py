@@ -123,7 +123,7 @@ def run_episode(
     measure = _measures(sensors)
     measured = measure(state)
     supervisor.reset(measured, state.time)
-    executor = _executor(policy, config, supervisor.config.planning.lead)
+    executor, clock = _executor(policy, config, supervisor.config.planning.lead)
     meters = Meters(supervisor, plant, executor, config.settle + config.lead_in)
     asking = config.settle + max(duration, plant.control_dt)  # even the shortest input is asked for once
 
@@ -135,7 +135,7 @@ def run_episode(
     end, tick = config.settle + duration + config.hold, 0
     while state.time < end - 1e-9 and meters.result.fall is None:
         if config.settle - 1e-9 <= state.time < asking - 1e-9:
-            executor.clock.set(max(state.time, executor.clock.now()))
+            clock.set(max(state.time, clock.now()))
             chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
             if chunk is not None:
                 meters.offered(chunk, executor)
@@ -161,14 +161,16 @@ def _measures(sensors: Sensors | None) -> Callable[[RobotState], RobotState]:
     return sensors.measure
 
 
-def _executor(policy: Policy | Executor, config: EpisodeConfig, lead: float) -> Executor:
-    """Whatever runs the policy, ready at the end of the settling time; a plan of its chunks takes ``lead`` [s]."""
-    executor = policy
-    if not isinstance(policy, Executor):
+def _executor(policy: Policy | Executor, config: EpisodeConfig, lead: float) -> tuple[Executor, SimulatedClock]:
+    """Executor of the policy and its clock, ready at the end of the settling time; ``lead``: of its plans [s]."""
+    if isinstance(policy, Executor):
+        executor = policy
+    else:
         executor = simulated_executor(policy, config=ExecutorConfig(replace_every=config.replace_every))
-    if not isinstance(executor.clock, SimulatedClock):
-        raise TypeError(f"the executor has a {type(executor.clock).__name__}; MuJoCo is stepped on a SimulatedClock")
+    clock = executor.clock
+    if not isinstance(clock, SimulatedClock):
+        raise TypeError(f"the executor has a {type(clock).__name__}; MuJoCo is stepped on a SimulatedClock")
     executor.lead = max(executor.config.lead, lead)
-    executor.clock.restart(config.settle)
+    clock.restart(config.settle)
     executor.reset(config.task)
-    return executor
+    return executor, clock

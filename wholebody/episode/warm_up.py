@@ -121,10 +121,9 @@ def compile_plan(robot: RobotConfig | RobotSpec) -> None:
     model, joints = Robot(spec), spec.stance.joints
     q = stance_q(spec, model.model)
     model.update(q, np.zeros(model.nv))
+    left, right = fingers_of(spec, joints)
     T_world_base, body = model.pose(spec.base_body).homogeneous, joints[: len(spec.body_joints)]
-    chunk = scripted_policy("wave", robot=layout_robot(spec)).infer(
-        Observation(0.0, body, *fingers_of(spec, joints), T_world_base)
-    )
+    chunk = scripted_policy("wave", robot=layout_robot(spec)).infer(Observation(0.0, body, left, right, T_world_base))
     planner = ChunkPlanner(spec, model, ControllerConfig())
     # With a plan before, too: whether its palms are where these are wanted is looked at in compiled code.
     planner.plan(chunk, 0.0, BodyState.still(q, model.nv), HandMotion(hands_at_rest(model, q)), q[None])

@@ -28,7 +28,6 @@ class ChunkExecutor(Protocol):
         config: Settings.
         robot: The robot's model; knows the order of the joints.
         monitor: Says which measured states are used.
-        handover: Plans on their way; None where nothing is planned.
         chunk: The chunk that is followed, or None.
         plan_report: What following that chunk changes in it, or None.
         last_tick: Report of the last tick, or None.
@@ -40,12 +39,16 @@ class ChunkExecutor(Protocol):
     config: ControllerConfig
     robot: Robot
     monitor: StateMonitor
-    handover: Handover | None
     chunk: ActionChunk | None
     plan_report: PlanReport | None
     last_tick: TickReport | None
     contacts: ContactSchedule
     status: StatusReport
+
+    @property
+    def handover(self) -> Handover | None:
+        """Plans on their way; None where nothing is planned."""
+        ...
 
     @property
     def rate(self) -> float:

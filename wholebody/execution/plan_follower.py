@@ -253,7 +253,7 @@ class PlanFollower:
 
     def _edges(self) -> np.ndarray:
         """Half-planes of the support, (k, 3)."""
-        support = self._controller.balance.support
+        support = self._controller.support
         return np.column_stack([support.normals, support.offsets])
 
     def stand(self, trajectory: SampledTrajectory, rows: np.ndarray) -> None:

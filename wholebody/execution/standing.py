@@ -165,7 +165,7 @@ class Reflex:
 
     def _hold_still(self, state: RobotState) -> SampledTrajectory:
         """Come to rest where the robot is: the one row that is followed."""
-        robot, support = self._controller.robot, self._controller.balance.support
+        robot, support = self._controller.robot, self._controller.support
         margin, self._back = self._config.planner.posture.com_margin, None
         trajectory = standing_trajectory(robot, self._resting(state), support, margin)
         self._follow(trajectory)

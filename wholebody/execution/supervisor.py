@@ -215,11 +215,12 @@ class Supervisor(statuses.Following):
                 self._waiting = self._waiting or chunk
             self._go_back()
             return None
-        support, margin = self.controller.balance.support, self.config.safety.balance_margin
+        support, margin = self.controller.support, self.config.safety.balance_margin
         balanced = plan.report.safe and ends_at_rest(plan, support, margin)
         if not balanced or plan.report.hindered:
             self._waiting = self._waiting or chunk
-        if request.again and not (balanced and plan.report.quicker(self.plan_report)):
+        followed = self.plan_report if request.again else None
+        if followed is not None and not (balanced and plan.report.quicker(followed)):
             return None
         if not balanced:
             self._refuse_planned(chunk, statuses.NOT_JOINED)

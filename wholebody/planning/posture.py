@@ -150,7 +150,8 @@ class PostureSolver:
         That is what `solve` says of the wrists behind them, without its search for what is nearest. Errors of a turn
         count by `LEVER`, or not at all where it is free; a start that stays further off than ``hopeless`` is the last.
         """
-        rounds, least = self._reaching, inf
+        rounds: tuple[Round, ...] = self._reaching
+        least = inf
         if orientation_free:
             rounds = tuple(replace(x, weights=replace(x.weights, orientation=FREE), oriented=False) for x in rounds)
         for _ in self._attempts(T_palms, rounds, starts):
@@ -189,10 +190,11 @@ class PostureSolver:
         way = self._ways.between(begin, posture.q, shares)
         wrists = palm_poses(way.T_palms, -self._palm_offsets)
         robot = layout_robot(self.spec)
-        hands, mine = [np.zeros((len(shares), n)) for n in robot.fingers], way.q[:, self.body.fingers]
-        for hand, fingers in zip(hands, np.split(mine, [self.spec.fingers[0]], axis=1), strict=True):
+        q_l, q_r = (np.zeros((len(shares), n)) for n in robot.fingers)
+        mine = way.q[:, self.body.fingers]
+        for hand, fingers in zip((q_l, q_r), np.split(mine, [self.spec.fingers[0]], axis=1), strict=True):
             hand[:, : fingers.shape[1]] = fingers
-        chunk = ActionChunk(builtin("wbc32", robot).id, seq, time, fps, wrists[:, 0], wrists[:, 1], *hands)
+        chunk = ActionChunk(builtin("wbc32", robot).id, seq, time, fps, wrists[:, 0], wrists[:, 1], q_l, q_r)
         if not posture.reached:
             said = str(posture).splitlines()[: 1 + len(posture.reasons)]
             chunk = replace(chunk, notes=(f"goes to the nearest posture found, {'; '.join(said)}",))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -96,7 +97,7 @@ class RealisticPlant(MujocoPlant):
         *,
         encoders: Sensors | None = None,
         payload_kg: tuple[float, float] = (0.0, 0.0),
-        **world: object,
+        **world: Any,
     ) -> None:
         rng = np.random.default_rng((errors.seed, STREAM))
         left, right = rng.uniform(0.0, errors.payload_max, 2).tolist()
@@ -104,7 +105,8 @@ class RealisticPlant(MujocoPlant):
         self.payload_kg = payload_kg[0] + left, payload_kg[1] + right
         if errors.floor_friction is not None:
             world["friction"] = errors.floor_friction
-        self._encoders, self._sent = encoders, deque(maxlen=1)
+        self._encoders = encoders
+        self._sent: deque[tuple[np.ndarray, ...]] = deque(maxlen=1)
         self._answer: MotorAnswer | None = None
         super().__init__(spec, payload_kg=self.payload_kg, **world)
         step = self.model.opt.timestep
@@ -147,8 +149,10 @@ class RealisticPlant(MujocoPlant):
         q, dq, tau, *gains = self._sent[0]
         if self._encoders is not None:
             q = q - self._encoders.encoder_error[self._conversion.pin_to_motor]
-        sound = super()._torques((q, dq, self._answer.feed_forward * tau, *gains), anew)
-        self._answer.answer(self.torque)
+        answer = self._answer
+        sound = super()._torques((q, dq, tau if answer is None else answer.feed_forward * tau, *gains), anew)
+        if answer is not None:
+            answer.answer(self.torque)
         self._ctrl[self._motors[2]] = self.torque
         return sound
 

@@ -108,7 +108,8 @@ class Sensors:
         self._other, self.encoder_error = other, self._offset.copy()
         self._filtered: np.ndarray | None = None
         self._began: float | None = None
-        self._late: deque[RobotState] = deque(maxlen=round(c.delay / self._dt) + 1)
+        self._states_late = round(c.delay / self._dt)
+        self._late: deque[RobotState] = deque(maxlen=self._states_late + 1)
         self._moved: tuple[float, np.ndarray] | None = None
         self.estimator.reset()
 
@@ -119,7 +120,7 @@ class Sensors:
         """
         late = self._late
         lost = len(late) > 0 and self._other.random() < self.config.lost
-        before = 0 if late else late.maxlen - 1 + round(self.estimator.settling / self._dt)
+        before = 0 if late else self._states_late + round(self.estimator.settling / self._dt)
         for back in range(before, 0, -1):
             late.append(self.estimator.estimate(self.read(replace(state, time=state.time - back * self._dt))))
         readings = self.read(state)
@@ -145,8 +146,9 @@ class Sensors:
         c, R = self.config, pin.Quaternion(state.q[3:7]).toRotationMatrix()
         speed = R @ (state.v[:3] + np.cross(state.v[3:6], self._imu.translation))
         before, self._moved = self._moved, (state.time, speed)
-        past = 0.0 if before is None else state.time - before[0]
-        force = (speed - before[1]) / past - self._gravity if past > 0.0 else -self._gravity
+        force = -self._gravity
+        if before is not None and state.time > before[0]:
+            force = (speed - before[1]) / (state.time - before[0]) - self._gravity
         noise = c.acc_noise * self._other.standard_normal(3) if c.acc_noise > 0.0 else 0.0
         return R.T @ pin.exp3(self._tilt).T @ force + self._acc_bias + noise
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from policy.base import Policy
+from policy.chunk import ActionChunk
 from policy.executor.executor import Executor
 from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
@@ -27,6 +28,23 @@ from wholebody.verdict.verdict import Follow, Verdict, judge
 
 TIMESTEP = 0.002
 """Longest physics step [s]; chosen: one control period at 500 Hz."""
+
+
+@runtime_checkable
+class Recording(Policy, Protocol):
+    """A recording as a policy, also one that is watched.
+
+    Attributes:
+        duration: How long it lasts [s].
+        episode: All of it as one chunk.
+    """
+
+    duration: float
+    episode: ActionChunk
+
+    def held(self, seconds: float) -> Recording:
+        """Recording with its first step held for so long [s]."""
+        ...
 
 
 class Checker:
@@ -64,9 +82,12 @@ class Checker:
         if errors is None:
             self.plant = MujocoPlant(spec, scene=scene, control_dt=dt, **world)
         else:
-            self.plant = RealisticPlant(spec, errors, encoders=self.sensors, scene=scene, control_dt=dt, **world)
+            plant = RealisticPlant(spec, errors, encoders=self.sensors, scene=scene, control_dt=dt, **world)
+            self.plant, self._payload = plant, plant.payload_kg
         self.gate = ChunkGate(FastChecker(config, scene)) if follow == "gated" else None
-        self.supervisor = AsGiven(spec, config) if follow == "as_given" else Supervisor(spec, config, gate=self.gate)
+        self.supervisor: AsGiven | Supervisor = (
+            AsGiven(spec, config) if follow == "as_given" else Supervisor(spec, config, gate=self.gate)
+        )
         self.follow, self._errors = follow, errors
 
     @property
@@ -74,7 +95,7 @@ class Checker:
         """Which robot is simulated, and what the controller is told of it."""
         if self._errors is None:
             return "true" if self.sensors is None else f"true, errors of sensors with seed {self.sensors.config.seed}"
-        left, right = self.plant.payload_kg
+        left, right = self._payload
         told = "true state" if self.sensors is None else "state estimated from readings"
         return f"realistic, seed {self._errors.seed}, {left:.2f} and {right:.2f} kg in its hands, {told}"
 
@@ -109,12 +130,12 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        # A recording, also one that is watched.
-        given, lead_in, placed = policy, 0.0, self.episode.begin is not None and hasattr(policy, "held")
-        if placed:
+        recording = policy if self.episode.begin is not None and isinstance(policy, Recording) else None
+        given, lead_in = policy, 0.0
+        if recording is not None:
             # A plan is there when the recording begins, as in the midst of a longer one.
-            longer = policy.held(self.supervisor.config.planning.lead)
-            policy, lead_in = longer, longer.duration - policy.duration
+            policy = longer = recording.held(self.supervisor.config.planning.lead)
+            lead_in = longer.duration - recording.duration
         if self.gate is not None:
             layout = (policy.policy if isinstance(policy, Executor) else policy).spec
             self.gate.begin(layout.orientation_free)
@@ -128,11 +149,12 @@ class Checker:
             recorder=recorder,
             progress=progress,
         )
-        if placed:
-            far = far_from_stance(given.episode, self.plant.spec, result.orientation_free)
+        if recording is not None:
+            far = far_from_stance(recording.episode, self.plant.spec, result.orientation_free)
             result.notes += [Note(result.start, text) for text in far]
         config = self.supervisor.config
-        summary = None if self.gate is None else self.gate.summary(self.supervisor.handover.late)
+        plans = self.supervisor.handover
+        summary = None if self.gate is None or plans is None else self.gate.summary(plans.late)
         verdict = judge(name, result, asdict(config), bounds=config.verdict)
         last = last_step(given, duration, result.fps)
         verdict = replace(verdict, robot=self.robot, follow=self.follow, gate=summary)

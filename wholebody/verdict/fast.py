@@ -144,8 +144,11 @@ class FastChecker:
 
     def stand(self, state: RobotState | None = None) -> None:
         """Judge with the feet where a state has them from now on; where the stance has them if it is not given."""
-        feet = state and Feet.at(self.spec, self.judge.robot.model, state.q)
-        self.judge.stand_on(feet and taken_to_stand(self.spec, self.judge.contacts, feet))
+        if state is None:
+            self.judge.stand_on(None)
+            return
+        feet = Feet.at(self.spec, self.judge.robot.model, state.q)
+        self.judge.stand_on(taken_to_stand(self.spec, self.judge.contacts, feet))
 
     def of_chunk(
         self,

@@ -77,7 +77,8 @@ class ChunkGate:
 
     def begin(self, orientation_free: tuple[bool, bool]) -> None:
         """Another input; what was decided about the one before is forgotten."""
-        self.orientation_free, self.decisions = orientation_free, []
+        self.orientation_free = orientation_free
+        self.decisions: list[Decision] = []
 
     def __call__(self, request: PlanRequest, plan: ChunkPlan) -> StatusReport | None:
         """Why a chunk is held, or None; also where no plan is balanced: that is not followed, and asked for again."""

@@ -14,6 +14,7 @@ from policy.scripted.library import SCRIPTS
 from tests.support.commands import wholebody
 from tests.support.hostile_files import write_scene
 from wholebody.cli.commands import run as run_command
+from wholebody.cli.main import TASKS
 from wholebody.cli.simulated import SCENE_OF
 from wholebody.cli.sources import NO_END
 from wholebody.episode.run import EpisodeConfig
@@ -47,7 +48,10 @@ def test_the_help_names_every_script_and_leaves_no_unit_out(inside):
 
 def test_no_command_is_cut_off_in_the_list_of_commands(inside, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert "..." not in inside("--help").stdout.partition("Commands:")[2]
+    text = inside("--help").stdout
+    assert "..." not in text.partition("Check:")[2]
+    tasks = [text.index(f"\n{task}:\n") for task in (*TASKS, "Measure")]
+    assert tasks == sorted(tasks)
 
 
 def test_a_run_looks_for_no_drawing_library(monkeypatch):

@@ -8,18 +8,21 @@ import typer
 from typer.testing import CliRunner
 
 from wholebody.cli.commands.serve_policy import Served
+from wholebody.cli.grouped import OptionsByGroup
 from wholebody.cli.options import flat
 
 
 @dataclass(frozen=True)
 class Paint:
+    """What it is painted with."""
+
     color: Annotated[str, typer.Option(help="What it looks like.")] = "red"
     coats: Annotated[int, typer.Option("--layers", help="How thick it is.")] = 2
 
 
 def app(command):
     made = typer.Typer(rich_markup_mode=None)
-    made.command()(flat(command))
+    made.command(cls=OptionsByGroup)(flat(command))
     return made
 
 
@@ -33,6 +36,8 @@ def test_the_fields_of_a_group_are_options_with_their_names_defaults_and_help():
     assert "Paint a thing." in text
     assert text.index("--color") < text.index("--layers") < text.index("--dry")
     assert "What it looks like.  [default: red]" in text
+    assert text.index("Arguments:") < text.index("What it is painted with:") < text.index("--color")
+    assert text.index("--layers") < text.index("Options:") < text.index("--dry")
 
 
 def test_a_command_gets_its_groups_made_of_what_was_typed():

@@ -14,7 +14,7 @@ def words(controller: Controller, margin: float) -> str:
         controller: After its last tick.
         margin: How far inside the soles plans keep the centre of mass [m].
     """
-    robot, support = controller.robot, controller.balance.support
+    robot, support = controller.robot, controller.support
     away = support.normals @ robot.com[:2] - support.offsets
     k = int(np.argmax(away))
     if away[k] <= -margin:

@@ -14,6 +14,7 @@ from hashlib import sha256
 from math import inf, isfinite
 from pathlib import Path
 from threading import local
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -44,7 +45,7 @@ SURE = 6.0
 than 3.7 against it."""
 
 _rooms = Entry(kernel.rooms)
-_NUMBERS = {turn: i for i, turn in enumerate(TURNS)}
+_NUMBERS: dict[str, int] = {turn: i for i, turn in enumerate(TURNS)}
 
 
 class _Buffers(local):
@@ -87,8 +88,8 @@ class ReachabilityMap:
 
     def write(self, path: Path) -> None:
         """Write it to a file."""
-        card = json.dumps({"version": VERSION, **self.card})
-        np.savez_compressed(path, card=card, **dict(zip(NAMES, self.network, strict=True)))
+        arrays: dict[str, Any] = dict(zip(NAMES, self.network, strict=True))
+        np.savez_compressed(path, card=json.dumps({"version": VERSION, **self.card}), **arrays)
 
     def room(
         self,
@@ -144,8 +145,8 @@ class ReachabilityMap:
         """Whether pairs are in the box and of the loads that the map was fitted to, shape (n,)."""
         points = pairs.points.copy()
         points[:, 1] = points[:, 1] @ MIRROR
-        inside = ((points >= LOW) & (points <= HIGH)).all(axis=(1, 2))
-        return inside & ((pairs.loads >= 0.0) & (pairs.loads <= LOAD_KNOWN)).all(axis=1)
+        inside = np.all((points >= LOW) & (points <= HIGH), axis=(1, 2))
+        return np.logical_and(inside, np.all((pairs.loads >= 0.0) & (pairs.loads <= LOAD_KNOWN), axis=1))
 
 
 def _blank(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

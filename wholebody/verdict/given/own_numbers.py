@@ -73,12 +73,13 @@ def judge(
     """
     with checkers.lend(config or ControllerConfig(), scene) as checker:
         given = as_given_chunk(checker, chunk, stands_in(checker, state), layout, fps, orientation_free)
-        begin, notes = given.begin, ()
+        begin = given.begin
+        notes: tuple[str, ...] = ()
         if begin is None:
             begin = checker.judge.first_pose(given.chunk)
             notes = far_from_stance(given.chunk, checker.spec, given.free)
-        name, asked = f"chunk {given.chunk.seq}", {"notes": notes, "placed": state is None, "ask_why": ask_why}
-        return checker.of_chunk(given.chunk, begin, name, given.free, **asked)
+        name, placed = f"chunk {given.chunk.seq}", state is None
+        return checker.of_chunk(given.chunk, begin, name, given.free, notes=notes, placed=placed, ask_why=ask_why)
 
 
 def repair(
@@ -114,7 +115,7 @@ def repair(
     with checkers.lend(config or ControllerConfig(), scene) as checker:
         given = as_given_chunk(checker, chunk, stands_in(checker, state), layout, fps, orientation_free)
         change = checker.repairer(given.chunk, given.begin, given.free).repaired()
-        if change is None or given.spec is None:
+        if change is None or given.spec is None or given.anchor is None:
             return change
         try:
             actions = encode(given.spec, change.chunk, given.anchor)

@@ -55,20 +55,51 @@ BECAUSE = {
 """Why a hand is moved, in words."""
 
 
-class Told(Protocol):
-    """What is told of a `wholebody.verdict.verdict.Verdict`."""
+class Judged(Protocol):
+    """Parts of a `wholebody.verdict.verdict.Verdict` that its first line needs."""
 
-    verdict: str
-    follow: str
-    fell: bool
-    violations: list[Violation]
-    margins: list[Margin]
-    causes: list[Why]
-    would_do: list[WouldDo]
-    odds: Odds | None
+    @property
+    def verdict(self) -> str:
+        """Answer."""
+        ...
+
+    @property
+    def follow(self) -> str:
+        """What followed the chunks."""
+        ...
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell in simulation."""
+        ...
+
+    @property
+    def violations(self) -> list[Violation]:
+        """Violations, the worst first."""
+        ...
+
+    @property
+    def margins(self) -> list[Margin]:
+        """Room to each bound, the tightest first."""
+        ...
+
+    @property
+    def causes(self) -> list[Why]:
+        """Bounds that forbid it."""
+        ...
+
+    @property
+    def would_do(self) -> list[WouldDo]:
+        """Changes that would do."""
+        ...
+
+    @property
+    def odds(self) -> Odds | None:
+        """Odds, where they are known."""
+        ...
 
 
-def gist(verdict: Told) -> str:
+def gist(verdict: Judged) -> str:
     """The answer in a few words."""
     if verdict.verdict == "feasible":
         return "done as given"
@@ -82,7 +113,7 @@ def gist(verdict: Told) -> str:
     return "done, but " + (", ".join(said) or "not as given")
 
 
-def headline(verdict: Told) -> str:
+def headline(verdict: Judged) -> str:
     """What happens, to which hand, when, by how much against which bound; what without supervisor; what would do."""
     told, detail = gist(verdict), _detail(verdict)
     hands = [one.subject for one in verdict.violations if one.code is Reason.HANDS_ONLY]
@@ -93,11 +124,11 @@ def headline(verdict: Told) -> str:
     return "; ".join(part for part in (*hands, told, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
 
 
-def _worst(verdict: Told) -> list[Violation]:
+def _worst(verdict: Judged) -> list[Violation]:
     return [one for one in verdict.violations if one.severity is not Severity.NOTE]
 
 
-def _detail(verdict: Told) -> str:
+def _detail(verdict: Judged) -> str:
     """Hand, step, bound and by how much: of the cause, or of the worst number, or of the worst violation."""
     worst = _worst(verdict)
     if not worst:
@@ -138,7 +169,7 @@ def _violation(one: Violation) -> str:
     return f"{one.subject}{when}" if one.code in (Reason.FALL, Reason.REFUSED, Reason.CHANGED_NUMBERS) else ""
 
 
-def _supervised(verdict: Told) -> str:
+def _supervised(verdict: Judged) -> str:
     """What becomes of the robot under the supervisor, where that is not said yet."""
     if verdict.verdict != "infeasible" or verdict.follow == "as_given" or verdict.fell:
         return ""
@@ -147,7 +178,7 @@ def _supervised(verdict: Told) -> str:
     return "with the supervisor the robot stays on its feet and the hands go as near as they can"
 
 
-def _alone(verdict: Told) -> str:
+def _alone(verdict: Judged) -> str:
     """What would become of it without the supervisor."""
     if verdict.odds is None or verdict.follow == "as_given":
         return ""
@@ -155,7 +186,7 @@ def _alone(verdict: Told) -> str:
     return f"without the supervisor a fall is likely ({100 * p:.0f} %)" if p >= LIKELY else ""
 
 
-def _would(verdict: Told) -> str:
+def _would(verdict: Judged) -> str:
     """The changes of the input that would do."""
     changes = [change_said(one) for one in verdict.would_do if one.bound is None]
     return f"it would do {', or '.join(changes)}" if changes else ""
