@@ -11,7 +11,7 @@ _HOME = {
     "REALISTIC_ROBOT": "sim.robot_errors",
     "BodyReference": "control.reference_packet",
     "Checker": "verdict.check",
-    "ChunkGate": "verdict.gate",
+    "ChunkGate": "verdict.chunk_gate",
     "ConfigError": "errors",
     "ControlLoop": "live.loop",
     "Constraint": "planning.still_postures",

@@ -98,8 +98,8 @@ def decode(
             if spec.slot(f"{side}_wrist_position")
             else pelvis.T_world_base @ _reached(anchor, side, hand, arms[side], waist)
         )
-        fingers[hand], said = decode_fingers(spec, side, actions, anchor)
-        notes += said
+        fingers[hand], finger_notes = decode_fingers(spec, side, actions, anchor)
+        notes += finger_notes
     notes += unit_guess(wrists, anchor)
     height, velocity = _height(spec, actions, anchor, pelvis), _velocity(spec, actions, anchor)
     notes += _not_followed(height, velocity, anchor, pelvis)

@@ -50,27 +50,27 @@ def summary(name: str) -> str:
 def lines(spec: ActionSpec) -> list[str]:
     """Every slot and number of a layout, for people."""
     stance, height = stance_numbers(spec), Anchor.nominal(robot=spec.robot).T_world_base[2, 3]
-    said = [
+    lines = [
         f"{spec.id}: {spec.dim} numbers a step, {spec.horizon} steps a chunk at {spec.fps:g} Hz",
         *_versions(spec),
         f"stance: the numbers of the robot standing still, its pelvis {height:.3f} m above the floor",
         "least, largest: of the layout, which clips to them; else the range of the joint",
     ]
     if spec.masked:
-        said.append(f"a mask of {spec.dim} comes with each chunk; what it leaves out is not there")
+        lines.append(f"a mask of {spec.dim} comes with each chunk; what it leaves out is not there")
     if spec.name in LAYOUTS and builtin(spec.name, spec.robot) == spec and (source := _source(spec.name)):
-        said += textwrap.wrap(f"source: {source}", 100)
-    said += [f"frame {frame}: {FRAMES[frame]}" for frame in frames(spec)]
-    said.append(_state_of(spec))
+        lines += textwrap.wrap(f"source: {source}", 100)
+    lines += [f"frame {frame}: {FRAMES[frame]}" for frame in frames(spec)]
+    lines.append(_state_of(spec))
     for slot in spec.slots:
-        said += ["", _heading(slot, spec.robot)]
+        lines += ["", _heading(slot, spec.robot)]
         if slot.kind == "ignored":
             continue
-        said.append(COLUMNS)
+        lines.append(COLUMNS)
         for i, name, (low, high) in zip(range(slot.size), _names(slot), _limits(slot, spec.robot), strict=True):
             at = slot.start + i
-            said.append(f"  {at:<4}{name:<28}{_number(stance[at])}{_number(low)}{_number(high)}".rstrip())
-    return said
+            lines.append(f"  {at:<4}{name:<28}{_number(stance[at])}{_number(low)}{_number(high)}".rstrip())
+    return lines
 
 
 def table(spec: ActionSpec) -> dict[str, Any]:

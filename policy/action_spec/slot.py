@@ -236,8 +236,8 @@ class Slot:
         if self.size != expected:
             raise SpecError(f"slot '{self.name}': size {self.size}; the kind '{self.kind}' has {expected} numbers")
         if type(self.start) is not int or type(self.size) is not int or self.start < 0:
-            said = f"start {self.start!r:.40} is negative or of the wrong type; start and size are whole numbers"
-            raise SpecError(f"slot '{self.name}': {said}")
+            text = f"start {self.start!r:.40} is negative or of the wrong type; start and size are whole numbers"
+            raise SpecError(f"slot '{self.name}': {text}")
 
     def _check_names(self, joints: tuple[str, ...]) -> None:
         short = {"waist": SHORT_WAIST, "left_arm": SHORT_ARM, "right_arm": SHORT_ARM}.get(self.name, len(joints))

@@ -131,5 +131,5 @@ def encode_touch(slot: Slot, chunk: ActionChunk, anchor: Anchor) -> np.ndarray:
     if slot.kind == "force":
         force = getattr(chunk, f"f_world_{palm}")
         return np.zeros((len(chunk), 3)) if force is None else force @ frame_pose(slot, anchor)[:3, :3]
-    said = getattr(chunk, name)
-    return np.full((len(chunk), 1), NOT_SAID[name]) if said is None else said[:, [hand]]
+    values = getattr(chunk, name)
+    return np.full((len(chunk), 1), NOT_SAID[name]) if values is None else values[:, [hand]]

@@ -252,7 +252,7 @@ def require_same(expected: ActionSpec, found: ActionSpec | str | None) -> None:
 
 def differences(expected: ActionSpec, found: ActionSpec) -> list[str]:
     """What differs between two specs, one sentence for each field, in the order of the slots."""
-    said = [
+    text = [
         f"{field} is {getattr(found, field)}, expected {getattr(expected, field)}"
         for field in ("version", "fps", "horizon", "dim")
         if getattr(found, field) != getattr(expected, field)
@@ -260,15 +260,15 @@ def differences(expected: ActionSpec, found: ActionSpec) -> list[str]:
     for slot in expected.slots:
         other = found.slot(slot.name)
         if other is None:
-            said.append(f"slot '{slot.name}' is missing")
+            text.append(f"slot '{slot.name}' is missing")
             continue
         for key in [known.name for known in dataclasses.fields(Slot)]:
             mine, theirs = getattr(slot, key), getattr(other, key)
             if mine != theirs:
-                said.append(f"slot '{slot.name}' has {key} {theirs}, expected {mine}")
+                text.append(f"slot '{slot.name}' has {key} {theirs}, expected {mine}")
     known = [slot.name for slot in expected.slots]
-    said += [f"slot '{slot.name}' is not expected" for slot in found.slots if slot.name not in known]
-    return said
+    text += [f"slot '{slot.name}' is not expected" for slot in found.slots if slot.name not in known]
+    return text
 
 
 def _build[T: (ActionSpec, Slot)](

@@ -199,9 +199,9 @@ class _Work:
                 features |= {KEPT + name: feature for name, feature in before.items()}
             features[key] = dict(next(iter(before.values())))
             layout = conversion.target
-            said = {"provenance": provenance(key, self.settings), "layout": layout.id, "hash": layout.hash}
+            facts = {"provenance": provenance(key, self.settings), "layout": layout.id, "hash": layout.hash}
             features[key] |= {"dtype": "float32", "shape": [layout.dim], "names": list(layout.feature_names)}
-            features[key]["info"] = {**(features[key].get("info") or {}), **said}
+            features[key]["info"] = {**(features[key].get("info") or {}), **facts}
         if self.settings.action == "executed":
             requested = {**features[ACTION].get("info", {}), "provenance": PROVENANCE[ACTION]}
             features[REQUESTED] = {**features[ACTION], "info": requested}
@@ -285,7 +285,7 @@ def _files(
         release = version("g1-wholebody")
     except PackageNotFoundError:
         release = "unknown"
-    said = {
+    facts = {
         "tool": f"g1-wholebody {release}, wholebody convert",
         **result.to_dict(),
         "features": {
@@ -301,7 +301,7 @@ def _files(
         "statistics": {"over": "all frames alike", "least_range": settings.least_range},
     }
     return {
-        "conversion.json": json.dumps(said, indent=2) + "\n",
+        "conversion.json": json.dumps(facts, indent=2) + "\n",
         "action_spec.json": conversions[ACTION].target.to_json() + "\n",
         "state_spec.json": conversions[STATE].target.to_json() + "\n",
     }

@@ -109,8 +109,8 @@ def check_info(folder: Path, info: Mapping[str, Any]) -> None:
     """
     fps, features = info.get("fps"), info.get("features")
     if not isinstance(fps, (int, float)) or isinstance(fps, bool) or not FPS_MIN <= fps <= FPS_MAX:
-        said = f"a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}"
-        raise DatasetError(f"{folder}/meta/info.json has fps {fps!r:.40}; {said}: write it there")
+        text = f"a positive rate in Hz is expected, {FPS_MIN:g} to {FPS_MAX:g}"
+        raise DatasetError(f"{folder}/meta/info.json has fps {fps!r:.40}; {text}: write it there")
     if not isinstance(features, dict):
         raise DatasetError(f"{folder}/meta/info.json has no 'features', an object with dtype and shape of each")
     for key, feature in features.items():

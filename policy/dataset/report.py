@@ -76,23 +76,23 @@ class ConvertedDataset:
     def lines(self) -> list[str]:
         """A few lines for a terminal."""
         source = self.source
-        said = [
+        lines = [
             f"{source.folder} ({source.version}): {len(source.episodes)} episodes, {source.frames} frames at "
             f"{source.fps:g} Hz to {called(self.spec)}",
         ]
-        said += [f"  left out episode {index}: {error}" for index, error in self.left_out.items()]
-        said += [f"  read as {code}" for code in self.read_as]
-        said += [f"  assumed {name}: {value}" for name, value in self.assumptions.items()]
-        said += [f"  note: {note}" for note in self.notes[:_NOTES_SHOWN]]
+        lines += [f"  left out episode {index}: {error}" for index, error in self.left_out.items()]
+        lines += [f"  read as {code}" for code in self.read_as]
+        lines += [f"  assumed {name}: {value}" for name, value in self.assumptions.items()]
+        lines += [f"  note: {note}" for note in self.notes[:_NOTES_SHOWN]]
         if len(self.notes) > _NOTES_SHOWN:
-            said.append(f"  and {len(self.notes) - _NOTES_SHOWN} more notes in meta/conversion.json")
-        said += [
+            lines.append(f"  and {len(self.notes) - _NOTES_SHOWN} more notes in meta/conversion.json")
+        lines += [
             f"  {key} and back: wrists within {1e3 * trip.position:.4f} mm and {np.rad2deg(trip.rotation):.5f} deg, "
             f"fingers within {trip.fingers:.2g} rad, {trip.unreached} of {trip.frames} frames not reached"
             for key, trip in self.trips.items()
         ]
-        said.append(f"  {self.frames_per_second:.0f} frames a second of processor time; wrote {self.folder}")
-        return said
+        lines.append(f"  {self.frames_per_second:.0f} frames a second of processor time; wrote {self.folder}")
+        return lines
 
 
 def left_out(conversions: Mapping[str, JointConversion]) -> list[str]:

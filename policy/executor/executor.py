@@ -13,7 +13,7 @@ from policy.clock import Clock
 from policy.errors import ChunkError, PolicyError
 from policy.executor.ensemble import TemporalEnsemble
 from policy.executor.report import Delivery, ExecutionReport
-from policy.executor.worker import Job, Outcome, ThreadWorker, Worker
+from policy.executor.worker import Job, JobOutcome, ThreadWorker, Worker
 from policy.observation import Observation
 from policy.prefix import Prefix, PrefixPolicy
 from policy.reading import HORIZON_MAX
@@ -202,7 +202,7 @@ class Executor:
             chunk = self._judged(outcome, now) or chunk
         return chunk
 
-    def _judged(self, outcome: Outcome, now: float) -> ActionChunk | None:
+    def _judged(self, outcome: JobOutcome, now: float) -> ActionChunk | None:
         """The chunk of an outcome, if it can be used."""
         job, chunk = outcome.job, outcome.chunk
         if job.episode == self._episode and job.observation is not None:
@@ -215,7 +215,7 @@ class Executor:
             return self._hand_out(chunk, outcome.done, now)
         return None
 
-    def _failure(self, outcome: Outcome, now: float) -> tuple[str, str] | None:
+    def _failure(self, outcome: JobOutcome, now: float) -> tuple[str, str] | None:
         """Why there is nothing to use: code and sentence."""
         job = outcome.job
         if outcome.dead or outcome.error is not None:
@@ -244,8 +244,8 @@ class Executor:
     def _fault_of_time(self, chunk: ActionChunk, observation: Observation, now: float) -> tuple[str, str] | None:
         lead = observation.time - chunk.t_obs
         if not -TIME_TOLERANCE <= lead <= 1.0 / chunk.fps + TIME_TOLERANCE:
-            said = f"the chunk begins at {chunk.t_obs:.4f} s, its observation is of {observation.time:.4f} s"
-            return "chunk_wrong_time", f"{said}; at most one step earlier is expected"
+            text = f"the chunk begins at {chunk.t_obs:.4f} s, its observation is of {observation.time:.4f} s"
+            return "chunk_wrong_time", f"{text}; at most one step earlier is expected"
         try:
             chunk.validate(after=self._last, robot=self.policy.spec.robot)
         except ChunkError as error:

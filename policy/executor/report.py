@@ -94,12 +94,12 @@ class ExecutionReport:
 
     def summary(self) -> str:
         """One line for people."""
-        said = [f"{len(self.deliveries)} chunks"]
+        parts = [f"{len(self.deliveries)} chunks"]
         if self.deliveries:
             worst, typical = 1e3 * self.latencies.max(), 1e3 * float(np.median(self.latencies))
-            said.append(f"latency {typical:.0f} ms median, {worst:.0f} ms at most")
+            parts.append(f"latency {typical:.0f} ms median, {worst:.0f} ms at most")
         if self.starvations:
             times = "once" if self.starvations == 1 else f"{self.starvations} times"
-            said.append(f"starved {times}, {self.starved:.2f} s")
-        said += [f"{code} {count} times" for code, count in sorted(self.counts.items()) if code != "starved"]
-        return ", ".join(said)
+            parts.append(f"starved {times}, {self.starved:.2f} s")
+        parts += [f"{code} {count} times" for code, count in sorted(self.counts.items()) if code != "starved"]
+        return ", ".join(parts)

@@ -10,7 +10,7 @@ import numpy as np
 from policy.base import Policy
 from policy.clock import Clock, SimulatedClock
 from policy.executor.executor import Executor, ExecutorConfig
-from policy.executor.worker import Job, Outcome
+from policy.executor.worker import Job, JobOutcome
 
 LATENCY_MAX = 3600.0
 """Largest latency that is drawn [s]."""
@@ -29,7 +29,7 @@ class SimulatedWorker:
 
     def __init__(self, policy: Policy, clock: Clock, latency: Latency | None = None) -> None:
         self.policy, self.clock, self.latency = policy, clock, latency
-        self._pending: list[Outcome] = []
+        self._pending: list[JobOutcome] = []
 
     def submit(self, job: Job) -> None:
         """Run a job now; its outcome is there after the jobs before it and its own latency."""
@@ -44,9 +44,9 @@ class SimulatedWorker:
             took = self.latency() if job.observation is not None else 0.0
         begin = max([self.clock.now(), *(outcome.done for outcome in self._pending)])
         dead = error is not None and not isinstance(error, Exception)
-        self._pending.append(Outcome(job, begin + took, chunk, error, dead))
+        self._pending.append(JobOutcome(job, begin + took, chunk, error, dead))
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> JobOutcome | None:
         """The oldest outcome whose time has come."""
         # A billionth of a second of grace: ticks are sums of periods that are no binary fractions.
         if self._pending and self._pending[0].done <= self.clock.now() + 1e-9:

@@ -44,7 +44,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class JobOutcome:
     """What became of a job.
 
     Attributes:
@@ -69,7 +69,7 @@ class Worker(Protocol):
         """Queue a job."""
         ...
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> JobOutcome | None:
         """The oldest outcome that was not yet taken."""
         ...
 
@@ -92,7 +92,7 @@ class ThreadWorker:
     def __init__(self, policy: Policy, clock: Clock) -> None:
         self.policy, self.clock = policy, clock
         self._jobs: SimpleQueue[Job | None] = SimpleQueue()
-        self._outcomes: SimpleQueue[Outcome] = SimpleQueue()
+        self._outcomes: SimpleQueue[JobOutcome] = SimpleQueue()
         self._thread: threading.Thread | None = None
 
     def submit(self, job: Job) -> None:
@@ -102,7 +102,7 @@ class ThreadWorker:
             self._thread = threading.Thread(target=self._run, name="policy", daemon=True)
             self._thread.start()
 
-    def poll(self) -> Outcome | None:
+    def poll(self) -> JobOutcome | None:
         """The oldest outcome that was not yet taken."""
         try:
             return self._outcomes.get_nowait()
@@ -123,4 +123,4 @@ class ThreadWorker:
                 error = raised
             # Past an Exception the policy itself has ended; the thread stays, for a reset.
             dead = error is not None and not isinstance(error, Exception)
-            self._outcomes.put(Outcome(job, self.clock.now(), chunk, error, dead))
+            self._outcomes.put(JobOutcome(job, self.clock.now(), chunk, error, dead))

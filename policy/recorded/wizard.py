@@ -42,7 +42,7 @@ BY_NAMES = "by_names"
 
 
 @dataclass(frozen=True)
-class Numbers:
+class WizardInput:
     """What is looked at.
 
     Attributes:
@@ -79,7 +79,7 @@ class Fit:
     why: tuple[str, ...]
 
 
-def numbers_of(source: str | Path) -> Numbers:
+def numbers_of(source: str | Path) -> WizardInput:
     """Numbers of a dataset folder, a chunk ``.npz`` or the folder of a checkpoint.
 
     Raises:
@@ -93,7 +93,7 @@ def numbers_of(source: str | Path) -> Numbers:
     return _of_checkpoint(path)
 
 
-def fits(numbers: Numbers) -> list[Fit]:
+def fits(numbers: WizardInput) -> list[Fit]:
     """Every layout of that width, those that fit first; of several that fit, the one with the fewest doubts first."""
     found = (
         []
@@ -116,7 +116,7 @@ def fits(numbers: Numbers) -> list[Fit]:
     return sorted(found, key=lambda one: (not one.fits, len(one.why)))
 
 
-def _variants(spec: ActionSpec, numbers: Numbers) -> list[ActionSpec]:
+def _variants(spec: ActionSpec, numbers: WizardInput) -> list[ActionSpec]:
     """A layout changed as what is found about the numbers says, by one thing each."""
     if numbers.values is None:
         return []
@@ -148,19 +148,21 @@ def _variants(spec: ActionSpec, numbers: Numbers) -> list[ActionSpec]:
     return found
 
 
-def lines(numbers: Numbers, found: list[Fit]) -> list[str]:
+def lines(numbers: WizardInput, found: list[Fit]) -> list[str]:
     """A table for people."""
     rate = "" if numbers.fps is None else f" at {numbers.fps:g} Hz"
     seen = "numbers not seen" if numbers.values is None else f"{len(numbers.values)} rows seen"
-    said = [f"{numbers.source}: {numbers.dim} numbers a step{rate}, {seen}"]
+    lines = [f"{numbers.source}: {numbers.dim} numbers a step{rate}, {seen}"]
     for one in found:
-        said.append(f"  {label(one.spec):<20} {'fits' if one.fits else 'does not'}")
-        said += [f"  {'':<20} {why}" for why in one.why]
+        lines.append(f"  {label(one.spec):<20} {'fits' if one.fits else 'does not'}")
+        lines += [f"  {'':<20} {why}" for why in one.why]
     if not found:
-        said.append(f"  no layout has {numbers.dim} numbers; write your own: wholebody layouts NAME --write is a start")
+        lines.append(
+            f"  no layout has {numbers.dim} numbers; write your own: wholebody layouts NAME --write is a start"
+        )
     elif not any(one.fits for one in found):
-        said.append("  none fits: see what speaks against the nearest, and write your own as JSON")
-    return said
+        lines.append("  none fits: see what speaks against the nearest, and write your own as JSON")
+    return lines
 
 
 def label(spec: ActionSpec) -> str:
@@ -169,7 +171,7 @@ def label(spec: ActionSpec) -> str:
     return f"{spec.name}-v{spec.version}" if versions > 1 else spec.name
 
 
-def _fit(spec: ActionSpec, numbers: Numbers) -> Fit:
+def _fit(spec: ActionSpec, numbers: WizardInput) -> Fit:
     why: list[str] = []
     try:
         if numbers.named:
@@ -202,7 +204,7 @@ def _fit(spec: ActionSpec, numbers: Numbers) -> Fit:
     return Fit(spec, not against, tuple(against or [*why[:1], *doubts, *why[1:]]))
 
 
-def _of_chunk(path: Path) -> Numbers:
+def _of_chunk(path: Path) -> WizardInput:
     try:
         arrays = read_arrays(path, KEYS)
     except OSError as error:
@@ -216,10 +218,10 @@ def _of_chunk(path: Path) -> Numbers:
     if not np.isfinite(actions).all():
         raise FileFormatError("has actions that are not finite", path=str(path))
     fps = float(arrays["fps"]) if "fps" in arrays and arrays["fps"].size == 1 else None
-    return Numbers(path.name, actions.shape[1], fps, actions[:ROWS_MAX], horizon=min(len(actions), 1000))
+    return WizardInput(path.name, actions.shape[1], fps, actions[:ROWS_MAX], horizon=min(len(actions), 1000))
 
 
-def _of_dataset(path: Path) -> Numbers:
+def _of_dataset(path: Path) -> WizardInput:
     dataset = open_dataset(path)
     source, episode = find_source(dataset, ACTION), dataset.episodes[0]  # two of them do not join
     rows = source.of(dataset.table(episode, list(source.features)), episode)
@@ -232,10 +234,10 @@ def _of_dataset(path: Path) -> Numbers:
     except DatasetError:
         spec = None
     named = tuple(zip(source.parts, source.names, strict=True))
-    return Numbers(path.name, source.dim, dataset.fps, values, named, spec)
+    return WizardInput(path.name, source.dim, dataset.fps, values, named, spec)
 
 
-def _of_checkpoint(path: Path) -> Numbers:
+def _of_checkpoint(path: Path) -> WizardInput:
     try:
         config = read_json(path / "config.json", SPEC_MAX)
     except (OSError, ReadingError) as error:
@@ -247,4 +249,4 @@ def _of_checkpoint(path: Path) -> Numbers:
         steps = int(config.get("chunk_size") or config.get("horizon") or 0)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise PolicyError(f"{path}/config.json does not say how wide its action is: {error!r}") from error
-    return Numbers(path.name, dim, None, None, horizon=steps if 1 <= steps <= 1000 else None)
+    return WizardInput(path.name, dim, None, None, horizon=steps if 1 <= steps <= 1000 else None)

@@ -47,15 +47,15 @@ class OpenpiRequests:
 
     def describe(self) -> dict[str, Any]:
         """Every entry that is read: what it is, its type and shape, by its key; as the metadata say it."""
-        axes, said = "(height, width, 3)" if self._hwc else "(3, height, width)", {}
+        axes, names = "(height, width, 3)" if self._hwc else "(3, height, width)", {}
         if self.state is not None:
-            said[_text(self.keys.state)] = f"state in the layout {self.state.name}: numbers, ({self.state.dim},)"
+            names[_text(self.keys.state)] = f"state in the layout {self.state.name}: numbers, ({self.state.dim},)"
         for camera, key in self.keys.images.items():
             height, width = self.sizes[camera]
-            said[_text(key)] = f"camera {camera}: uint8, {axes}; {height} x {width} in training"
+            names[_text(key)] = f"camera {camera}: uint8, {axes}; {height} x {width} in training"
         if self.keys.prompt is not None:
-            said[_text(self.keys.prompt)] = "task in words: text"
-        return said
+            names[_text(self.keys.prompt)] = "task in words: text"
+        return names
 
     def observation(self, request: Mapping[str, Any], time: float) -> Observation:
         """Observation of a request, checked.

@@ -53,10 +53,10 @@ def joint_gaps(state: np.ndarray, action: np.ndarray, names: Sequence[str], fps:
     best = spread.argmin(axis=0)
     found = []
     for i, name in enumerate(names):
-        told = np.ptp(action[:, i]) > MOVES and best[i] < len(lags) - 1
-        lag = int(best[i]) if told else 0
+        is_delayed = np.ptp(action[:, i]) > MOVES and best[i] < len(lags) - 1
+        lag = int(best[i]) if is_delayed else 0
         rest = state[lag:, i] - action[: n - lag, i]
         offset = float(np.median(rest))
         rms = float(np.sqrt(np.mean((rest - offset) ** 2)))
-        found.append(Gap(name, offset, lag / fps if told else None, rms))
+        found.append(Gap(name, offset, lag / fps if is_delayed else None, rms))
     return found

@@ -151,9 +151,9 @@ def _mirrored_fingers(names: Sequence[str], values: np.ndarray, robot: RobotSpec
         if bent and 2 * len(outside) > len(bent):
             wrong.append((side, len(outside), len(bent)))
     if wrong:
-        said = ", ".join(f"{count} of {total} of the {side} hand" for side, count, total in wrong)
+        text = ", ".join(f"{count} of {total} of the {side} hand" for side, count, total in wrong)
         yield Finding(
-            "mirrored_fingers", "error", f"fingers bend the wrong way: {said} are in range with the other sign",
+            "mirrored_fingers", "error", f"fingers bend the wrong way: {text} are in range with the other sign",
             "--read-as mirrored_fingers reads them so",
         )  # fmt: skip
 

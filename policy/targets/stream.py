@@ -152,10 +152,10 @@ class TargetStream:
             raise ChunkError(f"a target says nothing; it may say {', '.join(NAMES)}")
         with self._lock:
             now = None if self.clock is None else self.clock.now()
-            said = now if stamp is None else float(stamp)
-            if said is None:
+            text = now if stamp is None else float(stamp)
+            if text is None:
                 raise ChunkError("a target needs a stamp where the stream has no clock", slot="stamp")
-            time = self._dated(said, now, owned=stamp is None)
+            time = self._dated(text, now, owned=stamp is None)
             for name, value in values.items():
                 if name not in self._said:
                     self._said.add(name)

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from wholebody.errors import InputError
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 
 
 def judging():
@@ -24,4 +24,6 @@ def answer(name):
         os.kill(os.getpid(), 9)
     elif kind == "wrong":
         raise InputError("these options are wrong")
-    return Outcome(name=name, ending="judged", motion_s=1.0, verdict={"verdict": "feasible", "process": os.getpid()})
+    return AuditOutcome(
+        name=name, ending="judged", motion_s=1.0, verdict={"verdict": "feasible", "process": os.getpid()}
+    )

@@ -19,7 +19,7 @@ from wholebody.cli.sources import is_dataset, layout_named, length, opened, robo
 if TYPE_CHECKING:
     from policy.base import Policy
     from wholebody.config.robot import RobotConfig
-    from wholebody.verdict.audit.outcome import Outcome
+    from wholebody.verdict.audit.outcome import AuditOutcome
 
 MAPPINGS = "datasets.json"
 """What each dataset was read as."""
@@ -48,26 +48,26 @@ class Audited:
     ] = False
 
 
-def make_judging(audited: Audited, folder: Path) -> Callable[[str], Outcome]:
+def make_judging(audited: Audited, folder: Path) -> Callable[[str], AuditOutcome]:
     """What judges an input by its name, and writes repaired ones into a folder."""
     given = Input(fps=audited.fps, assume_spec=audited.assume_spec, read_as=audited.read_as)
     simulation = Simulation(config=audited.config, robot=audited.robot)
     judge = Judge(given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True)
 
-    def judged(name: str) -> Outcome:
-        from wholebody.verdict.audit.outcome import Outcome
+    def judged(name: str) -> AuditOutcome:
+        from wholebody.verdict.audit.outcome import AuditOutcome
 
-        said = StringIO()
-        with redirect_stderr(said):
+        output = StringIO()
+        with redirect_stderr(output):
             answer = judge.answer(name)
             if answer.verdict is None:
                 ending = "crashed" if answer.code == CRASH else "malformed"
-                message = said.getvalue().strip().removeprefix("wholebody: ")
-                return Outcome(name=name, ending=ending, message=message)
+                message = output.getvalue().strip().removeprefix("wholebody: ")
+                return AuditOutcome(name=name, ending=ending, message=message)
             policy = opened(name, given, judge.robot())
             verdict = replace(answer.verdict, config={}, versions={}).as_dict()
-            told = {"verdict": verdict, "motion_s": length(policy, 0.0), "gaps": _gaps(name, given, judge.robot())}
-            outcome = Outcome(name=name, ending="judged", **told)
+            facts = {"verdict": verdict, "motion_s": length(policy, 0.0), "gaps": _gaps(name, given, judge.robot())}
+            outcome = AuditOutcome(name=name, ending="judged", **facts)
             if (audited.slower or audited.repair) and answer.verdict.verdict != "feasible":
                 outcome = _changed(outcome, policy, judge, folder if audited.repair else None)
         return outcome
@@ -94,7 +94,7 @@ def _gaps(name: str, given: Input, robot: RobotConfig) -> list[dict]:
         return []  # an input without joints in both
 
 
-def _changed(outcome: Outcome, policy: Policy, judge: Judge, folder: Path | None) -> Outcome:
+def _changed(outcome: AuditOutcome, policy: Policy, judge: Judge, folder: Path | None) -> AuditOutcome:
     """How much slower a recording is feasible by its plans, and its repair where there is a folder for it."""
     from policy.errors import SpecError
     from policy.recorded.replay import ReplayPolicy

@@ -147,14 +147,14 @@ class _ProgressLines:
     """How far a simulation is, and why it does not get on: its parts are compiled when they are first used."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.now, self.told = name, "0 s simulated", ""
+        self.name, self.now, self.shown = name, "0 s simulated", ""
 
     def update(self, time: float, end: float) -> None:
         self.now = f"{time:.1f} of {end:.1f} s simulated"
 
     def line(self, seconds: float) -> str:
-        why = ", compiling if it is the first time" if self.now == self.told else ""
-        self.told = self.now
+        why = ", compiling if it is the first time" if self.now == self.shown else ""
+        self.shown = self.now
         return f"{self.name}: {self.now}{why} ({seconds:.0f} s)"
 
 

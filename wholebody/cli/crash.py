@@ -38,9 +38,9 @@ def ours() -> Iterator[None]:
 def sentence(error: BaseException) -> str:
     """What failed, where in our code, and where to report it."""
     error = error.__cause__ if isinstance(error, CrashError) else error
-    said = " ".join(f"{type(error).__name__}: {error}".split())
+    text = " ".join(f"{type(error).__name__}: {error}".split())
     return (
-        f"this is a fault of wholebody, not of the input: {said} ({_place(error)}); please report it on the project's "
+        f"this is a fault of wholebody, not of the input: {text} ({_place(error)}); please report it on the project's "
         "issue tracker, with this line, the input and `wholebody --version`"
     )
 

@@ -271,8 +271,8 @@ def _judge_apart(name: str, seed: int | None = None) -> Answer:
     from models.spec import RobotSpecError
     from wholebody.errors import WholebodyError
 
-    said = StringIO()
-    with redirect_stderr(said):
+    output = StringIO()
+    with redirect_stderr(output):
         # Warnings belong to the input that they are about.
         logging.root.handlers.clear()
         log_to_terminal()
@@ -281,7 +281,7 @@ def _judge_apart(name: str, seed: int | None = None) -> Answer:
         except (WholebodyError, RobotSpecError, ValueError, OutputError) as error:
             answer = Answer(MALFORMED, misuse=str(error))
     # Of worlds only the first one says what there is to say.
-    return replace(answer, said="" if seed is not None and answer.verdict is not None else said.getvalue())
+    return replace(answer, said="" if seed is not None and answer.verdict is not None else output.getvalue())
 
 
 def _answer(verdict: Verdict) -> Answer:

@@ -207,13 +207,13 @@ def _line(node: yaml.Node | None, names: tuple[str, ...]) -> int:
 
 def _documented(owner: Any, path: str, indent: str, everything: bool) -> Iterator[str]:
     kind: type = type(owner)
-    said = meanings(kind)
+    texts = meanings(kind)
     for field in fields(owner):
         value, name = getattr(owner, field.name), f"{path}{field.name}"
         inside = any(one.startswith(f"{name}.") for one in PUBLISHED)
         if not (everything or inside or _published(name)):
             continue
-        for line in said.get(field.name, "").splitlines():
+        for line in texts.get(field.name, "").splitlines():
             yield f"{indent}# {line.strip()}"
         if is_dataclass(value):
             yield f"{indent}{field.name}:"

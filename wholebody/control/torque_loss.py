@@ -75,16 +75,16 @@ class TorqueLoss:
             state: The next one, with torques.
             command: What was sent, made up for.
         """
-        order, c, told = self._order, command, state.tau[self._order]
+        order, c, reported = self._order, command, state.tau[self._order]
         asked = c.tau + c.kp * (c.q - before.q[7:][order]) + c.kd * (c.dq - before.v[6:][order])
         weaker, more = False, 0.0
         self._watched += self._step
         if self.added is not None:
             more = (c.tau - self.added) * (1.0 - 1.0 / self.factor)
-            weaker = self._learn(asked, told)
+            weaker = self._learn(asked, reported)
         asked = np.clip(asked - more, -self._effort, self._effort)
         share = self._step / TIME_CONSTANT
-        self._left_out += share * (asked - told - self._left_out)
+        self._left_out += share * (asked - reported - self._left_out)
         self._asked += share * (np.abs(asked) - self._asked)
         added = np.zeros(len(order)) if self.added is None else self.added
         missing = self._left_out - added

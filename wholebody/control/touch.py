@@ -8,9 +8,9 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from wholebody.config.touch import TouchConfig
+from wholebody.control.asked_forces import AskedForces
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import PALM
-from wholebody.control.told import Told
 from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface, turned
 from wholebody.robot.touch import (
@@ -87,7 +87,7 @@ class Touch:
 
     def __init__(self, controller: Controller, config: TouchConfig, observer: LoadObserver | None) -> None:
         self._controller, self._config, self._observer = controller, config, observer
-        self._rows, robot, self.told = controller.touch, controller.robot, Told(config, controller.touch)
+        self._rows, robot, self.asked = controller.touch, controller.robot, AskedForces(config, controller.touch)
         joints = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
         self._arms = [6 + arm for arm in joints]
         # Body 0 is the base, the others belong to the joints.
@@ -104,7 +104,7 @@ class Touch:
         self._controller.lean[:] = self._controller.tipped[:] = 0.0
         self.shares, self.since, self._moved = [0.0, 0.0], [float("nan")] * 2, np.zeros(2)
         self._settled, self.changed, self._held = True, False, [False, False]
-        self.told.reset()
+        self.asked.reset()
         self._into, self._palms, self._velocity = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
 
     @property
@@ -130,8 +130,8 @@ class Touch:
         if observer is None:
             return
         left, right = observer.sizes
-        self.told.listen(now)
-        if self.told.chunk is None and self._settled and left < found and right < found:
+        self.asked.listen(now)
+        if self.asked.chunk is None and self._settled and left < found and right < found:
             return
         palms = self._controller.palm_positions()
         if self._settled or elapsed <= 0.0:
@@ -149,15 +149,15 @@ class Touch:
                 self._find_normal(hand, now, elapsed)
                 self._bound(hand, palms, row, elapsed)
             else:
-                self.told.free(hand)
+                self.asked.free(hand)
             self._hold(hand, row)
-        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self.told.forces.any()
+        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self.asked.forces.any()
         if self._settled:
             self._controller.lean[:] = self._controller.tipped[:] = self._moved[:] = 0.0
 
     def expect(self, chunk: ActionChunk) -> None:
         """Count from now on on the forces, limits and stiffnesses of a chunk; on none if it has none."""
-        self.told.expect(chunk)
+        self.asked.expect(chunk)
 
     def _touches_itself(self, hand: int) -> bool:
         """Whether an arm touches another part of the robot: that force is none of the world's."""
@@ -186,7 +186,7 @@ class Touch:
         rows[:, FORCE:PUSH_MAX] = wrenches * (np.array(self.shares) * BELIEVED / np.maximum(sizes, BELIEVED))[:, None]
         f, m = self.forces, rows[:, MOMENT:PUSH_MAX].sum(axis=0)
         # Before a hand touches what it is told of, the body leans half of the way.
-        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self.told.forces
+        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self.asked.forces
         lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
         moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
         moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
@@ -236,17 +236,17 @@ class Touch:
         at, config = PALM * hand, self._config
         push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]
-        if (told := self.told.size(hand)) > 0.0:
-            along = self.told.forces[hand].dot(self._velocity[hand]) / told
+        if (told := self.asked.size(hand)) > 0.0:
+            along = self.asked.forces[hand].dot(self._velocity[hand]) / told
             rests = self.shares[hand] == 1.0 and abs(along) < MOVING
-            push = self.told.make_up(hand, row[at + 9 : at + 12] - palms[hand], rests=rests, elapsed=elapsed)
+            push = self.asked.make_up(hand, row[at + 9 : at + 12] - palms[hand], rests=rests, elapsed=elapsed)
         if (size := sqrt(push.dot(push))) == 0.0:
             return
         share = config.tipping_share * (1.0 - 0.5 * self.shares[1 - hand])
         tips, spends = self.tipping_force(palms[hand], -push / size), self.arm_force(hand, push / size)
-        most = min(self.told.limits[hand], share * tips, UNTOLD_SHARE * spends)
+        most = min(self.asked.limits[hand], share * tips, UNTOLD_SHARE * spends)
         if told > 0.0:
-            most = max(most, min(1.5 * told * config.mass, self.told.limits[hand], TOLD_SHARE * tips, spends))
+            most = max(most, min(1.5 * told * config.mass, self.asked.limits[hand], TOLD_SHARE * tips, spends))
         self._rows[hand, PUSH_MAX] = most / config.mass
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:

@@ -110,7 +110,7 @@ def _count(result: EpisodeResult, supervisor: ChunkExecutor, plant: Plant, state
     if status.reason:
         result.first_reasons.setdefault(status.reason, (state.time, status.detail))
     chunk = supervisor.chunk
-    wanted = _hands(supervisor.spec, (False, False) if chunk is None else chunk.told)
+    wanted = _hands(supervisor.spec, (False, False) if chunk is None else chunk.pushes)
     for pair in plant.contacts():
         own = all(plant.is_robot(body) for body in pair)
         if own or not any(body.startswith(wanted) for body in pair):

@@ -35,15 +35,15 @@ class Timing:
 
     def text(self) -> str:
         """One line for people."""
-        said = [f"{self.chunks} executed"]
+        parts = [f"{self.chunks} executed"]
         if self.latency_max_s > 0.0:
             median, most = 1e3 * self.latency_median_s, 1e3 * self.latency_max_s
-            said.append(f"latency {median:.0f} ms median, {most:.0f} ms at most")
+            parts.append(f"latency {median:.0f} ms median, {most:.0f} ms at most")
         if self.starvations:
             times = "once" if self.starvations == 1 else f"{self.starvations} times"
-            said.append(f"starved {times}, {self.starved_s:.2f} s")
+            parts.append(f"starved {times}, {self.starved_s:.2f} s")
         turn = np.rad2deg(self.seam_rad)
-        return f"{', '.join(said)}; seam {1e3 * self.seam_m:.3f} mm, {turn:.3f} deg, {self.seam_m_s:.4f} m/s"
+        return f"{', '.join(parts)}; seam {1e3 * self.seam_m:.3f} mm, {turn:.3f} deg, {self.seam_m_s:.4f} m/s"
 
 
 def timing(result: EpisodeResult) -> Timing:

@@ -53,7 +53,7 @@ class StatePredictor:
 
         Its torques change by what those commanded have changed since: they belong to its accelerations.
         """
-        told, now = now, min(now, state.time + CARRIED_MAX)
+        label, now = now, min(now, state.time + CARRIED_MAX)
         seconds = state.age(now)
         if seconds <= ROUNDING:
             return state
@@ -69,4 +69,4 @@ class StatePredictor:
         if tau is not None and self._n > 0:
             # Torques are those of the period that ended with the state.
             tau = tau + self._tau[self._n - 1] - self._tau[max(first - 1, 0)]
-        return replace(state, time=told, q=q, v=v, tau=tau)
+        return replace(state, time=label, q=q, v=v, tau=tau)

@@ -76,8 +76,8 @@ class SteadyClock:
             now: Present time [s]; None where there is no clock but the stamps.
         """
         stamped = isfinite(stamp)
-        told, self._stamp = (stamp - self._stamp, stamp) if stamped else (0.0, self._stamp)
-        likely = told if 0.0 < told <= self._step else self._period
+        stamped_step, self._stamp = (stamp - self._stamp, stamp) if stamped else (0.0, self._stamp)
+        likely = stamped_step if 0.0 < stamped_step <= self._step else self._period
         alone, before, fault = now is None, self.now, None
         if alone:
             now = stamp if stamped else before + self.shift + self._period
@@ -85,7 +85,7 @@ class SteadyClock:
             self.now += likely
             return self.now - before, (Reason.CLOCK_INVALID, f"the present time is {now}: that of the states goes on")
         passed = now - self.shift - before
-        if passed < -self._step or (passed > self._step and (alone or not abs(told - passed) <= self._step)):
+        if passed < -self._step or (passed > self._step and (alone or not abs(stamped_step - passed) <= self._step)):
             likely = self._period if alone else likely
             stepped = passed - likely
             self.shift += stepped
@@ -119,11 +119,11 @@ class SteadyClock:
         if self._run < CONSISTENT:
             return placed, fault
         offset = stamp - (self.now - self._age)
-        said = f"the stamps of the states stepped by {offset - self._offset:+.3f} s: {CONSISTENT} in a row agree"
+        text = f"the stamps of the states stepped by {offset - self._offset:+.3f} s: {CONSISTENT} in a row agree"
         self._offset, self._run = offset, 0
         placed = self.placed(state)
         self._newest = placed.time
-        return placed, (Reason.CLOCK_STEPPED, said)
+        return placed, (Reason.CLOCK_STEPPED, text)
 
     def fault(self, time: float, now: float) -> Fault | None:
         """What is wrong with a state of a time, at a present time, both on the steady scale [s]."""

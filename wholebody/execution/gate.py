@@ -57,6 +57,6 @@ def why_not(answer: PlanAnswer) -> StatusReport:
     if isinstance(error, HeldError):
         return error.report
     logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=error)
-    told = isinstance(error, PlanningError | InputError)
+    known = isinstance(error, PlanningError | InputError)
     fault = f"a fault of the planner, not of the chunk: {type(error).__name__}: {error}".rstrip(": ")
-    return refused(Reason.PLANNING_FAILED, str(error) if told else fault)
+    return refused(Reason.PLANNING_FAILED, str(error) if known else fault)

@@ -167,8 +167,8 @@ class StateMonitor:
             return Reason.STATE_INVALID, str(error)
         last = self._measured
         if state.time < last.time - ROUNDING:
-            said = f"the state of {state.time:.4f} s came after that of {last.time:.4f} s"
-            return Reason.STATE_OUT_OF_ORDER, said
+            text = f"the state of {state.time:.4f} s came after that of {last.time:.4f} s"
+            return Reason.STATE_OUT_OF_ORDER, text
         if elapsed <= ROUNDING:
             return None
         if state.time <= last.time + ROUNDING:

@@ -17,7 +17,7 @@ GAPS_MAX = 1000
 
 
 @dataclass(frozen=True)
-class Gap:
+class LoopGap:
     """A time in which the control loop did not run when it should have.
 
     Attributes:
@@ -52,7 +52,7 @@ class Lateness:
     ticks: int = 0
     missed: int = 0
     n_gaps: int = 0
-    gaps: list[Gap] = field(default_factory=list)
+    gaps: list[LoopGap] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._edges = np.array(EDGES_MS)
@@ -73,7 +73,7 @@ class Lateness:
             self.n_gaps += 1
             if len(self.gaps) < GAPS_MAX:
                 seconds, cpu, preempted, waited = (a - b for a, b in zip(now, self._last, strict=True))
-                self.gaps.append(Gap(time, seconds, cpu, int(preempted), int(waited)))
+                self.gaps.append(LoopGap(time, seconds, cpu, int(preempted), int(waited)))
         self._last = now
 
     def ended(self, seconds: float) -> None:

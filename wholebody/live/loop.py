@@ -26,7 +26,7 @@ GRACE = 0.5
 sixth."""
 
 
-class Statue:
+class StaticRobot:
     """A robot that does not move."""
 
     def __init__(self, state: RobotState) -> None:
@@ -53,7 +53,7 @@ class RobotClock:
 
 
 @dataclass
-class Told:
+class LoopStatistics:
     """What happened in a run of the loop.
 
     Attributes:
@@ -88,7 +88,7 @@ class ControlLoop:
     Attributes:
         executor: Where chunks come from, on the robot's clock; None: there are none.
         lateness: Of the ticks so far.
-        told: What happened so far.
+        statistics: What happened so far.
         errors: Of the palms at the steps of the chunks.
         state: The newest one.
         stopped: Whether it is to end.
@@ -108,7 +108,7 @@ class ControlLoop:
         self.spec, self.supervisor, self.robot, self.state, self.task = spec, supervisor, robot, state, task
         self.executor: Executor | None = None
         self.dt = supervisor.config.dt
-        self.lateness, self.told, self.errors = Lateness(self.dt), Told(), TrackingError(supervisor)
+        self.lateness, self.statistics, self.errors = Lateness(self.dt), LoopStatistics(), TrackingError(supervisor)
         self.clock = clock or RobotClock(robot)
         self.stopped, self._scored = False, scored
 
@@ -140,13 +140,13 @@ class ControlLoop:
         """Go on with a robot that was put somewhere else."""
         self.state = state
         self.supervisor.reset(state)
-        self.errors, self.told.fallen = TrackingError(self.supervisor), None
+        self.errors, self.statistics.fallen = TrackingError(self.supervisor), None
         self.lateness.pause()
 
     def _tick(self, state: RobotState | None, now: float) -> None:
-        told, supervisor = self.told, self.supervisor
+        statistics, supervisor = self.statistics, self.supervisor
         if state is None:
-            told.stale += 1
+            statistics.stale += 1
         else:
             self.state = state
         self.robot.send(supervisor.step(self.state, now))
@@ -158,23 +158,23 @@ class ControlLoop:
             if state is not None:
                 self.errors.measure(state, supervisor.palm_reference(), supervisor.status.reason)
         status = supervisor.status
-        told.seconds[status.status.value] += self.dt
+        statistics.seconds[status.status.value] += self.dt
         if status.reason:
-            told.reasons[str(status.reason)] += self.dt
-        if status.status is Status.DAMPING and told.fallen is None:
-            told.fallen = now
+            statistics.reasons[str(status.reason)] += self.dt
+        if status.status is Status.DAMPING and statistics.fallen is None:
+            statistics.fallen = now
 
     def _poll(self, now: float) -> None:
         """Ask for a chunk if one is due; give one that has come to the supervisor."""
         seen = partial(observe, self.spec, self.supervisor, self.state, self.task, now=now)
         chunk = self.executor.poll(seen, partial(commanded_chunk, self.supervisor))
         if chunk is not None:
-            self.told.accepted += 1
+            self.statistics.accepted += 1
             self._refused(self.supervisor.accept(chunk, now))
 
     def _refused(self, answer: StatusReport | None) -> None:
         if answer is not None and answer.status is Status.HOLD and answer.reason:
-            self.told.refusals[str(answer.reason)] += 1
+            self.statistics.refusals[str(answer.reason)] += 1
             # The last plan can be refused after the last chunk was asked for.
             if self.executor is not None:
                 self.executor.refused(answer.reason, answer.detail)

@@ -24,9 +24,9 @@ from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.live import wire
 from wholebody.live.door import Check, Door, between, one_of
-from wholebody.live.glance import HANDS, Glance, Wish
 from wholebody.live.marks import Marks
 from wholebody.live.robot_process import World, WorldView
+from wholebody.live.snapshot import HANDS, Snapshot, UserCommand
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.sim.pictures.meshes import Part, parts
@@ -127,7 +127,7 @@ class Page:
             @handle.on_update
             async def _(event: object, side: str = side) -> None:
                 (self._dragging.discard if event.phase == "end" else self._dragging.add)(side)
-                self._wishes.append((Wish.TARGETS, *self._targets().ravel()))
+                self._wishes.append((UserCommand.TARGETS, *self._targets().ravel()))
 
     def _targets(self) -> np.ndarray:
         """Poses of the handles, shape (2, 4, 4)."""
@@ -143,7 +143,7 @@ class Page:
         gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="collapsible")
         self._words = gui.add_html('<div style="padding:0 1em 0.5em;font-size:0.85em">the robot is being loaded</div>')
         source = gui.add_dropdown("source", self._sources, hint="where the chunks come from")
-        source.on_update(lambda _: self._wish(Wish.SOURCE, self._sources.index(source.value)))
+        source.on_update(lambda _: self._wish(UserCommand.SOURCE, self._sources.index(source.value)))
         self._source = source
         times = ("pause", "go on", "reset")
         row = gui.add_button_group("time", times)
@@ -158,11 +158,11 @@ class Page:
             self._opens(push, one_of(True))
             load = [gui.add_slider(f"{side} hand [kg]", 0.0, 3.0, 0.1, 0.0) for side in SIDES]
             for slider in load:
-                slider.on_update(lambda _: self._wish(Wish.PAYLOAD, *(s.value for s in load)))
+                slider.on_update(lambda _: self._wish(UserCommand.PAYLOAD, *(s.value for s in load)))
             friction = gui.add_slider("floor friction", 0.2, 1.2, 0.05, 0.8)
-            friction.on_update(lambda _: self._wish(Wish.FRICTION, friction.value))
+            friction.on_update(lambda _: self._wish(UserCommand.FRICTION, friction.value))
             latency = gui.add_slider("policy latency [ms]", 0, 500, 10, 0)
-            latency.on_update(lambda _: self._wish(Wish.LATENCY, 1e-3 * latency.value))
+            latency.on_update(lambda _: self._wish(UserCommand.LATENCY, 1e-3 * latency.value))
             for slider in (size, angle, *load, friction, latency):
                 self._opens(slider, between(slider.min, slider.max))
         with gui.add_folder("time lines"):
@@ -172,19 +172,19 @@ class Page:
         """Let what a control sends in."""
         self._door.values[control._impl.uuid] = check
 
-    def _wish(self, what: Wish, *numbers: float) -> None:
+    def _wish(self, what: UserCommand, *numbers: float) -> None:
         self._wishes.append((what, *numbers))
 
     def _on_time(self, pressed: str) -> None:
         if pressed == "reset":
-            self._wish(Wish.RESET)
+            self._wish(UserCommand.RESET)
         else:
-            self._wish(Wish.PAUSE, float(pressed == "pause"))
+            self._wish(UserCommand.PAUSE, float(pressed == "pause"))
 
     def _push(self, momentum: float, angle: float) -> None:
         direction = np.radians(angle)
         force = momentum / _PUSH_DURATION * np.array([np.cos(direction), np.sin(direction), 0.0])
-        self._wish(Wish.PUSH, *force, _PUSH_DURATION)
+        self._wish(UserCommand.PUSH, *force, _PUSH_DURATION)
 
     def run(self, loop: socket.socket, robot: socket.socket) -> None:
         """Show what comes until the loop is gone."""
@@ -195,15 +195,15 @@ class Page:
             try:
                 while self._wishes:
                     wire.send(loop, *self._wishes.popleft())
-                told = wire.newest(robot)
-                view = WorldView.of(told) if told is not None else view
+                seen = wire.newest(robot)
+                view = WorldView.of(seen) if seen is not None else view
                 message = wire.newest(loop)
             except EOFError:
                 return
             now = monotonic()
             if message is None or view is None or now - shown < 0.8 / FPS or not self._door.visitors:
                 continue
-            glance = Glance.of(message, nq, nv)
+            glance = Snapshot.of(message, nq, nv)
             at_rest = np.abs(glance.state.q - seen).max() < MOVED and not self._dragging
             if at_rest and now - shown < 1.0 / FPS_AT_REST:
                 continue
@@ -215,7 +215,7 @@ class Page:
                     self._tell(glance, scene)
             self._server.flush()
 
-    def _show(self, glance: Glance, view: WorldView) -> Scene:
+    def _show(self, glance: Snapshot, view: WorldView) -> Scene:
         state = glance.state
         self._place(self._frames, state.q, view.objects)
         planned = bool(np.isfinite(glance.planned).all())
@@ -264,7 +264,7 @@ class Page:
             body = data.body(name)
             frame.position, frame.wxyz = body.xpos.copy(), body.xquat.copy()
 
-    def _tell(self, glance: Glance, scene: Scene) -> None:
+    def _tell(self, glance: Snapshot, scene: Scene) -> None:
         """Words and time lines."""
         status, numbers = scene.words()
         colour = "#" + "".join(f"{round(255 * part):02x}" for part in STATUS_COLOUR[scene.status][:3])

@@ -13,8 +13,8 @@ import numpy as np
 
 from wholebody.errors import InputError
 from wholebody.live import pacing, wire
-from wholebody.live.glance import Glance, Wish
 from wholebody.live.robot_process import World
+from wholebody.live.snapshot import Snapshot, UserCommand
 
 START_TIMEOUT = 60.0
 """Longest time until the page can be asked for [s]; chosen, no trial is on record."""
@@ -56,15 +56,15 @@ class PageProcess:
             raise InputError(answer)
         (self.address,) = answer
 
-    def show(self, glance: Glance) -> None:
+    def show(self, glance: Snapshot) -> None:
         """Show an instant; never waits."""
         wire.send(self._end, *glance.message())
 
-    def wishes(self) -> Iterator[tuple[Wish, np.ndarray]]:
+    def wishes(self) -> Iterator[tuple[UserCommand, np.ndarray]]:
         """What people wanted since the last call; nothing once the page is gone."""
         try:
             for message in wire.messages(self._end):
-                yield Wish(int(message[0])), message[1:]
+                yield UserCommand(int(message[0])), message[1:]
         except EOFError:
             return
 

@@ -16,11 +16,11 @@ from policy.geometry.rotations import rotation_residual
 from policy.targets.dragged_hands import RESTING_HORIZON, DraggedHands
 from wholebody.episode.run import followed
 from wholebody.errors import InputError
-from wholebody.live.glance import Glance, Wish
 from wholebody.live.loop import ControlLoop
 from wholebody.live.page_process import PageProcess
 from wholebody.live.robot_link import Order, SessionRobot
 from wholebody.live.robot_process import MASS_MIN
+from wholebody.live.snapshot import Snapshot, UserCommand
 
 FPS = 30.0
 """How often the page is shown an instant [Hz]; chosen, as `wholebody.live.page.FPS`."""
@@ -30,12 +30,12 @@ RESET_TIME = 0.1
 """Time for the robot to be put back to its stance [s]; chosen: fifty of its periods."""
 DRAG_PERIOD = 0.1
 """How often the way of hands that are being dragged is asked for [s]; chosen: the lead, in which one plan is made."""
-BOUNDS: dict[Wish, tuple[float, float]] = {
-    Wish.TARGETS: (-5.0, 5.0),
-    Wish.PUSH: (-500.0, 500.0),
-    Wish.PAYLOAD: (MASS_MIN, 10.0),
-    Wish.FRICTION: (0.05, 2.0),
-    Wish.LATENCY: (0.0, 2.0),
+BOUNDS: dict[UserCommand, tuple[float, float]] = {
+    UserCommand.TARGETS: (-5.0, 5.0),
+    UserCommand.PUSH: (-500.0, 500.0),
+    UserCommand.PAYLOAD: (MASS_MIN, 10.0),
+    UserCommand.FRICTION: (0.05, 2.0),
+    UserCommand.LATENCY: (0.0, 2.0),
 }
 """Of the numbers of a wish, in its units; the page is not trusted, since whoever reaches it can send any."""
 
@@ -110,29 +110,29 @@ class Person:
         """Do what is wanted; whether that is a pause."""
         paused = False
         for wish, numbers in self._page.wishes():
-            if wish is Wish.PAUSE:
+            if wish is UserCommand.PAUSE:
                 paused = bool(numbers[0])
             else:
                 self._do(wish, numbers)
         return paused
 
-    def _do(self, wish: Wish, numbers: np.ndarray) -> None:
+    def _do(self, wish: UserCommand, numbers: np.ndarray) -> None:
         """Do what is wanted, within its bounds; what is no number is not done."""
         if not np.isfinite(numbers).all():
             return
         numbers = np.clip(numbers, *BOUNDS.get(wish, (0.0, len(self._sources) - 1.0)))
-        if wish is Wish.TARGETS:
+        if wish is UserCommand.TARGETS:
             self._drag(numbers.reshape(2, 4, 4))
-        elif wish is Wish.SOURCE:
+        elif wish is UserCommand.SOURCE:
             self._choose(int(numbers[0]))
-        elif wish is Wish.LATENCY:
+        elif wish is UserCommand.LATENCY:
             self._latency = float(numbers[0])
             if self._loop.executor is not None:
                 self._loop.executor.worker.latency = self._latency
-        elif wish is Wish.RESET:
+        elif wish is UserCommand.RESET:
             self._reset()
         else:
-            body = self._loop.spec.torso_body if wish is Wish.PUSH else ""
+            body = self._loop.spec.torso_body if wish is UserCommand.PUSH else ""
             self._robot.order(Order(wish.name.lower(), tuple(numbers.tolist()), body))
 
     def _drag(self, targets: np.ndarray) -> None:
@@ -157,9 +157,9 @@ class Person:
 
     def _still_paused(self) -> bool:
         for wish, numbers in self._page.wishes():
-            if wish is Wish.PAUSE and not numbers[0]:
+            if wish is UserCommand.PAUSE and not numbers[0]:
                 return False
-            if wish is not Wish.PAUSE:
+            if wish is not UserCommand.PAUSE:
                 self._do(wish, numbers)
         return self._page.alive and not self._loop.stopped
 
@@ -174,11 +174,11 @@ class Person:
         loop.restart(state)
         self._choose(self._source)
 
-    def _glance(self, now: float) -> Glance:
+    def _glance(self, now: float) -> Snapshot:
         loop, supervisor = self._loop, self._loop.supervisor
         planned = np.full(len(loop.state.q), np.nan) if supervisor.plan is None else supervisor.plan.trajectory.q[-1]
         planning = self._planned[-1] if self._planned else 0.0
-        return Glance(
+        return Snapshot(
             state=loop.state,
             followed=replace(followed(supervisor, now), planning_time=planning),
             planned=planned,

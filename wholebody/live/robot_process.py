@@ -137,17 +137,17 @@ class RobotProcess:
 
     def close(self) -> dict[str, float | str]:
         """End the process; how it kept time and why it fell, or nothing if it does not answer."""
-        told: dict[str, float | str] = {}
+        answer: dict[str, float | str] = {}
         try:
             self._orders.send(Order("end"))
             if self._orders.poll(2.0):
-                told = self._orders.recv()
+                answer = self._orders.recv()
         except (EOFError, OSError):
             pass
         self._process.join(2.0)
         if self._process.is_alive():
             self._process.kill()
-        return told
+        return answer
 
 
 def _main(end: socket.socket, page: socket.socket | None, orders: Connection, world: World, control_dt: float) -> None:

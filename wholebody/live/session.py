@@ -25,7 +25,7 @@ from wholebody.execution.gate import Gate, judged_elsewhere
 from wholebody.execution.planner_process import PlannerProcess
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live import pacing
-from wholebody.live.loop import ControlLoop, Statue, palm_error
+from wholebody.live.loop import ControlLoop, StaticRobot, palm_error
 from wholebody.live.page_process import PageProcess
 from wholebody.live.person import Person
 from wholebody.live.robot_link import SessionRobot
@@ -101,7 +101,7 @@ class Session:
     def _warm_up(self, state: RobotState) -> None:
         """Run the loop once, with everything in it, on a robot that does not move."""
         self.supervisor.reset(state)
-        loop = ControlLoop(self.supervisor.spec, self.supervisor, Statue(state), state)
+        loop = ControlLoop(self.supervisor.spec, self.supervisor, StaticRobot(state), state)
         loop.executor = Executor(scripted_policy("wave", robot=layout_robot(loop.spec)), loop.clock)
         loop.executor.reset()
         loop.run(lambda now: now < WARM_UP)
@@ -148,23 +148,23 @@ class Session:
 
     def summary(self) -> dict[str, object]:
         """Numbers of the run, times in milliseconds, distances in millimetres."""
-        told, (rms, worst) = self.loop.told, palm_error(self.loop)
+        statistics, (rms, worst) = self.loop.statistics, palm_error(self.loop)
         plans = 1e3 * np.array(self._planner.seconds or [0.0])
         return {
             "loop": self.loop.lateness.summary(),
-            "ticks_without_state": told.stale,
+            "ticks_without_state": statistics.stale,
             "planning": {
                 "plans": len(self._planner.seconds),
                 "cpu_p50_ms": float(np.median(plans)),
                 "cpu_max_ms": float(plans.max()),
                 "late": self.supervisor.handover.late,
             },
-            "chunks": {"accepted": told.accepted, "refused": dict(told.refusals)},
+            "chunks": {"accepted": statistics.accepted, "refused": dict(statistics.refusals)},
             "palm_error_mm": {"rms": 1e3 * rms, "max": 1e3 * worst},
             "time_factor": self.supervisor.time_factor,
-            "seconds": dict(told.seconds),
-            "reasons": dict(told.reasons),
-            "fell": told.fallen is not None,
+            "seconds": dict(statistics.seconds),
+            "reasons": dict(statistics.reasons),
+            "fell": statistics.fallen is not None,
             "not_granted": self.missed,
         }
 
@@ -185,7 +185,7 @@ def lower(loop: ControlLoop, tell: Callable[[float], None]) -> str | None:
 
     def going(now: float) -> bool:
         tell(now)
-        return not supervisor.lowered and loop.told.fallen is None and now < end
+        return not supervisor.lowered and loop.statistics.fallen is None and now < end
 
     loop.run(going)
     return None

@@ -17,7 +17,7 @@ policy."""
 
 
 @dataclass(frozen=True)
-class Change:
+class PlanChange:
     """What was changed in a chunk for one reason.
 
     Attributes:
@@ -39,7 +39,7 @@ def changes(
     *,
     elsewhere: bool,
     distance: float,
-) -> dict[Reason, Change]:
+) -> dict[Reason, PlanChange]:
     """All of a chunk, the most important first.
 
     Args:
@@ -64,15 +64,15 @@ def changes(
     reached = f"targets moved by up to {max(clamp.max(), jump.max()):.3f} m, slowed {targets.slowdown:.2f} times"
     lifted = f"the hands were to go into the floor: targets lifted by {lift.max():.3f} m"
     scatter = f"steps scatter: followed the curve through them in {', '.join(prepared.smoothed)}"
-    noisy = Change(noise, (noise > near) | (turn > config.turn_tolerance), scatter)
+    noisy = PlanChange(noise, (noise > near) | (turn > config.turn_tolerance), scatter)
     listed = (
-        (Reason.INTO_FLOOR, lift.any(), Change(lift, lift > 0.0, lifted)),
+        (Reason.INTO_FLOOR, lift.any(), PlanChange(lift, lift > 0.0, lifted)),
         (Reason.NOISY_CHUNK, prepared.implausible, noisy),
-        (Reason.OUT_OF_REACH, clamp.any(), Change(np.where(clamp > near, clamp, 0.0), clamp > near, reached)),
-        (Reason.TOO_FAST_FOR_BALANCE, slower, Change(none, every, reached)),
-        (Reason.STEPS_JUMP, jump.max() > MOVED_MIN, Change(jump, jump > near, reached)),
-        (Reason.FAR_START, elsewhere, Change(none, joining, reached)),
-        (Reason.POSTURE_INFEASIBLE, not chosen.is_safe(config), Change(none, every, reached)),
+        (Reason.OUT_OF_REACH, clamp.any(), PlanChange(np.where(clamp > near, clamp, 0.0), clamp > near, reached)),
+        (Reason.TOO_FAST_FOR_BALANCE, slower, PlanChange(none, every, reached)),
+        (Reason.STEPS_JUMP, jump.max() > MOVED_MIN, PlanChange(jump, jump > near, reached)),
+        (Reason.FAR_START, elsewhere, PlanChange(none, joining, reached)),
+        (Reason.POSTURE_INFEASIBLE, not chosen.is_safe(config), PlanChange(none, every, reached)),
         (Reason.NOISY_CHUNK, prepared.smoothed and not prepared.implausible, noisy),
     )
     return {reason: change for reason, holds, change in listed if holds}

@@ -16,7 +16,7 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.planning.attempt import Attempt, Targets
-from wholebody.planning.changes import Change, changes
+from wholebody.planning.changes import PlanChange, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.effort import Effort
 from wholebody.planning.hand_clamp import clamped
@@ -29,7 +29,7 @@ from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import choice
 from wholebody.planning.strategies.rows import ARMS_SPENT_MAX, Asked, Overlap, Try
-from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, Begin, Strategy
+from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, Strategy, StrategyBegin
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.contact_schedule import ContactSchedule
@@ -173,7 +173,9 @@ class ChunkPlanner:
             return self.targets(prepared, now, commanded, slowdown)
 
         def attempt(strategy: Strategy, slowdown: float, last: np.ndarray | None) -> Attempt:
-            first = {Begin.PLAN_BEFORE: before, Begin.LAST_ATTEMPT: last, Begin.START: None}[strategy.begin]
+            first = {StrategyBegin.PLAN_BEFORE: before, StrategyBegin.LAST_ATTEMPT: last, StrategyBegin.START: None}[
+                strategy.begin
+            ]
             return self._attempt(targets(slowdown), start, strategy, first, budget)
 
         return targets, attempt
@@ -213,7 +215,7 @@ class ChunkPlanner:
         return map_for(basis(self.spec, self._settings))
 
     def _report(
-        self, chosen: Attempt, changed: dict[Reason, Change], budget: Budget, *, implausible: bool
+        self, chosen: Attempt, changed: dict[Reason, PlanChange], budget: Budget, *, implausible: bool
     ) -> PlanReport:
         footing = self.optimizer.body.footing
         return PlanReport(

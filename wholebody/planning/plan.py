@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wholebody.planning.changes import MOVED_MIN, Change
+from wholebody.planning.changes import MOVED_MIN, PlanChange
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandPath
 from wholebody.robot.contact_schedule import ContactSchedule
@@ -37,7 +37,7 @@ class PlanReport:
     tracking_error: np.ndarray
     slowdown: float
     zmp_margin: np.ndarray
-    changes: Mapping[Reason, Change] = field(default_factory=dict)
+    changes: Mapping[Reason, PlanChange] = field(default_factory=dict)
     strategy: str = ""
     violation: float = 0.0
     safe: bool = True

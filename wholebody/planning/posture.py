@@ -196,8 +196,8 @@ class PostureSolver:
             hand[:, : fingers.shape[1]] = fingers
         chunk = ActionChunk(builtin("wbc32", robot).id, seq, time, fps, wrists[:, 0], wrists[:, 1], q_l, q_r)
         if not posture.reached:
-            said = str(posture).splitlines()[: 1 + len(posture.reasons)]
-            chunk = replace(chunk, notes=(f"goes to the nearest posture found, {'; '.join(said)}",))
+            lines = str(posture).splitlines()[: 1 + len(posture.reasons)]
+            chunk = replace(chunk, notes=(f"goes to the nearest posture found, {'; '.join(lines)}",))
         return PosturePath(way.clear, chunk, way.q, way.margins)
 
     def _nearest(self, T_palms: np.ndarray, targets: np.ndarray, start: np.ndarray) -> Solution:

@@ -95,8 +95,8 @@ class DrawingProcess:
             )
             if self._child.stdout.read(len(READY)) == READY:
                 return
-            said = self._child.communicate()[1].decode(errors="replace").strip().splitlines()
-            reasons.append(f"{backend} (Debian packages: {packages}): {said[-1] if said else 'it ended at once'}")
+            lines = self._child.communicate()[1].decode(errors="replace").strip().splitlines()
+            reasons.append(f"{backend} (Debian packages: {packages}): {lines[-1] if lines else 'it ended at once'}")
         raise RenderError("no OpenGL here to draw what cameras see; install one of: " + "; ".join(reasons))
 
     def draw(self, positions: np.ndarray, marks: np.ndarray | None = None) -> dict[str, np.ndarray]:

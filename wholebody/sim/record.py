@@ -202,10 +202,10 @@ _KINDS = {"f": "a number of 64 bits", "i": "a whole number", "U": "text"}
 
 
 def _check_shape(name: str, shape: tuple[int, ...], wanted: tuple[str | int, ...], lengths: dict[str, int]) -> None:
-    said = f"has '{name}' of shape {shape}; ({', '.join(str(length) for length in wanted)}) is expected"
+    text = f"has '{name}' of shape {shape}; ({', '.join(str(length) for length in wanted)}) is expected"
     if len(shape) != len(wanted):
-        raise ReadingError(said)
+        raise ReadingError(text)
     for length, letter in zip(shape, wanted, strict=True):
         known = letter if isinstance(letter, int) else lengths.setdefault(letter, length)
         if length != known:
-            raise ReadingError(f"{said}, where {letter} is {known}")
+            raise ReadingError(f"{text}, where {letter} is {known}")

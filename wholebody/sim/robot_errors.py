@@ -139,9 +139,9 @@ class RealisticPlant(MujocoPlant):
     def state(self) -> RobotState:
         """State as of `MujocoPlant`, with the torques that the motors report."""
         state = super().state()
-        if self._answer is None or self._answer.told is None:
+        if self._answer is None or self._answer.reported is None:
             return state
-        return replace(state, tau=self._answer.told[self._conversion.motor_to_pin])
+        return replace(state, tau=self._answer.reported[self._conversion.motor_to_pin])
 
     def _torques(self, asked: tuple[np.ndarray, ...], anew: bool) -> bool:
         """The command that has arrived by now, on the angles that the encoders read, as the motors answer it."""
@@ -167,11 +167,11 @@ class MotorAnswer:
 
     Attributes:
         feed_forward: Share of commanded torques that is added to the position loops.
-        told: Torques that the motors tell, (n,), [N m]; None if it is what they deliver.
+        reported: Torques that the motors report, (n,), [N m]; None if it is what they deliver.
     """
 
     def __init__(self, spec: RobotSpec, errors: RobotErrors, step: float) -> None:
-        self.feed_forward, self.told = errors.feed_forward, None if errors.loss_told else np.zeros(spec.n_joints)
+        self.feed_forward, self.reported = errors.feed_forward, None if errors.loss_told else np.zeros(spec.n_joints)
         self._delivered = np.ones(spec.n_joints)
         for pattern, share in errors.delivered:
             self._delivered[_matched(spec, pattern)] = share
@@ -193,8 +193,8 @@ class MotorAnswer:
             A, b = self._step
             self._moving = A @ self._moving + b[:, None] * torque
             torque[:] = self._moving[0]
-        if self.told is not None:
-            self.told[:] = torque
+        if self.reported is not None:
+            self.reported[:] = torque
         torque *= self._delivered
 
 

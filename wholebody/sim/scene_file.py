@@ -126,21 +126,21 @@ def _assets(folder: Path, contents: _Contents) -> dict[str, bytes]:
     assets: dict[str, bytes] = {}
     root, left = folder.resolve(), ASSETS_MAX
     for below, name in dict.fromkeys(contents.files):
-        said = printable(name, 80)
+        text = printable(name, 80)
         try:
             path = (folder / below / name).resolve()
         except (RuntimeError, ValueError) as error:
-            raise ReadingError(f"names the file '{said}', which leads nowhere") from error
+            raise ReadingError(f"names the file '{text}', which leads nowhere") from error
         if not path.is_relative_to(root) or Path(name).is_absolute() or Path(below).is_absolute():
-            raise ReadingError(f"names the file '{said}', which is not in its folder")
+            raise ReadingError(f"names the file '{text}', which is not in its folder")
         if path.suffix.lower() not in (*_MESHES, *_PICTURES):
-            raise ReadingError(f"names the file '{said}'; {', '.join((*_MESHES, *_PICTURES))} are read")
+            raise ReadingError(f"names the file '{text}'; {', '.join((*_MESHES, *_PICTURES))} are read")
         try:
             left -= require_file(path, left)
         except ReadingError as error:
-            raise ReadingError(f"names the file '{said}', which {error} for all that it names") from error
+            raise ReadingError(f"names the file '{text}', which {error} for all that it names") from error
         content = path.read_bytes()[: ASSETS_MAX + 1]
-        _require_picture(said, path, content)
+        _require_picture(text, path, content)
         assets[str(Path(below) / name)] = content
     return assets
 

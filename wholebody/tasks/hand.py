@@ -78,9 +78,9 @@ class HandTask:
         wanted = self.acceleration_ref + self.kd * (self.twist_ref - velocity) + feedback
         push = touch[STIFFNESS] * error[:3]
         if (size := float(np.linalg.norm(touch[TOLD : TOLD + 3]))) > 0.0:
-            told = touch[TOLD : TOLD + 3] / size
-            along = float(push @ told)
-            push += (size + min(max(along, -TOLD_GIVE * size), TOLD_GIVE * size) - along) * told
+            direction = touch[TOLD : TOLD + 3] / size
+            along = float(push @ direction)
+            push += (size + min(max(along, -TOLD_GIVE * size), TOLD_GIVE * size) - along) * direction
         push += self.kd * self.twist_ref[:3] + self.acceleration_ref[:3]
         yielding = limited(push, touch[PUSH_MAX]) - self.kd * velocity[:3] + touch[FORCE : FORCE + 3] * touch[MOBILITY]
         wanted[:3] = (1.0 - share) * wanted[:3] + share * yielding

@@ -21,17 +21,17 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.recorder import Recorder
 from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
+from wholebody.verdict.chunk_gate import ChunkGate
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.gate import ChunkGate
 from wholebody.verdict.input_steps import far_from_stance, last_step, within
-from wholebody.verdict.verdict import Follow, Verdict, judge
+from wholebody.verdict.verdict import Follow, Verdict, verdict_of
 
 TIMESTEP = 0.002
 """Longest physics step [s]; chosen: one control period at 500 Hz."""
 
 
 @runtime_checkable
-class Recording(Policy, Protocol):
+class RecordedPolicy(Policy, Protocol):
     """A recording as a policy, also one that is watched.
 
     Attributes:
@@ -42,8 +42,8 @@ class Recording(Policy, Protocol):
     duration: float
     episode: ActionChunk
 
-    def held(self, seconds: float) -> Recording:
-        """Recording with its first step held for so long [s]."""
+    def held(self, seconds: float) -> RecordedPolicy:
+        """RecordedPolicy with its first step held for so long [s]."""
         ...
 
 
@@ -96,8 +96,8 @@ class Checker:
         if self._errors is None:
             return "true" if self.sensors is None else f"true, errors of sensors with seed {self.sensors.config.seed}"
         left, right = self._payload
-        told = "true state" if self.sensors is None else "state estimated from readings"
-        return f"realistic, seed {self._errors.seed}, {left:.2f} and {right:.2f} kg in its hands, {told}"
+        knows = "true state" if self.sensors is None else "state estimated from readings"
+        return f"realistic, seed {self._errors.seed}, {left:.2f} and {right:.2f} kg in its hands, {knows}"
 
     def recorder(self) -> Recorder:
         """A recorder for this robot and scene."""
@@ -130,7 +130,7 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        recording = policy if self.episode.begin is not None and isinstance(policy, Recording) else None
+        recording = policy if self.episode.begin is not None and isinstance(policy, RecordedPolicy) else None
         given, lead_in = policy, 0.0
         if recording is not None:
             # A plan is there when the recording begins, as in the midst of a longer one.
@@ -155,7 +155,7 @@ class Checker:
         config = self.supervisor.config
         plans = self.supervisor.handover
         summary = None if self.gate is None or plans is None else self.gate.summary(plans.late)
-        verdict = judge(name, result, asdict(config), bounds=config.verdict)
+        verdict = verdict_of(name, result, asdict(config), bounds=config.verdict)
         last = last_step(given, duration, result.fps)
         verdict = replace(verdict, robot=self.robot, follow=self.follow, gate=summary)
         return within(verdict, last), result

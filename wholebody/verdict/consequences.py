@@ -38,13 +38,13 @@ def folded(found: Sequence[Violation]) -> list[Violation]:
 
 
 def _in_order(found: Sequence[Violation], of: Sequence[Reason | None]) -> Iterator[Violation]:
-    told = set()
+    listed = set()
     for one, cause in zip(found, of, strict=True):
         if cause is not None:
             continue
         yield one
-        if one.code not in told:
-            told.add(one.code)
+        if one.code not in listed:
+            listed.add(one.code)
             yield from (replace(x, came_of=one.code) for x, y in zip(found, of, strict=True) if y is one.code)
 
 

@@ -19,7 +19,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.calibration.quantities import quantities
-from wholebody.verdict.verdict import Verdict, blocked, judge, too_hard
+from wholebody.verdict.verdict import Verdict, blocked, too_hard, verdict_of
 
 MOVING = 0.05
 """Speed of a hand from which a chunk is begun in motion [m/s]; chosen: what stops within a few millimetres."""
@@ -123,8 +123,8 @@ class PlanRun:
         """Whether palms are commanded elsewhere, or turned otherwise, than is as given."""
         bounds = self.judge.config.verdict
         turned = np.where(self.result.orientation_free, 0.0, found.turned)
-        far, awry = found.moved.max(initial=0.0), turned.max(initial=0.0)
-        return bool(far > bounds.palm_feasible or awry > bounds.turn_feasible)
+        far, turn = found.moved.max(initial=0.0), turned.max(initial=0.0)
+        return bool(far > bounds.palm_feasible or turn > bounds.turn_feasible)
 
     def _is_news(self, chunk: ActionChunk) -> bool:
         """Whether a chunk has steps that move, and that no chunk before it had."""
@@ -249,7 +249,7 @@ class PlanRun:
         result = self.result
         result.palms = self.palms.errors()
         result.time_factor = self._spent / self._travelled if self._travelled else 1.0
-        verdict = judge(name, result, settings, bounds=self.judge.config.verdict)
+        verdict = verdict_of(name, result, settings, bounds=self.judge.config.verdict)
         if Limit.SCENE_DISTANCE in self.margins:
             verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
         if Limit.HAND_FORCE in self.margins:

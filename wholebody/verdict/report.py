@@ -17,7 +17,7 @@ from wholebody.verdict.quantity import quantity, said
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why.sentence import change_said
+from wholebody.verdict.why.sentence import change_text
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -61,7 +61,7 @@ def lines(verdict: Verdict) -> list[str]:
     # An only cause says in its sentence which changes of the chunk would do.
     apart = [one for one in verdict.would_do if one.bound is not None or len(verdict.causes) != 1]
     if apart:
-        text.append(f"  it would do {', or '.join(map(change_said, apart))}")
+        text.append(f"  it would do {', or '.join(map(change_text, apart))}")
     if not verdict.why_complete:
         text.append(f"  the time for it ended: {MORE_CAUSES if verdict.causes else NO_CAUSE_YET}")
     if verdict.tick is not None:
@@ -152,10 +152,10 @@ def tick_line(tick: Tick) -> str:
     """What the tick's program says, the bounds alone: what moves and what is asked for takes part in every proof."""
     bounds = [name for name in tick.rows if name.partition(".")[0] in ROWS]
     kinds = [ROWS[name.partition(".")[0]].format(name.partition(".")[2].replace(".", " and ")) for name in bounds]
-    told = ", ".join(f"{kind} ({n} rows)" if n > 1 else kind for kind, n in Counter(kinds).most_common(5))
+    text = ", ".join(f"{kind} ({n} rows)" if n > 1 else kind for kind, n in Counter(kinds).most_common(5))
     if tick.proven:
-        return f"proven   at {tick.time:.2f} s no acceleration takes the hands along: {told or 'whatever the bounds'}"
-    return f"limits   at {tick.time:.2f} s hands fall short most, held back by {told or 'other tasks'}"
+        return f"proven   at {tick.time:.2f} s no acceleration takes the hands along: {text or 'whatever the bounds'}"
+    return f"limits   at {tick.time:.2f} s hands fall short most, held back by {text or 'other tasks'}"
 
 
 def to_json(verdicts: Sequence[Verdict]) -> str:

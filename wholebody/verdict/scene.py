@@ -63,7 +63,7 @@ class SceneDistance:
     def asked(self, chunk: ActionChunk) -> Margin | None:
         """Least room of the hands, but for those that are to touch something, where a chunk asks them to be."""
         m, d, found = self._model, self._data, []
-        apart = [geoms for geoms, told in zip(self._hands, chunk.told, strict=True) if not told]
+        apart = [geoms for geoms, told in zip(self._hands, chunk.pushes, strict=True) if not told]
         mujoco.mj_resetDataKeyframe(m, d, m.key("stance").id)
         mujoco.mj_kinematics(m, d)
         shapes = [self._from_wrist(wrist, geoms) for wrist, geoms in zip(self._wrists, self._hands, strict=True)]
@@ -77,7 +77,7 @@ class SceneDistance:
     def planned(self, plan: ChunkPlan, chunk: ActionChunk) -> Margin | None:
         """Least room of the robot along a plan of a chunk."""
         m, d, track, found = self._model, self._data, plan.trajectory, []
-        touching = [geoms for geoms, told in zip(self._hands, chunk.told, strict=True) if told]
+        touching = [geoms for geoms, told in zip(self._hands, chunk.pushes, strict=True) if told]
         apart = np.setdiff1d(self._robot, np.concatenate([*touching, []]))
         mujoco.mj_resetDataKeyframe(m, d, m.key("stance").id)
         for row in range(0, len(track.q), round(EVERY / GRID)):

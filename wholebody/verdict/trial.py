@@ -62,17 +62,17 @@ def run_chunk(
     state = plant.reset(begin)
     if sensors is not None:
         sensors.reset()
-    told = state if sensors is None else sensors.measure(state)
-    follower.reset(told, state.time)
+    measured = state if sensors is None else sensors.measure(state)
+    follower.reset(measured, state.time)
     shifted, errors, fall = replace(chunk, t_obs=state.time), TrackingError(follower), None
     follower.accept(shifted, state.time)
     last = float(shifted.times[-1])
     while fall is None and state.time < last + hold - 1e-9:
-        command = follower.step(told, state.time)
+        command = follower.step(measured, state.time)
         errors.follow(follower.chunk, follower.plan_report)
         errors.measure(state, follower.palm_reference())
         state = plant.step(command)
-        told = state if sensors is None else sensors.measure(state)
+        measured = state if sensors is None else sensors.measure(state)
         fall = detect_fall(plant, state, follower.status.status)
         if settled is not None and state.time > last and settled(state):
             break

@@ -149,7 +149,7 @@ def with_why(verdict: Verdict, asked: Verdict) -> Verdict:
     return replace(told, search_finds=True) if asked.verdict == "feasible" else told
 
 
-def judge(
+def verdict_of(
     name: str, result: EpisodeResult, config: dict | None = None, *, bounds: VerdictConfig | None = None
 ) -> Verdict:
     """Verdict on an episode.

@@ -101,8 +101,8 @@ def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
         *_contacts(result),
         *_notes(result),
     ]
-    told = {violation.code for violation in found} | {refusal.reason for refusal in result.refusals}
-    found += _reasons(result, told)
+    codes = {violation.code for violation in found} | {refusal.reason for refusal in result.refusals}
+    found += _reasons(result, codes)
     found.sort(key=_rank)
     return [_with_step(violation, result) for violation in found]
 
@@ -124,8 +124,8 @@ def _ends(result: EpisodeResult) -> Iterator[Violation]:
         subject = f"{first.reason}{times}: {first.detail}"
         yield Violation(code=Reason.REFUSED, severity=Severity.INFEASIBLE, subject=subject, time=first.time)
     if not result.times.size:
-        said = "no step of the input was executed"
-        yield Violation(code=Reason.NO_CHUNK, severity=Severity.INFEASIBLE, subject=said, time=result.start)
+        text = "no step of the input was executed"
+        yield Violation(code=Reason.NO_CHUNK, severity=Severity.INFEASIBLE, subject=text, time=result.start)
     yield from _starved(result)
 
 

@@ -49,6 +49,6 @@ def in_worlds(verdict: Verdict, seeds: Sequence[int], found: Sequence[Verdict]) 
     if not fell:
         return replace(verdict, worlds=summary)
     first = next(one for one in found if one.fell).violations[0]
-    said = f"in {len(fell)} of {len(found)} realistic worlds, seeds {', '.join(map(str, fell))}: {first.subject}"
-    fall = Violation(code=Reason.FALL, severity=Severity.INFEASIBLE, subject=said, time=first.time, step=first.step)
+    text = f"in {len(fell)} of {len(found)} realistic worlds, seeds {', '.join(map(str, fell))}: {first.subject}"
+    fall = Violation(code=Reason.FALL, severity=Severity.INFEASIBLE, subject=text, time=first.time, step=first.step)
     return replace(verdict, verdict="infeasible", violations=[fall, *verdict.violations], worlds=summary)

@@ -123,20 +123,20 @@ def _above(found: _Contents, place: str) -> list[Mapping[str, object]]:
 
 
 def _names(found: _Contents, path: str, group: str, width: int) -> tuple[str, ...]:
-    for said in (found.attributes.get(path, {}), *_above(found, group)):
+    for stated in (found.attributes.get(path, {}), *_above(found, group)):
         for name in _NAMES:
-            value = said.get(name)
+            value = stated.get(name)
             if isinstance(value, list) and len(value) == width and all(isinstance(one, str) for one in value):
                 return tuple(value)
     return ()
 
 
 def _rate(found: _Contents, place: Place, source: Path) -> float:
-    for said in _above(found, place.name):
+    for stated in _above(found, place.name):
         for name in _RATES:
-            if isinstance(said.get(name), float):
-                return said[name]
-        if (rate := _of_environment(said.get("env_args"))) is not None:
+            if isinstance(stated.get(name), float):
+                return stated[name]
+        if (rate := _of_environment(stated.get("env_args"))) is not None:
             return rate
     files = source if source == place.file else source / f"*{place.file.suffix}"
     raise DatasetError(
@@ -148,8 +148,8 @@ def _rate(found: _Contents, place: Place, source: Path) -> float:
 def _of_environment(text: object) -> float | None:
     """Rate [Hz] by robomimic's ``env_args``: its own, or Isaac Lab's steps and how many of them an action lasts."""
     try:
-        said = parse_json(text) if isinstance(text, str) else {}
-        settings, steps = said.get("env_kwargs") or {}, said.get("sim_args") or {}
+        stated = parse_json(text) if isinstance(text, str) else {}
+        settings, steps = stated.get("env_kwargs") or {}, stated.get("sim_args") or {}
         if "control_freq" in settings:
             return float(settings["control_freq"])
         return 1.0 / (float(steps["dt"]) * float(steps.get("decimation", 1)))
@@ -158,7 +158,7 @@ def _of_environment(text: object) -> float | None:
 
 
 def _task(found: _Contents, place: Place) -> str:
-    texts = (said.get(name) for said in _above(found, place.name) for name in ("task", "language_instruction"))
+    texts = (stated.get(name) for stated in _above(found, place.name) for name in ("task", "language_instruction"))
     return next((text for text in texts if isinstance(text, str)), "")
 
 
@@ -194,8 +194,8 @@ def _read(file: Path, modified_ns: int) -> _Contents:
     except subprocess.TimeoutExpired as error:
         raise ReadingError(f"takes longer than {SECONDS_MAX:g} s to read") from error
     if done.returncode:
-        said = printable(done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["nothing"], 300)
-        raise ReadingError(said if done.returncode == 1 else f"is damaged: the HDF5 library fails on it ({said})")
+        stated = printable(done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["nothing"], 300)
+        raise ReadingError(stated if done.returncode == 1 else f"is damaged: the HDF5 library fails on it ({stated})")
     header, mark, numbers = done.stdout.partition(b"\n")
     if not mark or len(header) > JSON_MAX or len(numbers) > OUTPUT_MAX:
         raise ReadingError("is not read as a list of arrays")

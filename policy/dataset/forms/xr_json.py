@@ -56,8 +56,8 @@ def _recording(place: Place) -> Recording:
 @lru_cache(maxsize=8)
 def _read(file: Path, modified_ns: int) -> Recording:
     """An episode; the last ones are kept, because they are asked for again and again."""
-    said = read_json(file)
-    steps, info, text = said.get("data"), said.get("info"), said.get("text")
+    stated = read_json(file)
+    steps, info, text = stated.get("data"), stated.get("info"), stated.get("text")
     if not isinstance(steps, list) or not steps or not all(isinstance(step, Mapping) for step in steps):
         raise DatasetError(f"{file} has no list of steps called 'data'; an episode of xr_teleoperate is expected")
     columns: dict[str, np.ndarray] = {}
@@ -107,8 +107,8 @@ def _called(part: str, width: int) -> str:
 
 
 def _names(info: object, part: str, width: int) -> tuple[str, ...]:
-    said = info.get("joint_names") if isinstance(info, Mapping) else None
-    names = said.get(part) if isinstance(said, Mapping) else None
+    stated = info.get("joint_names") if isinstance(info, Mapping) else None
+    names = stated.get(part) if isinstance(stated, Mapping) else None
     if not isinstance(names, list) or len(names) != width or not all(isinstance(name, str) for name in names):
         return ()
     return tuple(names)

@@ -33,8 +33,8 @@ def mapping(
     dataset = open_dataset(folder)
     about = {"format": dataset.version, "fps": dataset.fps, "episodes": len(dataset.episodes)}
     features = {key: _feature(dataset, key, assume if key == ACTION else None, robot) for key in (ACTION, STATE)}
-    said = {"read_as": list(read_as), "assumed_layout": None if assume is None else assume.id}
-    return {**about, **said, "features": features}
+    facts = {"read_as": list(read_as), "assumed_layout": None if assume is None else assume.id}
+    return {**about, **facts, "features": features}
 
 
 def _feature(dataset: Dataset, key: str, assume: ActionSpec | None, robot: RobotSpec | None) -> dict[str, Any]:

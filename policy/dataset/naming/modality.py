@@ -40,12 +40,12 @@ def modality_names(
     file = dataset.folder / "meta" / MODALITY
     if not file.exists():
         return (), ()
-    said = read_json(file).get("action" if key == ACTION else "state")
-    if not isinstance(said, Mapping):
+    stated = read_json(file).get("action" if key == ACTION else "state")
+    if not isinstance(stated, Mapping):
         return (), ()
     named: list[tuple[str, str]] = [("", "")] * width
     at: dict[str, int] = {}
-    for part, place in said.items():
+    for part, place in stated.items():
         if not isinstance(place, Mapping) or place.get("original_key", feature) != feature:
             continue
         start, end = place.get("start"), place.get("end")
@@ -56,12 +56,12 @@ def modality_names(
         if any(name for _, name in named[start:end]):
             raise DatasetError(f"{file} has '{part}' where another part is already")
         at[part] = start
-        names = part_joints(part, end - start, pinocchio=_behind_its_arm(part, start, said))
+        names = part_joints(part, end - start, pinocchio=_behind_its_arm(part, start, stated))
         named[start:end] = [(part, names[i] if names else f"{part}_{i}") for i in range(end - start)]
     if not at:
         return (), ()
     notes = [f"{key}: {file.name} says which columns are which part, not their order: joints are in motor order"]
-    if any(_behind_its_arm(hand, at.get(hand, -1), said) for hand in _HANDS):
+    if any(_behind_its_arm(hand, at.get(hand, -1), stated) for hand in _HANDS):
         notes.append(f"{key}: fingers are taken as index, middle, thumb, since each hand stands behind its arm")
     return tuple((part, name or f"unnamed_{i}") for i, (part, name) in enumerate(named)), tuple(notes)
 

@@ -7,7 +7,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from wholebody.cli.commands.serve_policy import Served
+from wholebody.cli.commands.serve_policy import ServingOptions
 from wholebody.cli.grouped import OptionsByGroup
 from wholebody.cli.options import flat
 
@@ -54,5 +54,5 @@ def test_two_groups_with_one_option_are_refused():
 
 
 def test_a_seed_of_zero_is_passed_on_and_what_is_empty_is_not_chosen():
-    chosen = Served(seed=0, num_steps=0, device="").choices()
+    chosen = ServingOptions(seed=0, num_steps=0, device="").choices()
     assert (chosen["seed"], chosen["num_steps"], chosen["device"]) == (0, None, None)

@@ -13,7 +13,7 @@ from wholebody.cli.commands.run import _failed
 from wholebody.cli.console import JsonVerdicts
 from wholebody.cli.crash import ours
 from wholebody.cli.main import CLOSED
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 
 
@@ -73,7 +73,7 @@ def test_an_audit_shows_notes_and_links_its_inputs(tmp_path):
         "moved_turn_max_rad": 0.0,
         "violations": [note],
     }
-    judged = [Outcome(name=name, ending="judged", verdict=verdict) for name in (str(file), f"{file}#3", "wave")]
+    judged = [AuditOutcome(name=name, ending="judged", verdict=verdict) for name in (str(file), f"{file}#3", "wave")]
     write_summary(tmp_path, judged)
     text = (tmp_path / PAGE).read_text()
     assert text.count("<i>hands may be &lt;swapped&gt;</i>") == 3

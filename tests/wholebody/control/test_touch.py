@@ -17,7 +17,7 @@ from policy.scripted.library import lissajous, scripted_policy
 from policy.scripted.policy import stance_pose, to_chunk
 from tests.support.felt import Run, robot_in
 from wholebody.config import ControllerConfig
-from wholebody.control.told import STIFFEST
+from wholebody.control.asked_forces import STIFFEST
 from wholebody.control.touch import GRAVITY
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.execution.supervisor import Supervisor
@@ -176,8 +176,8 @@ def test_a_chunk_may_lower_the_limits_of_a_hand_and_not_raise_them(supervisor):
     touch.expect(
         replace(chunk, force_max=np.tile([10.0, 1e6], (steps, 1)), stiffness=np.tile([100.0, 1e6], (steps, 1)))
     )
-    touch.told.listen(chunk.t_obs)
-    assert touch.told.limits == [10.0, limit]
+    touch.asked.listen(chunk.t_obs)
+    assert touch.asked.limits == [10.0, limit]
     stiffness = supervisor.controller.touch[:, STIFFNESS] * ControllerConfig().touch.mass
     assert stiffness.tolist() == [100.0, STIFFEST]
 

@@ -23,7 +23,7 @@ from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason
-from wholebody.verdict.verdict import judge
+from wholebody.verdict.verdict import verdict_of
 
 SPEC = g1()
 SEAM, SEAM_VELOCITY = 1e-3, 0.05
@@ -242,7 +242,7 @@ def test_what_decoding_notes_of_a_chunk_reaches_the_verdict(robot):
     answer = policy.infer
     policy.infer = lambda observation: dataclasses.replace(answer(observation), notes=("left_hand: 2 numbers clipped",))
     result = run_episode(policy, *robot, duration=0.3, config=EpisodeConfig(settle=0.1, hold=0.0))
-    (violation,) = judge("wave", result).violations
+    (violation,) = verdict_of("wave", result).violations
     assert (violation.code, violation.subject) == (Reason.CHUNK_NOTE, "left_hand: 2 numbers clipped")
     assert violation.time == pytest.approx(0.1)
 

@@ -18,7 +18,7 @@ from wholebody.execution.planner_process import PlannerProcess
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason
-from wholebody.verdict.gate import gate_of
+from wholebody.verdict.chunk_gate import gate_of
 
 
 @pytest.fixture(scope="module")

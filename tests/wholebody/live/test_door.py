@@ -15,9 +15,9 @@ from websockets.sync.client import connect
 from tests.support.page_watcher import messages
 from wholebody.live import page as page_module
 from wholebody.live.door import ANYWHERE, Door
-from wholebody.live.glance import Wish
 from wholebody.live.page import Page
 from wholebody.live.robot_process import World
+from wholebody.live.snapshot import UserCommand
 
 VALUES = itertools.count(10.0, 10.0)
 """Latencies, each another one: a control that is told what it has says nothing [ms]."""
@@ -135,8 +135,8 @@ def test_what_the_controls_send_is_done(page):
         send(client, {"type": "TransformControlsDragEndMessage", "name": "/handle/left", "owner": ""})
         send(client, {"type": "GuiUpdateMessage", "uuid": uuid(page, "source"), "updates": {"value": "hands"}})
         wishes = told(page, client, 5)
-    assert [wish[0] for wish in wishes][:2] == [Wish.TARGETS, Wish.TARGETS]
-    assert {Wish.SOURCE, Wish.LATENCY} <= {wish[0] for wish in wishes}
+    assert [wish[0] for wish in wishes][:2] == [UserCommand.TARGETS, UserCommand.TARGETS]
+    assert {UserCommand.SOURCE, UserCommand.LATENCY} <= {wish[0] for wish in wishes}
     np.testing.assert_allclose(np.array(wishes[1][1:]).reshape(2, 4, 4)[0, :3, 3], POINT)
 
 
@@ -193,7 +193,7 @@ def test_what_no_control_sends_leaves_no_trace_and_kills_nothing(page, capfd, mo
         # Another one is served as before.
         with joined(page) as other:
             assert messages(other.recv(60.0))
-    assert [wish[0] for wish in wishes] == [Wish.LATENCY]
+    assert [wish[0] for wish in wishes] == [UserCommand.LATENCY]
     assert asked == []
     assert "Traceback" not in capfd.readouterr().err
 
@@ -204,7 +204,7 @@ def test_a_message_that_is_too_large_ends_its_connection_alone(page):
         with pytest.raises(ConnectionClosed):
             for _ in client:
                 pass
-        assert [wish[0] for wish in told(page, other, 1)] == [Wish.LATENCY]
+        assert [wish[0] for wish in told(page, other, 1)] == [UserCommand.LATENCY]
 
 
 def test_every_control_of_the_page_is_known_to_its_door(page):

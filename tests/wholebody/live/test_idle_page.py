@@ -9,9 +9,9 @@ import pytest
 from models.pinocchio_model import load_pinocchio, stance_q
 from tests.support.page_watcher import PageWatcher
 from wholebody.live import wire
-from wholebody.live.glance import Glance
 from wholebody.live.page import FPS_AT_REST, Page
 from wholebody.live.robot_process import World
+from wholebody.live.snapshot import Snapshot
 from wholebody.sim.recorder import Followed
 from wholebody.types import RobotState, Status, StatusReport
 
@@ -36,7 +36,7 @@ def shown():
         for i in range(MESSAGES):
             q[-1] = swing * np.sin(0.3 * i)
             state = RobotState(0.03 * i, q.copy(), np.zeros(model.nv), None)
-            wire.send(ours, *Glance(state, followed, np.full(model.nq, np.nan), 0.0, 0, 0, 0).message())
+            wire.send(ours, *Snapshot(state, followed, np.full(model.nq, np.nan), 0.0, 0, 0, 0).message())
             time.sleep(0.03)
         return len(drawn) - before, time.monotonic() - begin
 

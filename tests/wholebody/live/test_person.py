@@ -9,8 +9,8 @@ from models import g1
 from policy.executor.executor import ExecutorConfig
 from policy.scripted.library import scripted_policy
 from policy.targets.dragged_hands import DraggedHands
-from wholebody.live.glance import Wish
 from wholebody.live.person import BOUNDS, Person
+from wholebody.live.snapshot import UserCommand
 
 POSES = np.tile(np.eye(4), (2, 1, 1))
 
@@ -55,7 +55,17 @@ def wish(person, what, *numbers):
     person.look(0.0)
 
 
-@pytest.mark.parametrize("what", [Wish.PUSH, Wish.PAYLOAD, Wish.FRICTION, Wish.LATENCY, Wish.SOURCE, Wish.TARGETS])
+@pytest.mark.parametrize(
+    "what",
+    [
+        UserCommand.PUSH,
+        UserCommand.PAYLOAD,
+        UserCommand.FRICTION,
+        UserCommand.LATENCY,
+        UserCommand.SOURCE,
+        UserCommand.TARGETS,
+    ],
+)
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
 def test_what_is_no_number_is_not_done(person, what, number):
     wish(person, what, *[number] * 32)
@@ -63,7 +73,7 @@ def test_what_is_no_number_is_not_done(person, what, number):
     assert person.test.loop.executor.policy is person.test.sources["wave"]
 
 
-@pytest.mark.parametrize("what", [Wish.PUSH, Wish.PAYLOAD, Wish.FRICTION])
+@pytest.mark.parametrize("what", [UserCommand.PUSH, UserCommand.PAYLOAD, UserCommand.FRICTION])
 def test_what_is_beyond_the_bounds_is_done_at_the_bound(person, what):
     wish(person, what, 1e300, -1e300)
     (order,) = person.test.robot.orders
@@ -73,18 +83,18 @@ def test_what_is_beyond_the_bounds_is_done_at_the_bound(person, what):
 
 def test_no_page_can_do_more_to_the_robot_than_a_person_could(person):
     """What a push, a mass and friction may be at most is said here once more: [N], [kg], [1]."""
-    for what, most in ((Wish.PUSH, 500.0), (Wish.PAYLOAD, 10.0), (Wish.FRICTION, 2.0)):
+    for what, most in ((UserCommand.PUSH, 500.0), (UserCommand.PAYLOAD, 10.0), (UserCommand.FRICTION, 2.0)):
         wish(person, what, 1e300)
         assert person.test.robot.orders[-1].numbers == (most,)
 
 
 def test_a_source_that_there_is_not_is_the_last_one(person):
-    wish(person, Wish.SOURCE, 1e9)
+    wish(person, UserCommand.SOURCE, 1e9)
     assert person.test.loop.executor.policy is person.test.sources["hands"]
 
 
 def test_dragging_takes_the_hands_over_whatever_ran(person):
-    wish(person, Wish.TARGETS, *POSES.ravel())
+    wish(person, UserCommand.TARGETS, *POSES.ravel())
     hands = person.test.sources["hands"]
     assert person.test.loop.executor.policy is hands
     np.testing.assert_array_equal(hands.targets, POSES)
@@ -92,24 +102,24 @@ def test_dragging_takes_the_hands_over_whatever_ran(person):
 
 def test_a_drag_is_acted_on_at_once_and_a_stream_of_them_ten_times_a_second(person):
     asked = []
-    wish(person, Wish.TARGETS, *POSES.ravel())
+    wish(person, UserCommand.TARGETS, *POSES.ravel())
     person.test.loop.executor = SimpleNamespace(hasten=lambda: asked.append(now), close=lambda: None)
     for k in range(40):
         now = 1.0 + k * 0.01
-        person.test.page.sent.append((Wish.TARGETS, POSES.ravel()))
+        person.test.page.sent.append((UserCommand.TARGETS, POSES.ravel()))
         person.look(now)
     assert asked == pytest.approx([1.0, 1.1, 1.2, 1.3], abs=0.02)
 
 
 def test_a_pose_that_is_none_is_not_gone_to(person):
-    wish(person, Wish.TARGETS, *(2.0 * POSES).ravel())
+    wish(person, UserCommand.TARGETS, *(2.0 * POSES).ravel())
     assert person.test.sources["hands"].targets is None
 
 
 def test_the_latency_of_the_policy_is_that_of_the_next_source_too(person):
-    wish(person, Wish.LATENCY, 0.2)
+    wish(person, UserCommand.LATENCY, 0.2)
     assert person.test.loop.executor.worker.latency == 0.2
-    wish(person, Wish.SOURCE, 1)
+    wish(person, UserCommand.SOURCE, 1)
     assert person.test.loop.executor.worker.latency == 0.2
 
 
@@ -117,6 +127,6 @@ def test_the_latency_of_the_policy_is_that_of_the_next_source_too(person):
 def test_a_pause_ends_with_the_page_and_with_an_interrupt(person, how):
     person.test.page.alive, person.test.loop.stopped = how != "page", how == "interrupt"
     person.test.robot.origin, person.test.loop.lateness = 0.0, SimpleNamespace(pause=lambda: None)
-    wish(person, Wish.PAUSE, 1.0)
+    wish(person, UserCommand.PAUSE, 1.0)
     assert [order.what for order in person.test.robot.orders] == ["pause", "resume"]
     assert person.test.robot.origin >= 0.0

@@ -8,7 +8,7 @@ import pytest
 
 from models import g1
 from wholebody.errors import WholebodyError
-from wholebody.live.loop import ControlLoop, Told
+from wholebody.live.loop import ControlLoop, LoopStatistics
 from wholebody.live.robot_process import RobotProcess, World
 from wholebody.types import JointCommand, Reason, Status, StatusReport
 
@@ -49,6 +49,6 @@ def test_a_scene_that_there_is_not_is_told_where_it_was_asked_for():
 
 
 def test_a_plan_that_is_refused_after_the_last_chunk_was_asked_for_does_not_end_the_loop():
-    loop = SimpleNamespace(executor=None, told=Told())
+    loop = SimpleNamespace(executor=None, statistics=LoopStatistics())
     ControlLoop._refused(loop, StatusReport(Status.HOLD, Reason.NOT_JOINED))
-    assert loop.told.refusals == {"not_joined": 1}
+    assert loop.statistics.refusals == {"not_joined": 1}

@@ -12,7 +12,7 @@ from models.pinocchio_model import load_pinocchio, stance_q
 from policy.executor.executor import ExecutorConfig
 from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
-from wholebody.live.loop import Statue
+from wholebody.live.loop import StaticRobot
 from wholebody.live.session import Session, SessionConfig
 from wholebody.types import RobotState
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.alone
 SPEC = g1()
 
 
-class Watched(Statue):
+class Watched(StaticRobot):
     """A robot that stands like a statue and takes note of what is done with it."""
 
     def __init__(self):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wholebody.live import wire
-from wholebody.live.glance import REASONS, Glance
+from wholebody.live.snapshot import REASONS, Snapshot
 from wholebody.sim.recorder import Followed
 from wholebody.types import JointCommand, Reason, RobotState, Status, StatusReport
 
@@ -74,9 +74,9 @@ def test_a_glance_comes_as_it_was_shown(ends, reason, tau):
     palms = np.arange(32.0).reshape(2, 4, 4)
     status = StatusReport(Status.SLOWED, reason)
     seen = replace(state(), tau=tau)
-    sent = Glance(seen, Followed(palms, 2.0 * palms, status, 0.5, 0.08), np.full(50, np.nan), 1e-3, 3, 4, 2)
+    sent = Snapshot(seen, Followed(palms, 2.0 * palms, status, 0.5, 0.08), np.full(50, np.nan), 1e-3, 3, 4, 2)
     wire.send(ends[0], *sent.message())
-    came = Glance.of(wire.newest(ends[1]), 50, 49)
+    came = Snapshot.of(wire.newest(ends[1]), 50, 49)
     assert (came.followed.status, came.followed.rate, came.followed.planning_time) == (status, 0.5, 0.08)
     assert (came.tick, came.missed, came.late, came.source) == (1e-3, 3, 4, 2)
     np.testing.assert_array_equal(came.followed.commanded, 2.0 * palms)
@@ -87,5 +87,5 @@ def test_a_glance_comes_as_it_was_shown(ends, reason, tau):
 
 def test_before_the_first_chunk_nothing_is_asked(ends):
     followed = Followed(None, np.zeros((2, 4, 4)), StatusReport(Status.HOLD, Reason.NO_CHUNK))
-    wire.send(ends[0], *Glance(state(), followed, np.zeros(50), 0.0, 0, 0, 0).message())
-    assert Glance.of(wire.newest(ends[1]), 50, 49).followed.asked is None
+    wire.send(ends[0], *Snapshot(state(), followed, np.zeros(50), 0.0, 0, 0, 0).message())
+    assert Snapshot.of(wire.newest(ends[1]), 50, 49).followed.asked is None

@@ -15,7 +15,7 @@ from tests.support.lissajous_variants import variant
 from wholebody.config import ControllerConfig
 from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.statuses import plan_status
-from wholebody.planning.changes import Change
+from wholebody.planning.changes import PlanChange
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import PlanReport
 from wholebody.planning.preparation import most_near
@@ -154,7 +154,7 @@ def bent(q):
 
 def report_of(**moved):
     """A report of five knots 0.1 s apart: distances [m] by reason, seen from 8 mm on."""
-    changes = {Reason(code): Change(np.array(far), np.array(far) > 0.008, code) for code, far in moved.items()}
+    changes = {Reason(code): PlanChange(np.array(far), np.array(far) > 0.008, code) for code, far in moved.items()}
     return PlanReport(0.1 * np.arange(5), np.zeros((5, 2)), 1.0, np.ones(5), changes)
 
 

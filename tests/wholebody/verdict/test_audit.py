@@ -20,7 +20,7 @@ from wholebody.errors import InputError
 from wholebody.verdict.audit.audit import audit
 from wholebody.verdict.audit.journal import NAME, Journal
 from wholebody.verdict.audit.lists import delete_settings, slow_down, to_delete
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.workers import outcomes
 
 TABLES = ("episodes.parquet", "violations.parquet")
@@ -29,7 +29,7 @@ ASKED = {"fps": 30.0}
 
 def outcome(name, answer="feasible", **more):
     verdict = {"verdict": answer, "fell": False, "moved_max_m": 0.0, "moved_turn_max_rad": 0.0, "violations": []}
-    return Outcome(name=name, ending="judged", verdict=verdict, motion_s=2.0, **more)
+    return AuditOutcome(name=name, ending="judged", verdict=verdict, motion_s=2.0, **more)
 
 
 def test_a_process_that_dies_is_replaced_and_its_input_done(tmp_path):
@@ -94,7 +94,7 @@ def test_an_input_that_changed_and_one_that_was_not_judged_are_judged_again(tmp_
 
     def judge(left):
         judged.append(sorted(Path(name).name for name in left))
-        return (Outcome(name=n, ending="timed_out") if "late" in n else outcome(n) for n in left)
+        return (AuditOutcome(name=n, ending="timed_out") if "late" in n else outcome(n) for n in left)
 
     audit(names, tmp_path / "to", judge, asked=ASKED)
     (tmp_path / "a.npz").write_text("12")
@@ -108,7 +108,7 @@ def test_names_that_are_not_utf8_and_datasets_that_are_not_there_are_written(tmp
     names = [os.fsdecode(b"bad\xff.npz"), "nosuch#3"]
 
     def judge(left):
-        return (Outcome(name=name, ending="malformed", message=f"no {name}") for name in left)
+        return (AuditOutcome(name=name, ending="malformed", message=f"no {name}") for name in left)
 
     audit(names, tmp_path, judge, asked=ASKED)
     table = pyarrow.parquet.read_table(tmp_path / "episodes.parquet")
@@ -139,7 +139,7 @@ def test_lists_have_what_no_speed_makes_feasible_and_what_one_does():
         outcome("set#1", "infeasible"),
         outcome("set#2", "infeasible", slower=1.6),
         outcome("set#3", "feasible_after_repair"),
-        Outcome(name="set#4", ending="malformed"),
+        AuditOutcome(name="set#4", ending="malformed"),
         outcome("motion.csv", "infeasible"),
     ]
     assert to_delete(found) == {"set": [1, 4]}
@@ -195,8 +195,8 @@ def test_an_audit_that_is_killed_and_gone_on_with_equals_one_that_is_not(chunks,
 
 
 def test_what_could_not_be_judged_is_named_up_to_five():
-    found = [Outcome(name=f"{k}.npz", ending="malformed") for k in range(7)]
-    lines = list(_summary([outcome("fine"), *found, Outcome(name="slow.npz", ending="timed_out")], Path("audit")))
+    found = [AuditOutcome(name=f"{k}.npz", ending="malformed") for k in range(7)]
+    lines = list(_summary([outcome("fine"), *found, AuditOutcome(name="slow.npz", ending="timed_out")], Path("audit")))
     assert "malformed: 0.npz, 1.npz, 2.npz, 3.npz, 4.npz and 2 more" in lines
     assert "timed out: slow.npz" in lines
     assert not any(line.startswith("malformed") for line in _summary([outcome("fine")], Path("audit")))

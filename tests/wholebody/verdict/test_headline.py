@@ -13,7 +13,7 @@ from tests.support.sent_chunks import sent
 from wholebody import judge
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.types import Reason
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 from wholebody.verdict.calibration.odds import Chance, Odds
 from wholebody.verdict.causes import WouldDo
@@ -71,7 +71,7 @@ def test_the_same_sentence_is_printed_listed_audited_and_in_the_json(tmp_path):
     assert one.as_dict()["headline"] == told
     write_index(tmp_path / "index.html", [one], {})
     (tmp_path / "audit").mkdir()
-    write_summary(tmp_path / "audit", [Outcome(name="x", ending="judged", verdict=one.as_dict())])
+    write_summary(tmp_path / "audit", [AuditOutcome(name="x", ending="judged", verdict=one.as_dict())])
     for page in (tmp_path / "index.html", tmp_path / "audit" / PAGE):
         assert told in page.read_text()
 

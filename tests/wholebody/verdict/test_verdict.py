@@ -18,7 +18,7 @@ from wholebody.sim.fall import Fall
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.report import HEADINGS, lines, row, table_line, table_summary, to_json, violation_line
-from wholebody.verdict.verdict import judge
+from wholebody.verdict.verdict import verdict_of
 
 
 def result(*, errors=0.001, lags=0.001, moved=0.001, reasons=(None,) * 10, **changes):
@@ -45,7 +45,7 @@ def codes(verdict):
 
 
 def test_what_is_followed_as_given_is_feasible():
-    verdict = judge("wave", result())
+    verdict = verdict_of("wave", result())
     assert verdict.verdict == "feasible"
     assert verdict.violations == []
     assert verdict.rms_m == pytest.approx(0.001)
@@ -73,7 +73,7 @@ def test_what_is_followed_as_given_is_feasible():
     ],
 )
 def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
-    verdict = judge("motion", result(**changes))
+    verdict = verdict_of("motion", result(**changes))
     assert verdict.verdict == "feasible_after_repair"
     assert codes(verdict)[0] == code
     assert lines(verdict)[0].startswith("FEASIBLE AFTER REPAIR  motion: done, but ")
@@ -92,7 +92,7 @@ def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
     ],
 )
 def test_what_falls_is_refused_lost_or_becomes_another_motion_is_infeasible(changes, code):
-    verdict = judge("motion", result(**changes))
+    verdict = verdict_of("motion", result(**changes))
     assert verdict.verdict == "infeasible"
     assert codes(verdict)[0] == code
 
@@ -107,7 +107,7 @@ def test_marks_that_change_nothing_leave_it_feasible():
         "moved": 0.01,
         "reasons": (Reason.NOISY_CHUNK,) * 10,
     }
-    verdict = judge("grasp", result(**marks))
+    verdict = verdict_of("grasp", result(**marks))
     assert verdict.verdict == "feasible"
     assert codes(verdict) == [
         "noisy_chunk", "start_offset", "start_offset", "balance_edge", "joint_limit", "scene_contact"
@@ -125,7 +125,7 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
             "waist_pitch_joint": LimitExcess(1.1, 0.2, 48.0, 35.0),
         },
     }
-    verdict = judge("motion", result(**everything))
+    verdict = verdict_of("motion", result(**everything))
     assert codes(verdict) == ["fall", "tracking_error", "torque_limit", "torque_limit", "out_of_reach"]
     assert [one.came_of for one in verdict.violations] == [None, "fall", "fall", "fall", None]
     assert verdict.violations[2].subject == "waist_pitch_joint"
@@ -147,17 +147,22 @@ def test_of_hands_what_is_farthest_past_its_own_bound_is_listed_first_and_told()
     moved = np.zeros((10, 2))
     moved[2], moved[7] = 0.12, 0.34
     why = [Reason.OUT_OF_REACH] * 5 + [Reason.INTO_FLOOR] * 5
-    verdict = judge("motion", result(moved=moved, reasons=why, moved_turns=np.deg2rad(100.0)))
+    verdict = verdict_of("motion", result(moved=moved, reasons=why, moved_turns=np.deg2rad(100.0)))
     assert codes(verdict) == ["into_floor", "turned", "out_of_reach"]
     assert "left palm at step 7 (1.23 s) led away by 340 mm (bound 50 mm), below the floor" in lines(verdict)[0]
-    assert codes(judge("motion", result(moved=moved, reasons=why, fall=Fall(9.0, "x"))))[:2] == ["fall", "into_floor"]
+    assert codes(verdict_of("motion", result(moved=moved, reasons=why, fall=Fall(9.0, "x"))))[:2] == [
+        "fall",
+        "into_floor",
+    ]
 
 
 def test_a_first_step_far_from_the_hands_is_marked_in_metres_and_in_degrees():
-    assert "  far_start: first step 1.50 m from where" in "\n".join(lines(judge("far", result(start_jump=(1.5, 0.0)))))
-    verdict = judge("motion", result(start_jump=(0.4, 2.0)))
+    assert "  far_start: first step 1.50 m from where" in "\n".join(
+        lines(verdict_of("far", result(start_jump=(1.5, 0.0))))
+    )
+    verdict = verdict_of("motion", result(start_jump=(0.4, 2.0)))
     assert codes(verdict) == ["far_start", "far_start"]
-    assert "  approach from 1500 mm away, 0.00 s" in lines(judge("far", result(start_jump=(1.5, 0.0))))
+    assert "  approach from 1500 mm away, 0.00 s" in lines(verdict_of("far", result(start_jump=(1.5, 0.0))))
     assert "  far_start: first step 400 mm from where the hands were (bound 300 mm) at 1.00 s (step 0)" in lines(
         verdict
     )
@@ -173,26 +178,26 @@ def test_a_first_step_far_from_the_hands_is_marked_in_metres_and_in_degrees():
 def test_json_follows_the_shipped_schema(changes):
     schema = json.loads(verdict_schema().read_text())
     jsonschema.Draft202012Validator.check_schema(schema)
-    text = to_json([judge("a", result(**changes), {"dt": 0.002}), judge("b", result())])
+    text = to_json([verdict_of("a", result(**changes), {"dt": 0.002}), verdict_of("b", result())])
     jsonschema.validate(json.loads(text), schema)
 
 
 def test_the_schema_refuses_what_is_not_a_verdict():
     schema = json.loads(verdict_schema().read_text())
-    verdict = judge("a", result()).as_dict()
+    verdict = verdict_of("a", result()).as_dict()
     for wrong in ({"verdict": "maybe"}, {"rms_m": -1.0}, {"extra": 1}):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate([verdict | wrong], schema)
 
 
 def test_a_verdict_names_the_configuration_and_the_versions_it_was_made_with():
-    verdict = judge("a", result(), {"solver": "daqp"})
+    verdict = verdict_of("a", result(), {"solver": "daqp"})
     assert verdict.config == {"solver": "daqp"}
     assert re.match(r"\d", verdict.versions["mujoco"])
 
 
 def test_1_an_episode_of_which_nothing_was_executed_is_not_feasible():
-    verdict = judge("nothing", EpisodeResult())
+    verdict = verdict_of("nothing", EpisodeResult())
     assert (verdict.verdict, codes(verdict)) == ("infeasible", ["no_chunk"])
     assert lines(verdict)[0].startswith("INFEASIBLE  nothing: nothing of it was executed; ")
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
@@ -207,7 +212,7 @@ def test_1_an_episode_of_which_nothing_was_executed_is_not_feasible():
     [None, Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.TOO_FAST_FOR_BALANCE],
 )
 def test_2_a_hand_that_was_moved_is_judged_by_how_far_whoever_moved_it(reason, millimetres, answer):
-    verdict = judge("motion", result(moved=1e-3 * millimetres, reasons=(reason,) * 10))
+    verdict = verdict_of("motion", result(moved=1e-3 * millimetres, reasons=(reason,) * 10))
     assert verdict.verdict == answer
     assert verdict.moved_max_m == pytest.approx(1e-3 * millimetres)
     assert reason is None or reason in codes(verdict)
@@ -218,7 +223,7 @@ def test_2_every_reason_that_the_controller_had_is_a_violation():
     first = {Reason.HANDS_DROPPED: (2.0, "balance needs everything: hands give way")}
     found = result()
     found.reasons, found.first_reasons = seconds, first
-    verdict = judge("motion", found)
+    verdict = verdict_of("motion", found)
     assert set(codes(verdict)) == set(seconds) - {Reason.NO_CHUNK, Reason.STARVED}
     assert verdict.verdict == "infeasible", "standing is lost"
     assert "  hands_dropped: balance needs everything: hands give way, for 0.5 s at 2.00 s (step 30)" in lines(verdict)
@@ -231,20 +236,20 @@ def test_2_every_reason_that_the_controller_had_is_a_violation():
 )
 def test_3_orientation_has_bounds_of_its_own_unless_it_is_free(degrees, answer):
     turned = {"moved_turns": np.deg2rad(degrees), "turns": np.deg2rad(degrees)}
-    assert judge("motion", result(**turned)).verdict == answer
-    free = judge("motion", result(**turned, orientation_free=(True, True)))
+    assert verdict_of("motion", result(**turned)).verdict == answer
+    free = verdict_of("motion", result(**turned, orientation_free=(True, True)))
     assert (free.verdict, free.violations) == ("feasible", [])
     assert free.moved_turn_max_rad == pytest.approx(np.deg2rad(degrees)), "told, and not judged"
-    one = judge("motion", result(**turned, orientation_free=(True, False)))
+    one = verdict_of("motion", result(**turned, orientation_free=(True, False)))
     assert one.verdict == answer
 
 
 def test_3_all_four_bounds_are_settings():
     strict = VerdictConfig(palm_feasible=0.001, palm_repair=0.002, turn_feasible=0.01, turn_repair=0.02)
-    assert judge("a", result(moved=0.0015), bounds=strict).verdict == "feasible_after_repair"
-    assert judge("a", result(moved=0.0025), bounds=strict).verdict == "infeasible"
-    assert judge("a", result(moved_turns=0.015), bounds=strict).verdict == "feasible_after_repair"
-    assert judge("a", result(moved_turns=0.025), bounds=strict).verdict == "infeasible"
+    assert verdict_of("a", result(moved=0.0015), bounds=strict).verdict == "feasible_after_repair"
+    assert verdict_of("a", result(moved=0.0025), bounds=strict).verdict == "infeasible"
+    assert verdict_of("a", result(moved_turns=0.015), bounds=strict).verdict == "feasible_after_repair"
+    assert verdict_of("a", result(moved_turns=0.025), bounds=strict).verdict == "infeasible"
     changed = config_from({"verdict": {"palm_repair": "0.1"}}).verdict
     assert changed == VerdictConfig(palm_repair=0.1)
     with pytest.raises(ConfigError, match=r"verdict.palm_feasible is 0.2 m; it must be at most verdict.palm_repair"):
@@ -258,7 +263,7 @@ def test_4_the_way_to_a_start_elsewhere_is_a_note_unless_it_never_ends(jump, ste
     """Without an end, or from where the hands were, it is a hand that was moved."""
     way = np.zeros((10, 2))
     way[:steps, 0] = 0.2
-    verdict = judge("motion", result(moved=way, errors=way, start_jump=(jump, 0.0)))
+    verdict = verdict_of("motion", result(moved=way, errors=way, start_jump=(jump, 0.0)))
     assert verdict.verdict == answer
     assert ("start_offset" in codes(verdict)) == (jump > 0.0)
     assert verdict.approach_s == pytest.approx(steps / 30.0 if answer == "feasible" else 0.0)
@@ -267,7 +272,7 @@ def test_4_the_way_to_a_start_elsewhere_is_a_note_unless_it_never_ends(jump, ste
 def test_5_a_robot_that_waited_for_chunks_did_not_do_it_as_given():
     report = ExecutionReport(starved=0.8, starvations=3)
     report.add(1.3, "starved", "the last chunk ended at 1.300 s")
-    verdict = judge("wave", result(execution=report))
+    verdict = verdict_of("wave", result(execution=report))
     assert (verdict.verdict, codes(verdict)) == ("feasible_after_repair", ["starved"])
     assert lines(verdict)[:2] == [
         "FEASIBLE AFTER REPAIR  wave: done, but it waited for chunks",
@@ -276,7 +281,7 @@ def test_5_a_robot_that_waited_for_chunks_did_not_do_it_as_given():
 
 
 def test_a_row_of_the_table_stands_below_its_headings():
-    cells = row(judge("folder/B_Fence1.csv", result(errors=0.0123)))
+    cells = row(verdict_of("folder/B_Fence1.csv", result(errors=0.0123)))
     assert cells == ("B_Fence1", "no", "90 %", "100 %", "12.3", "12", "1.00", "tracking 3.0")
     heading, line = table_line(HEADINGS, 12), table_line(cells, 12)
     assert heading.index("RMS mm") + len("RMS mm") == line.index("12.3") + len("12.3")
@@ -284,15 +289,15 @@ def test_a_row_of_the_table_stands_below_its_headings():
 
 
 def test_the_summary_counts_motions_falls_and_time_spent_damping():
-    fallen = judge("a", result(fall=Fall(2.0, "x"), seconds={"damping": 0.5}))
+    fallen = verdict_of("a", result(fall=Fall(2.0, "x"), seconds={"damping": 0.5}))
     assert table_summary([fallen]).startswith("1 motion, 1 fall, 0.5 s damping\n")
-    assert table_summary([judge("b", result())] * 2).startswith("2 motions, 0 falls, 0.0 s damping\n")
+    assert table_summary([verdict_of("b", result())] * 2).startswith("2 motions, 0 falls, 0.0 s damping\n")
 
 
 def test_a_policy_that_fails_again_and_again_is_one_line_with_the_first_time():
     refusals = [Refusal(0.25 * k, "policy_raised", f"KeyError: {k}") for k in range(40)]
     refusals.insert(7, Refusal(1.6, "policy_hung", "no answer since 0.600 s"))
-    verdict = judge("wave", result(refusals=refusals))
+    verdict = verdict_of("wave", result(refusals=refusals))
     said = [(v.subject, v.time) for v in verdict.violations if v.code == "refused"]
     assert said == [("policy_raised 40 times: KeyError: 0", 0.0), ("policy_hung: no answer since 0.600 s", 1.6)]
 
@@ -301,7 +306,7 @@ def test_what_decoding_changed_is_one_line_whatever_its_numbers():
     notes = [
         Note(1.0 + k, f"left_hand: {k + 1} numbers clipped to their limits, by up to 0.{k}5 rad") for k in range(3)
     ]
-    verdict = judge("wave", result(notes=[*notes, Note(2.0, "the image of 'head' is missing")]))
+    verdict = verdict_of("wave", result(notes=[*notes, Note(2.0, "the image of 'head' is missing")]))
     assert verdict.verdict == "feasible_after_repair"
     assert [(v.code, v.subject, v.time, v.step) for v in verdict.violations] == [
         ("changed_numbers", "left_hand: 1 numbers clipped to their limits, by up to 0.05 rad, 3 times", 1.0, 0),

@@ -25,7 +25,7 @@ from wholebody.resources import processors
 
 if TYPE_CHECKING:
     from models.spec import RobotSpec
-    from wholebody.verdict.audit.outcome import Outcome
+    from wholebody.verdict.audit.outcome import AuditOutcome
 
 JOBS_MAX = 256
 """Most processes side by side."""
@@ -99,7 +99,7 @@ def _robot(audited: Audited) -> RobotSpec:
     return robot_of(settings_of(Simulation(config=audited.config, robot=audited.robot)).robot)
 
 
-def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
+def _summary(found: Sequence[AuditOutcome], folder: Path) -> Iterable[str]:
     from collections import Counter
 
     from wholebody.verdict.audit.lists import to_delete
@@ -124,7 +124,7 @@ def _summary(found: Sequence[Outcome], folder: Path) -> Iterable[str]:
     yield f"{slower} would do slower, {delete} episodes of datasets to delete; {folder / PAGE} ranks them"
 
 
-def _noticed(found: Sequence[Outcome]) -> Iterable[str]:
+def _noticed(found: Sequence[AuditOutcome]) -> Iterable[str]:
     """What was odd about inputs, the commonest first: notes that differ in their numbers only are one."""
     notes: dict[str, list[str]] = {}
     for one in found:
@@ -135,7 +135,7 @@ def _noticed(found: Sequence[Outcome]) -> Iterable[str]:
         yield f"noticed in {len(texts)} of {len(found)}: {texts[0]}"
 
 
-def _followed(found: Sequence[Outcome]) -> Iterable[str]:
+def _followed(found: Sequence[AuditOutcome]) -> Iterable[str]:
     """How measured joints follow commanded ones: the delay of most, and the joint that is off the most."""
     import numpy as np
 
@@ -152,7 +152,7 @@ def _followed(found: Sequence[Outcome]) -> Iterable[str]:
     yield f"states beside actions in {count} of {len(found)}: {late}, {joint} off by {offset:+.3f} rad; joints.parquet"
 
 
-def _repaired(found: Sequence[Outcome], folder: Path, read_as: str) -> Iterable[str]:
+def _repaired(found: Sequence[AuditOutcome], folder: Path, read_as: str) -> Iterable[str]:
     from wholebody.verdict.audit.repairs import FOLDER, write_datasets
     from wholebody.verdict.audit.tables import whence
 
@@ -172,7 +172,7 @@ class _Progress:
     def __init__(self) -> None:
         self._begin, self._told, self._first, self._motion = monotonic(), -TOLD_EVERY, 0, 0.0
 
-    def __call__(self, done: int, count: int, outcome: Outcome) -> None:
+    def __call__(self, done: int, count: int, outcome: AuditOutcome) -> None:
         self._first, self._motion = self._first or done, self._motion + outcome.motion_s
         now = monotonic() - self._begin
         if now - self._told < TOLD_EVERY and done < count:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Dataset:
+class DatasetOptions:
     """What a dataset does not say itself, and what is written of it."""
 
     waist: Annotated[
@@ -48,7 +48,7 @@ def convert(
     fps: Fps = None,
     assume_spec: AssumeSpec = "",
     read_as: ReadAs = "",
-    dataset: Dataset,
+    dataset: DatasetOptions,
     json_to: JsonTo = "",
 ) -> None:
     """Convert chunk files, motion files, or datasets of joints. Such a dataset becomes one of wrists.

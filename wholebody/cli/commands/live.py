@@ -23,7 +23,7 @@ LINE_EVERY = 1.0
 
 
 @dataclass(frozen=True)
-class Shown:
+class StatusLine:
     """Where the page is."""
 
     headless: Annotated[bool, Option("--headless", help="No page; runs the first source.")] = False
@@ -56,7 +56,7 @@ def live(
             autocompletion=completed_script,
         ),
     ] = None,
-    shown: Shown,
+    shown: StatusLine,
     given: Input,
     around: Around,
     sampling: Sampling,
@@ -73,11 +73,11 @@ def live(
     from wholebody.cli.simulated import check_times
     from wholebody.cli.sources import length, opened
     from wholebody.config.description import describe
-    from wholebody.live.glance import HANDS
     from wholebody.live.page_process import PageProcess
     from wholebody.live.robot_process import RobotProcess, World
     from wholebody.live.session import Session, SessionConfig
-    from wholebody.verdict.gate import gate_of
+    from wholebody.live.snapshot import HANDS
+    from wholebody.verdict.chunk_gate import gate_of
 
     check_times(given.duration, around.hold)
     check_places(json_to)

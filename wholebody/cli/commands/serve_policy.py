@@ -16,7 +16,7 @@ from wholebody.cli.sources import layout_named, open_source
 
 
 @dataclass(frozen=True)
-class Served(Sampling):
+class ServingOptions(Sampling):
     """How the network of a checkpoint is loaded, and what it is asked for."""
 
     task: Annotated[str, Option(help="Checkpoint: task where the client gives none.")] = ""
@@ -41,7 +41,7 @@ def serve_policy(
     ],
     host: Annotated[str, Option(help="Address to listen on; 0.0.0.0: every network.")] = "127.0.0.1",
     port: Annotated[int, Option(help="Port; 0: any free one.")] = 8000,
-    served: Served,
+    served: ServingOptions,
     fps: Fps = None,
     assume_spec: AssumeSpec = "",
     rename_map: RenameMap = "",

@@ -143,7 +143,7 @@ class InLockstep:
 
     def close(self) -> dict[str, object]:
         """End everything; a summary of the run."""
-        told, fall = self._loop.told, self._robot.fall
+        statistics, fall = self._loop.statistics, self._robot.fall
         return {
             "fell": fall is not None,
             "fell_at": fall.time if fall else None,
@@ -151,7 +151,7 @@ class InLockstep:
             "robot": {"fall": fall.cause if fall else ""},
             "lowered": self._supervisor.lowered,
             "seconds": self._clock.now(),
-            "chunks": {"accepted": told.accepted, "refused": dict(told.refusals)},
-            "reasons": dict(told.reasons),
+            "chunks": {"accepted": statistics.accepted, "refused": dict(statistics.refusals)},
+            "reasons": dict(statistics.reasons),
             "time_factor": self._supervisor.time_factor,
         }

@@ -78,7 +78,7 @@ class OnTheWall:
         loop = self._session.loop
         if (view := wire.newest(self._robot.view)) is not None:
             self._objects = WorldView.of(view).objects
-        return seen_by(loop, self._objects, loop.told.fallen is not None)
+        return seen_by(loop, self._objects, loop.statistics.fallen is not None)
 
     def reset(self) -> None:
         """Nothing: time on the wall does not begin anew; the program is told what there is to see."""

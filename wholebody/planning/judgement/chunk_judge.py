@@ -185,7 +185,7 @@ class ChunkJudge:
         ]
         margins += self.around(chunk, plan)
         support = self.planner.optimizer.body.footing.support
-        if any(chunk.told) and (force := self.forces.of(chunk, plan, support, self.loads)) is not None:
+        if any(chunk.pushes) and (force := self.forces.of(chunk, plan, support, self.loads)) is not None:
             margins.append(force)
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
 

@@ -53,14 +53,14 @@ class HandForce:
         """
         none, worst = np.zeros((len(chunk), 3)), None
         forces = [none if f is None else f for f in (chunk.f_world_lpalm, chunk.f_world_rpalm)]
-        told, sizes = np.stack(forces, axis=1), np.linalg.norm(forces, axis=2).T
+        wanted, sizes = np.stack(forces, axis=1), np.linalg.norm(forces, axis=2).T
         sizes = np.where(sizes < LEAST, 0.0, sizes)
         self._robot.loads.carry(loads)
         steps = set(range(0, len(chunk), max(round(EVERY * chunk.fps), 1))) | set(sizes.argmax(axis=0).tolist())
         for k in sorted(step for step in steps if sizes[step].any()):
             q = plan.trajectory.q[plan.trajectory.row(plan.start + plan.rate * (k / chunk.fps - plan.start))]
             most = self._most if chunk.force_max is None else np.minimum(chunk.force_max[k], self._most)
-            bounds = self._bounds(q, told[k], sizes[k], support, np.broadcast_to(most, 2))
+            bounds = self._bounds(q, wanted[k], sizes[k], support, np.broadcast_to(most, 2))
             for hand in np.flatnonzero(sizes[k]).tolist():
                 value, bound = float(sizes[k, hand]), bounds[hand]
                 share = (bound - value) / max(bound, 1.0)

@@ -115,9 +115,9 @@ class _Pass:
         self._layers = layers
         self._seen, self._kept, self._slopes, total = [x], [], [], np.float32(0.0)
         for w, b in zip(layers[:-2:2], layers[1:-2:2], strict=True):
-            said, slope = _hard_swish(self._seen[-1] @ w + b)
+            output, slope = _hard_swish(self._seen[-1] @ w + b)
             self._slopes.append(slope)
-            total = total + said
+            total = total + output
             kept = None
             if dropped and generator is not None:
                 kept = (generator.random(total.shape, np.float32) >= dropped) * np.float32(1.0 / (1.0 - dropped))

@@ -162,8 +162,8 @@ def basis(spec: RobotSpec, config: ControllerConfig) -> str:
     joints = [(one.name, one.position_min, one.position_max, one.effort_max) for one in spec.joints]
     tools = [(tool.wrist_frame, tool.palm_offset) for tool in spec.tools]
     bounds = [getattr(config.planner.posture, name) for name in BOUNDS]
-    told = (spec.name, joints, tools, astuple(spec.stance), bounds, config.friction, config.force_min)
-    return sha256(json.dumps(told).encode()).hexdigest()[:16]
+    facts = (spec.name, joints, tools, astuple(spec.stance), bounds, config.friction, config.force_min)
+    return sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
 @lru_cache(maxsize=4)

@@ -67,9 +67,9 @@ def _status(axes: Axes, record: Record, time: np.ndarray) -> None:
     for begin, end in zip(begins, [*begins[1:], len(time) - 1], strict=True):
         axes.axvspan(time[begin], time[end], color=STATUS_COLOUR[Status(str(status[begin]))], alpha=0.75, lw=0.0)
         if time[end] - time[begin] > 0.09 * (time[-1] - time[0]):
-            said = f"{status[begin]}\n{reason[begin]}".strip()
+            text = f"{status[begin]}\n{reason[begin]}".strip()
             centre = 0.5 * (time[begin] + time[end])
-            axes.text(centre, 0.5, said, ha="center", va="center", fontsize=7.5, color="white", parse_math=False)
+            axes.text(centre, 0.5, text, ha="center", va="center", fontsize=7.5, color="white", parse_math=False)
     axes.set_yticks([])
     axes.set_ylim(0.0, 1.0)
     axes.set_ylabel("status", rotation=0, ha="right", va="center")

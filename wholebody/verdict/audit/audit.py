@@ -11,23 +11,23 @@ from typing import Any
 from policy.dataset.open import dataset_files
 from wholebody.verdict.audit.journal import Journal
 from wholebody.verdict.audit.lists import write_lists
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.repairs import FOLDER, file_name
 from wholebody.verdict.audit.summary import write_summary
 from wholebody.verdict.audit.tables import require_packages, whence, write_tables
 
-Told = Callable[[int, int, Outcome], None]
+Progress = Callable[[int, int, AuditOutcome], None]
 """Called with how many inputs are done, of how many, and the last one's outcome."""
 
 
 def audit(
     names: Sequence[str],
     folder: str | Path,
-    judge: Callable[[Sequence[str]], Iterable[Outcome]],
+    judge: Callable[[Sequence[str]], Iterable[AuditOutcome]],
     *,
     asked: Mapping[str, Any],
-    progress: Told | None = None,
-) -> list[Outcome]:
+    progress: Progress | None = None,
+) -> list[AuditOutcome]:
     """Judge what a journal does not have yet, and write the answers.
 
     Args:
@@ -35,7 +35,7 @@ def audit(
         folder: Of the journal and the answers.
         judge: Judges inputs, in any order, as `wholebody.verdict.audit.workers.outcomes` does.
         asked: What answers depend on, for `Journal`.
-        progress: See `Told`.
+        progress: See `Progress`.
 
     Returns:
         Outcomes in the order of the inputs.
@@ -68,11 +68,11 @@ def audit(
     return found[: len(names)]
 
 
-def _counted(outcomes: Iterable[Outcome], done: int) -> Iterator[tuple[int, Outcome]]:
+def _counted(outcomes: Iterable[AuditOutcome], done: int) -> Iterator[tuple[int, AuditOutcome]]:
     return enumerate(outcomes, done + 1)
 
 
-def _done(outcome: Outcome | None, stamp: list[int], folder: str | Path) -> bool:
+def _done(outcome: AuditOutcome | None, stamp: list[int], folder: str | Path) -> bool:
     """Whether an input need not be judged again: it is as it was, was judged, and what it was repaired to is there."""
     if outcome is None or outcome.stamp != stamp or outcome.ending in ("crashed", "timed_out"):
         return False

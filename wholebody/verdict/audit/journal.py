@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wholebody.errors import InputError
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 
 NAME = "journal.jsonl"
 
@@ -33,7 +33,7 @@ class Journal:
     def __init__(self, folder: str | Path, asked: Mapping[str, Any]) -> None:
         self._path = Path(folder) / NAME
         Path(folder).mkdir(parents=True, exist_ok=True)
-        self.done: dict[str, Outcome] = {}
+        self.done: dict[str, AuditOutcome] = {}
         asked = json.loads(json.dumps(asked, sort_keys=True, default=str))
         self._file = self._path.open("a+b")
         try:
@@ -57,14 +57,14 @@ class Journal:
         whole = data.rfind(b"\n") + 1
         for number, line in enumerate(data[:whole].splitlines()):
             try:
-                told = json.loads(line)
+                row = json.loads(line)
                 if number:
-                    outcome = Outcome(**told)
+                    outcome = AuditOutcome(**row)
                     self.done[outcome.name] = outcome
             except (ValueError, TypeError) as error:
                 raise InputError(f"{self._path} is damaged in line {number + 1}: {error}; delete it") from error
-            if not number and told.get("asked") != asked:
-                before = told.get("asked") or {}
+            if not number and row.get("asked") != asked:
+                before = row.get("asked") or {}
                 changed = sorted(key for key in {*asked, *before} if before.get(key) != asked.get(key))
                 raise InputError(
                     f"{self._path} is of an audit with other settings ({', '.join(changed)}): name another folder "
@@ -72,7 +72,7 @@ class Journal:
                 )
         return whole
 
-    def add(self, outcome: Outcome) -> None:
+    def add(self, outcome: AuditOutcome) -> None:
         """Write an outcome; it is on the disk when this returns."""
         self.done[outcome.name] = outcome
         self._write(outcome.as_dict())

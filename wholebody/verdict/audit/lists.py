@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from policy.writing import write_text
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.tables import whence
 
 SLOW_DOWN = "slow_down.json"
 
 
-def to_delete(outcomes: Sequence[Outcome]) -> dict[str, list[int]]:
+def to_delete(outcomes: Sequence[AuditOutcome]) -> dict[str, list[int]]:
     """Episodes by dataset that cannot be done at any speed, or not be read."""
     found: dict[str, list[int]] = {}
     for one in outcomes:
@@ -24,7 +24,7 @@ def to_delete(outcomes: Sequence[Outcome]) -> dict[str, list[int]]:
     return found
 
 
-def slow_down(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+def slow_down(outcomes: Sequence[AuditOutcome]) -> list[dict[str, Any]]:
     """Inputs that are feasible when they are slower, with the factor on their time."""
     slower = (one for one in outcomes if one.slower is not None)
     return [dict(zip(("source", "episode"), whence(one.name), strict=True)) | {"slower": one.slower} for one in slower]
@@ -48,7 +48,7 @@ def _episodes(dataset: str) -> int:
     return int(json.loads(info.read_text(encoding="utf-8"))["total_episodes"]) if info.is_file() else 0
 
 
-def write_lists(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path]:
+def write_lists(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> list[Path]:
     """Write the slow-down list, and a file of settings for each dataset with episodes to delete; where they are.
 
     A dataset of which nothing would be left has none: LeRobot's tool makes no empty one.

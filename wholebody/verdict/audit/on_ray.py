@@ -9,7 +9,7 @@ from pathlib import Path
 from time import monotonic
 
 from wholebody.errors import InputError, require_extra
-from wholebody.verdict.audit.outcome import Judging, Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome, Judging
 from wholebody.verdict.audit.workers import LOADING, TRIES, said, too_long
 
 LOCAL = "local"
@@ -23,7 +23,7 @@ class _Actor:
         os.chdir(folder)
         self._judging = make()
 
-    def judge(self, name: str) -> Outcome | str:
+    def judge(self, name: str) -> AuditOutcome | str:
         """An outcome, or what is wrong with the options."""
         return said(self._judging, name)
 
@@ -35,7 +35,7 @@ def outcomes(
     limit: float,
     address: str,
     loading: float = LOADING,
-) -> Iterator[Outcome]:
+) -> Iterator[AuditOutcome]:
     """Outcomes as they come, in any order.
 
     Args:
@@ -71,7 +71,7 @@ def outcomes(
 
 def _judged(
     names: Sequence[str], make: Callable[[], Judging], count: int, limit: float, loading: float
-) -> Iterator[Outcome]:
+) -> Iterator[AuditOutcome]:
     import ray
 
     remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=TRIES - 1)(_Actor)
@@ -102,10 +102,10 @@ def _judged(
                 yield too_long(name, limit)
                 continue
             try:
-                told = ray.get(one)
+                outcome = ray.get(one)
             except ray.exceptions.RayActorError:
                 fresh.add(actor)
-                told = Outcome(name=name, ending="crashed", message=f"its process died {TRIES} times")
-            if isinstance(told, str):
-                raise InputError(told)
-            yield told
+                outcome = AuditOutcome(name=name, ending="crashed", message=f"its process died {TRIES} times")
+            if isinstance(outcome, str):
+                raise InputError(outcome)
+            yield outcome

@@ -10,7 +10,7 @@ Ending = Literal["judged", "malformed", "timed_out", "crashed"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class AuditOutcome:
     """One line of a journal.
 
     Attributes:
@@ -45,5 +45,5 @@ class Outcome:
         return asdict(self)
 
 
-Judging = Callable[[str], Outcome]
+Judging = Callable[[str], AuditOutcome]
 """Judges an input by its name."""

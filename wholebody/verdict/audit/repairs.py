@@ -14,7 +14,7 @@ from policy.recorded.chunk_file import ChunkFile, read_chunk_file, write_chunk_f
 from policy.recorded.replay import ReplayPolicy
 from wholebody.errors import InputError
 from wholebody.verdict.audit.episode_repair import EpisodeRepair, EpisodeRepairer
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.tables import whence
 
 FOLDER = "repaired"
@@ -65,7 +65,7 @@ def file_name(name: str) -> str:
     return f"{Path(source).stem}{'' if episode is None else f'_{episode:06d}'}_{mark}.npz"
 
 
-def write_datasets(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path]:
+def write_datasets(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> list[Path]:
     """Write of each dataset a copy: feasible episodes as they are, repaired ones with their new actions, no others.
 
     A dataset none of whose episodes was repaired has none; one of an earlier run is replaced.
@@ -77,7 +77,7 @@ def write_datasets(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path
         InputError: If repaired actions are missing.
         DatasetError: If a dataset cannot be read or written.
     """
-    by_dataset: dict[str, list[tuple[int, Outcome]]] = {}
+    by_dataset: dict[str, list[tuple[int, AuditOutcome]]] = {}
     for one in outcomes:
         source, episode = whence(one.name)
         if episode is not None:
@@ -92,14 +92,14 @@ def write_datasets(folder: str | Path, outcomes: Sequence[Outcome]) -> list[Path
         kept = {episode: None for episode, one in found if one.answer == "feasible"}
         files = {episode: _repaired(folder, one.name) for episode, one in found if one.repair}
         repaired = {episode: file.actions for episode, file in files.items()}
-        said = {
+        facts = {
             "source": Path(source).name,
             "repaired": {str(episode): one.repair for episode, one in found if one.repair},
             "left_out": [episode for episode, one in found if episode not in kept and not one.repair],
         }
         spec = next(iter(files.values())).spec
         joints = spec if spec.slot("left_wrist_position") is None else None
-        rewrite_dataset(source, target, kept | repaired, said=said, spec=joints)
+        rewrite_dataset(source, target, kept | repaired, said=facts, spec=joints)
         written.append(target)
     return written
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from policy.writing import write_text
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.page.index import listing
 
 PAGE = "index.html"
@@ -24,17 +24,17 @@ NOTE_MAX = 200
 HEADINGS = ("", "input", "what speaks against it", "moved by", "length", "slower")
 
 
-def ranked(outcomes: Sequence[Outcome]) -> list[Outcome]:
+def ranked(outcomes: Sequence[AuditOutcome]) -> list[AuditOutcome]:
     """What could not be judged first, then falls, then what is moved most."""
 
-    def rank(one: Outcome) -> tuple:
+    def rank(one: AuditOutcome) -> tuple:
         verdict = one.verdict or {"fell": False, "moved_max_m": 0.0, "violations": []}
         return (RANK.index(one.answer), not verdict["fell"], -verdict["moved_max_m"], one.name)
 
     return sorted(outcomes, key=rank)
 
 
-def write_summary(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
+def write_summary(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> None:
     """Write the page.
 
     Raises:
@@ -68,7 +68,7 @@ def _bar(code: str, count: int, total: int) -> str:
     )
 
 
-def _row(one: Outcome) -> str:
+def _row(one: AuditOutcome) -> str:
     verdict = one.verdict
     answer = f'<span class="answer {one.answer}">{one.answer.replace("_", " ")}</span>'
     why, moved = escape(one.message.removeprefix(f"{one.name}: ")), ""
@@ -82,8 +82,8 @@ def _row(one: Outcome) -> str:
 
 def _notes(verdict: dict) -> list[str]:
     """What is to be known of an input that speaks neither for nor against it, such as swapped hands."""
-    told = dict.fromkeys(v["subject"] or v["code"] for v in verdict["violations"] if v["severity"] == "note")
-    return [note[:NOTE_MAX] for note in told][:TOLD]
+    notes = dict.fromkeys(v["subject"] or v["code"] for v in verdict["violations"] if v["severity"] == "note")
+    return [note[:NOTE_MAX] for note in notes][:TOLD]
 
 
 def _linked(name: str) -> str:

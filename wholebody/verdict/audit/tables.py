@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from wholebody.errors import require_extra
-from wholebody.verdict.audit.outcome import Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome
 
 EPISODES, VIOLATIONS, JOINTS = "episodes.parquet", "violations.parquet", "joints.parquet"
 NUMBERS = (
@@ -50,7 +50,7 @@ def whence(name: str) -> tuple[str, int | None]:
     return (folder, int(number)) if mark and number.isdecimal() else (name, None)
 
 
-def episode_row(outcome: Outcome) -> dict[str, Any]:
+def episode_row(outcome: AuditOutcome) -> dict[str, Any]:
     """A row of `EPISODES`."""
     source, episode = whence(outcome.name)
     verdict = outcome.verdict or {}
@@ -70,19 +70,19 @@ def episode_row(outcome: Outcome) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def about(outcome: Outcome) -> dict[str, Any]:
+def about(outcome: AuditOutcome) -> dict[str, Any]:
     """Columns of an input that every table has."""
     source, episode = whence(outcome.name)
     return {"name": written(outcome.name), "source": written(source), "episode": episode}
 
 
-def violation_rows(outcome: Outcome) -> list[dict[str, Any]]:
+def violation_rows(outcome: AuditOutcome) -> list[dict[str, Any]]:
     """Rows of `VIOLATIONS`."""
     found = (outcome.verdict or {}).get("violations", ())
     return [about(outcome) | {name: one[name] for name, _ in OF_VIOLATION} for one in found]
 
 
-def write_tables(folder: str | Path, outcomes: Sequence[Outcome]) -> None:
+def write_tables(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> None:
     """Write all three tables.
 
     Raises:

@@ -13,7 +13,7 @@ from time import monotonic
 
 from wholebody.errors import InputError
 from wholebody.resources import end_with_parent
-from wholebody.verdict.audit.outcome import Judging, Outcome
+from wholebody.verdict.audit.outcome import AuditOutcome, Judging
 
 TRIES = 2
 """How often an input is tried whose process dies."""
@@ -39,7 +39,7 @@ class _Worker:
 
 def outcomes(
     names: Sequence[str], make: Callable[[], Judging], jobs: int, limit: float, loading: float = LOADING
-) -> Iterator[Outcome]:
+) -> Iterator[AuditOutcome]:
     """Outcomes as they come, in any order.
 
     Args:
@@ -67,7 +67,9 @@ def outcomes(
                     if tries[worker.name] < TRIES:
                         waiting.append(worker.name)
                     else:
-                        outcome = Outcome(name=worker.name, ending="crashed", message=f"its process died {TRIES} times")
+                        outcome = AuditOutcome(
+                            name=worker.name, ending="crashed", message=f"its process died {TRIES} times"
+                        )
                 if outcome is not None:
                     yield outcome
                 if alive and waiting:
@@ -92,24 +94,24 @@ def _begun(make: Callable[[], Judging], name: str, time: float) -> _Worker:
     return _Worker(process, mine, name, monotonic() + time)
 
 
-def _heard(worker: _Worker) -> Outcome | None:
+def _heard(worker: _Worker) -> AuditOutcome | None:
     """What a process says; None if it died.
 
     Raises:
         InputError: If it says that options are wrong.
     """
     try:
-        told = worker.pipe.recv()
+        message = worker.pipe.recv()
     except (EOFError, ConnectionError):
         return None
-    if isinstance(told, str):
-        raise InputError(told)
-    return told
+    if isinstance(message, str):
+        raise InputError(message)
+    return message
 
 
-def too_long(name: str, limit: float) -> Outcome:
+def too_long(name: str, limit: float) -> AuditOutcome:
     """Answer for an input that takes more than a limit [s]."""
-    return Outcome(name=name, ending="timed_out", message=f"not judged within {limit:g} s (--limit)")
+    return AuditOutcome(name=name, ending="timed_out", message=f"not judged within {limit:g} s (--limit)")
 
 
 def _end(worker: _Worker) -> None:
@@ -131,7 +133,7 @@ def _work(make: Callable[[], Judging], pipe: Connection) -> None:
             return
 
 
-def said(judging: Judging, name: str) -> Outcome | str:
+def said(judging: Judging, name: str) -> AuditOutcome | str:
     """An outcome, or what is wrong with the options, which is so for every input."""
     try:
         return judging(name)

@@ -19,7 +19,7 @@ const SAYS = { feasible: "feasible", feasible_after_repair: "feasible after repa
 $("answer").textContent = SAYS[about.verdict];
 $("answer").className = about.verdict;
 $("name").textContent = about.name;
-$("gist").textContent = about.gist.charAt(0).toUpperCase() + about.gist.slice(1) + ".";
+$("headline").textContent = about.headline.charAt(0).toUpperCase() + about.headline.slice(1) + ".";
 for (const cause of about.causes) {
   const button = make("button", "because " + cause.sentence, { onclick: () => cause.time !== null && stand(cause.time) });
   $("causes").append(make("li")); $("causes").lastChild.append(button);

@@ -31,7 +31,7 @@ from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
 from wholebody.verdict.page.reach_layer import reach_fields
 from wholebody.verdict.page.timelines import Panel, panels
-from wholebody.verdict.report import change_said, lines, violation_line
+from wholebody.verdict.report import change_text, lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
 from wholebody.verdict.why.headline import headline
@@ -177,10 +177,10 @@ def _legend(ghost: bool, reach: bool) -> list[dict[str, str]]:
     shows.append(("measured", "reached", (0.50, 0.53, 0.56, 1.0)))
     if ghost:
         shows.append(("ghost", "repaired motion", (0.25, 0.45, 0.95, 1.0)))
-    told = [{"name": name, "words": words, "colour": _css(colour)} for name, words, colour in shows]
+    entries = [{"name": name, "words": words, "colour": _css(colour)} for name, words, colour in shows]
     if reach:
-        told.append({"name": "reach", "words": "where palms can be held", "colour": _css(REACH), "off": "off"})
-    return told
+        entries.append({"name": "reach", "words": "where palms can be held", "colour": _css(REACH), "off": "off"})
+    return entries
 
 
 def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
@@ -191,9 +191,9 @@ def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
     return {
         "name": verdict.name,
         "verdict": verdict.verdict,
-        "gist": headline(verdict),
+        "headline": headline(verdict),
         "causes": [_cause(one, shown.since) for one in verdict.causes],
-        "would": [change_said(one) for one in verdict.would_do],
+        "would": [change_text(one) for one in verdict.would_do],
         "repaired": shown.ghost.words if shown.ghost else "",
         "violations": [
             {

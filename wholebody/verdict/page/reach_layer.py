@@ -27,9 +27,9 @@ def reach_fields(spec: RobotSpec, config: ControllerConfig) -> list[np.ndarray]:
     left = np.stack([x, y, z], axis=-1).reshape(-1, 3)
     rest = np.broadcast_to(AT_REST @ MIRROR, left.shape)
     turns, n = np.full(len(left), TURNS.index(Turn.ANY)), len(left)
-    told = np.clip((config.loads.left, config.loads.right), 0.0, LOAD_KNOWN)
-    pairs = Pairs(np.stack([left, rest], axis=1), turns, np.tile(told, (n, 1)))
-    mirrored = Pairs(pairs.points, turns, np.tile(told[::-1], (n, 1))).mirrored()
+    carried = np.clip((config.loads.left, config.loads.right), 0.0, LOAD_KNOWN)
+    pairs = Pairs(np.stack([left, rest], axis=1), turns, np.tile(carried, (n, 1)))
+    mirrored = Pairs(pairs.points, turns, np.tile(carried[::-1], (n, 1))).mirrored()
     # A field of the right palm goes from the right to the left, as y does.
     return [found.rooms(pairs).reshape(x.shape), found.rooms(mirrored).reshape(x.shape)[:, ::-1]]
 

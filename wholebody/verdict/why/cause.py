@@ -122,8 +122,8 @@ def _begins_there(program: ChunkProgram) -> bool:
     """Whether the chunk is begun with its first step, and that with the hands: they have no time to join it."""
     judge, chunk, bounds = program.judge, program.chunk, program.judge.config.verdict
     (p, R), (at, turned) = judge.asked(chunk), judge.at(program.begin)
-    far, awry = np.linalg.norm(at - p[0], axis=1).max(), angle_between(turned, R[0]).max()
-    return bool(program.now <= chunk.t_obs and far <= bounds.palm_feasible and awry <= bounds.turn_feasible)
+    far, turn = np.linalg.norm(at - p[0], axis=1).max(), angle_between(turned, R[0]).max()
+    return bool(program.now <= chunk.t_obs and far <= bounds.palm_feasible and turn <= bounds.turn_feasible)
 
 
 def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:

@@ -10,7 +10,7 @@ from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.violations import MOVING, Severity, Violation
-from wholebody.verdict.why.sentence import bound_said, change_said
+from wholebody.verdict.why.sentence import bound_text, change_text
 
 ANOTHER = "which is another motion"
 WHY_NOT = {
@@ -99,29 +99,29 @@ class Judged(Protocol):
         ...
 
 
-def gist(verdict: Judged) -> str:
+def summary(verdict: Judged) -> str:
     """The answer in a few words."""
     if verdict.verdict == "feasible":
         return "done as given"
     worst = _worst(verdict)
     if verdict.verdict == "infeasible":
-        said = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
-        return next(said, "it cannot be done")
+        parts = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
+        return next(parts, "it cannot be done")
     if all(one.code is Reason.HANDS_ONLY for one in worst):
         return "the hands do it as given, from where the robot stands"
-    said = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
-    return "done, but " + (", ".join(said) or "not as given")
+    parts = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
+    return "done, but " + (", ".join(parts) or "not as given")
 
 
 def headline(verdict: Judged) -> str:
     """What happens, to which hand, when, by how much against which bound; what without supervisor; what would do."""
-    told, detail = gist(verdict), _detail(verdict)
+    text, detail = summary(verdict), _detail(verdict)
     hands = [one.subject for one in verdict.violations if one.code is Reason.HANDS_ONLY]
     if detail and verdict.verdict == "feasible_after_repair":
-        told = f"{told} ({detail})"
+        text = f"{text} ({detail})"
     elif detail:
-        told = detail if detail.endswith(ANOTHER) else f"{told}, {detail}"
-    return "; ".join(part for part in (*hands, told, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
+        text = detail if detail.endswith(ANOTHER) else f"{text}, {detail}"
+    return "; ".join(part for part in (*hands, text, _supervised(verdict), _alone(verdict), _would(verdict)) if part)
 
 
 def _worst(verdict: Judged) -> list[Violation]:
@@ -149,7 +149,7 @@ def _number(margins: list[Margin]) -> str | None:
         return None
     one = min(over, key=lambda x: x.share)
     times = f", {one.value / one.bound:.3g} times that" if one.bound > 0.0 and one.unit not in ("m", "rad") else ""
-    return f"{one.subject} at step {one.step} ({one.time:.2f} s): {bound_said(one)}{times}"
+    return f"{one.subject} at step {one.step} ({one.time:.2f} s): {bound_text(one)}{times}"
 
 
 def _violation(one: Violation) -> str:
@@ -188,5 +188,5 @@ def _alone(verdict: Judged) -> str:
 
 def _would(verdict: Judged) -> str:
     """The changes of the input that would do."""
-    changes = [change_said(one) for one in verdict.would_do if one.bound is None]
+    changes = [change_text(one) for one in verdict.would_do if one.bound is None]
     return f"it would do {', or '.join(changes)}" if changes else ""

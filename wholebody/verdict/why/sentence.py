@@ -49,8 +49,8 @@ STRAIGHT = "the {side} arm is straight"
 def why(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = inf) -> Why:
     """A cause for a verdict, its times moved on by ``since`` [s], none after the ``end`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
-    told, time = sentence(cause, since, fps, end), min(cause.where[0] + since, end)
-    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=told, told=told)
+    text, time = sentence(cause, since, fps, end), min(cause.where[0] + since, end)
+    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=text, told=text)
 
 
 def sentence(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = inf) -> str:
@@ -60,28 +60,28 @@ def sentence(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = in
     ahead = f"{abs(x):.2f} m {'ahead' if x >= 0.0 else 'behind'}"
     aside = f"{abs(y):.2f} m to the {'left' if y >= 0.0 else 'right'}"
     hand = "right hand" if side else "left hand"
-    *reasons, last = dict.fromkeys(map(bound_said, cause.members))
-    told = f"{', '.join(reasons)} and {last}" if reasons else last
+    *reasons, last = dict.fromkeys(map(bound_text, cause.members))
+    text = f"{', '.join(reasons)} and {last}" if reasons else last
     step = f" (step {round(time * fps)})" if fps else ""
-    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time:.2f} s{step}: {told}"
+    return f"{hand} {ahead}, {aside}, {z:.2f} m high at {time:.2f} s{step}: {text}"
 
 
 def with_changes(one: Why, changes: Sequence[WouldDo]) -> Why:
     """The only cause of a chunk with the changes of the chunk that would do."""
-    told = [change_said(x) for x in changes if x.bound is None]
-    return replace(one, sentence=f"{one.sentence}; it would do {', or '.join(told)}") if told else one
+    text = [change_text(x) for x in changes if x.bound is None]
+    return replace(one, sentence=f"{one.sentence}; it would do {', or '.join(text)}") if text else one
 
 
-def change_said(one: WouldDo) -> str:
+def change_text(one: WouldDo) -> str:
     """A single change for people."""
     if one.bound is not None:
         value, bound = (quantity(number, one.bound.unit) for number in (one.bound.value, one.bound.bound))
         return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
-    told = said(one.slower, one.moved, one.turned, one.lighter, one.force)
+    text = said(one.slower, one.moved, one.turned, one.lighter, one.force)
     if not one.hand:
-        return told
-    told = told.replace("with a hand", f"with the {one.hand}", 1)
-    return f"{told} ({_way(one.by)} at step {one.step})" if one.moved > MOVED_MIN else told
+        return text
+    text = text.replace("with a hand", f"with the {one.hand}", 1)
+    return f"{text} ({_way(one.by)} at step {one.step})" if one.moved > MOVED_MIN else text
 
 
 def _way(by: Sequence[float]) -> str:
@@ -91,7 +91,7 @@ def _way(by: Sequence[float]) -> str:
     return " and ".join(f"{quantity(size, 'm')} {word}" for size, word in parts if size > 0.3 * parts[0][0])
 
 
-def bound_said(one: Margin) -> str:
+def bound_text(one: Margin) -> str:
     """What a bound says where it stands in the way."""
     if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
         return STRAIGHT.format(side=one.subject.partition("_")[0])
@@ -99,5 +99,5 @@ def bound_said(one: Margin) -> str:
     excess = -one.margin if one.code in (Limit.REACH, Limit.ORIENTATION) else one.value
     excess = -excess if one.code is Limit.SCENE_DISTANCE else excess
     value, bound = quantity(excess, one.unit), quantity(one.bound, one.unit)
-    told = SAID[one.code].format(subject=subject, other=other, value=value, bound=bound)
-    return f"{told}, since its first steps move already" if subject.endswith(AT_START) else told
+    text = SAID[one.code].format(subject=subject, other=other, value=value, bound=bound)
+    return f"{text}, since its first steps move already" if subject.endswith(AT_START) else text

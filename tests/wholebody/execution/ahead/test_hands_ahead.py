@@ -11,7 +11,7 @@ from wholebody.config import ControllerConfig
 from wholebody.execution.ahead.hands_ahead import LEASH
 from wholebody.execution.background_planner import SimulatedPlanner
 from wholebody.execution.supervisor import Supervisor
-from wholebody.planning.changes import Change
+from wholebody.planning.changes import PlanChange
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason
 
@@ -84,7 +84,7 @@ def test_where_the_plan_moved_the_hands_it_keeps_them(followed):
     loop, palm = followed
     plan = loop.supervisor.plan
     n = len(plan.report.steps)
-    far = {Reason.OUT_OF_REACH: Change(np.full(n, 0.05), np.ones(n, dtype=bool), "out of reach")}
+    far = {Reason.OUT_OF_REACH: PlanChange(np.full(n, 0.05), np.ones(n, dtype=bool), "out of reach")}
     loop.supervisor.plan = replace(plan, report=replace(plan.report, changes=far))
     assert np.linalg.norm(gone(loop, palm, np.array([0.004, 0.0, 0.0]))) < 0.012
 

@@ -17,7 +17,7 @@ HANDS = "hands"
 """Name of the source that a person drags."""
 
 
-class Wish(IntEnum):
+class UserCommand(IntEnum):
     """What a person wants, with the numbers that come with it."""
 
     TARGETS = 0
@@ -38,7 +38,7 @@ class Wish(IntEnum):
 
 
 @dataclass(frozen=True)
-class Glance:
+class Snapshot:
     """What the loop shows of an instant.
 
     Attributes:
@@ -68,7 +68,7 @@ class Glance:
         return asked, followed.commanded, self.planned, numbers, counts, *wire.state_message(self.state)
 
     @classmethod
-    def of(cls, message: np.ndarray, nq: int, nv: int) -> Glance:
+    def of(cls, message: np.ndarray, nq: int, nv: int) -> Snapshot:
         """The glance in a message."""
         asked, commanded, planned, numbers, state = np.split(message, np.cumsum([32, 32, nq, 8]))
         status, reason, rate, planning, tick, missed, late, source = numbers.tolist()

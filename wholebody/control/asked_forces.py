@@ -18,7 +18,7 @@ STIFFEST = 2000.0
 """Largest stiffness of a hand that a chunk may ask for [N/m]; chosen: three times that as shipped, and stable."""
 
 
-class Told:
+class AskedForces:
     """The forces, limits and stiffnesses that the present chunk says, as both hands follow them.
 
     Args:

@@ -23,8 +23,8 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.trajopt import budget
 from wholebody.types import Reason, Status, StatusReport
 from wholebody.verdict.check import Checker
+from wholebody.verdict.chunk_gate import ChunkGate
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.gate import ChunkGate
 
 SPEC, CONFIG = g1(), ControllerConfig()
 
