@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "configs").glob("*.md")]
-COLUMNS = 120
+COLUMNS, LINES = 120, 8
 
 
 def prose(text):
@@ -21,3 +21,11 @@ def test_lines_of_prose_can_be_read_side_by_side(document):
     """A line is longer only where a link or a span of code without a space makes it so."""
     long = [line for line in prose(document.read_text()) if len(line) > COLUMNS]
     assert [line for line in long if len(re.sub(r"\]\([^)]*\)|`[^`]*`", "", line)) > COLUMNS] == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_paragraph_is_so_long_that_its_beginning_is_forgotten(document):
+    plain = re.sub(r"^```.*?^```$", "", document.read_text(), flags=re.MULTILINE | re.DOTALL)
+    parts = re.split(r"\n(?:\s*\n|(?=\s*(?:[-*]|\d+\.) ))", plain)
+    parts = [[line for line in part.splitlines() if line.strip() and line.strip()[0] not in "|#!<"] for part in parts]
+    assert [part[0] for part in parts if len(part) > LINES] == []

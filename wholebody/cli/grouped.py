@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from typing import Any
 
-import click
+from typer import Context
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 Rows = dict[str, list[tuple[str, str]]]
 
 
-def _write(formatter: click.HelpFormatter, rows: Rows) -> None:
+def _write(formatter: Any, rows: Rows) -> None:
     for title, entries in rows.items():
         with formatter.section(title):
             formatter.write_dl(entries)
@@ -19,7 +19,7 @@ def _write(formatter: click.HelpFormatter, rows: Rows) -> None:
 class OptionsByGroup(TyperCommand):
     """A command that shows its options by ``rich_help_panel``."""
 
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_options(self, ctx: Context, formatter: Any) -> None:
         """Write arguments and options, a section a group."""
         rows: Rows = {}
         for param in self.get_params(ctx):
@@ -33,7 +33,7 @@ class OptionsByGroup(TyperCommand):
 class CommandsByTask(TyperGroup):
     """A group that shows its commands by ``rich_help_panel``, in the order in which they were added."""
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: Context, formatter: Any) -> None:
         """Write the commands, a section a task."""
         rows: Rows = {}
         width = max(map(len, self.commands), default=0)
@@ -43,6 +43,6 @@ class CommandsByTask(TyperGroup):
             rows.setdefault(task, []).append((name.ljust(width), text))
         _write(formatter, rows)
 
-    def list_commands(self, ctx: click.Context) -> Iterable[str]:
+    def list_commands(self, ctx: Context) -> list[str]:
         """Names in the order in which they were added."""
         return list(self.commands)

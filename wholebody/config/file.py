@@ -155,8 +155,9 @@ def _structure(owner: Any, changes: object, place: Place, path: tuple[str, ...])
 
 def _about(name: str, owner: object) -> str:
     """What the one setting says whose description has a word like an unknown name; nothing if there is not one."""
-    told = {one: " ".join(text.split()) for one, text in meanings(type(owner)).items() if name.lower() in text.lower()}
-    return "".join(f"'{one}' is about that: {text} " for one, text in told.items()) if len(told) == 1 else ""
+    kind: type = type(owner)
+    found = {one: " ".join(text.split()) for one, text in meanings(kind).items() if name.lower() in text.lower()}
+    return "".join(f"'{one}' is about that: {text} " for one, text in found.items()) if len(found) == 1 else ""
 
 
 def _value(kind: type, value: object, place: Place, path: tuple[str, ...]) -> object:

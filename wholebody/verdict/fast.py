@@ -171,7 +171,7 @@ class FastChecker:
         run.result.notes += [Note(chunk.t_obs, text) for text in notes]
         run.follow(chunk, begin, chunk.t_obs, np.inf)
         verdict, last = self._told(run, name), len(chunk) - 1
-        if ask_why and verdict.verdict != "feasible":
+        if ask_why and run.planned is not None and verdict.verdict != "feasible":
             whole = Suspect(chunk, begin, chunk.t_obs, run.planned.plan)
             explainer = RunExplainer(self.judge, self.explainer, run, self._play, whole, at_once=True)
             verdict = explainer.explained(verdict, last / run.result.fps)
