@@ -53,8 +53,8 @@ from wholebody.types import RobotState as RobotState
 from wholebody.types import Status as Status
 from wholebody.types import StatusReport as StatusReport
 from wholebody.verdict.check import Checker as Checker
+from wholebody.verdict.chunk_gate import ChunkGate as ChunkGate
 from wholebody.verdict.fast import FastChecker as FastChecker
-from wholebody.verdict.gate import ChunkGate as ChunkGate
 from wholebody.verdict.given.many import Ranking as Ranking
 from wholebody.verdict.given.many import judge_many as judge_many
 from wholebody.verdict.given.own_numbers import judge as judge

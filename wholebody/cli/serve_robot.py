@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def gate(settings: ControllerConfig, served: Served) -> Callable[[], Gate]:
     """What makes the gate of `wholebody run --gate` for a robot in its scene."""
-    from wholebody.verdict.gate import gate_of
+    from wholebody.verdict.chunk_gate import gate_of
 
     return partial(gate_of, settings, {}, served.scene)
 

@@ -104,7 +104,7 @@ class Carrying:
 
         A hand that is told of none may have been relieved of what it carried.
         """
-        return [share > 0.0 and self.touch.told.size(hand) > 0.0 for hand, share in enumerate(self.touch.shares)]
+        return [share > 0.0 and self.touch.asked.size(hand) > 0.0 for hand, share in enumerate(self.touch.shares)]
 
     def _blocked(self, row: np.ndarray) -> list[bool]:
         """Whether something above each hand holds it: it no longer rises with its command, and does not sink either.

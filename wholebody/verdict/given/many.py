@@ -215,7 +215,7 @@ class _Many:
         """Whether a preview shows that a chunk is done as given; it sees no scene, forces nor what was clipped."""
         judge = self._checker.judge
         plain = (
-            judge.scene is None and not any(chunk.told) and not chunk.notes and not judge.exceeds(chunk, self._begin)
+            judge.scene is None and not any(chunk.pushes) and not chunk.notes and not judge.exceeds(chunk, self._begin)
         )
         return plain and judge.previews(chunk, self._begin)
 
