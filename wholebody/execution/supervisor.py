@@ -215,8 +215,7 @@ class Supervisor(statuses.Following):
                 self._waiting = self._waiting or chunk
             self._go_back()
             return None
-        support, margin = self.controller.support, self.config.safety.balance_margin
-        balanced = plan.report.safe and ends_at_rest(plan, support, margin)
+        balanced = plan.report.safe and ends_at_rest(plan, self.controller.support, self.config.safety.balance_margin)
         if not balanced or plan.report.hindered:
             self._waiting = self._waiting or chunk
         followed = self.plan_report if request.again else None

@@ -29,7 +29,7 @@ from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import choice
 from wholebody.planning.strategies.rows import ARMS_SPENT_MAX, Asked, Overlap, Try
-from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, Strategy, StrategyBegin
+from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, BeginAt, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.contact_schedule import ContactSchedule
@@ -173,9 +173,7 @@ class ChunkPlanner:
             return self.targets(prepared, now, commanded, slowdown)
 
         def attempt(strategy: Strategy, slowdown: float, last: np.ndarray | None) -> Attempt:
-            first = {StrategyBegin.PLAN_BEFORE: before, StrategyBegin.LAST_ATTEMPT: last, StrategyBegin.START: None}[
-                strategy.begin
-            ]
+            first = {BeginAt.PLAN_BEFORE: before, BeginAt.LAST_ATTEMPT: last, BeginAt.START: None}[strategy.begin]
             return self._attempt(targets(slowdown), start, strategy, first, budget)
 
         return targets, attempt

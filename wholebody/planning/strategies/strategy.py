@@ -36,7 +36,7 @@ HANDS_LEFT_OUT = HANDS_LIGHT | {"position": 10.0, "orientation": 10.0}
 """The same where no motion follows the hands safely [m, rad, m/s]; chosen: the robot comes to rest."""
 
 
-class StrategyBegin(Enum):
+class BeginAt(Enum):
     """What the search of an attempt begins with; where that ends, inverse kinematics from knot to knot goes on."""
 
     PLAN_BEFORE = "the plan before, as long as it is near the palms wanted"
@@ -57,7 +57,7 @@ class Strategy:
 
     name: str
     weights: Callable[[PlannerConfig], TrajectoryConfig]
-    begin: StrategyBegin
+    begin: BeginAt
     slower: Strategy | None = None
 
     def at(self, slowdown: float) -> Strategy:
@@ -87,23 +87,23 @@ def _gentle_free(config: PlannerConfig) -> TrajectoryConfig:
     return replace(posture, position=GENTLE * posture.position, orientation=FIRM * config.orientation_free)
 
 
-SLOWER = Strategy("slower", lambda c: c.posture, StrategyBegin.START)
-AS_GIVEN = Strategy("as_given", lambda c: c.posture, StrategyBegin.PLAN_BEFORE, SLOWER)
-PREVIEW = Strategy("preview", lambda c: c.posture, StrategyBegin.START)
+SLOWER = Strategy("slower", lambda c: c.posture, BeginAt.START)
+AS_GIVEN = Strategy("as_given", lambda c: c.posture, BeginAt.PLAN_BEFORE, SLOWER)
+PREVIEW = Strategy("preview", lambda c: c.posture, BeginAt.START)
 """As given, with hardly any search: enough to tell that a plain chunk can be done."""
-ANEW = Strategy("as_given", lambda c: c.posture, StrategyBegin.START)
+ANEW = Strategy("as_given", lambda c: c.posture, BeginAt.START)
 """As given again, where beginning with the plan before led to where the search cannot leave."""
-PARTED = Strategy("parted", _relaxed, StrategyBegin.PLAN_BEFORE, Strategy("parted", _relaxed, StrategyBegin.START))
+PARTED = Strategy("parted", _relaxed, BeginAt.PLAN_BEFORE, Strategy("parted", _relaxed, BeginAt.START))
 """Towards `HandsApart`, where a chunk has the hands nearer to each other than plans bring them."""
-PARTED_FIRM = Strategy("parted", _firm_relaxed, StrategyBegin.LAST_ATTEMPT)
-FIRM_BOUNDS = Strategy("firm_bounds", _firm, StrategyBegin.LAST_ATTEMPT)
-FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, StrategyBegin.LAST_ATTEMPT)
+PARTED_FIRM = Strategy("parted", _firm_relaxed, BeginAt.LAST_ATTEMPT)
+FIRM_BOUNDS = Strategy("firm_bounds", _firm, BeginAt.LAST_ATTEMPT)
+FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, BeginAt.LAST_ATTEMPT)
 """Firm bounds again, where palms may turn: a load is often held that way."""
-RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, StrategyBegin.LAST_ATTEMPT)
-FREE_ORIENTATION = Strategy("free_orientation", _free, StrategyBegin.LAST_ATTEMPT)
-HELD = Strategy("held", _gentle_free, StrategyBegin.START)
+RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, BeginAt.LAST_ATTEMPT)
+FREE_ORIENTATION = Strategy("free_orientation", _free, BeginAt.LAST_ATTEMPT)
+HELD = Strategy("held", _gentle_free, BeginAt.START)
 """Palms towards `HoldablePlaces`, the search beginning with its postures: for loads that cannot be held as given."""
-UNREACHABLE = Strategy("unreachable", lambda c: replace(c.posture, **HANDS_AS_FAR), StrategyBegin.PLAN_BEFORE)
-FALLBACK = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), StrategyBegin.PLAN_BEFORE)
-FALLBACK_ANEW = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), StrategyBegin.START)
-STOP = Strategy("stop", lambda c: replace(c.posture, **HANDS_LEFT_OUT), StrategyBegin.START)
+UNREACHABLE = Strategy("unreachable", lambda c: replace(c.posture, **HANDS_AS_FAR), BeginAt.PLAN_BEFORE)
+FALLBACK = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), BeginAt.PLAN_BEFORE)
+FALLBACK_ANEW = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), BeginAt.START)
+STOP = Strategy("stop", lambda c: replace(c.posture, **HANDS_LEFT_OUT), BeginAt.START)

@@ -26,7 +26,7 @@ from wholebody.verdict.fast import FastChecker, checkers
 from wholebody.verdict.given.own_numbers import Free, Numbers, as_given_chunk, stands_in
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.explainer import TRY_WORK, holds_as_given
-from wholebody.verdict.why.headline import gist
+from wholebody.verdict.why.headline import summary
 
 LACKS, SCORES = (0.0, 1.0, 2.0, 3.2, 4.2, 5.5, 7.6, 10.0, 14.0), (0.005, 0.01, 0.06, 0.1, 0.3, 0.6, 1.0, 1.5, 2.0)
 """What a sketch lacks most, in terms of the most that is done as given, and the score of it [no unit]; measured:
@@ -208,7 +208,7 @@ class _Many:
             begun = perf_counter()
             verdict = self._checker.of_chunk(self._chunks[i], self._begin, f"chunk {i}", self._free, odds=False)
             self._step = perf_counter() - begun
-            self._known[i] = Ranked(i, score(verdict, self._bounds), "plan", gist(verdict), verdict)
+            self._known[i] = Ranked(i, score(verdict, self._bounds), "plan", summary(verdict), verdict)
         return True
 
     def _is_previewed(self, chunk: ActionChunk) -> bool:
