@@ -55,7 +55,7 @@ class _Wrist:
     @property
     def last(self) -> tuple[float, np.ndarray]:
         """Time [s] and pose (4, 4) of the last one."""
-        time, p = self._p.last
+        time, p = _last(self._p)
         return time, make_transform(self._R, p)
 
     def add(self, time: float, T: np.ndarray) -> None:
@@ -82,7 +82,7 @@ class _Fingers:
     @property
     def last(self) -> tuple[float, np.ndarray]:
         """Time [s] and joints (7,) of the last ones."""
-        return self._q.last
+        return _last(self._q)
 
     def add(self, time: float, q: np.ndarray) -> None:
         """Take joints (7,) at a time [s]."""
@@ -93,11 +93,15 @@ class _Fingers:
         return _ahead(self._q, times)
 
 
+def _last(track: Foretelling) -> tuple[float, np.ndarray]:
+    if track.last is None:
+        raise ValueError("a track without a target has neither a past nor a future")
+    return track.last
+
+
 def _ahead(track: Foretelling, times: np.ndarray) -> np.ndarray:
     """What a track says of times [s], one that has ended too: it comes to rest."""
-    if track.last is None:
-        raise ValueError("a track without a target has no future")
-    ages, late = times - track.last[0], min(LATE * track.interval, FREE)
+    ages, late = times - _last(track)[0], min(LATE * track.interval, FREE)
     return track.at(braked(ages, late if ages[0] > late else FREE, STOP), FREE + STOP / 2.0)
 
 

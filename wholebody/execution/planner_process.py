@@ -120,6 +120,7 @@ def _main(
         except EOFError:
             return
         started = thread_time()
+        answer: ChunkPlan | Exception
         try:
             answer = compute(request)
         except (InputError, PlanningError) as error:

@@ -136,10 +136,9 @@ class Supervisor(statuses.Following):
             self._ahead.offer(chunk, self.plan, self._now)
         self._waiting, self._retry = chunk, self._now
         self._try_waiting(self._now)
-        known = not self.handover.busy and self.plan is not None
-        return self.take_refusal() or (
-            statuses.plan_status(self.plan.report, self.rate) if known else statuses.TRACKING
-        )
+        if self.handover.busy or self.plan is None:
+            return self.take_refusal() or statuses.TRACKING
+        return self.take_refusal() or statuses.plan_status(self.plan.report, self.rate)
 
     @property
     def lowered(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -65,8 +65,8 @@ class LoopStatistics:
         fallen: When standing was lost [s], or None.
     """
 
-    seconds: Counter[str] = field(default_factory=Counter)
-    reasons: Counter[str] = field(default_factory=Counter)
+    seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    reasons: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     refusals: Counter[str] = field(default_factory=Counter)
     accepted: int = 0
     stale: int = 0
@@ -167,7 +167,7 @@ class ControlLoop:
     def _poll(self, now: float) -> None:
         """Ask for a chunk if one is due; give one that has come to the supervisor."""
         seen = partial(observe, self.spec, self.supervisor, self.state, self.task, now=now)
-        chunk = self.executor.poll(seen, partial(commanded_chunk, self.supervisor))
+        chunk = None if self.executor is None else self.executor.poll(seen, partial(commanded_chunk, self.supervisor))
         if chunk is not None:
             self.statistics.accepted += 1
             self._refused(self.supervisor.accept(chunk, now))

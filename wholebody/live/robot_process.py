@@ -157,9 +157,10 @@ def _main(end: socket.socket, page: socket.socket | None, orders: Connection, wo
 
     try:
         # A mass in each hand that is next to nothing can be changed to another one later.
-        masses = tuple(max(mass, MASS_MIN) for mass in world.payload_kg) if page else world.payload_kg
-        settings = {"scene": world.scene, "payload_kg": masses, "friction": world.friction}
-        plant = MujocoPlant(world.robot, control_dt=control_dt, **settings)
+        left, right = (max(mass, MASS_MIN) if page else mass for mass in world.payload_kg)
+        plant = MujocoPlant(
+            world.robot, scene=world.scene, control_dt=control_dt, payload_kg=(left, right), friction=world.friction
+        )
     except Exception as error:  # noqa: BLE001 - told to the other side, which ends with it
         orders.send(error)
         return
@@ -248,7 +249,7 @@ def _push(plant: MujocoPlant, order: Order) -> None:
     plant.push(order.body, np.array(force), start=plant.data.time, duration=duration)
 
 
-_DO: dict[str, Callable[[MujocoPlant, Order], None]] = {
+_DO: dict[str, Callable[[MujocoPlant, Order], object]] = {
     "push": _push,
     "payload": lambda plant, order: plant.hold(order.numbers),
     "friction": lambda plant, order: plant.set_friction(order.numbers[0]),

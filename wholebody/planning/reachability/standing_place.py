@@ -91,7 +91,8 @@ def stand_for(
     palms = palm_poses(wrists, palm_offsets(describe(config.robot)))
     found: list[StandingPlace] = []
     for base, room in _bases(reachability(config), palms, here):
-        posture = solve(*(_seen(base, T) for T in wrists), config)
+        left, right = (_seen(base, T) for T in wrists)
+        posture = solve(left, right, config)
         found.append(StandingPlace(posture.reached, tuple(base.tolist()), _steps(base, here), room, posture))
         if posture.reached:
             return found[-1]
@@ -111,8 +112,8 @@ def _bases(chart: ReachabilityMap, palms: np.ndarray, here: np.ndarray) -> Itera
         yield (here, room) if rooms[best] <= room else (bases[best], float(rooms[best]))
         return
     bases, rooms = bases[inside], rooms[inside]
-    order, chosen = np.argsort(_costs(bases, rooms, palms, here)), []
-    for i in order:
+    chosen: list[np.ndarray] = []
+    for i in np.argsort(_costs(bases, rooms, palms, here)):
         if all(_apart(bases[i], other) for other in chosen):
             chosen.append(bases[i])
             yield bases[i], float(rooms[i])
