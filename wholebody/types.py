@@ -139,11 +139,6 @@ class Reason(StrEnum):
     STATE_FROM_FUTURE = "state_from_future", Status.HOLD, "a state is stamped ahead of the present: it is predicted"
     CLOCK_STEPPED = "clock_stepped", Status.HOLD, "a clock or the stamps of the states stepped: time goes on as before"
     CLOCK_INVALID = "clock_invalid", Status.HOLD, "the present time is not finite: that of the states goes on"
-    HANGING = (
-        "hanging",
-        Status.HOLD,
-        "the robot hung when its loop began: its stance is held until it is put down and reset",
-    )
     LOWERING = "lowering", Status.HOLD, "the robot goes into its crouch, as it was asked to"
     LOWERED = "lowered", Status.HOLD, "the robot crouches on stiff legs: the last command may be kept, for ever"
     RAISING = "raising", Status.HOLD, "the robot stands up from its crouch, as it was asked to"

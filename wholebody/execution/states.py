@@ -22,7 +22,6 @@ class State(Enum):
     LOWERING = "lowering"
     LOWERED = "lowered"
     RAISING = "raising"
-    HANGING = "hanging"
     FALLEN = "fallen"
     IDLE = "idle"
     PLANNING = "planning"
@@ -41,8 +40,8 @@ class Event(Enum):
     LOWER = "`lower`"
     RAISE = "`raise_`"
     ARRIVED = "the robot has arrived, at rest"
-    HANGS = "its legs run away from what they are asked for as the episode begins"
     FELL = "standing is lost"
+    HANGS = "its legs run away from what they are asked for as the episode begins"
     ASKED = "a chunk can be planned"
     CLEARED = "the plan comes, and is balanced"
     REFUSED = "no plan comes, or one that is not balanced, not quicker, or outrun by a newer chunk"
@@ -79,7 +78,7 @@ _ON_A_WAY = (State.HOLDING, State.STANDING, State.RETURNING)
 _UP = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING)
 
 TABLE = (
-    Row((State.NEW, *_UP, State.HANGING, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
+    Row((State.NEW, *_UP, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
     Row((*_ON_A_WAY, State.FOLLOWING), Event.TAKEN_OVER, State.FOLLOWING, "follows the plan from where the robot is"),
     Row((State.FOLLOWING,), Event.LOST, State.STANDING, "comes to rest where it is, hands let go of"),
     Row((State.FOLLOWING,), Event.SPENT, State.RETURNING, "goes towards its stance at once, hands let go of"),
@@ -89,11 +88,7 @@ TABLE = (
     Row(_UP, Event.RAISE, State.RAISING, "goes to its stance; chunks are refused"),
     Row((State.LOWERING,), Event.ARRIVED, State.LOWERED, "stiffens its legs: the last command may be kept"),
     Row((State.RAISING,), Event.ARRIVED, State.HOLDING, "holds its stance; chunks are taken"),
-    Row(
-        (State.HOLDING,), Event.HANGS, State.HANGING, "holds its stance on stiff legs; chunks are refused until `reset`"
-    ),
     Row(_UP, Event.FELL, State.FALLEN, "damps its joints until `reset`"),
-    Row((State.HANGING,), Event.FELL, State.FALLEN, "damps its joints until `reset`"),
     Row((State.IDLE,), Event.ASKED, State.PLANNING, "computes the plan beside the loop, to begin one lead ahead"),
     Row((State.PLANNING,), Event.CLEARED, State.READY, "keeps the plan until the robot is where it begins"),
     Row((State.PLANNING,), Event.REFUSED, State.IDLE, "says why, and goes on with the plan before, if there is one"),

@@ -36,12 +36,6 @@ FAILED = StatusReport(Status.STOP, Reason.QP_FAILED, "no program had a solution:
 OF_LEVEL = {TickLevel.FAILED: FAILED, TickLevel.NO_HANDS: NO_HANDS}
 """What is said of a tick that could not do all of its program."""
 STANDING_LOST = StatusReport(Status.DAMPING, Reason.STANDING_LOST, "the robot is no longer standing: joints damped")
-HANGING = StatusReport(
-    Status.HOLD,
-    Reason.HANGING,
-    "the robot hangs, its legs carry nothing: it holds its stance; put it down, then `reset`",
-)
-PUT_DOWN = StatusReport(Status.HOLD, Reason.HANGING, "the robot hung and stands on stiff legs now: `reset`")
 LOWERING = StatusReport(Status.HOLD, Reason.LOWERING, "the robot goes into its crouch")
 LOWERED = StatusReport(
     Status.HOLD, Reason.LOWERED, "the robot crouches on stiff legs: the last command may be kept; `raise_` ends it"
@@ -83,7 +77,6 @@ def plan_status(report: PlanReport, rate: float, s: float | None = None, *, wait
         report: Of the plan.
         rate: Speed along the chunk, 1 being its own.
         s: Where it is followed [s]: the status is of what a person sees there. If not given, it is of the whole chunk.
-        waits: Whether it is slow for the next plan, which would come after its chunk is over.
     """
     reason = next(iter(report.changes), None) if s is None else report.seen_at(s)
     if reason is not None:
@@ -91,6 +84,7 @@ def plan_status(report: PlanReport, rate: float, s: float | None = None, *, wait
     if rate < RATE_SAID:
         why = ", for the next plan comes late" if waits else ""
         return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed{why}")
+        waits: Whether it is slow for the next plan, which would come after its chunk is over.
     return TRACKING
 
 

@@ -16,7 +16,6 @@ from wholebody.execution import standing, statuses
 from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
-from wholebody.execution.ending.hanging import Hanging
 from wholebody.execution.ending.lowering import Lowering
 from wholebody.execution.ending.stiff_legs import StiffLegs
 from wholebody.execution.gate import Gate, gated, why_not
@@ -79,7 +78,6 @@ class Supervisor(statuses.Following):
         self.monitor, self.motors = StateMonitor(self.robot, self.config.dt), MotorWatch(self.controller)
         self._planted, self._states = PlantedFeet(self.controller), Machine(State.NEW)
         self.touch, self.contacts = self.carrying.touch, self._planted.contacts
-        self._hanging = Hanging(self.robot, self._states)
         self._forget(0.0)
 
     def _forget(self, now: float) -> None:
@@ -93,7 +91,7 @@ class Supervisor(statuses.Following):
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing; `InputError` if it is none of this robot."""
         check_state(state, self.robot.n_joints)
-        for part in (self.carrying, self.motors, self._legs, self._hanging):
+        for part in (self.carrying, self.motors, self._legs):
             part.reset()
         self.controller.reset(state)
         self.contacts = self._planted.reset(state)
@@ -125,7 +123,7 @@ class Supervisor(statuses.Following):
         self._following()
         if now is not None and not np.isfinite(now):
             return self._refuse(statuses.refused(Reason.CLOCK_INVALID, f"the present time is {now}"))
-        if self._lowering.active or self.state is State.HANGING:
+        if self._lowering.active:
             return statuses.refused(self.status.reason, f"{self.status.detail}; chunks are followed after `raise_`")
         chunk, shift = self.monitor.clock.chunk(chunk), self.monitor.clock.shift
         now = self._now if now is None else now - shift
@@ -142,8 +140,8 @@ class Supervisor(statuses.Following):
 
     @property
     def lowered(self) -> bool:
-        """Whether the last command may be kept for ever: the robot crouches on stiff legs, or hangs."""
-        return self.state is State.HANGING or (self.state is State.LOWERED and self._legs.share == 1.0)
+        """Whether the last command may be kept for ever: the robot crouches on stiff legs."""
+        return self.state is State.LOWERED and self._legs.share == 1.0
 
     def lower(self) -> StatusReport:
         """Go into a crouch that needs no controller, whatever the robot does now; `lowered` says when it is there."""
@@ -155,7 +153,7 @@ class Supervisor(statuses.Following):
 
     def _leave(self, *, down: bool) -> StatusReport:
         self._following()
-        if self.state not in (State.FALLEN, State.HANGING):
+        if self.state is not State.FALLEN:
             self._lowering.begin(self._last_state, down=down)
             self.handover.cancel()
             self.plan = self.chunk = self._newest = self._waiting = self._refused = None
@@ -185,8 +183,9 @@ class Supervisor(statuses.Following):
         follower.stretch(due - self._now if self.plan is not None and chunk is not self.chunk else 0.0)
         start = self._reflex.foreseen(state, ticks) if self._reflex.active else follower.foreseen(ticks, state)
         # On its plan, the robot only asks whether there is a quicker one by now.
-        ahead = self.plan is not None and follower.s < self.plan.end and follower.trust == 1.0
-        again = ahead and chunk is self.chunk and not (self.carrying.changed or self.motors.weaker)
+        ahead = self.plan is not None and self._follower.s < self.plan.end
+        changed = self.carrying.changed or self.motors.weaker
+        again = ahead and chunk is self.chunk and self._follower.trust == 1.0 and not changed
         before = None if self.plan is None else self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
         self.contacts, loads, torques = self._planted.planned(state), self.carrying.planned(), self.motors.planned()
         wanted = PlanRequest(chunk, self._now, due, start, before, again, contacts=self.contacts)
@@ -273,10 +272,6 @@ class Supervisor(statuses.Following):
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
-        if (hangs := self._hanging.look(state, self.last_tick, elapsed)) is not None:
-            self.status, self._last_state, self._now, self.last_tick = hangs, state, max(now, self._now), None
-            self.controller.command = self._hanging.command(state, elapsed)
-            return self.controller.command
         led = not (blind or self._lowering.active)
         if not led:
             self.handover.cancel()

@@ -10,7 +10,6 @@ import pytest
 from models import g1
 from policy.scripted.library import scripted_policy
 from tests.studies import spent_waist
-from tests.support.on_rope import Hoisted
 from wholebody.config import PlanningConfig
 from wholebody.episode.run import observe
 from wholebody.errors import PlanningError
@@ -83,7 +82,6 @@ class Loop:
             State.LOWERED: [self.supervisor.lower, lambda: self.step(self.is_in(State.LOWERED))],
             State.LOWERING: [self.supervisor.lower],
             State.RAISING: [self.supervisor.raise_],
-            State.HANGING: [self.hoist, lambda: self.step(self.is_in(State.HANGING))],
             State.PLANNING: [self.accept],
             State.READY: [self.accept, lambda: self.step(lambda: self.planning is State.READY)],
         }
@@ -96,13 +94,8 @@ class Loop:
         self.put(crouch(SPEC, self.supervisor.robot.model, self.feet()) if state is State.LOWERED else None)
         for one in ways.get(state, []):
             one()
-        if state in (*UP, State.HANGING):
+        if state in UP:
             assert self.supervisor.state is state
-
-    def hoist(self):
-        """Onto a rope."""
-        self.plant = Hoisted(SPEC)
-        self.supervisor.reset(self.plant.hoisted())
 
     def feet(self):
         self.put()
@@ -184,12 +177,6 @@ def arrived(loop):
     loop.step(lambda: loop.supervisor.lowered == down, longest=3.0)
 
 
-def hangs(loop):
-    loop.hoist()
-    loop.step(loop.is_in(State.HANGING), longest=0.1)
-    assert loop.supervisor.accept(loop.chunk()).reason is Reason.HANGING
-
-
 def fell(loop):
     loop.fall()
     assert loop.supervisor.status.status is Status.DAMPING
@@ -237,7 +224,7 @@ def cancelled(loop):
 
 
 SHOWN = {one.__name__.removesuffix("_"): one for one in (
-    reset, taken_over, lost, spent, no_way, planned_from, lower, raise_, arrived, hangs, fell,
+    reset, taken_over, lost, spent, no_way, planned_from, lower, raise_, arrived, fell,
     asked, cleared, refused, late, due, missed, cancelled,
 )}  # fmt: skip
 
@@ -259,7 +246,7 @@ def loop(parts, monkeypatch):
 def test_the_supervisor_goes_by_the_row(loop, row, state):
     loop.to(state)
     SHOWN[row.event.name.lower()](loop)
-    assert (loop.supervisor.state if row.next in {*UP, State.HANGING, State.FALLEN} else loop.planning) is row.next
+    assert (loop.supervisor.state if row.next in {*UP, State.FALLEN} else loop.planning) is row.next
 
 
 def test_each_move_stands_once_and_every_state_but_the_first_is_reached():
