@@ -70,7 +70,7 @@ def chunk_fault(chunk: ActionChunk, after: ActionChunk | None, now: float, robot
     return None
 
 
-def plan_status(report: PlanReport, rate: float, s: float | None = None, *, waits: bool = False) -> StatusReport:
+def plan_status(report: PlanReport, rate: float, s: float | None = None) -> StatusReport:
     """Status while a plan is followed.
 
     Args:
@@ -82,9 +82,7 @@ def plan_status(report: PlanReport, rate: float, s: float | None = None, *, wait
     if reason is not None:
         return StatusReport(Status.SLOWED, reason, report.changes[reason].detail)
     if rate < RATE_SAID:
-        why = ", for the next plan comes late" if waits else ""
-        return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed{why}")
-        waits: Whether it is slow for the next plan, which would come after its chunk is over.
+        return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed")
     return TRACKING
 
 
@@ -116,7 +114,7 @@ class Following:
             return self._refused or NO_CHUNK
         if self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
             return self._refused or STARVED
-        return self._refused or plan_status(self.plan.report, self.rate, self._follower.s, waits=self._follower.waits)
+        return self._refused or plan_status(self.plan.report, self.rate, self._follower.s)
 
     def _following(self) -> PlanFollower:
         """The follower of this episode; a `StateError` before the first one."""

@@ -51,20 +51,6 @@ def trajectory_row(n_joints: int) -> np.dtype:
     )  # fmt: skip
 
 
-def records(trajectory) -> np.ndarray:
-    """A trajectory as `follow` reads it: all that belongs to a point of the grid side by side."""
-    n, n_joints = trajectory.ddq.shape
-    rows = np.zeros(n, trajectory_row(n_joints))
-    for name in ("q", "v", "ddq"):
-        rows[name] = getattr(trajectory, name)
-    for name in ("com", "momentum"):
-        rows[name] = getattr(trajectory, name).transpose(1, 0, 2)
-    rows["height"] = trajectory.height.T
-    for name in ("pelvis", "torso"):
-        rows[name] = np.concatenate([part.reshape(n, -1) for part in getattr(trajectory, name)], axis=1)
-    return rows
-
-
 class Plan(NamedTuple):
     """What is followed."""
 
