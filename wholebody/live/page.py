@@ -195,8 +195,8 @@ class Page:
             try:
                 while self._wishes:
                     wire.send(loop, *self._wishes.popleft())
-                seen = wire.newest(robot)
-                view = WorldView.of(seen) if seen is not None else view
+                world = wire.newest(robot)
+                view = WorldView.of(world) if world is not None else view
                 message = wire.newest(loop)
             except EOFError:
                 return

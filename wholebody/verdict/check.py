@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast
 
 from policy.base import Policy
 from policy.chunk import ActionChunk
@@ -30,7 +30,6 @@ TIMESTEP = 0.002
 """Longest physics step [s]; chosen: one control period at 500 Hz."""
 
 
-@runtime_checkable
 class RecordedPolicy(Policy, Protocol):
     """A recording as a policy, also one that is watched.
 
@@ -130,7 +129,9 @@ class Checker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        recording = policy if self.episode.begin is not None and isinstance(policy, RecordedPolicy) else None
+        # By its attributes: of one that is watched, an instance check does not see them.
+        placed = self.episode.begin is not None and hasattr(policy, "held")
+        recording = cast(RecordedPolicy, policy) if placed else None
         given, lead_in = policy, 0.0
         if recording is not None:
             # A plan is there when the recording begins, as in the midst of a longer one.

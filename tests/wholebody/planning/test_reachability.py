@@ -185,7 +185,7 @@ def test_a_map_that_lies_takes_no_verdict_from_a_chunk():
     honest, deceived = FastChecker(), FastChecker()
     network = reachability().network
     lying = ReachabilityMap((*network[:-1], network[-1] - 100.0), reachability().card)
-    vars(deceived.judge.planner)["_map"] = lying
+    vars(deceived.judge.planner)["map"] = lying
     for chunk, decided_by in ((sent(), "plan"), (sent(to=(0.0, 0.5, 0.8)), "plan")):
         begin = honest.judge.first_pose(chunk)
         true, told = (one.of_chunk(chunk, begin, "", (False, False)) for one in (honest, deceived))
