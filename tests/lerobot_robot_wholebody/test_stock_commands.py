@@ -109,7 +109,7 @@ def test_what_is_recorded_trains_rolls_out_and_is_replayed(sees, tmp_path):
     _all_features_are_there(tmp_path / "data" / "reach", sees)
 
     ended("lerobot-replay", tmp_path)
-    assert crouches("lerobot-replay", tmp_path)["chunks"]["accepted"] > 20
+    assert crouches("lerobot-replay", tmp_path)["chunks"]["accepted"] > 1.0 / 0.13
     if not sees:
         pytest.skip("no OpenGL here: ACT needs pictures")
 
