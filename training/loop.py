@@ -23,7 +23,7 @@ ACT = {
     "type": "act", "device": "cpu", "push_to_hub": "false", "dim_model": 128, "n_heads": 4, "dim_feedforward": 512,
     "n_encoder_layers": 3, "n_vae_encoder_layers": 2, "chunk_size": 20, "n_action_steps": 10, "optimizer_lr": 3e-4,
 }  # fmt: skip
-"""Settings of the policy; chosen: 3 MB, and chunks of two thirds of a second, half of which is done before the next."""
+"""Settings of the policy; chosen: 5 MB, and chunks of two thirds of a second, half of which is done before the next."""
 
 
 class Steps:
