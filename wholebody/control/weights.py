@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,17 +93,6 @@ WALKING = Weights(
 )
 """One foot carries in turn [units as in `Weights`]; chosen: the height of the centre of mass in place of the pelvis',
 and legs that follow their feet. A leak of 0.1 s in place of 0.3 halves what the palms are off while stepping."""
-RECOVERING = Weights(
-    com=(5000.0, 5000.0, 500.0),
-    momentum=0.002,
-    pelvis=2.0,
-    torso=2.0,
-    height=0.0,
-    legs=0.02,
-    upper=0.1,
-    landing=100.0,
-    leak=0.1,
-    balance=False,
-)
+RECOVERING = replace(WALKING, com=(5000.0, 5000.0, 500.0), momentum=0.002, pelvis=2.0, torso=2.0)
 """A step that catches the robot [units as in `Weights`]; chosen: the centre of mass above trunk and momentum, since the
 reaction of a leg that swings fast is as large as what a sole can give."""

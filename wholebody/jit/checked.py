@@ -17,11 +17,13 @@ from wholebody.jit.packed import Packed
 
 SWITCH = "WHOLEBODY_CHECK_ENTRIES"
 """Environment variable that asks for the comparison, with anything in it; processes that are started inherit it."""
+BOUNDS = "WHOLEBODY_CHECK_BOUNDS"
+"""The same for indices: kernels are compiled so that one outside of its array aborts the process."""
 
 
-def is_asked_for() -> bool:
-    """Whether the environment asks for the comparison."""
-    return bool(os.environ.get(SWITCH))
+def is_asked_for(switch: str = SWITCH) -> bool:
+    """Whether the environment asks for the comparison, or what another switch stands for."""
+    return bool(os.environ.get(switch))
 
 
 def checked(function: Callable, native: Callable, first: tuple) -> Callable:

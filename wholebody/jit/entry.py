@@ -11,7 +11,8 @@ The language of kernels is what `wholebody.jit.compiler` knows of Python: assign
 ranges, tuples and arrays, arithmetic and comparisons of numbers, views of arrays, the functions of
 `wholebody.jit.compiler.arithmetic.FUNCTIONS`, and calls of other kernels. Kernels allocate nothing: whole arrays are
 only set, other arithmetic of arrays is written as loops. What is outside of the language is refused with its line. An
-index that is written as negative counts from the end; no index is looked at otherwise.
+index that is written as negative counts from the end; no index is looked at otherwise, unless the environment variable
+``WHOLEBODY_CHECK_BOUNDS`` is set: then one outside of its array aborts the process.
 
 No fastmath but what a module asks for by ``FASTMATH`` (flags of LLVM), and that is no more than other roundings: the
 result is that of the interpreted function up to rounding.
@@ -29,7 +30,7 @@ from threading import RLock
 from types import FunctionType, ModuleType
 
 from wholebody.jit import objects
-from wholebody.jit.checked import checked, is_asked_for
+from wholebody.jit.checked import BOUNDS, checked, is_asked_for
 
 PACKAGES = ("wholebody",)
 """Where kernels may lie."""
@@ -84,7 +85,8 @@ class Entry:
 
         kinds = tuple(map(kind_of, arguments))
         name = f"{self.function.__module__}.{self.function.__name__}"
-        key = sha256(f"{name} {kinds} {machine.host()} {sys.version}".encode() + _sources(self.function)).hexdigest()
+        made_by = f"{name} {kinds} {machine.host()} {sys.version} {is_asked_for(BOUNDS)}"
+        key = sha256(made_by.encode() + _sources(self.function)).hexdigest()
         symbol = f"entry_{key[:32]}"
         code = objects.find(name, key)
         if code is None:

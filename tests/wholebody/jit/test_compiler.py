@@ -4,6 +4,11 @@ than were compiled for, are refused by name.
 """
 
 import math
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +16,13 @@ import pytest
 
 from models.cache import CACHE_VARIABLE
 from wholebody.jit import entry
+from wholebody.jit.checked import BOUNDS
+from wholebody.jit.compiler import machine
 from wholebody.jit.compiler.kinds import KernelError
 from wholebody.jit.entry import Entry
 from wholebody.jit.record import record
 
+ROOT = Path(__file__).parents[3]
 TABLE = np.array([[3.0, 1.0], [4.0, 1.5]])
 SPANS = ((0, 2, 1), (2, 5, 3))
 SCALE, COUNT = 0.1, 3
@@ -266,3 +274,50 @@ def test_an_argument_of_another_kind_than_was_compiled_for_is_refused(given):
         compiled(np.zeros(3), "2.0")
     with pytest.raises(TypeError, match="takes 2 arguments"):
         compiled(np.zeros(3))
+
+
+def entry_at(a, i, out):
+    """An entry, a row from there on, and what is left of it."""
+    out[0] = a[i, 0] + a[i:].shape[0] + a.reshape((a.size,))[i]
+
+
+OUTSIDE = """
+import sys
+import numpy as np
+from tests.wholebody.jit.test_compiler import entry_at
+from wholebody.jit.entry import Entry
+out = np.zeros(1)
+Entry(entry_at)(np.arange(6.0).reshape((3, 2))[: int(sys.argv[2])], int(sys.argv[1]), out)
+print(out[0])
+"""
+
+
+@pytest.mark.parametrize(("index", "rows", "fine"), [(1, 3, True), (2, 2, False), (-1, 3, False)])
+def test_an_index_outside_of_its_array_ends_the_process_where_that_is_asked_for(tmp_path, index, rows, fine):
+    environment = os.environ | {BOUNDS: "1", CACHE_VARIABLE: str(tmp_path)}
+    words = [sys.executable, "-c", OUTSIDE, str(index), str(rows)]
+    done = subprocess.run(words, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == (0 if fine else -signal.SIGABRT), done.stderr
+    assert done.stdout == ("5.0\n" if fine else "")
+
+
+def whole_numbers(x, out):
+    """Whole numbers of a real one."""
+    out[0], out[1] = int(x), round(x)
+
+
+@pytest.mark.parametrize("x", [np.nan, np.inf, -np.inf, 1e300])
+def test_what_is_too_large_or_no_number_is_a_whole_number_all_the_same(x):
+    """On the processor it would be any: as an index, it would read memory anywhere."""
+    out, most = np.zeros(2, dtype=np.int64), np.iinfo(np.int64)
+    Entry(whole_numbers)(x, out)
+    assert out.tolist() == [0 if np.isnan(x) else most.max if x > 0 else most.min] * 2
+
+
+def test_a_python_that_keeps_arrays_in_another_way_is_refused(monkeypatch):
+    monkeypatch.setattr(machine, "DATA", machine.DATA + 8)
+    machine._require_layout.cache_clear()
+    with pytest.raises(KernelError, match="use CPython"):
+        Entry(whole_numbers)(1.5, np.zeros(2, dtype=np.int64))
+    monkeypatch.undo()
+    machine._require_layout()

@@ -139,9 +139,11 @@ def magnitude(out: Assembly, value: Value) -> Value:
 
 
 def whole(out: Assembly, value: Value) -> Value:
-    """``int(value)``: towards zero."""
+    """``int(value)``: towards zero; of what is too large the largest, of what is no number 0."""
     if value.kind.is_real:
-        return Value(INT, (out.op(f"fptosi {value.kind.llvm} {value.text} to i64"),))
+        width = "f64" if value.kind == REAL else "f32"
+        text = f"call i64 @llvm.fptosi.sat.i64.{width}({value.kind.llvm} {value.text})"
+        return Value(INT, (out.op(text),))
     return out.convert(value, INT)
 
 
@@ -150,7 +152,7 @@ def rounded(out: Assembly, value: Value) -> Value:
     if not value.kind.is_real:
         return out.convert(value, INT)
     even = out.op(f"call double @llvm.rint.f64(double {out.convert(value, REAL).text})")
-    return Value(INT, (out.op(f"fptosi double {even} to i64"),))
+    return whole(out, Value(REAL, (even,)))
 
 
 def finite(out: Assembly, value: Value) -> Value:
@@ -197,6 +199,7 @@ DECLARED = "\n".join(
     + ["declare double @llvm.pow.f64(double, double)", "declare double @llvm.rint.f64(double)"]
     + ["declare double @llvm.fabs.f64(double)", "declare float @llvm.fabs.f32(float)"]
     + ["declare i64 @llvm.abs.i64(i64, i1)", "declare i64 @llvm.smin.i64(i64, i64)"]
-    + ["declare i64 @llvm.smax.i64(i64, i64)"]
+    + ["declare i64 @llvm.smax.i64(i64, i64)", "declare void @abort()"]
+    + ["declare i64 @llvm.fptosi.sat.i64.f64(double)", "declare i64 @llvm.fptosi.sat.i64.f32(float)"]
 )
 """What `FUNCTIONS` call, as LLVM wants it declared."""

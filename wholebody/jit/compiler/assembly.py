@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from wholebody.jit.checked import BOUNDS, is_asked_for
 from wholebody.jit.compiler.kinds import BOOL, INT, REAL, SINGLE, Array, Fixed, KernelError, Kind, Scalar, Tuple
 
 
@@ -71,6 +72,7 @@ class Assembly:
         block: The block that is being written.
         dead: Whether nothing reaches what would be written now.
         flags: What LLVM may do with arithmetic of reals, as in `wholebody.jit.entry`.
+        guarded: Whether indices are compared with the lengths of their arrays (`wholebody.jit.checked.BOUNDS`).
     """
 
     def __init__(self, flags: str = "") -> None:
@@ -78,6 +80,7 @@ class Assembly:
         self.slots: list[str] = []
         self.targets: set[str] = set()
         self.block, self.dead, self.flags, self._count = "begin", False, flags, 0
+        self.guarded = is_asked_for(BOUNDS)
 
     def name(self, stem: str = "v") -> str:
         """Name that no other register or block has."""
@@ -111,6 +114,15 @@ class Assembly:
         """Go on in one of two blocks."""
         self.targets |= {then, otherwise}
         self.end(f"br i1 {condition}, label %{then}, label %{otherwise}")
+
+    def require(self, condition: str) -> None:
+        """Abort the process unless a condition holds."""
+        good, bad = self.name("good"), self.name("bad")
+        self.branch(condition, good, bad)
+        self.begin(bad)
+        self.do("call void @abort()")
+        self.end("unreachable")
+        self.begin(good)
 
     def begin(self, block: str) -> None:
         """Begin a block."""

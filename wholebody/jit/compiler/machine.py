@@ -10,7 +10,8 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from wholebody.jit.compiler.border import CONSTANTS
+from wholebody.jit.compiler.border import CONSTANTS, DATA, DESCRIPTION, FLAGS, NDIM, TYPE
+from wholebody.jit.compiler.kinds import KernelError
 
 OPTIMISATION = 3
 """LLVM's level for what is compiled."""
@@ -63,7 +64,12 @@ def object_of(text: str) -> bytes:
 
 
 def function_of(code: bytes, symbol: str, shown: str) -> Callable:
-    """The function of a name in machine code, as one of Python."""
+    """The function of a name in machine code, as one of Python.
+
+    Raises:
+        KernelError: If this Python keeps its objects in another way than compiled code reads them.
+    """
+    _require_layout()
     engine = _engine()
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
@@ -72,6 +78,19 @@ def function_of(code: bytes, symbol: str, shown: str) -> Callable:
     make = ctypes.pythonapi.PyCFunction_NewEx
     make.restype, make.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
     return make(ctypes.addressof(method), _constants(), None)
+
+
+@cache
+def _require_layout() -> None:
+    probe = np.zeros((2, 3))
+    words = {TYPE: id(np.ndarray), DATA: probe.ctypes.data, DESCRIPTION: id(probe.dtype)}
+    small = {NDIM: probe.ndim, FLAGS: probe.flags.num}
+    fine = all(ctypes.c_uint64.from_address(id(probe) + at).value == value for at, value in words.items())
+    if not (fine and all(ctypes.c_int32.from_address(id(probe) + at).value == value for at, value in small.items())):
+        raise KernelError(
+            "this Python keeps arrays in another way than compiled kernels read them; use CPython 3.12 or 3.13 of 64 "
+            "bits, not its free-threaded build"
+        )
 
 
 @cache

@@ -75,13 +75,15 @@ def item(out: Assembly, array: Value, index: Index) -> Place | Value:
     return _view(out, array, index)
 
 
-def _inside(out: Assembly, index: Value, length: str) -> str:
-    """Text of an index; one that is written as negative counts from the end."""
+def _inside(out: Assembly, index: Value, length: str, *, cut: bool = False) -> str:
+    """Text of an index, or of an end of a slice (``cut``); one that is written as negative counts from the end."""
     if not isinstance(index.kind, Scalar) or index.kind.is_real:
         raise KernelError(f"{index.kind} is no index: say int(...)")
-    if index.constant is not None and index.constant < 0:
-        return out.plus(length, index.text)
-    return out.convert(index, INT).text
+    negative = index.constant is not None and index.constant < 0
+    text = out.plus(length, index.text) if negative else out.convert(index, INT).text
+    if out.guarded:
+        out.require(out.op(f"icmp sge i64 {text}, 0" if cut else f"icmp ult i64 {text}, {length}"))
+    return text
 
 
 def _entry(out: Assembly, array: Value, at: Sequence[str]) -> str:
@@ -129,8 +131,8 @@ def _clipped(out: Assembly, span: Span, length: str) -> tuple[str, str]:
     """First entry of a slice, and its length, as numpy cuts it."""
     if span.first is None and span.last is None:
         return "0", length
-    first = "0" if span.first is None else least(out, _inside(out, span.first, length), length)
-    last = length if span.last is None else least(out, _inside(out, span.last, length), length)
+    first = "0" if span.first is None else least(out, _inside(out, span.first, length, cut=True), length)
+    last = length if span.last is None else least(out, _inside(out, span.last, length, cut=True), length)
     if first == "0":
         return first, last
     return first, largest(out, out.op(f"sub nsw i64 {last}, {first}"), "0")
@@ -211,7 +213,10 @@ def reshaped(out: Assembly, array: Value, shape: Sequence[Value]) -> Value:
     if not isinstance(array.kind, Array) or not array.kind.ordered:
         raise KernelError("only an array of C order has other shapes")
     lengths = [out.convert(length, INT).text for length in shape]
-    return Value(Array(array.kind.entry, len(lengths)), (array.text, *lengths))
+    other = Value(Array(array.kind.entry, len(lengths)), (array.text, *lengths))
+    if out.guarded:
+        out.require(out.op(f"icmp eq i64 {size(out, other).text}, {size(out, array).text}"))
+    return other
 
 
 def common(one: Kind, other: Kind) -> bool:

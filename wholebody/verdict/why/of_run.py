@@ -179,10 +179,16 @@ class RunExplainer:
     def _plays(self, suspect: Suspect, chunk: ActionChunk) -> bool:
         """Whether a changed chunk is feasible as it is played, and at once where the input is judged so."""
         free, policy, begin = self.run.result.orientation_free, ReplayPolicy(chunk), self._begun(suspect, chunk)
-        again = PlanRun(self.judge, free, at_once=True)
-        self.play(again, policy, policy.duration, begin, suspect.now - suspect.chunk.t_obs)
-        if not self.at_once or again.verdict("", {}).verdict != "feasible":
-            return again.verdict("", {}).verdict == "feasible"
-        again = PlanRun(self.judge, free)
-        again.follow(chunk, begin, chunk.t_obs, np.inf)
-        return again.verdict("", {}).verdict == "feasible"
+        played = PlanRun(self.judge, free, at_once=True)
+        self.play(played, policy, policy.duration, begin, suspect.now - suspect.chunk.t_obs)
+        if not _is_feasible(played):
+            return False
+        if not self.at_once:
+            return True
+        at_once = PlanRun(self.judge, free)
+        at_once.follow(chunk, begin, chunk.t_obs, np.inf)
+        return _is_feasible(at_once)
+
+
+def _is_feasible(run: PlanRun) -> bool:
+    return run.verdict("", {}).verdict == "feasible"
