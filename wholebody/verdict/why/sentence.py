@@ -13,7 +13,7 @@ from wholebody.verdict.quantity import MOVED_MIN, quantity, said
 from wholebody.verdict.why.cause import Cause
 
 SAID = {
-    Limit.START: "its first step is {value} away from it",
+    Limit.START: "it begins there, {value} from where it is by then (bound {bound})",
     Limit.FINGER_RANGE: "{subject} is asked to be at {value}, its range ends at {bound}",
     Limit.HAND_SPEED: "it would have to move at {value}, and can at {bound}",
     Limit.HAND_ACCELERATION: "it would have to speed up by {value}, and can by {bound}",
