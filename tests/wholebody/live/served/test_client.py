@@ -58,7 +58,7 @@ def test_a_hand_goes_where_it_is_told_to(robot):
     assert left_wrist(robot.see())[:3, 3] == pytest.approx(T[:3, 3], abs=5e-3)
 
 
-def test_a_target_that_is_none_is_counted_and_the_robot_goes_on(robot):
+def test_a_target_that_is_none_is_refused_and_the_robot_goes_on(robot):
     before = left_wrist(robot.see())
     robot.put(lhand=np.full((4, 4), np.nan))
     robot.put(nose=np.eye(4))
@@ -75,7 +75,11 @@ def test_the_program_has_loaded_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
-def test_the_end_is_told(robot):
+def test_the_end_is_told():
+    robot = ServedRobot(Served(clock="lockstep"))
+    robot.start()
+    robot.put(nose=np.eye(4))
+    robot.put(nose=np.eye(4))
     report = robot.close()
     assert report["lowered"]
     assert not report["fell"]
