@@ -35,7 +35,7 @@ from wholebody.sim.plant import MujocoPlant
 from wholebody.trajopt import entry_points
 from wholebody.trajopt.optimizer import TrajectoryOptimizer
 from wholebody.trajopt.problem import TrajectoryProblem
-from wholebody.trajopt.workspace import Motion
+from wholebody.trajopt.workspace import KnotMotion
 from wholebody.verdict.check import Checker
 
 HEADINGS = (
@@ -59,7 +59,7 @@ class Parts:
         def timed(*arguments: object) -> object:
             begin = thread_time()
             answer = entry(*arguments)
-            knots = next(one.q.shape[0] for one in arguments if isinstance(one, Motion))
+            knots = next(one.q.shape[0] for one in arguments if isinstance(one, KnotMotion))
             if not (name == "place" and arguments[-1] - arguments[-2] == 1):  # one knot of the first motion
                 self.of.setdefault(name, []).append(1e6 * (thread_time() - begin) / knots)
             return answer

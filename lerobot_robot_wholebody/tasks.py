@@ -26,7 +26,7 @@ TILT = 0.3
 """Angle from upright up to which a crate that was lifted counts [rad]; chosen: what is in it stays."""
 
 
-class Task(Protocol):
+class RobotTask(Protocol):
     """Something to do.
 
     Attributes:
@@ -206,7 +206,7 @@ THINGS = {
 """What is moved, by the name of its task; distances chosen: past them it is plain that it was done."""
 
 
-def task_of(name: str, seed: int) -> Task | None:
+def task_of(name: str, seed: int) -> RobotTask | None:
     """A task by its name; None for ``none``.
 
     Raises:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lerobot_robot_wholebody.lerobot_loop import Loops
     from lerobot_robot_wholebody.sight import Cameras
     from lerobot_robot_wholebody.target import Accepted, Numbers
-    from lerobot_robot_wholebody.tasks import Task
+    from lerobot_robot_wholebody.tasks import RobotTask
     from wholebody.live.served.client import ServedRobot
     from wholebody.live.served.messages import Seen
 
@@ -70,7 +70,7 @@ class WholebodyG1(Robot):
         return Numbers()
 
     @cached_property
-    def task(self) -> Task | None:
+    def task(self) -> RobotTask | None:
         """What is to be done."""
         from lerobot_robot_wholebody.tasks import task_of
 

@@ -11,7 +11,7 @@ import numpy as np
 from policy.errors import SpecError, did_you_mean
 from policy.geometry.rotations import QuaternionOrder, Rot6dLayout
 
-Kind = Literal[
+SlotKind = Literal[
     "position", "rot6d", "quaternion", "rotvec", "rpy", "joint", "fingers",
     "scalar", "velocity", "planar", "tilt", "force", "ignored",
 ]  # fmt: skip
@@ -19,8 +19,8 @@ Mode = Literal["absolute", "relative_se3", "relative_add", "delta", "delta_se3"]
 Frame = Literal["pelvis", "pelvis_yaw", "torso", "stance", "world"]
 Orientation = Literal["given", "free"]
 
-ROTATIONS: tuple[Kind, ...] = ("rot6d", "quaternion", "rotvec", "rpy")
-SIZES: dict[Kind, int] = {
+ROTATIONS: tuple[SlotKind, ...] = ("rot6d", "quaternion", "rotvec", "rpy")
+SIZES: dict[SlotKind, int] = {
     "position": 3, "rot6d": 6, "quaternion": 4, "rotvec": 3, "rpy": 3,
     "scalar": 1, "velocity": 3, "planar": 2, "tilt": 2, "force": 3,
 }  # fmt: skip
@@ -43,7 +43,7 @@ CLOSING = "closing"
 DEX1_OPEN = 5.4
 """Motor angle of the open Dex1 gripper [rad]; 0 is closed. Source: xr_teleoperate ``Dex1_1_Gripper_Controller``."""
 
-UNITS: dict[Kind, dict[str, tuple[float, float]]] = {
+UNITS: dict[SlotKind, dict[str, tuple[float, float]]] = {
     "position": {"m": (1.0, 0.0), "cm": (1e-2, 0.0), "mm": (1e-3, 0.0)},
     "rot6d": {"1": (1.0, 0.0)},
     "quaternion": {"1": (1.0, 0.0)},
@@ -81,7 +81,7 @@ _SCALAR_UNITS |= dict.fromkeys(OF_TOUCH[2:4], ("N",)) | dict.fromkeys(OF_TOUCH[4
 _MOMENTARY = ("base_yaw_rate", *OF_TOUCH)
 _GRASP_UNITS = ("1", "percent", "dex1 rad", CLOSING)
 
-TARGETS: dict[str, tuple[Kind, ...]] = {
+TARGETS: dict[str, tuple[SlotKind, ...]] = {
     "left_wrist_position": ("position",),
     "left_wrist_rotation": ROTATIONS,
     "right_wrist_position": ("position",),
@@ -106,7 +106,7 @@ TARGETS: dict[str, tuple[Kind, ...]] = {
 SLOTS_MAX = 200
 """Most slots of a spec: every number of the widest known one by itself."""
 
-_SUFFIXES: dict[Kind, tuple[str, ...]] = {
+_SUFFIXES: dict[SlotKind, tuple[str, ...]] = {
     "position": ("x", "y", "z"),
     "rot6d": tuple(f"r6_{i}" for i in range(6)),
     "rotvec": ("rx", "ry", "rz"),
@@ -148,7 +148,7 @@ class Slot:
     """
 
     name: str
-    kind: Kind
+    kind: SlotKind
     start: int
     size: int
     unit: str
@@ -167,7 +167,7 @@ class Slot:
         if self.kind == "ignored":
             self._check_ignored()
             return
-        for name, allowed in {"name": TARGETS, "kind": get_args(Kind), "frame": get_args(Frame)}.items():
+        for name, allowed in {"name": TARGETS, "kind": get_args(SlotKind), "frame": get_args(Frame)}.items():
             one_of(f"slot '{self.name}': {name}", getattr(self, name), allowed)
         if self.reason:
             raise SpecError(f"slot '{self.name}': a reason only goes with the kind 'ignored', not '{self.kind}'")
@@ -267,7 +267,7 @@ class Slot:
             if ends.shape != (2,) or not np.isfinite(ends).all() or abs(ends[1] - ends[0]) < 1e-6:
                 raise SpecError(f"slot '{self.name}': closing {self.closing}; two numbers, open and closed, are meant")
 
-    def _check_convention(self, field: str, kind: Kind, allowed: tuple[str, ...]) -> None:
+    def _check_convention(self, field: str, kind: SlotKind, allowed: tuple[str, ...]) -> None:
         value = getattr(self, field)
         if self.kind == kind:
             one_of(f"slot '{self.name}': {field}", value, allowed)

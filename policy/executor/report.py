@@ -20,7 +20,7 @@ EVENTS_MAX = 1000
 
 
 @dataclass(frozen=True)
-class Event:
+class ExecutorEvent:
     """Something that went wrong, or came right again: time [s], stable code, and a sentence."""
 
     time: float
@@ -66,7 +66,7 @@ class ExecutionReport:
     """
 
     deliveries: list[Delivery] = field(default_factory=list)
-    events: deque[Event] = field(default_factory=lambda: deque(maxlen=EVENTS_MAX))
+    events: deque[ExecutorEvent] = field(default_factory=lambda: deque(maxlen=EVENTS_MAX))
     counts: Counter[str] = field(default_factory=Counter)
     waited: float = 0.0
     starved: float = 0.0
@@ -77,7 +77,7 @@ class ExecutionReport:
     def add(self, time: float, code: str, detail: str) -> None:
         """Note an event; logged once until `recovered`, then counted."""
         detail = printable(detail, DETAIL_MAX)
-        self.events.append(Event(time, code, detail))
+        self.events.append(ExecutorEvent(time, code, detail))
         self.counts[code] += 1
         if code not in self._told:
             self._told.add(code)

@@ -14,7 +14,7 @@ from wholebody.robot.standing import has_lost_standing
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.robot_errors import REALISTIC_ROBOT, RealisticPlant
 from wholebody.sim.sensors import REALISTIC_READINGS, Sensors
-from wholebody.walking.gait import Step
+from wholebody.walking.gait import Phase
 
 START = 0.3
 """Time at which a walk is told to begin [s]."""
@@ -103,7 +103,7 @@ def walk(tell, seconds, *, seed=None, estimated=False, pushes=(), gait=None, tim
         errors.append(_off(walker, spec, robot, state, measured))
         measured = state if sensors is None else sensors.measure(state)
         load = max(load, plant.foot_load()[0])
-        if walker.walk.state is not Step.STAND:
+        if walker.walk.state is not Phase.STAND:
             stopped = np.inf
         elif not np.isfinite(stopped):
             stopped = state.time

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Option
 
-from wholebody.cli.judging import CRASH, Judge
+from wholebody.cli.judging import CRASH, InputJudge
 from wholebody.cli.options import AssumeSpec, Fps, Input, Judging, ReadAs, RobotModel, Sampling, Simulation
 from wholebody.cli.simulated import settings_of
 from wholebody.cli.sources import is_dataset, layout_named, length, opened, robot_of, said
@@ -52,7 +52,9 @@ def make_judging(audited: Audited, folder: Path) -> Callable[[str], AuditOutcome
     """What judges an input by its name, and writes repaired ones into a folder."""
     given = Input(fps=audited.fps, assume_spec=audited.assume_spec, read_as=audited.read_as)
     simulation = Simulation(config=audited.config, robot=audited.robot)
-    judge = Judge(given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True)
+    judge = InputJudge(
+        given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True
+    )
 
     def judged(name: str) -> AuditOutcome:
         from wholebody.verdict.audit.outcome import AuditOutcome
@@ -94,7 +96,7 @@ def _gaps(name: str, given: Input, robot: RobotConfig) -> list[dict]:
         return []  # an input without joints in both
 
 
-def _changed(outcome: AuditOutcome, policy: Policy, judge: Judge, folder: Path | None) -> AuditOutcome:
+def _changed(outcome: AuditOutcome, policy: Policy, judge: InputJudge, folder: Path | None) -> AuditOutcome:
     """How much slower a recording is feasible by its plans, and its repair where there is a folder for it."""
     from policy.errors import SpecError
     from policy.recorded.replay import ReplayPolicy

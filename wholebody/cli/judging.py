@@ -50,7 +50,7 @@ class Answer:
     misuse: str = ""
 
 
-class Judge:
+class InputJudge:
     """Judges inputs with the same options; a robot in a scene is loaded once.
 
     Args:
@@ -156,7 +156,7 @@ class Judge:
     def in_world(self, name: str, seed: int) -> Answer:
         """Judge an input in the realistic world of a seed."""
         simulation = replace(self.simulation, realistic=True, robot_seed=seed)
-        judge = Judge(self.given, simulation, self.sampling, replace(self.judging, why=False), quiet=True)
+        judge = InputJudge(self.given, simulation, self.sampling, replace(self.judging, why=False), quiet=True)
         # Plans know nothing of the world: what they say is said once.
         judge.fast, judge._first = self.fast, False
         return judge.answer(name)
@@ -182,7 +182,7 @@ class Judge:
         return _told(name, sentence(error), CRASH)
 
 
-def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
+def answers(judge: InputJudge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
     """Answers in the order of the inputs, each as soon as it and those before it are there.
 
     Args:
@@ -214,7 +214,7 @@ def answers(judge: Judge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
         pool.shutdown(cancel_futures=True)
 
 
-def _one_by_one(judge: Judge, names: Sequence[str | Answer]) -> Iterator[Answer]:
+def _one_by_one(judge: InputJudge, names: Sequence[str | Answer]) -> Iterator[Answer]:
     """Answers in this process; how many there are of them is said while one is simulated, or they are planned."""
     count = 0
 
@@ -264,7 +264,7 @@ def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Ju
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_DFL)
     end_with_parent()
-    _judge = Judge(given, simulation, sampling, judging, quiet=True, pages=pages)
+    _judge = InputJudge(given, simulation, sampling, judging, quiet=True, pages=pages)
 
 
 def _judge_apart(name: str, seed: int | None = None) -> Answer:

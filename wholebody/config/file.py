@@ -21,7 +21,7 @@ FILE_MAX = 256 * 2**10
 """Largest file [bytes]; every setting written out has 17 kB."""
 # Every value as its text: no dates, no octal numbers, no objects. The compiled parser is thirty times as fast.
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
-Place = Callable[[tuple[str, ...]], str]
+Locate = Callable[[tuple[str, ...]], str]
 """Where in a file a setting is, for messages."""
 
 PUBLISHED = (
@@ -102,7 +102,7 @@ def _require_plain(text: str) -> None:
             raise ReadingError(f"is nested deeper than {DEPTH_MAX} levels")
 
 
-def config_from(changes: object, place: Place = lambda names: "configuration") -> ControllerConfig:
+def config_from(changes: object, place: Locate = lambda names: "configuration") -> ControllerConfig:
     """Settings from plain data.
 
     Args:
@@ -126,7 +126,7 @@ def dump_config(config: ControllerConfig, *, everything: bool = True) -> str:
     return "\n".join([f"# {about}. SI units.", *_documented(config, "", "", everything)]) + "\n"
 
 
-def _structure(owner: Any, changes: object, place: Place, path: tuple[str, ...]) -> Any:
+def _structure(owner: Any, changes: object, place: Locate, path: tuple[str, ...]) -> Any:
     """A copy of a dataclass with changes, each field checked by its type."""
     if not isinstance(changes, dict):
         what = ".".join(path) or "the file"
@@ -160,7 +160,7 @@ def _about(name: str, owner: object) -> str:
     return "".join(f"'{one}' is about that: {text} " for one, text in found.items()) if len(found) == 1 else ""
 
 
-def _value(kind: type, value: object, place: Place, path: tuple[str, ...]) -> object:
+def _value(kind: type, value: object, place: Locate, path: tuple[str, ...]) -> object:
     """A value of a setting's type: a number, a name, or a list of numbers."""
     entries = get_args(kind)
     try:

@@ -18,7 +18,7 @@ from wholebody.control.gains import Gains
 from wholebody.control.tick_report import TickLevel, TickReport
 from wholebody.control.weights import Weights
 from wholebody.errors import InputError
-from wholebody.limits.base import Limit
+from wholebody.limits.base import ProgramLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
 from wholebody.limits.floor import FloorLimit
 from wholebody.limits.joint import JointLimits, viable_acceleration_bounds
@@ -58,7 +58,7 @@ class WholeBodyController(Controller):
         config: ControllerConfig | None = None,
         *,
         extra_tasks: Sequence[Task] = (),
-        extra_limits: Sequence[Limit] = (),
+        extra_limits: Sequence[ProgramLimit] = (),
     ) -> None:
         super().__init__(spec, config or ControllerConfig())
         self.extra_tasks, self.extra_limits = (*self.tasks.extra, *extra_tasks), tuple(extra_limits)
@@ -125,7 +125,7 @@ class WholeBodyController(Controller):
         if not self._safety and c.bounds != "physics":
             raise InputError(f"bounds is '{c.bounds}'; it must be 'all' or 'physics'")
         limits = (self.balance, self.pelvis_limit, self.torso_limit, self.height_limit)
-        self.limits: tuple[Limit, ...] = (*limits, *self.extra_limits) if self._safety else self.extra_limits
+        self.limits: tuple[ProgramLimit, ...] = (*limits, *self.extra_limits) if self._safety else self.extra_limits
         q_stance = stance_q(spec, self.robot.model)
         proximity = Proximity(spec, self.robot.model, None, q_stance, safety.self_distance)
         fingers = 6 + self.tasks.fingers

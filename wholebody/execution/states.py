@@ -57,7 +57,7 @@ ENDING = frozenset({State.LOWERING, State.LOWERED, State.RAISING})
 
 
 @dataclass(frozen=True)
-class Row:
+class Transition:
     """One row of the table.
 
     Attributes:
@@ -77,24 +77,30 @@ _ON_A_WAY = (State.HOLDING, State.STANDING, State.RETURNING)
 _UP = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING)
 
 TABLE = (
-    Row((State.NEW, *_UP, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
-    Row((*_ON_A_WAY, State.FOLLOWING), Event.TAKEN_OVER, State.FOLLOWING, "follows the plan from where the robot is"),
-    Row((State.FOLLOWING,), Event.LOST, State.STANDING, "comes to rest where it is, hands let go of"),
-    Row((State.FOLLOWING,), Event.SPENT, State.RETURNING, "goes towards its stance at once, hands let go of"),
-    Row(_ON_A_WAY, Event.NO_WAY, State.RETURNING, "goes slowly to its stance, if it is not in it"),
-    Row((State.RETURNING,), Event.PLANNED_FROM, State.STANDING, "comes to rest: the plan begins there"),
-    Row(_UP, Event.LOWER, State.LOWERING, "goes into its crouch; chunks are refused"),
-    Row(_UP, Event.RAISE, State.RAISING, "goes to its stance; chunks are refused"),
-    Row((State.LOWERING,), Event.ARRIVED, State.LOWERED, "stiffens its legs: the last command may be kept"),
-    Row((State.RAISING,), Event.ARRIVED, State.HOLDING, "holds its stance; chunks are taken"),
-    Row(_UP, Event.FELL, State.FALLEN, "damps its joints until `reset`"),
-    Row((State.IDLE,), Event.ASKED, State.PLANNING, "computes the plan beside the loop, to begin one lead ahead"),
-    Row((State.PLANNING,), Event.CLEARED, State.READY, "keeps the plan until the robot is where it begins"),
-    Row((State.PLANNING,), Event.REFUSED, State.IDLE, "says why, and goes on with the plan before, if there is one"),
-    Row((State.PLANNING,), Event.LATE, State.IDLE, "drops the plan, doubles the lead, asks for the chunk again"),
-    Row((State.READY,), Event.DUE, State.IDLE, "hands the plan over"),
-    Row((State.READY,), Event.MISSED, State.IDLE, "drops the plan, asks for the chunk again"),
-    Row((State.PLANNING, State.READY), Event.CANCELLED, State.IDLE, "drops the plan"),
+    Transition((State.NEW, *_UP, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
+    Transition(
+        (*_ON_A_WAY, State.FOLLOWING), Event.TAKEN_OVER, State.FOLLOWING, "follows the plan from where the robot is"
+    ),
+    Transition((State.FOLLOWING,), Event.LOST, State.STANDING, "comes to rest where it is, hands let go of"),
+    Transition((State.FOLLOWING,), Event.SPENT, State.RETURNING, "goes towards its stance at once, hands let go of"),
+    Transition(_ON_A_WAY, Event.NO_WAY, State.RETURNING, "goes slowly to its stance, if it is not in it"),
+    Transition((State.RETURNING,), Event.PLANNED_FROM, State.STANDING, "comes to rest: the plan begins there"),
+    Transition(_UP, Event.LOWER, State.LOWERING, "goes into its crouch; chunks are refused"),
+    Transition(_UP, Event.RAISE, State.RAISING, "goes to its stance; chunks are refused"),
+    Transition((State.LOWERING,), Event.ARRIVED, State.LOWERED, "stiffens its legs: the last command may be kept"),
+    Transition((State.RAISING,), Event.ARRIVED, State.HOLDING, "holds its stance; chunks are taken"),
+    Transition(_UP, Event.FELL, State.FALLEN, "damps its joints until `reset`"),
+    Transition(
+        (State.IDLE,), Event.ASKED, State.PLANNING, "computes the plan beside the loop, to begin one lead ahead"
+    ),
+    Transition((State.PLANNING,), Event.CLEARED, State.READY, "keeps the plan until the robot is where it begins"),
+    Transition(
+        (State.PLANNING,), Event.REFUSED, State.IDLE, "says why, and goes on with the plan before, if there is one"
+    ),
+    Transition((State.PLANNING,), Event.LATE, State.IDLE, "drops the plan, doubles the lead, asks for the chunk again"),
+    Transition((State.READY,), Event.DUE, State.IDLE, "hands the plan over"),
+    Transition((State.READY,), Event.MISSED, State.IDLE, "drops the plan, asks for the chunk again"),
+    Transition((State.PLANNING, State.READY), Event.CANCELLED, State.IDLE, "drops the plan"),
 )
 """Every move there is; what happens in another state moves nothing."""
 

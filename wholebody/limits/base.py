@@ -29,7 +29,7 @@ TIME_CONSTANT = 0.02
 """Of the approach to a bound [s]; chosen: ten ticks of 2 ms."""
 
 
-class Limit(Protocol):
+class ProgramLimit(Protocol):
     """Anything that bounds the acceleration at the robot's present state."""
 
     def rows(self, robot: Robot) -> Rows:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import viser
 
-from wholebody.sim.pictures.scene import Kind, Mark
+from wholebody.sim.pictures.scene import Mark, MarkKind
 
 
 class Marks:
@@ -34,12 +34,12 @@ class Marks:
         colour, opacity = tuple(round(255 * part) for part in mark.show.colour[:3]), mark.show.colour[3]
         scene, old = self._scene, self._drawn.get(name)
         points = mark.points.astype(np.float32)
-        if mark.kind is Kind.LINE:
+        if mark.kind is MarkKind.LINE:
             if old is None:
                 self._drawn[name] = scene.add_line_segments(name, points[None], colour, thickness=2.0 * mark.size)
             else:
                 old.points = points[None]
-        elif mark.kind is Kind.AREA:
+        elif mark.kind is MarkKind.AREA:
             if old is None:
                 fan = np.array([[0, i, i + 1] for i in range(1, len(points) - 1)], dtype=np.uint32)
                 self._drawn[name] = scene.add_mesh_simple(
@@ -47,7 +47,7 @@ class Marks:
                 )
         elif old is not None:
             old.position = mark.points[0]
-        elif mark.kind is Kind.DISC:
+        elif mark.kind is MarkKind.DISC:
             self._drawn[name] = scene.add_cylinder(name, mark.size, 0.002, color=colour, opacity=opacity)
         else:
             radius = mark.size or 0.022

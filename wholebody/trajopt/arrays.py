@@ -41,7 +41,7 @@ class Tables(NamedTuple):
     approach_time: float  # for which bodies may go on approaching each other
 
 
-class Task(NamedTuple):
+class KnotTargets(NamedTuple):
     """What is asked of K knots."""
 
     T_palms: np.ndarray  # (K, 2, 4, 4)
@@ -71,7 +71,7 @@ class Shapes(NamedTuple):
     floor: np.ndarray  # (2,) height to keep, and height beyond it from which they count
 
 
-class Weights(NamedTuple):
+class TrajectoryWeights(NamedTuple):
     """Weights of the squares [1 / scale^2]; of palms the scales, and the errors past which no gradient grows."""
 
     position: float

@@ -31,7 +31,7 @@ from models.spec import RobotSpec
 from wholebody.collision.floor_clearance import FloorClearance
 from wholebody.collision.proximity import point_rates
 from wholebody.robot.kernels.pendulum import natural_frequency
-from wholebody.trajopt.arrays import Tables, Weights
+from wholebody.trajopt.arrays import Tables, TrajectoryWeights
 from wholebody.trajopt.layout import FIRST_RATE, FREE_LOWER, LOWER, N_BODY, UPPER, WAIST
 from wholebody.trajopt.robot_tables import RobotTables
 
@@ -213,7 +213,7 @@ def bounds(
     ])  # fmt: skip
 
 
-def configuration_cost(w: Weights, r: np.ndarray) -> float:
+def configuration_cost(w: TrajectoryWeights, r: np.ndarray) -> float:
     """Cost of the residuals (50,) of one configuration.
 
     With e the error of a palm over ``give``, its position costs ``(give / scale)^2 log(1 + e^2)``, whose gradient is
@@ -230,7 +230,7 @@ def configuration_cost(w: Weights, r: np.ndarray) -> float:
     return total + sum(weight * float(r[first:last] @ r[first:last]) for weight, first, last in squares)
 
 
-def motion_cost(w: Weights, v_mid: np.ndarray, a: np.ndarray, m: np.ndarray) -> float:
+def motion_cost(w: TrajectoryWeights, v_mid: np.ndarray, a: np.ndarray, m: np.ndarray) -> float:
     """Cost of velocity, acceleration and dynamics of one knot, without bounds."""
     legs, others = v_mid[6:LOWER], np.r_[v_mid[:6], v_mid[LOWER:]]
     squares = (

@@ -9,11 +9,11 @@ from wholebody.collision import gjk
 from wholebody.config import TrajectoryConfig
 from wholebody.errors import InputError
 from wholebody.trajopt import entry_points, weights, workspace
-from wholebody.trajopt.arrays import Task
+from wholebody.trajopt.arrays import KnotTargets
 from wholebody.trajopt.budget import Budget
 from wholebody.trajopt.layout import COM_EDGE, DISTANCE, N_BODY, n_inequalities
 from wholebody.trajopt.robot_tables import RobotTables
-from wholebody.trajopt.workspace import Motion
+from wholebody.trajopt.workspace import KnotMotion
 
 SPLINE_OFFSET_MAX = 0.02
 """Most that counts of a palm's offset from its control point [m, rad]; derived: at the 20 m/s^2 of `HandLimits` it is
@@ -53,7 +53,7 @@ class TrajectoryProblem:
         self._system, self._n_edges = workspace.new_system(K, n_edges), n_edges
         self._scratch, self._assembly = workspace.new_knot_scratch(), workspace.new_assembly_scratch(K)
         n_fingers = len(body.fingers)
-        self._task = Task(
+        self._task = KnotTargets(
             np.zeros((K, 2, 4, 4)),
             np.zeros((K, n_fingers)),
             np.zeros(N_BODY),
@@ -136,13 +136,13 @@ class TrajectoryProblem:
             self.distances.q[:] = np.inf
         self._place(self.now)
 
-    def linearise(self, m: Motion) -> None:
+    def linearise(self, m: KnotMotion) -> None:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
         self.budget.count(self.K)
         self._place(m)
         entry_points.rates(self.body.tables, self._task, m, self._scratch)
 
-    def _place(self, m: Motion) -> None:
+    def _place(self, m: KnotMotion) -> None:
         body, task, scratch = self.body, self._task, self._scratch
         entry_points.place(body.tables, task, m, scratch, 0, self.K)
         if self.enforced[DISTANCE]:
@@ -153,7 +153,7 @@ class TrajectoryProblem:
             self.distances.measured[:], self.distances.chosen[:] = False, 0
         entry_points.describe(body.tables, body.shapes, task, m, self.distances)
 
-    def _measure(self, m: Motion, touching: np.ndarray) -> None:
+    def _measure(self, m: KnotMotion, touching: np.ndarray) -> None:
         """Measure pairs that touch: rows of knot, pair and place in the list of the knot, knot after knot."""
         body, (knots, pairs, places) = self.body, touching.T
         full, rows, slack = body.q_full.copy(), np.empty((len(pairs), 9)), np.empty(len(pairs))
@@ -169,7 +169,7 @@ class TrajectoryProblem:
         rows[:, 3:] -= np.tile(m.q[knots, :3], 2)  # the points, from the pelvis
         self.distances.rows[knots, places], self.distances.slack[knots, places] = rows, slack
 
-    def cost(self, m: Motion) -> float:
+    def cost(self, m: KnotMotion) -> float:
         """What a motion costs."""
         return entry_points.cost(m, self._weights, self._penalties, COM_EDGE + self._n_edges)
 

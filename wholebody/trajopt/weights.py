@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wholebody.config import TrajectoryConfig
-from wholebody.trajopt.arrays import Weights
+from wholebody.trajopt.arrays import TrajectoryWeights
 from wholebody.trajopt.layout import (  # fmt: skip
     BASE_HEIGHT,
     COM_EDGE,
@@ -61,9 +61,9 @@ BOUNDS = (
 """In the order of `wholebody.trajopt.layout`, scales and tolerances [unit of each]; chosen as `Bound` says."""
 
 
-def weights(c: TrajectoryConfig) -> Weights:
+def weights(c: TrajectoryConfig) -> TrajectoryWeights:
     """Weights of the residuals."""
-    return Weights(
+    return TrajectoryWeights(
         position=c.position,
         position_give=c.position_give,
         orientation=c.orientation,

@@ -31,7 +31,7 @@ LINE = 8
 """Numbers in a line of the cache, 64 bytes."""
 
 
-class Motion(NamedTuple):
+class KnotMotion(NamedTuple):
     """K knots and everything about them, linear in the free directions; block ``c`` of three is knot ``k - 1 + c``."""
 
     q: np.ndarray  # (K, 36)
@@ -62,7 +62,7 @@ class Motion(NamedTuple):
     sign: np.ndarray  # (K, n_inequalities) of what is bounded
 
 
-def new_motion(K: int, bodies: int, n_edges: int) -> Motion:
+def new_motion(K: int, bodies: int, n_edges: int) -> KnotMotion:
     """Room for the motion of K knots."""
     shapes = {
         "q": (K, N_BODY + 1),
@@ -96,7 +96,7 @@ def new_motion(K: int, bodies: int, n_edges: int) -> Motion:
     arrays["palms"][:] = np.eye(4)
     arrays["sign"][:] = 1.0
     arrays["violation"][:] = -1.0
-    return Motion(**arrays)
+    return KnotMotion(**arrays)
 
 
 class Distances(NamedTuple):

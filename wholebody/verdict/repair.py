@@ -26,8 +26,8 @@ SPARE = 0.02
 """Share by which a change is more than the least one that was found to hold; chosen: rounding in a file."""
 MORE, MORE_TRIES = 1.05, 4
 """Factor on a change that holds by one plan and not as it is played back, and how often it is tried; chosen."""
-Kind = Literal["slower", "moved", "turned", "led", "lighter"]
-BENT: tuple[Kind, ...] = ("led", "turned", "moved")
+ChangeKind = Literal["slower", "moved", "turned", "led", "lighter"]
+BENT: tuple[ChangeKind, ...] = ("led", "turned", "moved")
 """Ways to bend a path, of which the smallest that does is taken."""
 
 Ask = Callable[[ActionChunk, Begin], bool]
@@ -48,7 +48,7 @@ class Change:
         actions: The same as numbers of the layout that the chunk came in, (H, A), where it came so.
     """
 
-    kind: Kind
+    kind: ChangeKind
     slower: float
     moved: float
     turned: float
@@ -126,7 +126,7 @@ class Repairer:
         least = _least(lambda x: ask(slowed(chunk, float(np.exp(x)))), float(np.log(SLOWER_MAX)))
         return self._lasting(lambda factor: slowed(chunk, factor), float(np.exp(least)), SLOWER_MAX)
 
-    def bent(self, factor: float, kind: Kind) -> Change | None:
+    def bent(self, factor: float, kind: ChangeKind) -> Change | None:
         """The path led towards what is planned for it at a speed, as far as a repair may: moved, turned, or both."""
         slow = slowed(self.inside, factor)
         begin = self._begin or self._first_pose(slow)
@@ -151,7 +151,7 @@ class Repairer:
         values = [values[0], least, *values[1:]]
         return next((x for x in (min(value, most) for value in values) if self.lasts(chunk_at(x))), None)
 
-    def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
+    def _change(self, kind: ChangeKind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)
 
 

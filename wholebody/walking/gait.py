@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Step(Enum):
+class Phase(Enum):
     """States of a gait."""
 
     STAND = "stand"
@@ -24,7 +24,7 @@ class Step(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class PhaseRow:
     """A row of the table.
 
     Attributes:
@@ -37,20 +37,20 @@ class State:
 
     both: bool
     lasts: str
-    then: Step
-    done: Step
+    then: Phase
+    done: Phase
     rests: bool = False
 
 
-TABLE: dict[Step, State] = {
-    Step.STAND: State(True, "", then=Step.SHIFT, done=Step.STAND),
-    Step.SHIFT: State(True, "shift", then=Step.SWING, done=Step.SETTLE),
-    Step.SWING: State(False, "swing", then=Step.LAND, done=Step.SETTLE),
-    Step.LAND: State(True, "double", then=Step.SWING, done=Step.SWING),
-    Step.SETTLE: State(True, "settle", then=Step.SHIFT, done=Step.STAND, rests=True),
-    Step.RECOVER: State(True, "pause", then=Step.SHIFT, done=Step.SETTLE, rests=True),
+TABLE: dict[Phase, PhaseRow] = {
+    Phase.STAND: PhaseRow(True, "", then=Phase.SHIFT, done=Phase.STAND),
+    Phase.SHIFT: PhaseRow(True, "shift", then=Phase.SWING, done=Phase.SETTLE),
+    Phase.SWING: PhaseRow(False, "swing", then=Phase.LAND, done=Phase.SETTLE),
+    Phase.LAND: PhaseRow(True, "double", then=Phase.SWING, done=Phase.SWING),
+    Phase.SETTLE: PhaseRow(True, "settle", then=Phase.SHIFT, done=Phase.STAND, rests=True),
+    Phase.RECOVER: PhaseRow(True, "pause", then=Phase.SHIFT, done=Phase.SETTLE, rests=True),
 }
-"""What follows what. A swing whose step is the last one ends in `Step.SETTLE`, or in `Step.RECOVER` if it caught the
+"""What follows what. A swing whose step is the last one ends in `Phase.SETTLE`, or in `Phase.RECOVER` if it caught the
 robot."""
 
 

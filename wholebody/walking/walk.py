@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp
 
-from wholebody.walking.adjustment import Room, adjust
-from wholebody.walking.adjustment import Step as Adjusted
+from wholebody.walking.adjustment import Room, Step, adjust
 from wholebody.walking.dcm import Piece, bounded, start_for
 from wholebody.walking.footsteps import LEFT, RIGHT, Footstep, base_of, box, closed, footsteps
-from wholebody.walking.gait import TABLE, Gait, Step
+from wholebody.walking.gait import TABLE, Gait, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole, between, on
@@ -40,7 +39,7 @@ CALM = 0.025
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class WalkReadings:
     """What a walk is told of the robot.
 
     Attributes:
@@ -74,9 +73,9 @@ class Walk:
         adjusted: How far the last step is moved from its plan [m].
     """
 
-    def __init__(self, seen: Seen, sole: Sole, gait: Gait | None = None) -> None:
+    def __init__(self, seen: WalkReadings, sole: Sole, gait: Gait | None = None) -> None:
         self.gait, self._sole = gait or Gait(), sole
-        self.state, self.soles, self.stance = Step.STAND, list(seen.soles), LEFT
+        self.state, self.soles, self.stance = Phase.STAND, list(seen.soles), LEFT
         self.width = abs(seen.soles[LEFT].point - seen.soles[RIGHT].point)
         self.guide = Guide(base_of(seen.soles))
         self.load, self.swing, self.marches, self.made, self.adjusted = (1.0, 1.0), None, False, 0, 0.0
@@ -95,16 +94,16 @@ class Walk:
         """Time until the state is over [s]."""
         return self._left
 
-    def advance(self, seen: Seen, dt: float) -> None:
+    def advance(self, seen: WalkReadings, dt: float) -> None:
         """Go on by a period [s]."""
-        if self.state in (Step.SWING, Step.LAND):
+        if self.state in (Phase.SWING, Phase.LAND):
             self.guide.advance(dt)
         if self._over(seen):
             self._enter(self._following(), seen)
         self._elapsed += dt
         self._left -= dt
         self._nominal_left -= dt
-        if self.state is Step.SWING:
+        if self.state is Phase.SWING:
             self._adjust(seen)
         self._follow_plan(seen, dt)
         self._share_load()
@@ -114,11 +113,11 @@ class Walk:
                 goal, self._floor, self.gait.lift, min(self._elapsed / total, 1.0), self._left, dt
             )
 
-    def _over(self, seen: Seen) -> bool:
+    def _over(self, seen: WalkReadings) -> bool:
         """Whether the state ends now."""
-        if self.state is Step.STAND:
+        if self.state is Phase.STAND:
             return self.wanted
-        if self.state is Step.SWING and seen.touching is not None and seen.touching[1 - self.stance]:
+        if self.state is Phase.SWING and seen.touching is not None and seen.touching[1 - self.stance]:
             share = self._elapsed / (self._elapsed + max(self._left, 0.0))
             return share >= TOUCHED or self._left <= 0.0
         if self._left > 0.0:
@@ -126,21 +125,21 @@ class Walk:
         if TABLE[self.state].rests:
             return abs(seen.dcm - self._middle()) < CALM
         late = self._elapsed >= 2.0 * self.gait.shift
-        return self.state is not Step.SHIFT or late or abs(seen.dcm - self.dcm) < CALM
+        return self.state is not Phase.SHIFT or late or abs(seen.dcm - self.dcm) < CALM
 
-    def _following(self) -> Step:
+    def _following(self) -> Phase:
         row = TABLE[self.state]
-        if self.state is Step.SWING:
+        if self.state is Phase.SWING:
             return row.then if len(self._steps) > 1 else row.done
         return row.then if self.wanted else row.done
 
-    def _enter(self, state: Step, seen: Seen) -> None:
+    def _enter(self, state: Phase, seen: WalkReadings) -> None:
         """Go over into a state."""
         gait, before = self.gait, self.state
         self.state, self._elapsed, self._left = state, 0.0, getattr(gait, TABLE[state].lasts or "settle")
-        if before is Step.SWING:
+        if before is Phase.SWING:
             self._set_down(seen)
-        if state is Step.SHIFT:
+        if state is Phase.SHIFT:
             self._take_stand(seen)
             first = self._first_foot()
             self.stance = 1 - first
@@ -148,16 +147,16 @@ class Walk:
             rest = self._pieces()[1:]
             piece = Piece(self._left, 0j, self._middle_of(self.soles[self.stance]))
             self.plan = start_for(seen.dcm, piece, bounded(rest, seen.omega), seen.omega)
-        elif state is Step.LAND:
+        elif state is Phase.LAND:
             self.stance = 1 - self.stance
             self._plan_steps(1 - self.stance, self._left + gait.swing)
-        elif state is Step.SWING:
+        elif state is Phase.SWING:
             # The steps are those of the shift of weight before: the capture point has been led there.
             foot = 1 - self.stance
             self._nominal_left, self._nominal = self._left, self._steps[0].sole
             self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot])
             self._floor = seen.heights[self.stance]
-        elif state is Step.STAND:
+        elif state is Phase.STAND:
             self._steps = []
 
     def _first_foot(self) -> int:
@@ -166,13 +165,13 @@ class Walk:
         side = velocity.way.imag + 0.1 * velocity.turn
         return LEFT if side > 0.0 else RIGHT
 
-    def _set_down(self, seen: Seen) -> None:
+    def _set_down(self, seen: WalkReadings) -> None:
         """The foot that was up stands where it is."""
         foot, self.swing = 1 - self.stance, None
         self.soles[foot] = seen.soles[foot]
         self.made += 1
 
-    def _take_stand(self, seen: Seen) -> None:
+    def _take_stand(self, seen: WalkReadings) -> None:
         self.soles = list(seen.soles)
 
     def _plan_steps(self, first: int, start: float) -> None:
@@ -190,11 +189,11 @@ class Walk:
     def _pieces(self) -> list[Piece]:
         """What the zero-moment point does from now on."""
         gait, left = self.gait, max(self._left, 0.0)
-        if self.state not in (Step.SHIFT, Step.SWING, Step.LAND):
+        if self.state not in (Phase.SHIFT, Phase.SWING, Phase.LAND):
             return [Piece(left, self.plan, self._middle())]
         carry = self._middle_of(self.soles[self.stance])
         pieces = [Piece(left, self.plan, carry)]
-        if self.state is not Step.SWING:
+        if self.state is not Phase.SWING:
             pieces.append(Piece(gait.swing, carry, carry))
         for step in self._steps[:-1]:
             new = self._middle_of(step.sole)
@@ -203,7 +202,7 @@ class Walk:
         end = 0.5 * (carry + self._middle_of(self._steps[-1].sole))
         return [*pieces, Piece(gait.settle, carry, end)]
 
-    def _adjust(self, seen: Seen) -> None:
+    def _adjust(self, seen: WalkReadings) -> None:
         """Move the landing to where and when the capture point asks for it."""
         self.plan = stance = self._middle_of(self.soles[self.stance])
         if self._left <= FROZEN:
@@ -227,34 +226,34 @@ class Walk:
         low, high = box(foot, gait)
         soonest = max(gait.sooner * gait.swing - self._elapsed, way / gait.foot_speed, FROZEN)
         latest = max(gait.later * gait.swing - self._elapsed, soonest)
-        step = Adjusted(place, self._left, (landing - share * place) / gone)
+        step = Step(place, self._left, (landing - share * place) / gone)
         best = adjust(felt, step, Room(low - turned, high - turned, soonest, latest), omega, gait.double)
         self._left = best.time if abs(best.time - kept) > 1e-9 else kept
         self._steps[0] = Footstep(foot, Place(axes.world(best.place + turned), nominal.heading))
         self.adjusted = abs(best.place - place)
 
-    def _follow_plan(self, seen: Seen, dt: float) -> None:
+    def _follow_plan(self, seen: WalkReadings, dt: float) -> None:
         """Zero-moment point for this tick."""
         pieces = self._pieces()
         self.dcm = bounded(pieces, seen.omega)
-        if self.state is Step.SHIFT and self._left <= 0.0:
+        if self.state is Phase.SHIFT and self._left <= 0.0:
             self.plan = self.dcm
         wanted = self.plan + (1.0 + PULL / seen.omega) * (seen.dcm - self.dcm)
-        if self.state is Step.SWING:
+        if self.state is Phase.SWING:
             self.pressure = on(self.soles[self.stance], self._sole, wanted)
         else:
             self.pressure = between(self.soles, self._sole, wanted)
-        if self.state is not Step.SWING:
+        if self.state is not Phase.SWING:
             self.plan = pieces[0].left(dt).start
 
     def _share_load(self) -> None:
         """Share of the load that each foot may have."""
         load = [1.0, 1.0]
-        if self.state is Step.SWING:
+        if self.state is Phase.SWING:
             load[1 - self.stance] = 0.0
-        elif self.state in (Step.SHIFT, Step.LAND) and self._left < RELIEF:
+        elif self.state in (Phase.SHIFT, Phase.LAND) and self._left < RELIEF:
             load[1 - self.stance] = max(RELIEVED * self._left / RELIEF, LEAST)
-        if self.state is Step.LAND and self._elapsed < TAKING:
+        if self.state is Phase.LAND and self._elapsed < TAKING:
             load[self.stance] = max(self._elapsed / TAKING, LEAST)
         self.load = tuple(load)
 

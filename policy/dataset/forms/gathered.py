@@ -23,7 +23,7 @@ WIDTH_MAX = 1024
 
 
 @dataclass(frozen=True)
-class Place:
+class RecordingPlace:
     """Where a recording is: a file, and its name in there."""
 
     file: Path
@@ -55,11 +55,11 @@ class Recording:
         return {key: (x.shape[1], self.names.get(key)) for key, x in self.columns.items()}, self.fps
 
 
-Read = Callable[[Place], Recording]
+Read = Callable[[RecordingPlace], Recording]
 """Reads a recording; raises `DatasetError` where it is broken."""
 
 
-def gathered(folder: Path, form: str, places: Sequence[Place], read: Read) -> Dataset:
+def gathered(folder: Path, form: str, places: Sequence[RecordingPlace], read: Read) -> Dataset:
     """Dataset of recordings, of which the broken ones are refused when they are read.
 
     Args:
@@ -115,7 +115,7 @@ def gathered(folder: Path, form: str, places: Sequence[Place], read: Read) -> Da
     return Dataset(folder, form, info, every, episodes, {}, rows)
 
 
-def _require_sound(one: Recording, place: Place) -> None:
+def _require_sound(one: Recording, place: RecordingPlace) -> None:
     """Refuse columns of other shapes than (n, D), of different lengths, or none; a rate that is none."""
     try:
         require_rate("its rate", one.fps)

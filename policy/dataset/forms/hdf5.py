@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from policy.dataset.format import ACTION, STATE, Dataset
-from policy.dataset.forms.gathered import Place, Recording, gathered
+from policy.dataset.forms.gathered import Recording, RecordingPlace, gathered
 from policy.errors import DatasetError, printable
 from policy.reading import JSON_MAX, ReadingError, parse_json, require_file
 
@@ -63,12 +63,12 @@ def read_hdf5(path: Path) -> Dataset:
     """
     if not find_spec("h5py"):
         raise DatasetError(f"{path}: HDF5 is read with h5py, which is not installed: pip install 'g1-wholebody[hdf5]'")
-    places: list[Place] = []
+    places: list[RecordingPlace] = []
     for file in hdf5_files(path):
         try:
-            places += [Place(file, name) for name in _episodes(_contents(file))]
+            places += [RecordingPlace(file, name) for name in _episodes(_contents(file))]
         except DatasetError:
-            places.append(Place(file))  # said when it is read
+            places.append(RecordingPlace(file))  # said when it is read
     return gathered(path, FORM, places, partial(_recording, path))
 
 
@@ -88,7 +88,7 @@ def _episodes(found: _Contents) -> list[str]:
     return sorted(groups, key=number) or [""]
 
 
-def _recording(source: Path, place: Place) -> Recording:
+def _recording(source: Path, place: RecordingPlace) -> Recording:
     """An episode of what the user named."""
     found, within = _contents(place.file), f"{place.name}/" if place.name else ""
     columns: dict[str, np.ndarray] = {}
@@ -131,7 +131,7 @@ def _names(found: _Contents, path: str, group: str, width: int) -> tuple[str, ..
     return ()
 
 
-def _rate(found: _Contents, place: Place, source: Path) -> float:
+def _rate(found: _Contents, place: RecordingPlace, source: Path) -> float:
     for stated in _above(found, place.name):
         for name in _RATES:
             if isinstance(stated.get(name), float):
@@ -157,7 +157,7 @@ def _of_environment(text: object) -> float | None:
         return None
 
 
-def _task(found: _Contents, place: Place) -> str:
+def _task(found: _Contents, place: RecordingPlace) -> str:
     texts = (stated.get(name) for stated in _above(found, place.name) for name in ("task", "language_instruction"))
     return next((text for text in texts if isinstance(text, str)), "")
 

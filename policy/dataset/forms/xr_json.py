@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from policy.dataset.format import ACTION, STATE, Dataset, read_json
-from policy.dataset.forms.gathered import Place, Recording, gathered
+from policy.dataset.forms.gathered import Recording, RecordingPlace, gathered
 from policy.errors import DatasetError
 
 FORM, FILE = "xr_teleoperate JSON", "data.json"
@@ -41,10 +41,10 @@ def read_xr_json(folder: Path) -> Dataset:
     Raises:
         DatasetError: If none of them can be read.
     """
-    return gathered(folder, FORM, [Place(file) for file in episode_files(folder)], _recording)
+    return gathered(folder, FORM, [RecordingPlace(file) for file in episode_files(folder)], _recording)
 
 
-def _recording(place: Place) -> Recording:
+def _recording(place: RecordingPlace) -> Recording:
     file = place.file
     try:
         modified_ns = file.stat().st_mtime_ns

@@ -122,7 +122,7 @@ def test_c8_inputs_side_by_side_are_answered_in_their_order_with_the_largest_exi
 def test_options_that_are_wrong_for_every_input_are_told_once(inside, monkeypatch):
     answer = inside("check", "wave", "-j", "0")
     assert (answer.returncode, answer.stderr) == (2, "wholebody: -j is 0; 1 to 256 inputs can be judged side by side\n")
-    judge = judging.Judge(Input(), Simulation(scene="tabel"), Sampling(), Judging(), quiet=True)
+    judge = judging.InputJudge(Input(), Simulation(scene="tabel"), Sampling(), Judging(), quiet=True)
     monkeypatch.setattr(judging, "_judge", judge, raising=False)
     found = judging._judge_apart("wave")
     assert "no scene 'tabel'; did you mean" in found.misuse

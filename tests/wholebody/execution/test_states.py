@@ -15,7 +15,7 @@ from wholebody.episode.run import observe
 from wholebody.errors import PlanningError
 from wholebody.execution.ending.crouch import crouch
 from wholebody.execution.handover import WAIT
-from wholebody.execution.states import TABLE, Event, Machine, Row, State
+from wholebody.execution.states import TABLE, Event, Machine, State, Transition
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.state import Robot
 from wholebody.sim.plant import MujocoPlant
@@ -262,7 +262,7 @@ def test_what_the_table_does_not_have_moves_nothing():
     assert machine.now is State.FALLEN
 
 
-def names(row: Row) -> str:
+def names(row: Transition) -> str:
     return "any" if len(row.states) > len(UP) else "any but fallen" if row.states == UP else ", ".join(
         one.value for one in row.states
     )  # fmt: skip

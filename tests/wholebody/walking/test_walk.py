@@ -11,11 +11,11 @@ import pytest
 
 from wholebody.robot.support_polygon import convex_polygon
 from wholebody.walking.footsteps import LEFT, RIGHT, beside, closed
-from wholebody.walking.gait import TABLE, Step
+from wholebody.walking.gait import TABLE, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place, Velocity
 from wholebody.walking.pressure import Sole, between, on
-from wholebody.walking.walk import Seen, Walk
+from wholebody.walking.walk import Walk, WalkReadings
 
 OMEGA, DT, SOLE = 3.85, 0.002, Sole(0.073, 0.019)
 
@@ -27,10 +27,10 @@ class Pendulum:
         self.dcm, self.time = 0j, 0.0
         self.soles = [beside(Place(0j, 0.0), foot, width) for foot in (LEFT, RIGHT)]
         self.walk = Walk(self.seen(), SOLE)
-        self.states = [Step.STAND]
+        self.states = [Phase.STAND]
 
     def seen(self):
-        return Seen(self.dcm, OMEGA, tuple(self.soles), (0.0, 0.0))
+        return WalkReadings(self.dcm, OMEGA, tuple(self.soles), (0.0, 0.0))
 
     def run(self, seconds):
         for _ in range(round(seconds / DT)):
@@ -47,7 +47,7 @@ class Pendulum:
     @property
     def stands(self):
         walk = self.walk
-        return walk.state is Step.STAND and closed(walk.soles, walk.guide.place, walk.width)
+        return walk.state is Phase.STAND and closed(walk.soles, walk.guide.place, walk.width)
 
 
 def test_states_follow_their_table():
@@ -58,15 +58,15 @@ def test_states_follow_their_table():
     one.run(6.0)
     for before, after in zip(one.states, one.states[1:], strict=False):
         assert after in (TABLE[before].then, TABLE[before].done), (before, after)
-    assert one.states[:4] == [Step.STAND, Step.SHIFT, Step.SWING, Step.LAND]
-    assert one.states[-3:] == [Step.SWING, Step.SETTLE, Step.STAND]
+    assert one.states[:4] == [Phase.STAND, Phase.SHIFT, Phase.SWING, Phase.LAND]
+    assert one.states[-3:] == [Phase.SWING, Phase.SETTLE, Phase.STAND]
     assert one.stands
 
 
 def test_it_stands_while_nothing_is_told():
     one = Pendulum()
     one.run(3.0)
-    assert one.states == [Step.STAND]
+    assert one.states == [Phase.STAND]
     assert abs(one.dcm) < 1e-9
     assert one.walk.made == 0
 
@@ -136,10 +136,10 @@ def test_a_landing_is_not_put_off_again_and_again():
     one = Pendulum()
     one.walk.marches = True
     one.run(2.9)
-    assert one.walk.state is Step.SWING
+    assert one.walk.state is Phase.SWING
     latest = one.time + one.walk.left + (one.walk.gait.later - 1.0) * one.walk.gait.swing + one.walk.gait.double
     one.dcm += 0.09 - 0.03j
-    while one.walk.state is Step.SWING:
+    while one.walk.state is Phase.SWING:
         one.run(DT)
         assert one.time < latest
 
@@ -150,7 +150,7 @@ def test_a_foot_that_is_up_carries_nothing_and_one_that_is_lifted_is_relieved():
     for _ in range(2000):
         one.run(DT)
         walk = one.walk
-        if walk.state is Step.SWING:
+        if walk.state is Phase.SWING:
             assert walk.load[1 - walk.stance] == 0.0
             assert walk.load[walk.stance] == 1.0
             assert before <= 0.02

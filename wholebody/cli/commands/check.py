@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from wholebody.cli.console import JsonVerdicts, check_places, print_verdict
-from wholebody.cli.judging import FEASIBLE, Judge, answers
+from wholebody.cli.judging import FEASIBLE, InputJudge, answers
 from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictFiles, completed_script
 from wholebody.cli.pages import Pages
 from wholebody.cli.simulated import check_settings, check_times
@@ -45,7 +45,7 @@ def check(
     if judging.fast and (judging.worlds or judging.as_given):
         raise ValueError("--fast simulates nothing, so --worlds and --as-given would say nothing; leave one out")
     quiet, worst, verdicts = to.json_to == "-", FEASIBLE, []
-    judge = Judge(given, simulation, sampling, judging, quiet=quiet)
+    judge = InputJudge(given, simulation, sampling, judging, quiet=quiet)
     if to.report is not None:
         if judging.fast:
             raise ValueError("--fast simulates nothing, so --report would have nothing to show; leave one out")

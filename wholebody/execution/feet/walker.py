@@ -17,12 +17,12 @@ from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
-from wholebody.walking.gait import Gait, Step
+from wholebody.walking.gait import Gait, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
 from wholebody.walking.swing import Course, Swing
-from wholebody.walking.walk import Seen, Walk
+from wholebody.walking.walk import Walk, WalkReadings
 
 EDGE = (0.012, 0.006)
 """Distance of the zero-moment point from the edges of a sole, ahead and to the side [m]; chosen: the sole's own
@@ -76,7 +76,7 @@ class Walker:
     @property
     def stands(self) -> bool:
         """Whether both feet stand and no step is to be made."""
-        return self.walk is not None and self.walk.state is Step.STAND and not self.walk.wanted
+        return self.walk is not None and self.walk.state is Phase.STAND and not self.walk.wanted
 
     @property
     def palms(self) -> tuple[np.ndarray, np.ndarray]:
@@ -98,9 +98,9 @@ class Walker:
         seen = self._look(state)
         state_before = walk.state
         walk.advance(seen, elapsed)
-        if walk.state is not state_before and walk.state is not Step.STAND:
+        if walk.state is not state_before and walk.state is not Phase.STAND:
             self._feet = self._placed(seen)
-        low = walk.state in (Step.SHIFT, Step.SWING, Step.LAND)
+        low = walk.state in (Phase.SHIFT, Phase.SWING, Phase.LAND)
         floor = min(seen.heights) if walk.swing is None else seen.heights[walk.stance]
         aim = floor + gait.height if low else float(self._height_standing(floor))
         self._height = self._height.towards(Course(aim), max(walk.left, 0.3) if not low else 0.4, elapsed)
@@ -123,7 +123,7 @@ class Walker:
     def _height_standing(self, floor: float) -> float:
         return self._standing_height
 
-    def _look(self, state: RobotState) -> Seen:
+    def _look(self, state: RobotState) -> WalkReadings:
         model, data = self._model, self._data
         pin.centerOfMass(model, data, state.q, state.v)
         pin.updateFramePlacements(model, data)
@@ -139,9 +139,9 @@ class Walker:
         floor = heights[self.walk.stance] if self.walk is not None else min(heights)
         omega = natural_frequency(float(self._com[2]) - floor)
         dcm = complex(*(self._com[:2] + self._com_velocity[:2] / omega))
-        return Seen(dcm, omega, tuple(soles), tuple(heights), state.stands)
+        return WalkReadings(dcm, omega, tuple(soles), tuple(heights), state.stands)
 
-    def _placed(self, seen: Seen) -> Feet:
+    def _placed(self, seen: WalkReadings) -> Feet:
         """Both feet where the walk has them: a foot that is up where it is to land."""
         poses = []
         for foot, sole in enumerate(self.walk.soles):

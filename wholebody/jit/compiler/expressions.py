@@ -12,7 +12,7 @@ from wholebody.jit.compiler import memory
 from wholebody.jit.compiler.arithmetic import FUNCTIONS, binary, compare, extreme, negative, truth
 from wholebody.jit.compiler.assembly import Value, number, tuple_of
 from wholebody.jit.compiler.kinds import BOOL, INT, Array, Fixed, KernelError, Scalar, Tuple, wider
-from wholebody.jit.compiler.memory import Place, Span
+from wholebody.jit.compiler.memory import Address, Span
 from wholebody.jit.compiler.scope import Scope, outside
 
 
@@ -59,11 +59,11 @@ class Expressions(Scope):
     def _value_subscript(self, node: ast.Subscript) -> Value:
         return self.loaded(self.place(node))
 
-    def loaded(self, place: Place | Value) -> Value:
+    def loaded(self, place: Address | Value) -> Value:
         """What lies at a place; a view as it is."""
-        return memory.load(self.out, place) if isinstance(place, Place) else place
+        return memory.load(self.out, place) if isinstance(place, Address) else place
 
-    def place(self, node: ast.expr) -> Place | Value:
+    def place(self, node: ast.expr) -> Address | Value:
         """Where an attribute or an entry is, or what it is where it has no place.
 
         Raises:

@@ -79,7 +79,7 @@ STORED = {
 
 
 @dataclass(frozen=True)
-class Record(Kind):
+class Element(Kind):
     """An entry of an array of records, by its address.
 
     Attributes:
@@ -94,7 +94,7 @@ class Record(Kind):
         return ("ptr",)
 
     @property
-    def kind(self) -> Record:
+    def kind(self) -> Element:
         """Kind of an entry that is loaded: its own."""
         return self
 
@@ -109,7 +109,7 @@ class Array(Kind):
         ordered: Whether entries follow each other in C order.
     """
 
-    entry: Stored | Record
+    entry: Stored | Element
     ndim: int
     ordered: bool = True
 
@@ -177,7 +177,7 @@ def kind_of(argument: object) -> Kind:
     raise KernelError(f"kernels take numbers, arrays, tuples of them and packed memory, not {type(argument).__name__}")
 
 
-def entry_of(dtype: np.dtype) -> Stored | Record:
+def entry_of(dtype: np.dtype) -> Stored | Element:
     """What an array of this dtype holds.
 
     Raises:
@@ -185,7 +185,7 @@ def entry_of(dtype: np.dtype) -> Stored | Record:
     """
     if dtype.names is not None:
         fields = ((name, *dtype.fields[name][::-1]) for name in dtype.names)
-        return Record(dtype.itemsize, tuple((name, at, entry_of(of.base), of.shape) for name, at, of in fields))
+        return Element(dtype.itemsize, tuple((name, at, entry_of(of.base), of.shape) for name, at, of in fields))
     entry = STORED.get(f"{dtype.kind}{dtype.itemsize}") if dtype.isnative else None
     if entry is None:
         raise KernelError(f"kernels read no arrays of {dtype}")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wholebody.jit.compiler.assembly import Assembly, Value, number, tuple_of
-from wholebody.jit.compiler.kinds import BOOL, INT, STORED, Array, KernelError, Kind, Memory, Record, Scalar, Stored
+from wholebody.jit.compiler.kinds import BOOL, INT, STORED, Array, Element, KernelError, Kind, Memory, Scalar, Stored
 from wholebody.jit.packed import TABLE_ROW
 
 PACKED = {"f": STORED["f8"], "i": STORED["i8"]}
@@ -15,7 +15,7 @@ WORD = 8
 
 
 @dataclass(frozen=True)
-class Place:
+class Address:
     """Where a number lies in memory."""
 
     entry: Stored
@@ -33,7 +33,7 @@ class Span:
 Index = Sequence[Value | Span]
 
 
-def load(out: Assembly, place: Place) -> Value:
+def load(out: Assembly, place: Address) -> Value:
     """The number at a place."""
     entry = place.entry
     text = out.op(f"load {entry.llvm}, ptr {place.address}, align {entry.size}")
@@ -44,7 +44,7 @@ def load(out: Assembly, place: Place) -> Value:
     return Value(entry.kind, (text,))
 
 
-def store(out: Assembly, value: Value, place: Place) -> None:
+def store(out: Assembly, value: Value, place: Address) -> None:
     """Put a number at a place, rounded to what fits there.
 
     Raises:
@@ -59,7 +59,7 @@ def store(out: Assembly, value: Value, place: Place) -> None:
     out.do(f"store {entry.llvm} {text}, ptr {place.address}, align {entry.size}")
 
 
-def item(out: Assembly, array: Value, index: Index) -> Place | Value:
+def item(out: Assembly, array: Value, index: Index) -> Address | Value:
     """Place of the entry at an index; a view, where that leaves dimensions, or a record.
 
     Raises:
@@ -71,7 +71,7 @@ def item(out: Assembly, array: Value, index: Index) -> Place | Value:
     at = [_inside(out, one, lengths[d]) for d, one in enumerate(index) if not isinstance(one, Span)]
     if len(at) == kind.ndim:
         address = _entry(out, array, at)
-        return Place(kind.entry, address) if isinstance(kind.entry, Stored) else Value(kind.entry, (address,))
+        return Address(kind.entry, address) if isinstance(kind.entry, Stored) else Value(kind.entry, (address,))
     return _view(out, array, index)
 
 
@@ -158,7 +158,7 @@ def size(out: Assembly, array: Value) -> Value:
     return Value(INT, (total,))
 
 
-def attribute(out: Assembly, value: Value, name: str) -> Place | Value:
+def attribute(out: Assembly, value: Value, name: str) -> Address | Value:
     """``value.name``: shape or size of an array, a field of a record or of packed memory, an item of a named tuple.
 
     Raises:
@@ -171,7 +171,7 @@ def attribute(out: Assembly, value: Value, name: str) -> Place | Value:
         return size(out, value)
     if isinstance(kind, Array) and name == "ndim":
         return number(kind.ndim)
-    if isinstance(kind, Record):
+    if isinstance(kind, Element):
         return _record_field(out, value, name)
     if isinstance(kind, Memory):
         return _packed_field(out, value, name)
@@ -180,23 +180,23 @@ def attribute(out: Assembly, value: Value, name: str) -> Place | Value:
     raise KernelError(f"{kind} has no '{name}'")
 
 
-def _record_field(out: Assembly, record: Value, name: str) -> Place | Value:
+def _record_field(out: Assembly, record: Value, name: str) -> Address | Value:
     found = [field for field in record.kind.fields if field[0] == name]
     if not found:
         raise KernelError(f"the record has no '{name}', only {', '.join(field[0] for field in record.kind.fields)}")
     _, at, entry, shape = found[0]
     address = moved(out, record.text, str(at), "i8")
-    return Value(Array(entry, len(shape)), (address, *map(str, shape))) if shape else Place(entry, address)
+    return Value(Array(entry, len(shape)), (address, *map(str, shape))) if shape else Address(entry, address)
 
 
-def _packed_field(out: Assembly, memory: Value, name: str) -> Place | Value:
+def _packed_field(out: Assembly, memory: Value, name: str) -> Address | Value:
     names = [field[0] for field in memory.kind.fields]
     if name not in names:
         raise KernelError(f"the packed memory has no '{name}'")
     at, (_, letter, ndim) = names.index(name), memory.kind.fields[names.index(name)]
     start, *lengths = (_table(out, memory, TABLE_ROW * at + i) for i in range(1 + ndim))
     address = moved(out, memory.text, start, PACKED[letter].llvm)
-    return Value(Array(PACKED[letter], ndim), (address, *lengths)) if ndim else Place(PACKED[letter], address)
+    return Value(Array(PACKED[letter], ndim), (address, *lengths)) if ndim else Address(PACKED[letter], address)
 
 
 def _table(out: Assembly, memory: Value, at: int) -> str:

@@ -15,7 +15,7 @@ from wholebody.jit.compiler.arithmetic import binary
 from wholebody.jit.compiler.assembly import Assembly, Value
 from wholebody.jit.compiler.expressions import Expressions
 from wholebody.jit.compiler.kinds import INT, NONE, Array, KernelError, Kind, Scalar, Tuple, wider
-from wholebody.jit.compiler.memory import Place
+from wholebody.jit.compiler.memory import Address
 from wholebody.jit.compiler.names import is_read, sets, times_set
 from wholebody.jit.compiler.scope import Kernels
 
@@ -141,8 +141,8 @@ class Translation(Expressions):
         else:
             self.assign(name, value)
 
-    def _to_place(self, place: Place | Value, value: Value) -> None:
-        if isinstance(place, Place):
+    def _to_place(self, place: Address | Value, value: Value) -> None:
+        if isinstance(place, Address):
             memory.store(self.out, value, place)
         elif isinstance(place.kind, Array):
             self._fill(place, value)
@@ -174,7 +174,7 @@ class Translation(Expressions):
             self._to(node.target, binary(self.out, type(node.op), old, self.value(node.value)))
             return
         place = self.place(node.target)
-        if not isinstance(place, Place):
+        if not isinstance(place, Address):
             raise KernelError("arithmetic of whole arrays needs a loop")
         old = memory.load(self.out, place)
         memory.store(self.out, binary(self.out, type(node.op), old, self.value(node.value)), place)

@@ -17,7 +17,7 @@ from time import monotonic
 import numpy as np
 
 from wholebody.errors import SimulationError
-from wholebody.live.served.messages import Advance, Ask, End, Place, Reset, Seen, Served, Target
+from wholebody.live.served.messages import Advance, Ask, End, PlaceBodies, Reset, Seen, Served, Target
 
 START_TIMEOUT = 900.0
 """Longest time until the robot stands [s]; chosen: with an empty cache controller and planner are compiled first."""
@@ -139,7 +139,7 @@ class ServedRobot:
         if self.served.clock == "wall":
             raise ValueError("on the wall clock nobody puts things back: a scene is set in lockstep")
         with self._lock:
-            self._send(Place(np.asarray(objects, dtype=float)))
+            self._send(PlaceBodies(np.asarray(objects, dtype=float)))
 
     def close(self) -> dict[str, object]:
         """Lower the robot and end its processes; a summary of the run, empty if they do not answer."""

@@ -16,7 +16,7 @@ from wholebody.execution.gate import Gate
 from wholebody.execution.supervisor import Supervisor
 from wholebody.live.loop import ControlLoop
 from wholebody.live.served.messages import Seen, Served
-from wholebody.live.served.program import Program, seen_by
+from wholebody.live.served.program import RemoteProgram, seen_by
 from wholebody.live.served.wall import ASKING
 from wholebody.live.session import lower
 from wholebody.sim.fall import Fall, detect_fall
@@ -84,7 +84,7 @@ class InLockstep:
     """
 
     def __init__(
-        self, served: Served, settings: ControllerConfig, program: Program, gate: Callable[[], Gate] | None = None
+        self, served: Served, settings: ControllerConfig, program: RemoteProgram, gate: Callable[[], Gate] | None = None
     ) -> None:
         spec = describe(settings.robot)
         self.origin, self._program, self._clock = 0.0, program, SimulatedClock()

@@ -62,7 +62,7 @@ class Reset:
 
 
 @dataclass(frozen=True)
-class Place:
+class PlaceBodies:
     """Put the scene's bodies that move elsewhere in lockstep: their poses as in `Seen`."""
 
     objects: np.ndarray

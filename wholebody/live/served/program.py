@@ -12,7 +12,7 @@ from policy.errors import PolicyError
 from policy.targets.stream import TargetStream
 from wholebody.episode.run import observe
 from wholebody.live.loop import ControlLoop
-from wholebody.live.served.messages import Advance, Ask, End, Place, Reset, Seen, Target
+from wholebody.live.served.messages import Advance, Ask, End, PlaceBodies, Reset, Seen, Target
 
 
 class ServedLoop(Protocol):
@@ -49,7 +49,7 @@ def seen_by(loop: ControlLoop, objects: np.ndarray, fallen: bool) -> Seen:
     return Seen(observation, objects, said, fallen, -inf if chunk is None else float(chunk.t_obs))
 
 
-class Program:
+class RemoteProgram:
     """The other program, as the control loop knows it.
 
     Args:
@@ -93,7 +93,7 @@ class Program:
             else:
                 if self.stream.news:
                     robot.hasten()
-        elif isinstance(message, Place):
+        elif isinstance(message, PlaceBodies):
             robot.place(message.objects)
         elif isinstance(message, End):
             self.there, self.asked_to_end = False, True

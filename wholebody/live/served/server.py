@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wholebody.live.served.messages import Served
-from wholebody.live.served.program import Program
+from wholebody.live.served.program import RemoteProgram
 
 if TYPE_CHECKING:
     from wholebody.config import ControllerConfig
@@ -41,7 +41,7 @@ def serve(connection: Connection, gate: Callable[[ControllerConfig, Served], Cal
         gate: Says who makes what judges plans, in whatever process computes them, where the program wants that.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    program = Program(connection)
+    program = RemoteProgram(connection)
     try:
         served = connection.recv()
         settings = settings_of(served)
@@ -62,7 +62,7 @@ def serve(connection: Connection, gate: Callable[[ControllerConfig, Served], Cal
 
 
 def _robot(
-    served: Served, settings: ControllerConfig, program: Program, gate: Callable[[], Gate] | None
+    served: Served, settings: ControllerConfig, program: RemoteProgram, gate: Callable[[], Gate] | None
 ) -> OnTheWall | InLockstep:
     if served.clock == "wall":
         from wholebody.live.served.wall import OnTheWall

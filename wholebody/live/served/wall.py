@@ -13,7 +13,7 @@ from wholebody.config.description import describe
 from wholebody.live import wire
 from wholebody.live.robot_process import RobotProcess, World, WorldView
 from wholebody.live.served.messages import Seen, Served
-from wholebody.live.served.program import Program, seen_by
+from wholebody.live.served.program import RemoteProgram, seen_by
 from wholebody.live.session import Session, SessionConfig
 from wholebody.types import RobotState
 
@@ -52,7 +52,7 @@ class OnTheWall:
     """
 
     def __init__(
-        self, served: Served, settings: ControllerConfig, program: Program, gate: Callable[[], Gate] | None = None
+        self, served: Served, settings: ControllerConfig, program: RemoteProgram, gate: Callable[[], Gate] | None = None
     ) -> None:
         self._program, world = program, World(describe(settings.robot), served.scene)
         self._robot = _Viewed(world, settings.dt)

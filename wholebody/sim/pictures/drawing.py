@@ -17,7 +17,7 @@ import numpy as np
 from wholebody.sim.opengl import lit, plain
 from wholebody.sim.pictures.caption import captioned, legend
 from wholebody.sim.pictures.moments import moments
-from wholebody.sim.pictures.scene import SCENE_COLUMNS, SIDES, Kind, Mark, Scene, scene_at
+from wholebody.sim.pictures.scene import SCENE_COLUMNS, SIDES, Mark, MarkKind, Scene, scene_at
 from wholebody.sim.record import Record, read_record
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Painter:
         drawn = self._renderer.scene
         solid = [drawn.geoms[i] for i in range(drawn.ngeom)]
         for mark in scene.marks():
-            if mark.kind is Kind.HAND:
+            if mark.kind is MarkKind.HAND:
                 self._ghost(drawn, solid, mark, scene.measured[SIDES.index(mark.side)])
             else:
                 draw_mark(drawn, mark)
@@ -151,13 +151,13 @@ def draw_mark(drawn: mujoco.MjvScene, mark: Mark) -> None:
 
     kind, size, colour, points, flat = mujoco.mjtGeom, mark.size, mark.show.colour, mark.points, np.eye(3)
     match mark.kind:
-        case Kind.BALL:
+        case MarkKind.BALL:
             _new_geom(drawn, kind.mjGEOM_SPHERE, np.full(3, size), points[0], flat, colour)
-        case Kind.DISC:
+        case MarkKind.DISC:
             _new_geom(drawn, kind.mjGEOM_CYLINDER, np.array([size, size, 5e-4]), points[0], flat, colour)
-        case Kind.LINE:
+        case MarkKind.LINE:
             _line(drawn, *points, size, colour)
-        case Kind.AREA:
+        case MarkKind.AREA:
             for first, second in zip(points, np.roll(points, -1, axis=0), strict=True):
                 _line(drawn, first, second, size, (*colour[:3], 1.0))
             for first, second in pairwise(points[1:]):

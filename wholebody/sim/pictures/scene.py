@@ -33,7 +33,7 @@ SCENE_COLUMNS = (
 """Columns of a recording that scenes are made of."""
 
 
-class Kind(Enum):
+class MarkKind(Enum):
     """What a mark looks like."""
 
     HAND = "hand"
@@ -78,7 +78,7 @@ class Mark:
     """
 
     show: Show
-    kind: Kind
+    kind: MarkKind
     points: np.ndarray
     size: float = 0.0
     side: str = ""
@@ -181,30 +181,30 @@ class Scene:
 
     def _balance(self) -> list[Mark]:
         corners = self.support.vertices
-        marks = [Mark(Show.SUPPORT, Kind.AREA, on_floor(corners), 0.003)]
+        marks = [Mark(Show.SUPPORT, MarkKind.AREA, on_floor(corners), 0.003)]
         foot = np.array([*self.com[:2], ON_FLOOR])
         marks += [
-            Mark(Show.MASS, Kind.LINE, np.stack([self.com, foot]), 0.003),
-            Mark(Show.MASS, Kind.BALL, self.com[None], 0.02),
-            Mark(Show.CAPTURE, Kind.DISC, on_floor(self.capture_point[None], 2.0), 0.016),
+            Mark(Show.MASS, MarkKind.LINE, np.stack([self.com, foot]), 0.003),
+            Mark(Show.MASS, MarkKind.BALL, self.com[None], 0.02),
+            Mark(Show.CAPTURE, MarkKind.DISC, on_floor(self.capture_point[None], 2.0), 0.016),
         ]
         if self.pressure is not None:
-            marks.append(Mark(Show.PRESSURE, Kind.DISC, on_floor(self.pressure[None], 3.0), 0.011))
+            marks.append(Mark(Show.PRESSURE, MarkKind.DISC, on_floor(self.pressure[None], 3.0), 0.011))
         return marks
 
     def _palms(self) -> list[Mark]:
         balls = zip(SIDES, self.commanded, strict=True)
-        marks = [Mark(Show.COMMANDED, Kind.BALL, T[None, :3, 3], 0.018, side) for side, T in balls]
+        marks = [Mark(Show.COMMANDED, MarkKind.BALL, T[None, :3, 3], 0.018, side) for side, T in balls]
         if self.asked is None:
             return marks
         for hand, side in enumerate(SIDES):
             asked, error, turn = self.asked[hand], self.errors[hand], self.turns[hand]
             ends = np.stack([self.measured[hand, :3, 3], asked[:3, 3]])
             if error >= APART or (turn >= TURNED and not self.orientation_free[hand]):
-                marks.append(Mark(Show.ERROR, Kind.LINE, ends, 0.006, side))
-                marks.append(Mark(Show.ASKED, Kind.HAND, ends[1:], 0.0, side, asked))
+                marks.append(Mark(Show.ERROR, MarkKind.LINE, ends, 0.006, side))
+                marks.append(Mark(Show.ASKED, MarkKind.HAND, ends[1:], 0.0, side, asked))
             else:
-                marks.append(Mark(Show.ASKED, Kind.BALL, ends[1:], 0.03, side))
+                marks.append(Mark(Show.ASKED, MarkKind.BALL, ends[1:], 0.03, side))
         return marks
 
 

@@ -19,7 +19,7 @@ from wholebody.planning.judgement.limits import OF_NUMBERS, Limit
 from wholebody.planning.plan import ChunkPlan
 from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.plan_run import PlanRun, Suspect
-from wholebody.verdict.repair import Change, Kind, slowed
+from wholebody.verdict.repair import Change, ChangeKind, slowed
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.cause import Cause, causes
 from wholebody.verdict.why.chunk_program import AT_REST, ChunkProgram
@@ -38,7 +38,7 @@ planted cases as much as is needed to find the changes that are found with all t
 APART = (Limit.SELF_DISTANCE, Limit.FLOOR_DISTANCE, Limit.SCENE_DISTANCE)
 """Bounds on distances: a negative one is of bodies in each other, which no setting makes possible."""
 
-CHANGES: tuple[Kind, ...] = ("slower", "moved", "turned", "lighter")
+CHANGES: tuple[ChangeKind, ...] = ("slower", "moved", "turned", "lighter")
 """Kinds of changes that are tried, each with half of the work that causes leave."""
 
 
@@ -98,7 +98,7 @@ class Explainer:
         at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in told) or not program.rests()
         idle, kinds = SimpleQueue(), () if sound is None else CHANGES
 
-        def changed(kind: Kind) -> tuple[Change | None, bool]:
+        def changed(kind: ChangeKind) -> tuple[Change | None, bool]:
             judge = idle.get()
             try:
                 singles = self.single_changes(chunk, begin, free, suspect.plan, at_most, judge)

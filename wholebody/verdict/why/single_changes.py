@@ -14,7 +14,7 @@ import numpy as np
 from policy.chunk import ActionChunk
 from wholebody.planning.judgement.chunk_judge import ChunkJudge
 from wholebody.planning.plan import ChunkPlan
-from wholebody.verdict.repair import Change, Kind, changed, hands_of, slowed, towards
+from wholebody.verdict.repair import Change, ChangeKind, changed, hands_of, slowed, towards
 
 MOVED_MOST, SLOWER_MOST = 0.15, 3.0
 """How far a palm may be moved, and how many times slower a chunk may be, by a change that is offered [m, no unit];
@@ -90,7 +90,7 @@ class SingleChanges:
             self._judge.carry(*loads)
         return None if share is None else Change("lighter", 1.0, 0.0, 0.0, self.chunk, share * sum(loads))
 
-    def _led(self, kind: Kind, position: float, turn: float) -> Change | None:
+    def _led(self, kind: ChangeKind, position: float, turn: float) -> Change | None:
         goal = hands_of(self._plan, self.chunk)
 
         def led(share: float) -> ActionChunk:
@@ -118,5 +118,5 @@ class SingleChanges:
         self._left = end - optimizer.work
         return least if held else None
 
-    def _change(self, kind: Kind, chunk: ActionChunk, factor: float) -> Change:
+    def _change(self, kind: ChangeKind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)

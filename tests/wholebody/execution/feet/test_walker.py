@@ -16,7 +16,7 @@ from wholebody.control.controller import WholeBodyController
 from wholebody.errors import InputError
 from wholebody.execution.feet.walker import Walker
 from wholebody.types import RobotState
-from wholebody.walking.gait import Step
+from wholebody.walking.gait import Phase
 from wholebody.walking.places import Velocity
 
 STOP = START + 2.0
@@ -62,8 +62,8 @@ def test_it_steps_on_the_spot_with_its_palms_in_world():
     assert abs(one.base) < 1e-6
     assert rms(one.errors) < 1e-3
     assert one.errors.max() < 3e-3
-    assert states[:4] == [Step.STAND, Step.SHIFT, Step.SWING, Step.LAND]
-    assert states[-2:] == [Step.SETTLE, Step.STAND]
+    assert states[:4] == [Phase.STAND, Phase.SHIFT, Phase.SWING, Phase.LAND]
+    assert states[-2:] == [Phase.SETTLE, Phase.STAND]
 
 
 def test_a_realistic_robot_steps_by_its_estimated_state():

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.recordings import SQUARE, made_record
 from wholebody.robot.support_polygon import convex_polygon
-from wholebody.sim.pictures.scene import STATUS_COLOUR, Kind, Scene, Show, scene_at
+from wholebody.sim.pictures.scene import STATUS_COLOUR, MarkKind, Scene, Show, scene_at
 from wholebody.types import Reason, Status
 
 
@@ -42,7 +42,7 @@ def marks(scene, show):
 
 def test_c7_the_asked_palms_are_ghosts_of_both_hands_and_lines_lead_there_from_the_measured_ones():
     ghosts, lines = marks(SCENE, Show.ASKED), marks(SCENE, Show.ERROR)
-    assert [(mark.kind, mark.side) for mark in ghosts] == [(Kind.HAND, "left"), (Kind.HAND, "right")]
+    assert [(mark.kind, mark.side) for mark in ghosts] == [(MarkKind.HAND, "left"), (MarkKind.HAND, "right")]
     assert (ghosts[1].T_world_palm == SCENE.asked[1]).all()
     assert ghosts[0].show.colour[3] < 0.6
     assert lines[0].points[:, 0].tolist() == [0.38, 0.5]
@@ -53,15 +53,15 @@ def test_a_hand_that_is_where_it_is_asked_to_be_hides_its_ghost_behind_a_halo():
     there = replace(SCENE, measured=SCENE.asked)
     turned = replace(there, measured=np.stack([pose(0.5, np.radians(10.0)), SCENE.asked[1]]))
     kinds = [[mark.kind for mark in marks(scene, Show.ASKED)] for scene in (there, turned)]
-    assert kinds == [[Kind.BALL, Kind.BALL], [Kind.HAND, Kind.BALL]]
+    assert kinds == [[MarkKind.BALL, MarkKind.BALL], [MarkKind.HAND, MarkKind.BALL]]
     free = replace(turned, orientation_free=(True, False))
-    assert [mark.kind for mark in marks(free, Show.ASKED)] == [Kind.BALL, Kind.BALL]
+    assert [mark.kind for mark in marks(free, Show.ASKED)] == [MarkKind.BALL, MarkKind.BALL]
     assert not marks(there, Show.ERROR)
 
 
 def test_c7_support_pressure_and_capture_point_lie_on_the_floor_one_over_the_other():
     (area,), (pressure,), (capture,) = (marks(SCENE, show) for show in (Show.SUPPORT, Show.PRESSURE, Show.CAPTURE))
-    assert area.kind is Kind.AREA
+    assert area.kind is MarkKind.AREA
     assert area.points[:, :2] == pytest.approx(convex_polygon(SQUARE).vertices)
     assert pressure.points[0, :2].tolist() == [0.06, 0.0]
     assert 0.0 < area.points[0, 2] < capture.points[0, 2] < pressure.points[0, 2] < 0.01
