@@ -26,11 +26,9 @@ NO_HEADS = (
 
 
 def docstrings():
-    """Where each docstring of a function or class is, and its first line; kernels left out."""
+    """Where each docstring of a function or class is, and its first line."""
     for package in ("models", "policy", "wholebody"):
         for path in sorted((ROOT / package).rglob("*.py")):
-            if "kernels" in path.parts:
-                continue
             for node in ast.walk(ast.parse(path.read_text())):
                 if isinstance(node, ast.FunctionDef | ast.ClassDef) and (text := ast.get_docstring(node)):
                     yield f"{path.relative_to(ROOT)}:{node.lineno} {node.name}", text.partition("\n")[0]

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 
 from wholebody.collision.simplex import dot3, keep, nearest_of
+from wholebody.jit.arrays import Indices, Matrix, Vector
 
 HULL, SPHERE, CYLINDER = range(3)
 KIND, FIRST, COUNT, BODY = range(4)
@@ -41,7 +42,7 @@ TOUCHING = 1e-8
 """Distance below which shapes, without their radius, count as touching [m]; chosen: their normal would be rounding."""
 
 
-def support_vertex(x, y, z, at, vertices, start, neighbours) -> int:
+def support_vertex(x: float, y: float, z: float, at: int, vertices: Matrix, start: Indices, neighbours: Indices) -> int:
     """Vertex furthest along a direction, climbed to from vertex ``at`` over the edges of the hull."""
     best = x * vertices[at, 0] + y * vertices[at, 1] + z * vertices[at, 2]
     while True:
@@ -55,7 +56,7 @@ def support_vertex(x, y, z, at, vertices, start, neighbours) -> int:
             return at
 
 
-def support_cylinder(x, y, z, row) -> tuple[float, float, float]:
+def support_cylinder(x: float, y: float, z: float, row: Vector) -> tuple[float, float, float]:
     """Point of a cylinder furthest along a direction."""
     a, b, c = row[AXIS], row[AXIS + 1], row[AXIS + 2]
     along = x * a + y * b + z * c
@@ -66,7 +67,7 @@ def support_cylinder(x, y, z, row) -> tuple[float, float, float]:
     return row[0] + half * a + around * u, row[1] + half * b + around * v, row[2] + half * c + around * w
 
 
-def relative(R_a, p_a, R_b, p_b, move) -> None:
+def relative(R_a: Matrix, p_a: Vector, R_b: Matrix, p_b: Vector, move: Vector) -> None:
     """Placement of body b in the axes of body a, ``R`` (9) and ``p`` (3) into ``move`` (12,)."""
     x, y, z = p_b[0] - p_a[0], p_b[1] - p_a[1], p_b[2] - p_a[2]
     for i in range(3):
@@ -75,14 +76,14 @@ def relative(R_a, p_a, R_b, p_b, move) -> None:
         move[9 + i] = R_a[0, i] * x + R_a[1, i] * y + R_a[2, i] * z
 
 
-def difference(point, move, w) -> None:
+def difference(point: Vector, move: Vector, w: Vector) -> None:
     """``w = a - b`` in the axes of body a, of a row ``a (3) b (3)`` with each point in the axes of its own body."""
     for i in range(3):
         b = move[3 * i] * point[3] + move[3 * i + 1] * point[4] + move[3 * i + 2] * point[5] + move[9 + i]
         w[i] = point[i] - b
 
 
-def begin(shapes, vertices, point, hints) -> None:
+def begin(shapes: tuple[Indices, Vector, Indices, Vector], vertices: Matrix, point: Vector, hints: Indices) -> None:
     """Any point of the difference: the middle of the round shapes, the vertices of the last climb of the hulls."""
     first, rounds_a, second, rounds_b = shapes
     for k in range(3):
@@ -90,7 +91,10 @@ def begin(shapes, vertices, point, hints) -> None:
         point[3 + k] = rounds_b[k] if second[KIND] != HULL else vertices[hints[1], k]
 
 
-def furthest(x, y, z, shape, row, at, side, hulls, point) -> int:
+def furthest(
+    x: float, y: float, z: float, shape: Indices, row: Vector, at: int, side: int,
+    hulls: tuple[Matrix, Indices, Indices], point: Vector
+) -> int:  # fmt: skip
     """Write the support point of a shape along a direction into half of ``point``; the vertex it is, if any."""
     vertices, start, neighbours = hulls
     if shape[KIND] == CYLINDER:
@@ -102,7 +106,10 @@ def furthest(x, y, z, shape, row, at, side, hulls, point) -> int:
     return at
 
 
-def approach(shapes, hulls, enough, move, n, simplex, hints, W, v, weights, trial) -> tuple[int, float]:
+def approach(
+    shapes: tuple[Indices, Vector, Indices, Vector], hulls: tuple[Matrix, Indices, Indices], enough: float,
+    move: Vector, n: int, simplex: Matrix, hints: Indices, W: Matrix, v: Vector, weights: Vector, trial: Vector
+) -> tuple[int, float]:  # fmt: skip
     """Move the simplex to where it is nearest to the origin.
 
     Args:
@@ -151,7 +158,7 @@ def approach(shapes, hulls, enough, move, n, simplex, hints, W, v, weights, tria
     return n if gap <= GAP_ACCEPTED else 0, -1.0
 
 
-def nearest_point(W, n, weights, v) -> float:
+def nearest_point(W: Matrix, n: int, weights: Vector, v: Vector) -> float:
     """``v`` (3,) by the weights of ``n`` points; its distance from the origin."""
     for k in range(3):
         v[k] = 0.0
@@ -160,7 +167,10 @@ def nearest_point(W, n, weights, v) -> float:
     return math.sqrt(dot3(v, v))
 
 
-def support_point(shapes, hulls, move, v, hints, point) -> None:
+def support_point(
+    shapes: tuple[Indices, Vector, Indices, Vector], hulls: tuple[Matrix, Indices, Indices], move: Vector, v: Vector,
+    hints: Indices, point: Vector
+) -> None:  # fmt: skip
     """Write the support point of the difference against ``v`` (3,) as a row ``a (3) b (3)``."""
     first, row_a, second, row_b = shapes
     x, y, z = v[0], v[1], v[2]
@@ -172,8 +182,10 @@ def support_point(shapes, hulls, move, v, hints, point) -> None:
 
 
 def distance(
-    first, second, row_a, row_b, vertices, start, neighbours, enough, R_a, p_a, R_b, p_b, simplex, state, scratch, out
-) -> tuple[float, int]:
+    first: Indices, second: Indices, row_a: Vector, row_b: Vector, vertices: Matrix, start: Indices,
+    neighbours: Indices, enough: float, R_a: Matrix, p_a: Vector, R_b: Matrix, p_b: Vector, simplex: Matrix,
+    state: Indices, scratch: Vector, out: Vector
+) -> tuple[float, int]:  # fmt: skip
     """Distance of two shapes with the nearest points.
 
     Args:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wholebody.collision.gjk import APART, SCRATCH, UNSURE, distance
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.entry import Entry
 
 
@@ -46,7 +47,7 @@ def found_of(hulls: HullPairs, K: int) -> Found:
     return Found(np.full((K, m), np.inf), np.zeros((K, m, 9)), np.zeros((m, 4, 6)), state, np.zeros(SCRATCH))
 
 
-def measure(hulls, R, p, found) -> None:
+def measure(hulls: HullPairs, R: np.ndarray, p: np.ndarray, found: Found) -> None:
     """Measure the pairs that may be near.
 
     Args:
@@ -72,7 +73,7 @@ def measure(hulls, R, p, found) -> None:
                 found.distance[k, m] = size
 
 
-def apart(hulls, i, j, R, p, near) -> bool:
+def apart(hulls: HullPairs, i: int, j: int, R: np.ndarray, p: Matrix, near: float) -> bool:
     """Whether spheres and boxes around two shapes show that they are at least so far apart."""
     a, b = hulls.centre[i], hulls.centre[j]
     x = p[j, 0] - p[i, 0] + R[j, 0, 0] * b[0] + R[j, 0, 1] * b[1] + R[j, 0, 2] * b[2]
@@ -90,7 +91,7 @@ def apart(hulls, i, j, R, p, near) -> bool:
     )
 
 
-def outside_box(R, half, x, y, z) -> float:
+def outside_box(R: Matrix, half: Vector, x: float, y: float, z: float) -> float:
     """Distance of a point, seen from the middle of a box, from the box; R are the axes of the box."""
     total = 0.0
     for c in range(3):

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 
+from wholebody.jit.arrays import Matrix, Vector
 
-def dot3(a, b) -> float:
+
+def dot3(a: Vector, b: Vector) -> float:
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def segment(W, a, b, weights) -> None:
+def segment(W: Matrix, a: int, b: int, weights: Vector) -> None:
     """Weights of the ends in the point of a segment nearest to the origin."""
     x, y, z = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
     along = -(x * W[a, 0] + y * W[a, 1] + z * W[a, 2])
@@ -25,7 +27,7 @@ def segment(W, a, b, weights) -> None:
     weights[a], weights[b] = 1.0 - t, t
 
 
-def triangle(W, a, b, c, weights) -> None:
+def triangle(W: Matrix, a: int, b: int, c: int, weights: Vector) -> None:
     """Weights of the corners in the point of a triangle nearest to the origin."""
     ux, uy, uz = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
     vx, vy, vz = W[c, 0] - W[a, 0], W[c, 1] - W[a, 1], W[c, 2] - W[a, 2]
@@ -58,7 +60,7 @@ def triangle(W, a, b, c, weights) -> None:
             weights[a] = 1.0 - weights[b] - weights[c]
 
 
-def outside(W, a, b, c, d) -> bool:
+def outside(W: Matrix, a: int, b: int, c: int, d: int) -> bool:
     """Whether the origin may be on the other side of the plane ``abc`` than ``d``; a flat tetrahedron has no inside."""
     ux, uy, uz = W[b, 0] - W[a, 0], W[b, 1] - W[a, 1], W[b, 2] - W[a, 2]
     vx, vy, vz = W[c, 0] - W[a, 0], W[c, 1] - W[a, 1], W[c, 2] - W[a, 2]
@@ -69,7 +71,7 @@ def outside(W, a, b, c, d) -> bool:
     return origin * height <= 0.0 or abs(height) <= 1e-13 * size
 
 
-def tetrahedron(W, weights, trial) -> bool:
+def tetrahedron(W: Matrix, weights: Vector, trial: Vector) -> bool:
     """Weights of the corners in the nearest point of a tetrahedron; False if the origin is in it."""
     best = math.inf
     for out in range(4):
@@ -88,7 +90,7 @@ def tetrahedron(W, weights, trial) -> bool:
     return best < math.inf
 
 
-def nearest_of(W, n, weights, trial) -> bool:
+def nearest_of(W: Matrix, n: int, weights: Vector, trial: Vector) -> bool:
     """Weights of the ``n`` points of a simplex in its point nearest to the origin; False if the origin is inside."""
     if n == 1:
         weights[0] = 1.0
@@ -101,7 +103,7 @@ def nearest_of(W, n, weights, trial) -> bool:
     return True
 
 
-def keep(W, simplex, n, weights) -> int:
+def keep(W: Matrix, simplex: Matrix, n: int, weights: Vector) -> int:
     """Drop the points without a weight; the number of those that are left."""
     kept = 0
     for i in range(n):

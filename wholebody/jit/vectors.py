@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
+
 FASTMATH = {"contract", "reassoc"}
 """What LLVM may do here: a product and a sum in one instruction, and sums in another order."""
 
 
-def dot(a, b, n) -> float:
+def dot(a: Vector, b: Vector, n: int) -> float:
     """Scalar product of the first n entries."""
     total = 0.0
     for i in range(n):
@@ -14,7 +16,7 @@ def dot(a, b, n) -> float:
     return total
 
 
-def outer_gram(A, out) -> None:
+def outer_gram(A: Matrix, out: Matrix) -> None:
     """``out = A A'``."""
     rows, n = A.shape
     for i in range(rows):
@@ -22,7 +24,7 @@ def outer_gram(A, out) -> None:
             out[i, j] = out[j, i] = dot(A[i], A[j], n)
 
 
-def times_transposed(A, B, out) -> None:
+def times_transposed(A: Matrix, B: Matrix, out: Matrix) -> None:
     """``out = A B'``."""
     rows, n = A.shape
     for i in range(rows):

@@ -9,6 +9,7 @@ import math
 
 from wholebody.estimation.kernels import invariant_filter, legs
 from wholebody.estimation.kernels.invariant_filter import PLACE, SIZE, SOLE
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.rotation import base_rotation, rotate
 from wholebody.types import QUATERNION_TOLERANCE
@@ -30,7 +31,10 @@ BEGIN = -1.0
 """What stands for the time since the readings before where there are none that count [s]; definition."""
 
 
-def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out, covariance) -> bool:
+def estimate(
+    memory: Packed, dt: float, quat: Vector, gyro: Vector, acc: Vector, q: Vector, dq: Vector, tau: Vector,
+    q_out: Vector, v_out: Vector, covariance: Matrix
+) -> bool:  # fmt: skip
     """One set of readings.
 
     Args:
@@ -86,7 +90,7 @@ def estimate(memory: Packed, dt, quat, gyro, acc, q, dq, tau, q_out, v_out, cova
     return True
 
 
-def sound(memory: Packed, quat, gyro, q, dq) -> bool:
+def sound(memory: Packed, quat: Vector, gyro: Vector, q: Vector, dq: Vector) -> bool:
     """Whether the readings of IMU and legs are numbers, and the orientation is one."""
     size = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
     total = gyro[0] + gyro[1] + gyro[2]
@@ -95,7 +99,7 @@ def sound(memory: Packed, quat, gyro, q, dq) -> bool:
     return abs(math.sqrt(size) - 1.0) <= QUATERNION_TOLERANCE and math.isfinite(total)
 
 
-def level(memory: Packed, dt) -> tuple[float, float]:
+def level(memory: Packed, dt: float) -> tuple[float, float]:
     """What to add to x and y of the IMU's vertical in world, for a floor that is level under both soles [rad].
 
     The soles' normal less the IMU's vertical is averaged in ``memory.lean`` while both stand. Of a floor that looks
@@ -116,7 +120,7 @@ def level(memory: Packed, dt) -> tuple[float, float]:
     return share * lean[0], share * lean[1]
 
 
-def compare(memory: Packed, dt) -> None:
+def compare(memory: Packed, dt: float) -> None:
     """Hold the state against the vertical and the legs, and correct it."""
     Rw, Ri, variance = memory.Rw, memory.Ri, memory.variance
     x, y = level(memory, dt)
@@ -132,7 +136,7 @@ def compare(memory: Packed, dt) -> None:
     invariant_filter.correct(memory)
 
 
-def begin(memory: Packed, dq) -> None:
+def begin(memory: Packed, dq: Vector) -> None:
     """World is midway between the soles, x the mean of their directions, z up; the legs say how fast the base is."""
     x, d, v, Ri = memory.x, memory.d, memory.v, memory.Ri
     ahead = side = 0.0
@@ -162,7 +166,7 @@ def begin(memory: Packed, dq) -> None:
         memory.P[a, a] = memory.first[a]
 
 
-def answer(memory: Packed, q, dq, q_out, v_out) -> None:
+def answer(memory: Packed, q: Vector, dq: Vector, q_out: Vector, v_out: Vector) -> None:
     """Configuration and velocity of the base from those of the IMU, and the joints as they are read."""
     Rw, r, w, v = memory.Rw, memory.imu, memory.gyro, memory.v
     sign = 1.0 if memory.x[6] >= 0.0 else -1.0

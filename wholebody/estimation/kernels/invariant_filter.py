@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.rotation import base_rotation, rotate
 
@@ -22,7 +23,7 @@ TURN, SPEED, PLACE, SOLE, GYRO, ACC, SIZE = 0, 3, 6, 9, 15, 18, 21
 """Where the parts of the error begin, and how long it is."""
 
 
-def turned(x, y, z, q, ahead) -> None:
+def turned(x: float, y: float, z: float, q: Vector, ahead: bool) -> None:
     """Turn a quaternion ``q[3:7]`` (xyzw) by a rotation vector [rad], given in the axes of world, or in its own."""
     angle = math.sqrt(x * x + y * y + z * z)
     s = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
@@ -37,7 +38,7 @@ def turned(x, y, z, q, ahead) -> None:
         q[a] /= size
 
 
-def move(memory: Packed, dt, feels) -> None:
+def move(memory: Packed, dt: float, feels: bool) -> None:
     """Carry the state on by what the IMU says, without a word on how sure that is.
 
     Args:
@@ -57,7 +58,7 @@ def move(memory: Packed, dt, feels) -> None:
     base_rotation(x, Rw)
 
 
-def spread(memory: Packed, dt, feels) -> None:
+def spread(memory: Packed, dt: float, feels: bool) -> None:
     """Carry the covariance on: ``P = F P F' + Q`` with ``F = 1 + A dt``, by rows and then by columns."""
     P, B, R, g = memory.P, memory.B, memory.Rw, memory.gravity
     for part in range(5):
@@ -79,7 +80,7 @@ def spread(memory: Packed, dt, feels) -> None:
             P[a, b] = P[b, a] = 0.5 * (P[a, b] + P[b, a])
 
 
-def lever(memory: Packed, part) -> tuple[float, float, float]:
+def lever(memory: Packed, part: int) -> tuple[float, float, float]:
     """What a turn about the origin moves: velocity, position or one of the soles."""
     if part < 2:
         return memory.v[0], memory.v[1], memory.v[2]
@@ -89,7 +90,7 @@ def lever(memory: Packed, part) -> tuple[float, float, float]:
     return d[0], d[1], d[2]
 
 
-def mix(P, B, R, g, dt) -> None:
+def mix(P: Matrix, B: Matrix, R: Matrix, g: Vector, dt: float) -> None:
     """``P = F P``; places before speeds before turns, so that each still finds what it depends on as it was."""
     for r in range(SOLE, GYRO):
         less(P, r, GYRO, B[r, 0], B[r, 1], B[r, 2])
@@ -108,13 +109,13 @@ def mix(P, B, R, g, dt) -> None:
         less(P, r, GYRO, B[r, 0], B[r, 1], B[r, 2])
 
 
-def less(P, r, bias, x, y, z) -> None:
+def less(P: Matrix, r: int, bias: int, x: float, y: float, z: float) -> None:
     """Row ``r`` of P less a mixture of the three rows of a bias."""
     for c in range(SIZE):
         P[r, c] -= x * P[bias, c] + y * P[bias + 1, c] + z * P[bias + 2, c]
 
 
-def add_noise(memory: Packed, dt, feels) -> None:
+def add_noise(memory: Packed, dt: float, feels: bool) -> None:
     """Add what gyro, accelerometer, biases and soles may do in a time [s]: ``noise`` (7,), variances a second."""
     P, B, noise, speed = memory.P, memory.B, memory.noise, memory.noise[1] if feels else memory.noise[6]
     # The columns of B are those of the gyro's error, times dt.
@@ -132,7 +133,7 @@ def add_noise(memory: Packed, dt, feels) -> None:
             P[at, at] += dt * (noise[4] if memory.stands[foot] else noise[5])
 
 
-def look(memory: Packed, plus, minus, off, variance) -> None:
+def look(memory: Packed, plus: int, minus: int, off: float, variance: float) -> None:
     """Take in a row: entry ``plus`` of the error less entry ``minus``, none if negative, was seen to be ``off``.
 
     What is known of the error is gathered in ``xi`` and put into the state by `correct` at the end.
@@ -168,14 +169,14 @@ def correct(memory: Packed) -> None:
         xi[a] = 0.0
 
 
-def shift(R, p, xi, at) -> None:
+def shift(R: Matrix, p: Vector, xi: Vector, at: int) -> None:
     """``p = R p + xi[at:at + 3]``."""
     x, y, z = p[0], p[1], p[2]
     for k in range(3):
         p[k] = rotate(R, k, x, y, z) + xi[at + k]
 
 
-def in_world(memory: Packed, covariance) -> None:
+def in_world(memory: Packed, covariance: Matrix) -> None:
     """Covariance of orientation, velocity and position of the IMU themselves (9, 9).
 
     The filter's error moves what it turns about the origin: they are off by ``xi``, less ``v x xi`` and ``x x xi`` of

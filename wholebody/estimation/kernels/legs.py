@@ -7,6 +7,7 @@ stands hardly does.
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.bodies import LEVER, MASS, place_bodies
 from wholebody.robot.kernels.rotation import rotate
@@ -18,7 +19,7 @@ PIVOT_MIN = 1e-3
 """Least pivot [m, no unit] of a leg's Jacobian that tells the wrench; chosen: a stretched knee is below."""
 
 
-def place_soles(memory: Packed, q) -> None:
+def place_soles(memory: Packed, q: Vector) -> None:
     """Places and joint columns of the bodies of the legs, and the middles ``h`` of the soles from the IMU.
 
     Args:
@@ -35,7 +36,7 @@ def place_soles(memory: Packed, q) -> None:
             memory.h[foot, k] = p[body, k] + rotate(R[body], k, sole[0], sole[1], sole[2]) - memory.imu[k]
 
 
-def sole_speed(memory: Packed, foot, dq) -> tuple[float, float, float]:
+def sole_speed(memory: Packed, foot: int, dq: Vector) -> tuple[float, float, float]:
     """Velocity of the middle of a sole, as seen from the turning base, plus that of the turn about the IMU."""
     body, twist, place = memory.ankle[foot], memory.wrench[foot], memory.place
     for k in range(6):
@@ -51,7 +52,7 @@ def sole_speed(memory: Packed, foot, dq) -> tuple[float, float, float]:
     return x + w[1] * h[2] - w[2] * h[1], y + w[2] * h[0] - w[0] * h[2], z + w[0] * h[1] - w[1] * h[0]
 
 
-def press(memory: Packed, tau, keep) -> None:
+def press(memory: Packed, tau: Vector, keep: float) -> None:
     """Low-pass how hard the floor presses on each sole along its normal, ``memory.pressed`` (2,) [N].
 
     Args:
@@ -76,7 +77,7 @@ def press(memory: Packed, tau, keep) -> None:
             memory.pressed[foot] = keep * memory.pressed[foot] + (1.0 - keep) * normal
 
 
-def carry(memory: Packed, body, place, force) -> None:
+def carry(memory: Packed, body: int, place: Vector, force: Vector) -> None:
     """Add what carries a body, its mass times the specific force, to a wrench about the base (6,)."""
     R, p, row, f = memory.R[body], memory.p[body], memory.table[body], memory.felt
     for k in range(3):
@@ -84,7 +85,7 @@ def carry(memory: Packed, body, place, force) -> None:
     add_force_at(place, row[MASS] * f[0], row[MASS] * f[1], row[MASS] * f[2], force)
 
 
-def solve6(A, b) -> bool:
+def solve6(A: Matrix, b: Vector) -> bool:
     """Solve ``A x = b`` in place by elimination with row exchanges; the answer is in ``b``, False if there is none."""
     n = b.shape[0]
     for c in range(n):

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.rotation import rotate
 from wholebody.robot.kernels.spatial import velocity_at
@@ -37,7 +38,10 @@ FORCE_DAMPING, MOMENT_DAMPING = 2e-4, 2e-2
 30 N and moments of 3 N m, squared."""
 
 
-def observe(tick: Packed, memory: Packed, v, tau, assumed, dt, keep, keep_fast, torque_error) -> None:
+def observe(
+    tick: Packed, memory: Packed, v: Vector, tau: Vector, assumed: Vector, dt: float, keep: float, keep_fast: float,
+    torque_error: float
+) -> None:  # fmt: skip
     """One tick.
 
     Args:
@@ -81,7 +85,7 @@ def observe(tick: Packed, memory: Packed, v, tau, assumed, dt, keep, keep_fast, 
             memory.level[h] += min(dt / LEVEL_TIME, 1.0) * (size - memory.level[h])
 
 
-def feigned(V, level) -> float:
+def feigned(V: Vector, level: float) -> float:
     """Force [N] that friction, and a model that is not the robot, feign at a palm with velocity V (6,).
 
     ``level`` is the mean of what they feigned lately [N].
@@ -91,7 +95,7 @@ def feigned(V, level) -> float:
     return SPEED_FEIGNS * speed + TURN_FEIGNS * turn + min(LEVEL_FEIGNS * level, FEIGNED_MAX)
 
 
-def push(J, arm, at, pushed, A, wrench) -> float:
+def push(J: Matrix, arm: Indices, at: int, pushed: Vector, A: Matrix, wrench: Vector) -> float:
     """Force and moment on a palm (6,) that account best for torques of its arm; the size of the force [N].
 
     Solves ``(J J' + d) w = J torques``. The damping d leaves out what a stretched arm cannot feel, and prefers a force
@@ -129,7 +133,7 @@ def push(J, arm, at, pushed, A, wrench) -> float:
     return math.sqrt(wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2])
 
 
-def lifted(tick: Packed, body, place, dv, x) -> tuple[float, float, float]:
+def lifted(tick: Packed, body: int, place: Vector, dv: Vector, x: Vector) -> tuple[float, float, float]:
     """Acceleration of a load less gravity; its place (3,) from the base, in world axes, is left in ``x`` (6,)."""
     R, p, S, A, V, parent, g = tick.R[body], tick.p[body], tick.S, tick.A[body], tick.V[body], tick.parent, tick.gravity
     for k in range(3):
@@ -149,7 +153,7 @@ def lifted(tick: Packed, body, place, dv, x) -> tuple[float, float, float]:
     return ax - g[0], ay - g[1], az - g[2]
 
 
-def ratio(residual, unit, torque_error) -> tuple[float, float]:
+def ratio(residual: Vector, unit: Vector, torque_error: float) -> tuple[float, float]:
     """Mass [kg] that accounts best for torques, and its error: what it leaves unaccounted for counts against it."""
     along = size = left = 0.0
     for i in range(unit.shape[0]):

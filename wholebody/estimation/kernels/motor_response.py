@@ -7,10 +7,11 @@ changes of the torques of a group of joints, added up with weights; that of the 
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.packed import Packed
 
 
-def sent(memory: Packed, tau, q, dq, kp, kd) -> None:
+def sent(memory: Packed, tau: Vector, q: Vector, dq: Vector, kp: Vector, kd: Vector) -> None:
     """Take in what motors were asked for by the last command, arrays (n,) in motor order."""
     groups, models, length = memory.before.shape[1], memory.step.shape[0], memory.late.shape[1] // 2
     memory.at = memory.at - 1 if memory.at > 0 else length - 1
@@ -27,7 +28,7 @@ def sent(memory: Packed, tau, q, dq, kp, kd) -> None:
             memory.late[row, at] = memory.late[row, at + length] = filtered
 
 
-def told(memory: Packed, tau, q, v, age, weigh, keep) -> None:
+def told(memory: Packed, tau: Vector, q: Vector, v: Vector, age: int, weigh: bool, keep: float) -> None:
     """Take in torques that motors tell, and hold the models to them.
 
     Args:
@@ -58,7 +59,7 @@ def told(memory: Packed, tau, q, v, age, weigh, keep) -> None:
                 weigh_delays(memory.late[row][first : first + delays], p, y, keep, memory.xx[row], memory.xy[row])
 
 
-def weigh_delays(late, p, y, keep, xx, xy) -> None:
+def weigh_delays(late: Vector, p: float, y: float, keep: float, xx: Vector, xy: Vector) -> None:
     """Add the products of a prediction ``p + late`` and of it with ``y`` to their sums, for each delay (n,)."""
     for d in range(xx.shape[0]):
         x = p + late[d]
@@ -66,7 +67,7 @@ def weigh_delays(late, p, y, keep, xx, xy) -> None:
         xy[d] = keep * xy[d] + x * y
 
 
-def advance(step, given, state, value) -> float:
+def advance(step: Matrix, given: Vector, state: Vector, value: float) -> float:
     """Output of a filter of second order after a period: ``state' = step state + given value``."""
     y = step[0, 0] * state[0] + step[0, 1] * state[1] + given[0] * value
     state[1] = step[1, 0] * state[0] + step[1, 1] * state[1] + given[1] * value
@@ -74,7 +75,7 @@ def advance(step, given, state, value) -> float:
     return y
 
 
-def likeliest(memory: Packed, least, floor) -> None:
+def likeliest(memory: Packed, least: float, floor: float) -> None:
     """Leave the model and delay in ``best`` whose product of shares that it leaves unexplained is least.
 
     Args:

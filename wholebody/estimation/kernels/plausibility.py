@@ -1,9 +1,16 @@
 """Whether one state of a robot can follow from another; compiled by `wholebody.jit.entry`."""
 
+from __future__ import annotations
+
 import math
 
+from wholebody.jit.arrays import Vector
 
-def follows(q_before, v_before, q_after, v_after, period, seconds, jumps, speed, acceleration) -> bool:
+
+def follows(
+    q_before: Vector, v_before: Vector, q_after: Vector, v_after: Vector, period: float, seconds: float, jumps: Vector,
+    speed: Vector, acceleration: Vector
+) -> bool:  # fmt: skip
     """Whether positions and speeds have changed by no more than these speeds and unknown accelerations explain.
 
     Args:

@@ -4,12 +4,15 @@ One call does what a tick needs before its program: how far along the plan the r
 there, the smoother behind, and the whole-body trajectory, all written into the row of `control.reference_packet`.
 """
 
+from __future__ import annotations
+
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from wholebody.control.reference_packet import COM, HEIGHT, MOMENTUM, PALM, PELVIS, POSTURE, TORSO
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.record import record
 from wholebody.reference.kernels.path import path_row
 from wholebody.reference.kernels.path_clock import advanced, scale
@@ -80,7 +83,10 @@ class Body(NamedTuple):
     weights: np.ndarray  # (n_joints,) how much each joint's distance from the plan counts
 
 
-def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row, elapsed, allowed) -> None:
+def follow(
+    plan: Plan, clock: np.ndarray, smoothing: Smoothing, body: Body, q: Vector, com: Vector, com_velocity: Vector,
+    palms: Matrix, row: Vector, elapsed: float, allowed: float
+) -> None:  # fmt: skip
     """One tick: advance clock and smoother in place, and write the reference.
 
     Args:
@@ -109,12 +115,12 @@ def follow(plan, clock, smoothing, body, q, com, com_velocity, palms, row, elaps
     now.trust = trust(settings, q, row, body.weights)
 
 
-def foresee(plan, clock, smoothing, ticks) -> None:
+def foresee(plan: Plan, clock: np.ndarray, smoothing: Smoothing, ticks: int) -> None:
     """Advance copies of clock and smoother by control periods, as `follow` will if the speed stays allowed."""
     run(plan, clock[0], smoothing, ticks, plan.settings[0].dt)
 
 
-def run(plan, now, smoothing, ticks, dt) -> None:
+def run(plan: Plan, now: np.record, smoothing: Smoothing, ticks: int, dt: float) -> None:
     """Advance the clock ``now`` and the smoother by a number of steps of ``dt`` [s] each."""
     settings, target = plan.settings[0], smoothing.target
     for _ in range(ticks):
@@ -136,7 +142,7 @@ def run(plan, now, smoothing, ticks, dt) -> None:
         smoother_step(smoothing.state, target, smoothing.limits, dt)
 
 
-def leashed(lead, leash, target) -> None:
+def leashed(lead: Vector, leash: Vector, target: Vector) -> None:
     """Move a hand's target (40,) to where it is led, as far as the leash lets it; fingers go there.
 
     Rates are those of the mean of both motions with the share that is left of the way between them.
@@ -163,7 +169,7 @@ def leashed(lead, leash, target) -> None:
         target[i] = lead[i]
 
 
-def tracking_share(settings, row, palms) -> float:
+def tracking_share(settings: np.record, row: Vector, palms: Matrix) -> float:
     """Share of the planned speed that the palms' errors at the last tick allow, 0 to 1."""
     error = 0.0
     for i in range(2):
@@ -174,7 +180,7 @@ def tracking_share(settings, row, palms) -> float:
     return clipped((settings.error_stop - error) / (settings.error_stop - settings.error_slow))
 
 
-def balance_share(settings, edges, com, com_velocity) -> float:
+def balance_share(settings: np.record, edges: Matrix, com: Vector, com_velocity: Vector) -> float:
     """Share of the planned speed that the capture point's distance from the support's edge allows, 0 to 1."""
     omega = natural_frequency(com[2])
     x, y, margin = com[0] + com_velocity[0] / omega, com[1] + com_velocity[1] / omega, math.inf
@@ -183,12 +189,12 @@ def balance_share(settings, edges, com, com_velocity) -> float:
     return clipped(margin / settings.balance_slow)
 
 
-def clipped(x) -> float:
+def clipped(x: float) -> float:
     """Between 0 and 1."""
     return min(max(x, 0.0), 1.0)
 
 
-def palm(motion, offset, out) -> None:
+def palm(motion: Vector, offset: Vector, out: Vector) -> None:
     """The wrist's motion, seen at the palm point: rotation (9), position (3), twist (6) and acceleration (6)."""
     x, y, z, w = motion[9], motion[10], motion[11], motion[12]
     out[0], out[1], out[2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
@@ -209,12 +215,12 @@ def palm(motion, offset, out) -> None:
     out[21], out[22], out[23] = ax, ay, az
 
 
-def nearest(settings, s, n) -> int:
+def nearest(settings: np.record, s: float, n: int) -> int:
     """Nearest of ``n`` rows of the trajectory; the ends are held."""
     return min(max(round((s - settings.grid_start) / settings.grid_step), 0), n - 1)
 
 
-def follow_trajectory(planned, rate, row) -> None:
+def follow_trajectory(planned: np.record, rate: float, row: Vector) -> None:
     """One row of the trajectory at the speed ``rate``, into the reference."""
     n = planned.ddq.shape[0]
     for j in range(n):
@@ -233,7 +239,7 @@ def follow_trajectory(planned, rate, row) -> None:
     follow_turn(planned.torso, rate, row, TORSO)
 
 
-def follow_turn(planned, rate, row, at) -> None:
+def follow_turn(planned: Vector, rate: float, row: Vector, at: int) -> None:
     """Rotation (9), angular rate (3) and acceleration (3) at the speed ``rate``."""
     for i in range(9):
         row[at + i] = planned[i]
@@ -242,7 +248,7 @@ def follow_turn(planned, rate, row, at) -> None:
         row[at + 12 + i] = rate**2 * planned[12 + i]
 
 
-def follow_fingers(state, fingers, row) -> None:
+def follow_fingers(state: np.ndarray, fingers: np.ndarray, row: Vector) -> None:
     """Fingers do what the smoother commands."""
     n = (row.shape[0] - POSTURE) // 3
     for i in range(2):
@@ -252,7 +258,7 @@ def follow_fingers(state, fingers, row) -> None:
                 row[POSTURE + d * n + j] = state[i].motion[19 + 7 * d + c]
 
 
-def trust(settings, q, row, weights) -> float:
+def trust(settings: np.record, q: Vector, row: Vector, weights: Vector) -> float:
     """Factor on the weights of the hands, 0 to 1: less where the body has left its plan."""
     distance = 0.0
     for j in range(weights.shape[0]):

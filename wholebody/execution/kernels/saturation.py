@@ -1,11 +1,19 @@
 """How far a hand is trusted by what torque there is left; compiled by `wholebody.jit`."""
 
+from __future__ import annotations
+
 import math
 
+import numpy as np
+
 from wholebody.control.reference_packet import PALM
+from wholebody.jit.arrays import Matrix, Vector
 
 
-def trust(tau, joints, limits, often, palms, row, keep, settings, out) -> None:
+def trust(
+    tau: Vector, joints: np.ndarray, limits: Vector, often: Matrix, palms: Matrix, row: Vector, keep: float,
+    settings: Vector, out: Vector
+) -> None:  # fmt: skip
     """One tick; see `wholebody.execution.saturation`.
 
     Args:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.rotation import base_rotation
 
 
-def along_curve(start, step, c, s, q, v, dq, ddq, R) -> None:
+def along_curve(
+    start: float, step: float, c: np.ndarray, s: Vector, q: Matrix, v: Matrix, dq: Matrix, ddq: Matrix, R: Matrix
+) -> None:
     """Fill configurations with unit quaternions, velocities and derivatives of the curve, at every row.
 
     The curve is that of `wholebody.reference.cubic.CubicBSpline`, evaluated as it does.
@@ -39,7 +44,7 @@ def along_curve(start, step, c, s, q, v, dq, ddq, R) -> None:
         velocity(q[k], dq[k], size, R, v[k])
 
 
-def velocity(q, dq, size, R, v) -> None:
+def velocity(q: Vector, dq: Vector, size: float, R: Matrix, v: Vector) -> None:
     """Velocity (nv,) at a configuration (nq,) of rotation R (3, 3), whose quaternion was divided by ``size``."""
     for a in range(3):
         v[a] = R[0, a] * dq[0] + R[1, a] * dq[1] + R[2, a] * dq[2]

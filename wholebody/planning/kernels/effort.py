@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix
 from wholebody.robot.kernels.bodies import base_twist, joint_column, place_body
 from wholebody.robot.kernels.rotation import base_rotation
 from wholebody.robot.kernels.spatial import add_cross_force, body_inertia, cross_motion, dot6, momentum_of
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.layout import LOWER, N_JOINTS
 
 
-def effort(robot, q, v, a, torque, R, p, S, V, A, f, scratch) -> None:
+def effort(
+    robot: Tables, q: Matrix, v: Matrix, a: Matrix, torque: Matrix, R: np.ndarray, p: Matrix, S: Matrix, V: Matrix,
+    A: Matrix, f: Matrix, scratch: Matrix
+) -> None:  # fmt: skip
     """Fill the torques of waist and arms at every row; what the legs do does not matter to them.
 
     Recursive Newton-Euler in world axes about the base, as `wholebody.trajopt.kernels.inverse_dynamics`.

@@ -21,7 +21,9 @@ Source:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.linear_algebra import add_scaled, dot
 
@@ -40,7 +42,7 @@ DEPENDENT = 1e-10
 on record."""
 
 
-def append(m, d, count, nu, Q, R, rhs, scratch) -> bool:
+def append(m: Vector, d: float, count: int, nu: int, Q: Matrix, R: Matrix, rhs: Vector, scratch: Vector) -> bool:
     """Add row ``m`` (nu,) with bound ``d`` to the working set; m is left with its part outside of it.
 
     Returns:
@@ -66,7 +68,9 @@ def append(m, d, count, nu, Q, R, rhs, scratch) -> bool:
     return True
 
 
-def remove(at, count, nu, Q, R, rhs, lam, rows, sides) -> None:
+def remove(
+    at: int, count: int, nu: int, Q: Matrix, R: Matrix, rhs: Vector, lam: Vector, rows: Indices, sides: Vector
+) -> None:
     """Take row ``at`` out of the working set of ``count`` rows; the others move up."""
     for k in range(at, count - 1):
         rows[k], sides[k], rhs[k], lam[k] = rows[k + 1], sides[k + 1], rhs[k + 1], lam[k + 1]
@@ -84,7 +88,7 @@ def remove(at, count, nu, Q, R, rhs, lam, rows, sides) -> None:
             Q[k, j], Q[k + 1, j] = c * x + s * y, c * y - s * x
 
 
-def multipliers(count, R, rhs, y, wanted) -> None:
+def multipliers(count: int, R: Matrix, rhs: Vector, y: Vector, wanted: Vector) -> None:
     """``y = R'^-1 rhs`` and the multipliers ``-R^-1 y`` of the working set."""
     for k in range(count):
         total = rhs[k]
@@ -98,7 +102,10 @@ def multipliers(count, R, rhs, y, wanted) -> None:
         wanted[k] = total / R[k, k]
 
 
-def settle(count, nu, Q, R, rhs, lam, rows, sides, y, wanted) -> int:
+def settle(
+    count: int, nu: int, Q: Matrix, R: Matrix, rhs: Vector, lam: Vector, rows: Indices, sides: Vector, y: Vector,
+    wanted: Vector
+) -> int:  # fmt: skip
     """Drop rows until all multipliers of the working set are those of its boundary and none is negative.
 
     Returns:
@@ -123,7 +130,7 @@ def settle(count, nu, Q, R, rhs, lam, rows, sides, y, wanted) -> int:
         count -= 1
 
 
-def exchange(count, R, lam, coefficients) -> tuple[int, float]:
+def exchange(count: int, R: Matrix, lam: Vector, coefficients: Vector) -> tuple[int, float]:
     """Longest dual step along a dependent row: which row it drives out, and how far, ``(-1, 0)`` if none.
 
     ``coefficients`` (count,) are overwritten with the row in terms of those of the working set.
@@ -145,7 +152,7 @@ def exchange(count, R, lam, coefficients) -> tuple[int, float]:
     return leaving, step
 
 
-def point_of(count, nu, Q, y, u) -> None:
+def point_of(count: int, nu: int, Q: Matrix, y: Vector, u: Vector) -> None:
     """``u = Q y``."""
     for j in range(nu):
         u[j] = 0.0
@@ -153,7 +160,7 @@ def point_of(count, nu, Q, y, u) -> None:
         add_scaled(u, y[k], Q[k], nu)
 
 
-def step_back(count, R, left, Q, u) -> None:
+def step_back(count: int, R: Matrix, left: Vector, Q: Matrix, u: Vector) -> None:
     """Take out of ``u`` what is ``left`` (count,) of the violation of its rows: ``u -= Q R'^-1 left``."""
     for k in range(count):
         total = left[k]
@@ -163,7 +170,7 @@ def step_back(count, R, left, Q, u) -> None:
         add_scaled(u, -left[k], Q[k], u.shape[0])
 
 
-def search(tick: Packed, evaluate_point, transform) -> int:
+def search(tick: Packed, evaluate_point: Callable, transform: Callable) -> int:
     """Iterate to the solution, from the working set of the last time; a code.
 
     Leaves the point, the values of the rows there, the working set and its multipliers.
@@ -191,7 +198,7 @@ def search(tick: Packed, evaluate_point, transform) -> int:
     return TOO_MANY_ITERATIONS
 
 
-def start(tick: Packed, evaluate_point, transform) -> int:
+def start(tick: Packed, evaluate_point: Callable, transform: Callable) -> int:
     """The working set of the last time, at the free minimiser; its size. Rows below zero are gone since."""
     u, rows, sides, upper, count = tick.u, tick.rows, tick.sides, tick.upper, 0
     for k in range(u.shape[0]):
@@ -206,7 +213,7 @@ def start(tick: Packed, evaluate_point, transform) -> int:
     return count
 
 
-def enter(tick: Packed, row, side, count, multiplier, transform) -> bool:
+def enter(tick: Packed, row: int, side: float, count: int, multiplier: float, transform: Callable) -> bool:
     """Try to add a row to the working set of ``count`` rows; False if it depends on it. Its bound is that at ``u = 0``.
 
     The value at ``u = 0`` is the value now less what ``u`` changed, so no second point has to be kept.
@@ -224,7 +231,7 @@ def enter(tick: Packed, row, side, count, multiplier, transform) -> bool:
     return True
 
 
-def enter_or_exchange(tick: Packed, row, count, transform) -> int:
+def enter_or_exchange(tick: Packed, row: int, count: int, transform: Callable) -> int:
     """Add a violated row; rows that it depends on leave. Size of the working set, -1 if no row can leave."""
     coefficients, T, side, multiplier = tick.coefficients, tick.T, 1.0, 0.0
     if not tick.value[row] > tick.upper[row]:
@@ -241,7 +248,7 @@ def enter_or_exchange(tick: Packed, row, count, transform) -> int:
     return count + 1
 
 
-def refine(tick: Packed, count, evaluate_point) -> None:
+def refine(tick: Packed, count: int, evaluate_point: Callable) -> None:
     """Correct the boundary point for what rounding left of the violation of its rows, as long as it gets less.
 
     The correction is added to ``u``: a large penalty makes ``y`` so large that ``Q y`` is rounded at 1e-12, and forces
@@ -256,7 +263,7 @@ def refine(tick: Packed, count, evaluate_point) -> None:
         evaluate_point(tick)
 
 
-def violation(tick: Packed, count, left) -> float:
+def violation(tick: Packed, count: int, left: Vector) -> float:
     """How far the rows of the working set are beyond their sides, into ``left`` (count,); the largest amount."""
     value, lower, upper, rows, sides, largest = tick.value, tick.lower, tick.upper, tick.rows, tick.sides, 0.0
     for k in range(count):
@@ -266,7 +273,7 @@ def violation(tick: Packed, count, left) -> float:
     return largest
 
 
-def worst(tick: Packed, count) -> int:
+def worst(tick: Packed, count: int) -> int:
     """Row that is violated most, in units of ``row_scale``; -1 if none is, or one of the working set.
 
     What is left of the violation of a row of the working set is rounding.

@@ -34,7 +34,7 @@ def move(tick: Packed) -> None:
         count_on_touch(tick, i, tick.n_contacts + i)
 
 
-def count_on_touch(tick: Packed, i, f) -> None:
+def count_on_touch(tick: Packed, i: int, f: int) -> None:
     """Take the force and moment on hand ``i``, at frame ``f``, out of the bias forces ``nle`` and ``f_0``."""
     touch, nle, J = tick.touch[i], tick.nle, tick.J
     if not touch[SHARE] > 0.0:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from wholebody.contacts.friction import SIDES, beyond_side
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.active_set import NO_BOUND
 from wholebody.qp.kernels.cost import reduce_row
@@ -53,7 +54,7 @@ def contact_wrenches(tick: Packed) -> None:
         add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], wrench[owner[i]])
 
 
-def torque_values(tick: Packed, out) -> None:
+def torque_values(tick: Packed, out: Vector) -> None:
     """``M_joints dv - J_points' f`` (n,): torque without ``nle``; fills ``wrench`` on the way."""
     dv, M, S, wrench, moves = tick.dv, tick.M, tick.S, tick.wrench, tick.moves
     nv = dv.shape[0]
@@ -94,7 +95,7 @@ def evaluate(tick: Packed) -> None:
     value[at], value[at + 1] = slack[0], slack[1]
 
 
-def describe(tick: Packed, row) -> bool:
+def describe(tick: Packed, row: int) -> bool:
     """Write one row in full variables into ``a_dv``, ``a_f`` and ``a_slack``; True if it has a part in ``a_f``."""
     a_dv, a_f, a_slack, J = tick.a_dv, tick.a_f, tick.a_slack, tick.soft_J
     nv, k, s = a_dv.shape[0], tick.owner.shape[0], J.shape[0]
@@ -128,7 +129,7 @@ def describe(tick: Packed, row) -> bool:
     return False
 
 
-def describe_torque(tick: Packed, j) -> bool:
+def describe_torque(tick: Packed, j: int) -> bool:
     """The torque row of joint ``j``; True if it moves a contact."""
     a_dv, a_f, M, S, P, moves = tick.a_dv, tick.a_f, tick.M, tick.S, tick.points, tick.moves
     owner, loaded, c, found = tick.owner, tick.loaded, 6 + j, False
@@ -143,7 +144,7 @@ def describe_torque(tick: Packed, j) -> bool:
     return found
 
 
-def total_wrench(f, P, loaded, w) -> None:
+def total_wrench(f: Vector, P: Matrix, loaded: Indices, w: Vector) -> None:
     """``w = G f`` (6,) of the point forces ``loaded`` (n,) of those (3 k,) at offsets P (k, 3)."""
     for a in range(6):
         w[a] = 0.0
@@ -152,7 +153,7 @@ def total_wrench(f, P, loaded, w) -> None:
         add_force_at(P[i], f[3 * i], f[3 * i + 1], f[3 * i + 2], w)
 
 
-def add_spread(h, P, loaded, factor, f) -> None:
+def add_spread(h: Vector, P: Matrix, loaded: Indices, factor: float, f: Vector) -> None:
     """``f += factor G' h`` (3 k,), at the points ``loaded``."""
     for k in range(loaded.shape[0]):
         i = loaded[k]
@@ -162,7 +163,7 @@ def add_spread(h, P, loaded, factor, f) -> None:
         f[3 * i + 2] += factor * z
 
 
-def transform(tick: Packed, row) -> None:
+def transform(tick: Packed, row: int) -> None:
     """Write a row in the variables ``u`` of `active_set` into ``m`` (ny + 3 k + 2,)."""
     m, a_f, a_slack, FZ, W, P, w, h = (
         tick.m, tick.a_f, tick.a_slack, tick.FZ, tick.W, tick.points, tick.six_a, tick.six_b

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Indices, Matrix
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.linear_algebra import inverse_6, null_space, particular
 from wholebody.robot.kernels.rotation import rotate, rotation_between
@@ -35,7 +36,7 @@ def allowed_motion(tick: Packed) -> bool:
     return True
 
 
-def foot_target(tick: Packed, c) -> None:
+def foot_target(tick: Packed, c: int) -> None:
     """Wanted acceleration of contact ``c``, as `FootContact.acceleration`."""
     q, x, velocity, drift, kp, kd = (
         tick.q,
@@ -52,7 +53,7 @@ def foot_target(tick: Packed, c) -> None:
         out[3 + k] = -drift[3 + k] - kd * velocity[3 + k] + kp * turn[k]
 
 
-def point_offsets(tick: Packed, c) -> None:
+def point_offsets(tick: Packed, c: int) -> None:
     """Points of contact ``c`` from the base, world axes."""
     R, x, local, points = tick.frame_R[c], tick.frame_p[c], tick.points_local, tick.points
     each = local.shape[0] // tick.n_contacts
@@ -61,7 +62,7 @@ def point_offsets(tick: Packed, c) -> None:
             points[i, a] = x[a] + rotate(R, a, local[i, 0], local[i, 1], local[i, 2])
 
 
-def contact_gram(P, loaded, gram) -> None:
+def contact_gram(P: Matrix, loaded: Indices, gram: Matrix) -> None:
     """``G G'`` (6, 6) of the contact points ``loaded`` (n,) of those at offsets P (k, 3)."""
     for a in range(6):
         for b in range(6):

@@ -12,6 +12,7 @@ Cost and constraints of ``y`` and ``e`` are then apart: ``1/2 y' H y + g' y`` an
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.linear_algebra import cholesky, solve_transposed, solve_upper
 
@@ -34,12 +35,12 @@ def cost(tick: Packed) -> bool:
     return factor(H, tick.U, g, tick.y_free)
 
 
-def has_weight(weight) -> bool:
+def has_weight(weight: Vector) -> bool:
     """Whether one of six weights is not zero."""
     return weight[0] + weight[1] + weight[2] + weight[3] + weight[4] + weight[5] > 0.0
 
 
-def reduce_row(row, bound, free, Z, out) -> None:
+def reduce_row(row: Vector, bound: Indices, free: Indices, Z: Matrix, out: Vector) -> None:
     """``out = row Z_full``: a row over ``v`` in the reduced variables."""
     nr = Z.shape[1]
     for r in range(nr):
@@ -87,7 +88,7 @@ def reduce_wrench(tick: Packed) -> None:
             FZ[a, nr + k] = F[free[k], a]
 
 
-def add_products(left, right, ny, H) -> None:
+def add_products(left: Matrix, right: Matrix, ny: int, H: Matrix) -> None:
     """Add ``left' right`` of two blocks of rows (6, ny), symmetric, to the upper triangle of H."""
     r0, r1, r2, r3, r4, r5 = right[0], right[1], right[2], right[3], right[4], right[5]
     for a in range(ny):
@@ -100,7 +101,7 @@ def add_products(left, right, ny, H) -> None:
             row[b] += c0 * r0[b] + c1 * r1[b] + c2 * r2[b] + c3 * r3[b] + c4 * r4[b] + c5 * r5[b]
 
 
-def add_block(tick: Packed, J, row, n, target, weight, kd) -> None:
+def add_block(tick: Packed, J: Matrix, row: int, n: int, target: Vector, weight: Vector, kd: float) -> None:
     """Add ``1/2 sum_r weight_r (J_r x - target_r / kd)^2`` of ``n`` up to six rows of J, from ``row`` on."""
     bound, free, Z, dv_p, H, g = tick.bound_columns, tick.free_columns, tick.Z, tick.dv_p, tick.H, tick.g
     rows, weighted, ny = tick.block_rows, tick.block_weighted, g.shape[0]
@@ -165,7 +166,7 @@ def add_wrench(tick: Packed) -> None:
     add_products(FZ, KF, ny, tick.H)
 
 
-def add_posture(tick: Packed, penalty) -> None:
+def add_posture(tick: Packed, penalty: float) -> None:
     """Add the posture task and a penalty on all velocities or accelerations."""
     weight, target, bound, free, Z, dv_p, H, g = (
         tick.posture_weight, tick.posture_target, tick.bound_columns, tick.free_columns, tick.Z, tick.dv_p, tick.H,
@@ -190,7 +191,7 @@ def add_posture(tick: Packed, penalty) -> None:
             g[nr + k] -= weight[j - 6] * target[j - 6]
 
 
-def factor(H, U, g, y) -> bool:
+def factor(H: Matrix, U: Matrix, g: Vector, y: Vector) -> bool:
     """Upper Cholesky factor ``U`` of H and the minimiser ``y = -H^-1 g``; False if H is not positive definite."""
     n = g.shape[0]
     for i in range(n):

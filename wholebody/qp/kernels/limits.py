@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from wholebody.collision.gjk import support_vertex
+from wholebody.jit.arrays import Indices, Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.active_set import NO_BOUND
 from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed
@@ -33,7 +34,7 @@ def limits(tick: Packed) -> None:
         pair_rows(tick, tick.n_balance + tick.floor_body.shape[0])
 
 
-def braking_acceleration(q, dq, q_max, dq_max, brake, dt) -> float:
+def braking_acceleration(q: float, dq: float, q_max: float, dq_max: float, brake: float, dt: float) -> float:
     """Upper side of `viable_acceleration_bounds` for one joint."""
     distance = q_max - q
     by_velocity = (dq_max - dq) / dt
@@ -62,7 +63,7 @@ def joint_bounds(tick: Packed) -> None:
         low[j], high[j] = lower, upper
 
 
-def braking_bound(margin, rate, brake, dt) -> float:
+def braking_bound(margin: float, rate: float, brake: float, dt: float) -> float:
     """`wholebody.limits.base.braking_bound` for one row."""
     if margin < 0.0:
         allowed = margin / (4.0 * dt)
@@ -91,7 +92,7 @@ def balance_rows(tick: Packed) -> None:
             J[e, c] = (nx * F[c, 0] + ny * F[c, 1]) / mass
 
 
-def orientation_rows(tick: Packed, plan, limit, f, at) -> None:
+def orientation_rows(tick: Packed, plan: Vector, limit: Vector, f: int, at: int) -> None:
     """Six rows of `OrientationLimit` from slot ``at`` on.
 
     Args:
@@ -116,7 +117,7 @@ def orientation_rows(tick: Packed, plan, limit, f, at) -> None:
                 soft_J[slot, c] = sign * J[6 * f + 3 + k, c]
 
 
-def height_rows(tick: Packed, f, at) -> None:
+def height_rows(tick: Packed, f: int, at: int) -> None:
     """Three rows of `HeightLimit` from slot ``at`` on: lowest, and above and below the plan.
 
     ``height_limit`` is ``band lowest brake dt`` (4,).
@@ -132,7 +133,7 @@ def height_rows(tick: Packed, f, at) -> None:
         soft_J[at + 1, c] = J[6 * f + 2, c]
 
 
-def floor_rows(tick: Packed, at) -> None:
+def floor_rows(tick: Packed, at: int) -> None:
     """Rows of `FloorLimit`, a slot for each body from ``at`` on.
 
     The lowest vertex is climbed to from the one that was lowest before.
@@ -156,7 +157,7 @@ def floor_rows(tick: Packed, at) -> None:
             upper[at + i] = floor_row(tick, k, point, room, tick.soft_J[at + i])
 
 
-def floor_row(tick: Packed, body, point, room, row) -> float:
+def floor_row(tick: Packed, body: int, point: Vector, room: float, row: Vector) -> float:
     """Write the row (nv,) of the lowest point (3,) of a body; its bound."""
     V, A, up = tick.V[body], tick.A[body], tick.scratch[3:6]
     up[0], up[1], up[2] = 0.0, 0.0, 1.0
@@ -167,7 +168,7 @@ def floor_row(tick: Packed, body, point, room, row) -> float:
     return braking_bound(room, -rate, tick.floor_brake, tick.floor_dt) + point_drift(V, A, point, up)
 
 
-def pair_rows(tick: Packed, at) -> None:
+def pair_rows(tick: Packed, at: int) -> None:
     """Rows of `SelfCollisionLimit`, from slot ``at`` on; ``pairs`` (k, 10) are normal, nearest points and room."""
     q, pairs, pair_body, n_pairs, upper, V, A = (
         tick.q, tick.pairs, tick.pair_body, tick.n_pairs, tick.soft_upper, tick.V, tick.A
@@ -190,13 +191,13 @@ def pair_rows(tick: Packed, at) -> None:
         upper[i] = NO_BOUND
 
 
-def clear(row) -> None:
+def clear(row: Vector) -> None:
     """Zeros."""
     for c in range(row.shape[0]):
         row[c] = 0.0
 
 
-def leave_out(columns, row) -> None:
+def leave_out(columns: Indices, row: Vector) -> None:
     """Zeros at some columns: velocities whose acceleration is not the program's to choose."""
     for c in range(columns.shape[0]):
         row[columns[c]] = 0.0

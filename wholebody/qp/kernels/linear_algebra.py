@@ -4,10 +4,14 @@ Loops run along rows, whose entries lie side by side, and add up rows rather tha
 instructions can do without reordering sums.
 """
 
+from __future__ import annotations
+
 import math
 
+from wholebody.jit.arrays import Matrix, Vector
 
-def dot(a, b, n) -> float:
+
+def dot(a: Vector, b: Vector, n: int) -> float:
     """Scalar product of the first ``n`` entries, in four interleaved sums."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     whole = n - n % 4
@@ -21,13 +25,13 @@ def dot(a, b, n) -> float:
     return (s0 + s1) + (s2 + s3)
 
 
-def add_scaled(a, factor, b, n) -> None:
+def add_scaled(a: Vector, factor: float, b: Vector, n: int) -> None:
     """``a += factor b`` on the first ``n`` entries."""
     for k in range(n):
         a[k] += factor * b[k]
 
 
-def cholesky(H, n) -> bool:
+def cholesky(H: Matrix, n: int) -> bool:
     """Upper factor ``U`` with ``U' U = H``, in place in the upper triangle; False if H is not positive definite."""
     for i in range(n):
         row, m, k = H[i, i:], n - i, 0
@@ -50,7 +54,7 @@ def cholesky(H, n) -> bool:
     return True
 
 
-def solve_transposed(U, b, n) -> None:
+def solve_transposed(U: Matrix, b: Vector, n: int) -> None:
     """``U' x = b`` in place, U upper triangular."""
     for k in range(n):
         c = b[k] / U[k, k]
@@ -61,13 +65,13 @@ def solve_transposed(U, b, n) -> None:
                 left[j] -= c * row[j]
 
 
-def solve_upper(U, b, n) -> None:
+def solve_upper(U: Matrix, b: Vector, n: int) -> None:
     """``U x = b`` in place, U upper triangular."""
     for k in range(n - 1, -1, -1):
         b[k] = (b[k] - dot(U[k, k + 1 :], b[k + 1 :], n - k - 1)) / U[k, k]
 
 
-def inverse_6(A, U, inverse) -> bool:
+def inverse_6(A: Matrix, U: Matrix, inverse: Matrix) -> bool:
     """Inverse of a symmetric positive definite matrix (6, 6); U is scratch. False if it is not one."""
     for i in range(6):
         for j in range(6):
@@ -81,7 +85,7 @@ def inverse_6(A, U, inverse) -> bool:
     return True
 
 
-def null_space(B, m, n, beta, Z) -> bool:
+def null_space(B: Matrix, m: int, n: int, beta: Matrix, Z: Matrix) -> bool:
     """Orthonormal basis of the vectors that m rows of length n map to zero, by Householder reflections.
 
     Args:
@@ -123,7 +127,7 @@ def null_space(B, m, n, beta, Z) -> bool:
     return True
 
 
-def reflect_rows(reflector, factor, start, n, X) -> None:
+def reflect_rows(reflector: Vector, factor: float, start: int, n: int, X: Matrix) -> None:
     """``X -= factor w (w' X)`` for ``w`` the reflector from ``start`` on; X has shape (n, any)."""
     width = X.shape[1]
     for r in range(width):
@@ -135,7 +139,7 @@ def reflect_rows(reflector, factor, start, n, X) -> None:
             X[j, r] -= c * reflector[j]
 
 
-def particular(B, beta, m, n, b, x) -> None:
+def particular(B: Matrix, beta: Matrix, m: int, n: int, b: Vector, x: Vector) -> None:
     """Shortest ``x`` (n,) with ``rows x = b`` (m,), from what `null_space` left; b is overwritten."""
     for k in range(m):
         total = b[k]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from wholebody.collision.gjk import APART, BEYOND, BODY, distance
+from wholebody.jit.arrays import Indices, Vector
 from wholebody.jit.packed import Packed
 
 SLACK = 0.01
@@ -68,7 +69,7 @@ def shrink(tick: Packed) -> None:
         known[k] = 0
 
 
-def measure(tick: Packed, k, enough) -> None:
+def measure(tick: Packed, k: int, enough: float) -> None:
     """Distance of pair ``k`` now, if it is not known; a lower bound will do for a room of ``enough``.
 
     Where it stays unsure, the pair is listed as such.
@@ -97,7 +98,7 @@ def measure(tick: Packed, k, enough) -> None:
     tick.distance_bound[k], tick.room[k] = found, found - margin
 
 
-def choose(room, n, count, chosen) -> None:
+def choose(room: Vector, n: int, count: int, chosen: Indices) -> None:
     """Indices of the ``count`` smallest of ``n`` numbers, smallest first; of equal ones the earlier."""
     held = 0
     for k in range(n):
@@ -112,7 +113,7 @@ def choose(room, n, count, chosen) -> None:
         chosen[i] = k
 
 
-def describe_pairs(tick: Packed, count) -> None:
+def describe_pairs(tick: Packed, count: int) -> None:
     """What the rows of the chosen pairs are made of: normal, points and room, and the two bodies."""
     chosen, now, body, shapes, pairs = tick.nearest, tick.pair_now, tick.pair_body, tick.shapes, tick.pair_shapes
     rows, measured, room = tick.pairs, tick.measured, tick.room

@@ -12,7 +12,7 @@ from wholebody.qp.kernels.cost import reduce_row
 from wholebody.qp.kernels.linear_algebra import add_scaled, dot
 
 
-def larger(a, b) -> float:
+def larger(a: float, b: float) -> float:
     """The larger one; NaN if one of them is, unlike `max`."""
     return a if (a > b or a != a) else b  # noqa: PLR0124
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from wholebody.jit.arrays import Indices
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels import active_set
 from wholebody.qp.kernels.constraints import add_spread, evaluate, total_wrench, transform
@@ -27,7 +28,7 @@ def follow_pairs(tick: Packed) -> None:
             rows[k] = slot_of(before[rows[k] - first], now, tick.n_pairs, first)
 
 
-def slot_of(pair, now, n, first) -> int:
+def slot_of(pair: int, now: Indices, n: int, first: int) -> int:
     """Row of a pair in this tick, -1 if it has none."""
     for i in range(n):
         if now[i] == pair:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from wholebody.jit.arrays import Vector
 from wholebody.jit.packed import Packed
 from wholebody.robot.kernels.frames import shorten
 from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, MOMENTUM_DRIFT
@@ -32,7 +33,7 @@ def targets(tick: Packed) -> None:
     posture_target(tick)
 
 
-def hand_target(tick: Packed, i, f) -> None:
+def hand_target(tick: Packed, i: int, f: int) -> None:
     """Hand ``i`` at frame ``f``, as `HandTask`; its reference is rotation (9), position (3), twist and acceleration."""
     q, ref, x, velocity, drift = tick.q, tick.hand_ref[i], tick.frame_p[f], tick.frame_V[f], tick.frame_A[f]
     kp, kd, largest, size = tick.hand_kp, tick.hand_kd, tick.hand_feedback_max, tick.hand_weight
@@ -51,7 +52,7 @@ def hand_target(tick: Packed, i, f) -> None:
         touching_target(ref, q, x, velocity, drift, kd, touch, feedback, target)
 
 
-def foot_up_target(tick: Packed, c) -> None:
+def foot_up_target(tick: Packed, c: int) -> None:
     """Foot ``c``, which is up, as `FootTask` if it is led; its reference is laid out as that of a hand."""
     q, ref, x, velocity, drift = tick.q, tick.foot_ref[c], tick.frame_p[c], tick.frame_V[c], tick.frame_A[c]
     kp, kd, largest, size = tick.foot_kp_up, tick.foot_kd_up, tick.foot_feedback_max, tick.foot_weight
@@ -67,7 +68,10 @@ def foot_up_target(tick: Packed, c) -> None:
         weight[k] = tick.led * size[k // 3]
 
 
-def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None:
+def touching_target(
+    ref: Vector, q: Vector, x: Vector, velocity: Vector, drift: Vector, kd: float, touch: Vector, push: Vector,
+    target: Vector
+) -> None:  # fmt: skip
     """Linear rows of a hand that touches, as `HandTask`: it pushes no harder than it may, and yields to the force."""
     share, stiffness, largest = touch[SHARE], touch[STIFFNESS], touch[PUSH_MAX]
     for k in range(3):
@@ -88,7 +92,7 @@ def touching_target(ref, q, x, velocity, drift, kd, touch, push, target) -> None
         target[k] = (1.0 - share) * target[k] + share * wanted
 
 
-def orientation_target(tick: Packed, ref, gain, f) -> None:
+def orientation_target(tick: Packed, ref: Vector, gain: Vector, f: int) -> None:
     """Angular rows of frame ``f``, as `OrientationTask`.
 
     Args:
@@ -108,7 +112,7 @@ def orientation_target(tick: Packed, ref, gain, f) -> None:
         weight[3 + k] = gain[3]
 
 
-def height_target(tick: Packed, f) -> None:
+def height_target(tick: Packed, f: int) -> None:
     """Vertical row of frame ``f``, as `HeightTask`."""
     ref, gain, z = tick.height_ref, tick.height_gain, tick.q[2] + tick.frame_p[f, 2]
     feedback = min(max(gain[0] * (ref[0] - z), -gain[2]), gain[2])

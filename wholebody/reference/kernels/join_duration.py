@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
+
 POINTS = 25
 """At which a quintic is looked at."""
 
 
-def join_duration(error, basis, durations, bounds, halvings) -> float:
+def join_duration(error: Matrix, basis: np.ndarray, durations: Vector, bounds: Matrix, halvings: int) -> float:
     """The first duration in which the correction stays inside the bounds, or the one that comes nearest [s].
 
     Args:
@@ -37,7 +41,7 @@ def join_duration(error, basis, durations, bounds, halvings) -> float:
     return best
 
 
-def halved(error, basis, short, long, bounds, halvings) -> float:
+def halved(error: Matrix, basis: np.ndarray, short: float, long: float, bounds: Matrix, halvings: int) -> float:
     """A duration between one that is too short and one that is not, by bisection; it is not too short [s]."""
     for _ in range(halvings):
         middle = 0.5 * (short + long)
@@ -48,7 +52,7 @@ def halved(error, basis, short, long, bounds, halvings) -> float:
     return long
 
 
-def least_duration(error, bounds) -> float:
+def least_duration(error: Matrix, bounds: Matrix) -> float:
     """Half of what a minimum-jerk move over the distance takes from rest to rest: anything shorter is not worth trying.
 
     Its peaks are 1.875 d / T, 5.77 d / T^2 and 60 d / T^3.
@@ -61,7 +65,7 @@ def least_duration(error, bounds) -> float:
     return 0.5 * least
 
 
-def join_excess(error, basis, duration, bounds) -> float:
+def join_excess(error: Matrix, basis: np.ndarray, duration: float, bounds: Matrix) -> float:
     """Largest ratio of speed, acceleration and jerk of the correction to what they may be.
 
     Where speed or acceleration begins above its bound, that counts instead of the bound.
@@ -80,7 +84,7 @@ def join_excess(error, basis, duration, bounds) -> float:
     return worst
 
 
-def rate_size(error, part, place, speed, bend) -> float:
+def rate_size(error: Matrix, part: int, place: float, speed: float, bend: float) -> float:
     """Size of one part of the jet ``error`` (3, 14) with its rows weighted by these."""
     first, end = (0, 3) if part == 0 else ((3, 7) if part == 1 else (7, 14))
     squares, largest = 0.0, 0.0

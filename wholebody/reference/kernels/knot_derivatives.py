@@ -6,8 +6,14 @@ Source:
 
 from __future__ import annotations
 
+import numpy as np
 
-def knot_derivatives(times, y, limited, slopes, curvature, upper) -> None:
+from wholebody.jit.arrays import Matrix, Vector
+
+
+def knot_derivatives(
+    times: Vector, y: Matrix, limited: np.ndarray, slopes: Matrix, curvature: Matrix, upper: Vector
+) -> None:
     """Fill slopes and second derivatives (H, C) at two knots or more; no pivots are needed.
 
     Args:
@@ -41,7 +47,7 @@ def knot_derivatives(times, y, limited, slopes, curvature, upper) -> None:
             curvature[k, c] = 0.0 if limited[k] else bend
 
 
-def spline_row(times, limited, k) -> tuple[float, float, float]:
+def spline_row(times: Vector, limited: np.ndarray, k: int) -> tuple[float, float, float]:
     """Row of the system: C2 at inner knots, not-a-knot at the ends where there are four knots."""
     last = times.shape[0] - 1
     end = k in (0, last)
@@ -54,7 +60,7 @@ def spline_row(times, limited, k) -> tuple[float, float, float]:
     return after, 2.0 * (before + after), before
 
 
-def right_side(times, y, limited, k, c) -> float:
+def right_side(times: Vector, y: Matrix, limited: np.ndarray, k: int, c: int) -> float:
     """Right side of the system at a knot, for one channel."""
     last = times.shape[0] - 1
     if k in (0, last):
@@ -65,8 +71,8 @@ def right_side(times, y, limited, k, c) -> float:
     return 3.0 * ((times[k + 1] - times[k]) * before + (times[k] - times[k - 1]) * after)
 
 
-def end_side(times, y, k, c) -> float:
-    """The same at the first or the last knot: of few knots the slope of the line or the parabola through them."""
+def end_side(times: Vector, y: Matrix, k: int, c: int) -> float:
+    """Derivative at the first or the last knot; of few knots that of the line or the parabola through them."""
     last, near = times.shape[0] - 1, 0 if k == 0 else times.shape[0] - 2
     first = secant(times, y, near, c)
     if last == 1:
@@ -78,13 +84,13 @@ def end_side(times, y, k, c) -> float:
     return ((a + 2.0 * (a + b)) * b * first + a * a * second) / (a + b)
 
 
-def end_steps(times, k) -> tuple[float, float]:
+def end_steps(times: Vector, k: int) -> tuple[float, float]:
     """Lengths of the segment at the first or the last knot, and of the next one."""
     if k == 0:
         return times[1] - times[0], times[2] - times[1]
     return times[k] - times[k - 1], times[k - 1] - times[k - 2]
 
 
-def secant(times, y, k, c) -> float:
+def secant(times: Vector, y: Matrix, k: int, c: int) -> float:
     """Slope of the line from knot ``k`` to the next."""
     return (y[k + 1, c] - y[k, c]) / (times[k + 1] - times[k])

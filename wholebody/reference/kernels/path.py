@@ -8,13 +8,17 @@ and the row that of `wholebody.reference.layout`; the channels are position 3, q
 Cell k covers ``s0 + k cell`` onwards and names the segment in which it begins: a look-up takes constant time.
 """
 
+from __future__ import annotations
+
 import math
+
+from wholebody.jit.arrays import Matrix, Vector
 
 HEADER = 5
 CHANNELS = 14
 
 
-def path_row(flat, s, row) -> None:
+def path_row(flat: Vector, s: float, row: Vector) -> None:
     """Write the row at parameter ``s`` into ``row``, shape ``(40,)``; at rest before and after the path."""
     segments, cells = int(flat[0]), int(flat[4])
     breaks = HEADER + cells
@@ -26,7 +30,7 @@ def path_row(flat, s, row) -> None:
     segment_row(flat, breaks + segments + 1 + 6 * CHANNELS * i, s - flat[breaks + i], row)
 
 
-def curve_rows(breaks, flat, s, rows) -> None:
+def curve_rows(breaks: Vector, flat: Vector, s: Vector, rows: Matrix) -> None:
     """Write the rows (n, 40) at parameters (n,) of a curve with breaks (N + 1,) and N x 6 x C coefficients in a row."""
     i, last = 0, breaks.shape[0] - 2
     for k in range(s.shape[0]):
@@ -38,7 +42,7 @@ def curve_rows(breaks, flat, s, rows) -> None:
         segment_row(flat, 6 * CHANNELS * i, at - breaks[i], rows[k])
 
 
-def segment_row(flat, base, x, row) -> None:
+def segment_row(flat: Vector, base: int, x: float, row: Vector) -> None:
     """Write the row ``x`` after the start of the segment whose first coefficient is entry ``base``."""
     for c in range(3):
         row[c], row[3 + c], row[6 + c] = channel(flat, base + c, x)
@@ -49,7 +53,7 @@ def segment_row(flat, base, x, row) -> None:
         row[12 + c], row[19 + c], row[26 + c] = channel(flat, base + c, x)
 
 
-def channel(flat, k, x) -> tuple[float, float, float]:
+def channel(flat: Vector, k: int, x: float) -> tuple[float, float, float]:
     """Value and two derivatives of the quintic whose first coefficient is entry ``k``, ``x`` after its break."""
     c0, c1, c2 = flat[k], flat[k + CHANNELS], flat[k + 2 * CHANNELS]
     c3, c4, c5 = flat[k + 3 * CHANNELS], flat[k + 4 * CHANNELS], flat[k + 5 * CHANNELS]
@@ -58,7 +62,10 @@ def channel(flat, k, x) -> tuple[float, float, float]:
     return y, dy, 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
 
 
-def rotation_part(x, y, z, w, row) -> None:
+def rotation_part(
+    x: tuple[float, float, float], y: tuple[float, float, float], z: tuple[float, float, float],
+    w: tuple[float, float, float], row: Vector
+) -> None:  # fmt: skip
     """Unit quaternion, angular velocity and acceleration of a quaternion of any length and its derivatives.
 
     The formulas are those of `wholebody.reference.rotation.angular_rates`. Each component comes with its two

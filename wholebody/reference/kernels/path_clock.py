@@ -4,7 +4,11 @@ Slowing down along the path keeps its shape. With ``s(t)`` the parameter, ``p(s(
 and ``p'' s_dot^2 + p' s_ddot``; they are continuous because the rate of ``s_ddot`` is bounded.
 """
 
+from __future__ import annotations
+
 import math
+
+from wholebody.jit.arrays import Vector
 
 CHANGE_MAX, JERK_MAX = 4.0, 40.0
 """Largest |d2s/dt2| [1/s] and |d3s/dt3| [1/s^2]; chosen: a full stop takes 0.4 s."""
@@ -14,7 +18,7 @@ JERK_SHARE = 0.5
 """Share of the jerk that the braking law counts on; chosen: the rest keeps it on the law."""
 
 
-def advanced(s, rate, change, dt, wanted) -> tuple[float, float, float]:
+def advanced(s: float, rate: float, change: float, dt: float, wanted: float) -> tuple[float, float, float]:
     """The clock one tick later, on its way to another rate.
 
     Args:
@@ -36,7 +40,7 @@ def advanced(s, rate, change, dt, wanted) -> tuple[float, float, float]:
     return s + rate * dt + 0.5 * change * dt**2 + jerk * dt**3 / 6.0, after, change + jerk * dt
 
 
-def scale(row, rate, change) -> None:
+def scale(row: Vector, rate: float, change: float) -> None:
     """`wholebody.reference.layout.time_scaled` of one row, in place."""
     for first, second, n in ((3, 6, 3), (13, 16, 3), (26, 33, 7)):
         for k in range(n):

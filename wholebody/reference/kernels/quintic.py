@@ -50,7 +50,7 @@ _ACCELERATION = np.stack(
 _JERK = np.array([[-60.0, -36.0, -9.0], [30.0, 15.0, 1.5], [-60.0, -24.0, -3.0]])  # at s = 0, 1/2, 1
 
 
-def move_excess(hand, n, max_v, max_a, max_j, horizon) -> float:
+def move_excess(hand: np.record, n: int, max_v: float, max_a: float, max_j: float, horizon: float) -> float:
     """Largest ratio to its limit of speed, acceleration and jerk along the quintic; at most 1 if the move fits.
 
     The target's velocity and acceleration are taken as constant. A limit that is exceeded
@@ -77,13 +77,13 @@ def move_excess(hand, n, max_v, max_a, max_j, horizon) -> float:
     return max(math.sqrt(worst_v) / max_v, math.sqrt(worst_a) / max_a, math.sqrt(worst_j) / max_j)
 
 
-def longest_horizon(limits, k) -> float:
+def longest_horizon(limits: np.record, k: int) -> float:
     """Longest time to go [s]: enough for the quintic to reverse from full speed within the limits."""
     speed, acceleration, jerk = limits.speed[k], limits.acceleration[k], limits.jerk[k]
     return max(MAX_HORIZON, 6.0 * speed / acceleration, 12.0 * math.sqrt(speed / jerk))
 
 
-def time_to_go(hand, n, limits, k, within, dt) -> float:
+def time_to_go(hand: np.record, n: int, limits: np.record, k: int, within: bool, dt: float) -> float:
     """Duration in which the quintic to zero error stays inside the limits, [s].
 
     The last one less two ticks where that fits; much less where the quintic is lazy; else the first longer one that
@@ -120,7 +120,7 @@ def time_to_go(hand, n, limits, k, within, dt) -> float:
     return best
 
 
-def shorten_error(hand, n, limits, k) -> None:
+def shorten_error(hand: np.record, n: int, limits: np.record, k: int) -> None:
     """Aim at a point on the way where the target is too far for one move: the group then cruises towards it.
 
     The feedback of horizon T settles at the closing speed ``5 e / 3 T``; an error of 0.54 T times the speed that the

@@ -14,14 +14,19 @@ velocity and acceleration are continuous whatever comes in.
 3. Range. A finger joint also keeps the position where it can come to rest inside its limits.
 """
 
+from __future__ import annotations
+
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.reference.kernels.quintic import shorten_error, time_to_go
 from wholebody.reference.kernels.smoother_memory import GROUPS, ROW, clip_norm, norm
 from wholebody.reference.kernels.viability import keep_range, keep_viable
 
 
-def read_target(hand, n, v, a, last, limits, k, dt) -> bool:
+def read_target(hand: np.record, n: int, v: int, a: int, last: int, limits: np.record, k: int, dt: float) -> bool:
     """Motion of the target at the *start* of the tick, from that at its end, whose entries begin at ``v`` and ``a``.
 
     A target is followed at the limits at most. The jerk that its acceleration implies is used as it is up to the limit,
@@ -44,17 +49,17 @@ def read_target(hand, n, v, a, last, limits, k, dt) -> bool:
     return used == 1.0 and not clipped
 
 
-def displacement(v, a, jerk, i, dt) -> float:
-    """Of coordinate ``i`` over a tick of constant jerk."""
+def displacement(v: Vector, a: Vector, jerk: Vector, i: int, dt: float) -> float:
+    """Way of coordinate ``i`` in a tick of constant jerk, ``v dt + a dt^2 / 2 + j dt^3 / 6`` [m]."""
     return v[i] * dt + a[i] * (0.5 * dt * dt) + jerk[i] * (dt * dt * dt / 6.0)
 
 
-def target_displacement(hand, i, dt) -> float:
-    """Of the target."""
+def target_displacement(hand: np.record, i: int, dt: float) -> float:
+    """Way of the target in a tick, as `displacement`."""
     return displacement(hand.target_v, hand.target_a, hand.target_j, i, dt)
 
 
-def quat_product(p, q, out) -> None:
+def quat_product(p: Vector, q: Vector, out: Vector) -> None:
     """Product of two quaternions (xyzw) into ``out``, which may be either of them."""
     x = p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1]
     y = p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0]
@@ -64,14 +69,14 @@ def quat_product(p, q, out) -> None:
     out[0], out[1], out[2], out[3] = x / size, y / size, z / size, w / size
 
 
-def quat_exp(x, y, z, out) -> None:
+def quat_exp(x: float, y: float, z: float, out: Vector) -> None:
     """Quaternion (xyzw) of a rotation vector [rad] into ``out``."""
     angle = math.sqrt(x * x + y * y + z * z)
     scale = 0.5 - angle * angle / 48.0 if angle < 1e-4 else math.sin(0.5 * angle) / angle
     out[0], out[1], out[2], out[3] = x * scale, y * scale, z * scale, math.cos(0.5 * angle)
 
 
-def quat_error(q, r, error) -> None:
+def quat_error(q: Vector, r: Vector, error: Vector) -> None:
     """Write the rotation vector [rad], at most pi long, that turns ``r`` into ``q`` in world axes."""
     x = -q[3] * r[0] + q[0] * r[3] - q[1] * r[2] + q[2] * r[1]
     y = -q[3] * r[1] + q[0] * r[2] + q[1] * r[3] - q[2] * r[0]
@@ -84,7 +89,7 @@ def quat_error(q, r, error) -> None:
     error[0], error[1], error[2] = x * scale, y * scale, z * scale
 
 
-def rotation_error(hand, dt) -> None:
+def rotation_error(hand: np.record, dt: float) -> None:
     """Error of the orientation at the start of the tick."""
     x, y, z = target_displacement(hand, 0, dt), target_displacement(hand, 1, dt), target_displacement(hand, 2, dt)
     quat_exp(-x, -y, -z, hand.turn)
@@ -92,7 +97,7 @@ def rotation_error(hand, dt) -> None:
     quat_error(hand.motion[9:13], hand.turn, hand.error)
 
 
-def rotate(hand, dt) -> None:
+def rotate(hand: np.record, dt: float) -> None:
     """Advance the orientation over the tick."""
     v, a, jerk, second = hand.v, hand.a, hand.jerk, dt * dt * dt / 12.0
     quat_exp(  # with the second Magnus term: the axis moves during the tick
@@ -105,7 +110,7 @@ def rotate(hand, dt) -> None:
     quat_product(hand.turn, quat, quat)
 
 
-def accept(hand, target) -> None:
+def accept(hand: np.record, target: Vector) -> None:
     """Copy the target to the goal; where it is not finite, the last good pose at rest instead."""
     goal = hand.goal
     size = math.sqrt(target[9] ** 2 + target[10] ** 2 + target[11] ** 2 + target[12] ** 2)
@@ -123,7 +128,7 @@ def accept(hand, target) -> None:
         goal[k] = hand.held[i]
 
 
-def clip_finger(goal, limits, i) -> None:
+def clip_finger(goal: Vector, limits: np.record, i: int) -> None:
     """Clip a finger target to the range of its joint, at rest where it was outside."""
     x = min(max(goal[19 + i], limits.finger_lower[i]), limits.finger_upper[i])
     if x != goal[19 + i]:
@@ -132,12 +137,12 @@ def clip_finger(goal, limits, i) -> None:
         goal[33 + i] = 0.0
 
 
-def flush(x) -> float:
+def flush(x: float) -> float:
     """Zero for what has decayed to nothing: subnormal numbers would slow a robot at rest several times."""
     return x if abs(x) > 1e-100 else 0.0
 
 
-def group_tick(hand, limits, k, dt) -> None:
+def group_tick(hand: np.record, limits: np.record, k: int, dt: float) -> None:
     """Advance group ``k`` of one hand: 0 position, 1 orientation, from 2 on the fingers."""
     motion, goal, n = hand.motion, hand.goal, (3 if k < 2 else 1)
     x, v, a = (0, 3, 6) if k == 0 else ((9, 13, 16) if k == 1 else (17 + k, 24 + k, 31 + k))
@@ -171,7 +176,7 @@ def group_tick(hand, limits, k, dt) -> None:
         rotate(hand, dt)
 
 
-def smoother_step(state, target, limits, dt) -> None:
+def smoother_step(state: np.ndarray, target: Matrix, limits: np.ndarray, dt: float) -> None:
     """Advance every hand by one tick, in place.
 
     Args:

@@ -4,8 +4,11 @@ A *group* is what a limit on a norm applies to: the position of a hand (3 coordi
 7 finger joints (1): nine groups. A group of n coordinates uses the first n entries of the scratch vectors.
 """
 
+from __future__ import annotations
+
 import math
 
+from wholebody.jit.arrays import Vector
 from wholebody.jit.record import record
 
 ROW, GROUPS, FINGERS = 40, 9, 7
@@ -27,7 +30,7 @@ LIMITS = record(
 """Of one hand [m, rad and per s, s^2, s^3]."""
 
 
-def norm(x, n) -> float:
+def norm(x: Vector, n: int) -> float:
     """Euclidean norm of the first ``n`` entries."""
     total = 0.0
     for i in range(n):
@@ -35,7 +38,7 @@ def norm(x, n) -> float:
     return math.sqrt(total)
 
 
-def clip_norm(x, n, bound) -> bool:
+def clip_norm(x: Vector, n: int, bound: float) -> bool:
     """Scale the first ``n`` entries in place to a norm of at most ``bound``; True where it was longer."""
     size = norm(x, n)
     if size <= bound:

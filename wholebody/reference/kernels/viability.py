@@ -5,7 +5,11 @@ Source:
     higher.
 """
 
+from __future__ import annotations
+
 import math
+
+import numpy as np
 
 from wholebody.reference.kernels.smoother_memory import clip_norm, norm
 
@@ -14,7 +18,9 @@ STOP_SHARE = 0.9
 time."""
 
 
-def is_viable(hand, n, bound_v, bound_a, bound_stop, max_j, dt) -> bool:
+def is_viable(
+    hand: np.record, n: int, bound_v: float, bound_a: float, bound_stop: float, max_j: float, dt: float
+) -> bool:
     """Whether the jerk leads over the tick to a state from which the bounds can be kept for ever."""
     speed2, stop2, accel2 = 0.0, 0.0, 0.0
     for i in range(n):
@@ -27,7 +33,7 @@ def is_viable(hand, n, bound_v, bound_a, bound_stop, max_j, dt) -> bool:
     return accel2 <= bound_a**2 and speed2 <= bound_v**2 and stop2 <= bound_stop**2
 
 
-def keep_viable(hand, n, limits, k, dt) -> None:
+def keep_viable(hand: np.record, n: int, limits: np.record, k: int, dt: float) -> None:
     """Move the jerk towards "acceleration to zero" as far as the limits demand.
 
     What exceeds a limit at the start (a filter reset to a faster motion) bounds instead of it, so it only shrinks.
@@ -61,7 +67,7 @@ def keep_viable(hand, n, limits, k, dt) -> None:
             high = share
 
 
-def stop_distance(v, a, max_a, max_j) -> float:
+def stop_distance(v: float, a: float, max_a: float, max_j: float) -> float:
     """How far a coordinate still moves in the positive direction if it stops as fast as the limits allow."""
     speed = v + 0.5 * a * a / max_j  # once the acceleration is zero (or where it last was)
     if (v <= 0.0 and a <= 0.0) or speed <= 0.0:
@@ -73,13 +79,13 @@ def stop_distance(v, a, max_a, max_j) -> float:
     return max(0.0, stop + v * a / max_j + a * a * a / (3.0 * max_j * max_j))
 
 
-def stops_within(v, a, j, room, max_a, max_j, dt) -> bool:
+def stops_within(v: float, a: float, j: float, room: float, max_a: float, max_j: float, dt: float) -> bool:
     """Whether a coordinate that takes jerk ``j`` over the tick can then stop before it has moved by ``room``."""
     ahead = v * dt + a * (0.5 * dt * dt) + j * (dt * dt * dt / 6.0)
     return ahead + stop_distance(v + a * dt + j * (0.5 * dt * dt), a + j * dt, max_a, max_j) <= room
 
 
-def keep_range(hand, x, lower, upper, limits, k, dt) -> None:
+def keep_range(hand: np.record, x: float, lower: float, upper: float, limits: np.record, k: int, dt: float) -> None:
     """Move the jerk of a finger joint until it can stop inside its range.
 
     A joint that is outside already, or too fast to stop inside, gets no worse.

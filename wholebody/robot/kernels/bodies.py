@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.robot.kernels.rotation import base_rotation, rotate
 
 # Columns of the body table, one row a body; `wholebody.robot.body_table` fills it.
@@ -18,7 +21,7 @@ BODY = 25
 """Number of columns."""
 
 
-def place_base(q, R, p, S) -> None:
+def place_base(q: Vector, R: Matrix, p: Vector, S: Matrix) -> None:
     """Rotation (3, 3), place (3,) and the six columns of the base; its velocity is given in its own axes."""
     base_rotation(q, R)
     for a in range(3):
@@ -28,7 +31,7 @@ def place_base(q, R, p, S) -> None:
             S[3 + k, a], S[3 + k, 3 + a] = 0.0, R[a, k]
 
 
-def place_body(row, angle, R_parent, p_parent, R, p) -> None:
+def place_body(row: Vector, angle: float, R_parent: Matrix, p_parent: Vector, R: Matrix, p: Vector) -> None:
     """``R = R_parent R_joint exp(axis angle)`` (3, 3) and ``p = p_parent + R_parent p_joint`` (3,) of one body."""
     c, s = math.cos(angle), math.sin(angle)
     x, y, z = row[AXIS], row[AXIS + 1], row[AXIS + 2]
@@ -47,7 +50,7 @@ def place_body(row, angle, R_parent, p_parent, R, p) -> None:
         p[a] = p_parent[a] + r0 * row[PLACEMENT_P] + r1 * row[PLACEMENT_P + 1] + r2 * row[PLACEMENT_P + 2]
 
 
-def joint_column(row, R, p, s) -> None:
+def joint_column(row: Vector, R: Matrix, p: Vector, s: Vector) -> None:
     """Column (6,) of the joint of a body at ``R`` (3, 3), ``p`` (3,)."""
     for a in range(3):
         s[3 + a] = rotate(R, a, row[AXIS], row[AXIS + 1], row[AXIS + 2])
@@ -56,7 +59,9 @@ def joint_column(row, R, p, s) -> None:
     s[2] = p[0] * s[4] - p[1] * s[3]
 
 
-def place_bodies(q, table, parent, first, last, R, p, S) -> None:
+def place_bodies(
+    q: Vector, table: Matrix, parent: Indices, first: int, last: int, R: np.ndarray, p: Matrix, S: Matrix
+) -> None:
     """Places of bodies ``first`` to ``last - 1``, and the columns of their joints.
 
     Args:
@@ -75,7 +80,7 @@ def place_bodies(q, table, parent, first, last, R, p, S) -> None:
         joint_column(table[i], R[i], p[i], S[5 + i])
 
 
-def base_twist(v, R, V) -> None:
+def base_twist(v: Vector, R: Matrix, V: Vector) -> None:
     """Twist (6,) of the base, in world axes, from the first six entries of ``v``, which are in its own axes."""
     for a in range(3):
         V[a] = rotate(R, a, v[0], v[1], v[2])

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.robot.kernels.spatial import velocity_at
 
 
-def place_frame(R_body, p_body, R_local, p_local, R, p) -> None:
+def place_frame(R_body: Matrix, p_body: Vector, R_local: Matrix, p_local: Vector, R: Matrix, p: Vector) -> None:
     """Rotation (3, 3) and offset (3,) of a frame that is given in the axes of its body."""
     for a in range(3):
         x, y, z = R_body[a, 0], R_body[a, 1], R_body[a, 2]
@@ -20,13 +23,15 @@ def place_frame(R_body, p_body, R_local, p_local, R, p) -> None:
             R[a, b] = x * R_local[0, b] + y * R_local[1, b] + z * R_local[2, b]
 
 
-def place_frames(R, p, body, R_local, p_local, FR, FP) -> None:
+def place_frames(
+    R: np.ndarray, p: Matrix, body: Indices, R_local: np.ndarray, p_local: Matrix, FR: np.ndarray, FP: Matrix
+) -> None:
     """Rotations (k, 3, 3) and offsets (k, 3) of frames in bodies ``body`` (k,)."""
     for f in range(body.shape[0]):
         place_frame(R[body[f]], p[body[f]], R_local[f], p_local[f], FR[f], FP[f])
 
 
-def move_frames(V, A, body, FP, FV, FA) -> None:
+def move_frames(V: Matrix, A: Matrix, body: Indices, FP: Matrix, FV: Matrix, FA: Matrix) -> None:
     """Velocities and classical drifts (k, 6) at the frames' own origins."""
     for f in range(body.shape[0]):
         twist, drift, x = V[body[f]], A[body[f]], FP[f]
@@ -38,7 +43,7 @@ def move_frames(V, A, body, FP, FV, FA) -> None:
         FA[f, 3], FA[f, 4], FA[f, 5] = drift[3], drift[4], drift[5]
 
 
-def frame_columns(S, parent, body, x, J, row) -> None:
+def frame_columns(S: Matrix, parent: Indices, body: int, x: Vector, J: Matrix, row: int) -> None:
     """Fill rows ``row`` to ``row + 5`` of J with the Jacobian of a frame at offset ``x``; other columns stay zero."""
     k = body
     while k > 0:
@@ -48,13 +53,13 @@ def frame_columns(S, parent, body, x, J, row) -> None:
         fill_column(S[column], column, x, J, row)
 
 
-def fill_column(s, c, x, J, row) -> None:
+def fill_column(s: Vector, c: int, x: Vector, J: Matrix, row: int) -> None:
     """Column ``c`` of rows ``row`` to ``row + 5`` of J, for a column ``s`` (6,) about the base."""
     J[row, c], J[row + 1, c], J[row + 2, c] = velocity_at(s, x)
     J[row + 3, c], J[row + 4, c], J[row + 5, c] = s[3], s[4], s[5]
 
 
-def shorten(x, start, largest) -> None:
+def shorten(x: Vector, start: int, largest: float) -> None:
     """Scale three entries to a norm of at most ``largest``; keeps their direction."""
     size = math.sqrt(x[start] * x[start] + x[start + 1] * x[start + 1] + x[start + 2] * x[start + 2])
     if size > largest:
@@ -62,7 +67,7 @@ def shorten(x, start, largest) -> None:
             x[k] *= largest / size
 
 
-def point_columns(S, parent, body, x, normal, sign, row) -> None:
+def point_columns(S: Matrix, parent: Indices, body: int, x: Vector, normal: Vector, sign: float, row: Vector) -> None:
     """Add ``sign`` times the speed along ``normal`` of the point of a body at offset ``x`` to ``row`` (nv,)."""
     mx = x[1] * normal[2] - x[2] * normal[1]
     my = x[2] * normal[0] - x[0] * normal[2]
@@ -78,13 +83,13 @@ def point_columns(S, parent, body, x, normal, sign, row) -> None:
         row[c] += sign * (along + S[c, 3] * mx + S[c, 4] * my + S[c, 5] * mz)
 
 
-def point_speed(V, x, normal) -> float:
+def point_speed(V: Vector, x: Vector, normal: Vector) -> float:
     """Speed along ``normal`` of the point at offset ``x`` of a body with twist ``V`` (6,)."""
     vx, vy, vz = velocity_at(V, x)
     return vx * normal[0] + vy * normal[1] + vz * normal[2]
 
 
-def point_drift(V, A, x, normal) -> float:
+def point_drift(V: Vector, A: Vector, x: Vector, normal: Vector) -> float:
     """Classical acceleration along ``normal`` of that point when ``dv = 0``; ``A`` (6,) is the body's drift."""
     a, b, c = V[3], V[4], V[5]
     (vx, vy, vz), (ax, ay, az) = velocity_at(V, x), velocity_at(A, x)

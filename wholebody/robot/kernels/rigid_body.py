@@ -13,6 +13,11 @@ children. ``S`` are the joint axes as spatial twists, ``F[j]`` is the force on t
 of column j, ``drift`` is what accelerations are when ``dv = 0``.
 """
 
+from __future__ import annotations
+
+import numpy as np
+
+from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.robot.kernels.bodies import base_twist, place_base, place_bodies
 from wholebody.robot.kernels.spatial import add_cross_force, body_inertia, cross_motion, dot6, momentum_of
 
@@ -23,7 +28,7 @@ robot about the base for ``dv = 0``, gravity included; mass."""
 SUMS = 22
 
 
-def move_body(s, rate, V_parent, A_parent, V, A) -> None:
+def move_body(s: Vector, rate: float, V_parent: Vector, A_parent: Vector, V: Vector, A: Vector) -> None:
     """Twist and drift (6,) of the body behind a joint with column ``s`` that turns at a rate [rad/s]."""
     cross_motion(V_parent, s, A)
     for k in range(6):
@@ -31,7 +36,7 @@ def move_body(s, rate, V_parent, A_parent, V, A) -> None:
         A[k] = A_parent[k] + rate * A[k]
 
 
-def body_force(n, V, A, gravity, h, force, lifted) -> None:
+def body_force(n: Vector, V: Vector, A: Vector, gravity: Vector, h: Vector, force: Vector, lifted: Vector) -> None:
     """Momentum ``h`` and force of one body for ``dv = 0``: inertia (drift - gravity) + twist x* momentum."""
     momentum_of(n, V, h)
     for k in range(3):
@@ -41,7 +46,7 @@ def body_force(n, V, A, gravity, h, force, lifted) -> None:
     add_cross_force(V, h, force)
 
 
-def mass_matrix(parent, S, inertia, armature, M, F) -> None:
+def mass_matrix(parent: Indices, S: Matrix, inertia: Matrix, armature: Vector, M: Matrix, F: Matrix) -> None:
     """Full symmetric mass matrix from the inertias of the subtrees; entries of unrelated joints are left at zero."""
     n = parent.shape[0]
     for i in range(n - 1, 0, -1):
@@ -61,7 +66,7 @@ def mass_matrix(parent, S, inertia, armature, M, F) -> None:
             M[k, column] = M[column, k] = dot6(S[k], F[column])
 
 
-def whole_robot(q, n, h, force, gravity, sums) -> None:
+def whole_robot(q: Vector, n: Vector, h: Vector, force: Vector, gravity: Vector, sums: Vector) -> None:
     """Centre of mass, momentum about it and the rates of both for ``dv = 0``; n, h, force are those of the tree."""
     m = n[0]
     x, y, z = n[1] / m, n[2] / m, n[3] / m
@@ -78,7 +83,11 @@ def whole_robot(q, n, h, force, gravity, sums) -> None:
     sums[TOTAL_MASS] = m
 
 
-def dynamics(q, v, table, parent, armature, gravity, R, p, S, V, A, inertia, h, force, M, F, nle, sums) -> None:
+def dynamics(
+    q: Vector, v: Vector, table: Matrix, parent: Indices, armature: Vector, gravity: Vector, R: np.ndarray, p: Matrix,
+    S: Matrix, V: Matrix, A: Matrix, inertia: Matrix, h: Matrix, force: Matrix, M: Matrix, F: Matrix, nle: Vector,
+    sums: Vector
+) -> None:  # fmt: skip
     """Kinematics and dynamics of the robot; see the module's legend.
 
     Args:

@@ -10,21 +10,22 @@ Source:
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.bodies import INERTIA, LEVER, MASS
 from wholebody.robot.kernels.rotation import rotate
 
 
-def dot6(a, b) -> float:
+def dot6(a: Vector, b: Vector) -> float:
     """Scalar product of a twist and a force."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-def cross(a, b, out) -> None:
+def cross(a: Vector, b: Vector, out: Vector) -> None:
     """``out = a x b`` of the first three entries; ``out`` may be one of them."""
     out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def cross_motion(v, s, out) -> None:
+def cross_motion(v: Vector, s: Vector, out: Vector) -> None:
     """``out = v x s``, the spatial cross product of two twists."""
     a, b, c, x, y, z = v[3], v[4], v[5], v[0], v[1], v[2]
     out[0] = b * s[2] - c * s[1] + y * s[5] - z * s[4]
@@ -35,7 +36,7 @@ def cross_motion(v, s, out) -> None:
     out[5] = a * s[4] - b * s[3]
 
 
-def add_cross_force(v, f, out) -> None:
+def add_cross_force(v: Vector, f: Vector, out: Vector) -> None:
     """``out += v x* f``, the spatial cross product of a twist and a force."""
     a, b, c, x, y, z = v[3], v[4], v[5], v[0], v[1], v[2]
     out[0] += b * f[2] - c * f[1]
@@ -46,7 +47,7 @@ def add_cross_force(v, f, out) -> None:
     out[5] += x * f[1] - y * f[0] + a * f[4] - b * f[3]
 
 
-def velocity_at(V, x) -> tuple[float, float, float]:
+def velocity_at(V: Vector, x: Vector) -> tuple[float, float, float]:
     """Linear velocity, as a tuple, of the point at offset ``x`` (3,) of a body with twist ``V``.
 
     The same sum gives the linear part of a column of a Jacobian at ``x``.
@@ -54,7 +55,7 @@ def velocity_at(V, x) -> tuple[float, float, float]:
     return V[0] + V[4] * x[2] - V[5] * x[1], V[1] + V[5] * x[0] - V[3] * x[2], V[2] + V[3] * x[1] - V[4] * x[0]
 
 
-def add_force_at(x, fx, fy, fz, w) -> None:
+def add_force_at(x: Vector, fx: float, fy: float, fz: float, w: Vector) -> None:
     """Add the wrench about the common point of a force at offset ``x`` (3,) to ``w``."""
     w[0] += fx
     w[1] += fy
@@ -64,7 +65,7 @@ def add_force_at(x, fx, fy, fz, w) -> None:
     w[5] += x[0] * fy - x[1] * fx
 
 
-def body_inertia(row, R, p, inertia) -> None:
+def body_inertia(row: Vector, R: Matrix, p: Vector, inertia: Vector) -> None:
     """Spatial inertia (10,) of a body at ``R`` (3, 3), ``p`` (3,); ``row`` is its row of the body table."""
     m = row[MASS]
     x = p[0] + rotate(R, 0, row[LEVER], row[LEVER + 1], row[LEVER + 2])
@@ -89,7 +90,7 @@ def body_inertia(row, R, p, inertia) -> None:
     inertia[9] += m * (x * x + y * y)
 
 
-def momentum_of(n, t, out) -> None:
+def momentum_of(n: Vector, t: Vector, out: Vector) -> None:
     """``out = inertia n (10,) times twist t``."""
     out[0] = n[0] * t[0] + t[4] * n[3] - t[5] * n[2]
     out[1] = n[0] * t[1] + t[5] * n[1] - t[3] * n[3]

@@ -3,10 +3,19 @@
 A dozen calls of numpy on 43 numbers take longer than a third of MuJoCo's step.
 """
 
+from __future__ import annotations
+
 import math
 
+import numpy as np
 
-def drive(command, index, effort, state, ctrl, torque, asked, anew) -> bool:
+from wholebody.jit.arrays import Indices, Vector
+
+
+def drive(
+    command: tuple[Vector, Vector, Vector, Vector, Vector], index: np.ndarray, effort: Vector,
+    state: tuple[Vector, Vector], ctrl: Vector, torque: Vector, asked: Vector, anew: bool
+) -> bool:  # fmt: skip
     """Torques of one physics step: ``clip(tau + kp (q - q_meas) + kd (dq - dq_meas), -effort, effort)``.
 
     Args:
@@ -35,7 +44,7 @@ def drive(command, index, effort, state, ctrl, torque, asked, anew) -> bool:
     return sound
 
 
-def read(state, index, q, v) -> None:
+def read(state: tuple[Vector, Vector], index: tuple[Indices, Indices], q: Vector, v: Vector) -> None:
     """State in Pinocchio's convention.
 
     Args:

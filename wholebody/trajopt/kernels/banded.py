@@ -14,6 +14,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import dot
 from wholebody.trajopt.layout import N_BLOCK, N_FREE, N_PANEL, RIGHT
 
@@ -21,7 +24,7 @@ FASTMATH = {"contract"}
 """A product and a sum may be one instruction."""
 
 
-def factor(first, K, panels) -> bool:
+def factor(first: int, K: int, panels: np.ndarray) -> bool:
     """Factor the panels (K + 2, N_BLOCK, N_PANEL) from knot ``first`` on; False if they are singular."""
     size = N_BLOCK * N_PANEL
     flat = panels.reshape(panels.size)
@@ -35,7 +38,7 @@ def factor(first, K, panels) -> bool:
     return True
 
 
-def subtract_rows(c, count, factors, rows, panel) -> None:
+def subtract_rows(c: int, count: int, factors: Vector, rows: Vector, panel: Vector) -> None:
     """``panel -= factors' rows``, both of ``count`` rows, a multiple of four, whose block c is the panel's own."""
     n, shift = N_PANEL, c * N_BLOCK
     for i in range(0, N_BLOCK, 4):
@@ -45,7 +48,7 @@ def subtract_rows(c, count, factors, rows, panel) -> None:
             subtract_four(n - shift - start, factors[r + shift + i :], rows[r + shift + start :], out)
 
 
-def subtract_four(length, f, rows, out) -> None:
+def subtract_four(length: int, f: Vector, rows: Vector, out: Vector) -> None:
     """``out -= f' rows`` for four rows each, of this length, and the first four columns of f."""
     n, m, p = N_PANEL, 2 * N_PANEL, 3 * N_PANEL
     f00, f01, f02, f03 = f[0], f[1], f[2], f[3]
@@ -60,7 +63,7 @@ def subtract_four(length, f, rows, out) -> None:
         out[p + j] -= f03 * r0 + f13 * r1 + f23 * r2 + f33 * r3
 
 
-def factor_panel(panel) -> bool:
+def factor_panel(panel: Vector) -> bool:
     """Factor the own block of a panel (N_BLOCK N_PANEL,), and what is to the right of it; False if it is singular."""
     n = N_PANEL
     collect(panel)
@@ -74,7 +77,7 @@ def factor_panel(panel) -> bool:
     return True
 
 
-def collect(panel) -> None:
+def collect(panel: Vector) -> None:
     """Add up the right-hand side of a panel; its spare row and columns become those of a unit matrix."""
     n = N_PANEL
     for i in range(N_FREE):
@@ -87,7 +90,7 @@ def collect(panel) -> None:
     spare[N_FREE] = 1.0
 
 
-def factor_four(length, i, rows) -> bool:
+def factor_four(length: int, i: int, rows: Vector) -> bool:
     """Factor four rows, in which the diagonal begins at column i: it becomes that of the inverse."""
     n, m, p = N_PANEL, 2 * N_PANEL, 3 * N_PANEL
     d0 = rows[i]
@@ -119,7 +122,7 @@ def factor_four(length, i, rows) -> bool:
     return True
 
 
-def solve(K, panels, y) -> None:
+def solve(K: int, panels: np.ndarray, y: Matrix) -> None:
     """Fill y (K + 3, N_BLOCK) with the solution of the factored panels, and zeros outside."""
     n = N_BLOCK
     flat = y.reshape(y.size)
@@ -133,7 +136,7 @@ def solve(K, panels, y) -> None:
         solve_panel(panels[k], y[k])
 
 
-def solve_panel(U, y) -> None:
+def solve_panel(U: Matrix, y: Vector) -> None:
     """``y = U^-1 y`` for the own block of a panel."""
     for i in range(N_FREE - 1, -1, -1):
         y[i] *= U[i, i]
@@ -141,7 +144,7 @@ def solve_panel(U, y) -> None:
             y[j] -= U[j, i] * y[i]
 
 
-def times(K, H, x, out) -> None:
+def times(K: int, H: np.ndarray, x: Matrix, out: Matrix) -> None:
     """``out = H x`` for panels H (K + 2, N_BLOCK, N_PANEL), and vectors (K + 3, N_BLOCK) that are zero outside."""
     n, p = N_BLOCK, N_PANEL
     flat, result, panels = x.reshape(x.size), out.reshape(out.size), H.reshape(H.size)

@@ -10,16 +10,19 @@ which is the controller's own bound on it (`wholebody.limits.balance`).
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import dot
 from wholebody.robot.kernels.pendulum import natural_frequency
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import COM, DISTANCE, FREE_LOWER, LOWER, N_BODY, N_FREE, VERTICAL, ZMP
+from wholebody.trajopt.workspace import KnotMotion
 
 CURVE_OFFSET = 1.0 / 6.0
 """Of the cubic B-spline from its control point at a knot, in terms of their second difference [no unit]; derived."""
 
 
-def approach_margin(k, robot, m, dt) -> None:
+def approach_margin(k: int, robot: Tables, m: KnotMotion, dt: float) -> None:
     """Bring the bounds DISTANCE of a knot to the curve, where that is nearest within the approach time of the knot.
 
     The time from the knot to there, to second order, goes into ``m.sign`` [s].
@@ -36,20 +39,20 @@ def approach_margin(k, robot, m, dt) -> None:
         m.sign[k, DISTANCE + c] = time if rate > 0.0 else -time
 
 
-def approach_weights(c, k, m, dt) -> tuple[float, float]:
-    """Of the velocities before and after a knot in what `approach_margin` adds to a bound DISTANCE."""
+def approach_weights(c: int, k: int, m: KnotMotion, dt: float) -> tuple[float, float]:
+    """Weights [s] of the velocities before and after a knot in what `approach_margin` adds to bound DISTANCE + c."""
     time = m.sign[k, DISTANCE + c]
     bend = 0.5 * time * time / dt + CURVE_OFFSET * dt
     return 0.5 * time - bend, 0.5 * time + bend
 
 
-def pendulum(k, robot, m) -> float:
+def pendulum(k: int, robot: Tables, m: KnotMotion) -> float:
     """Natural frequency of the pendulum under the centre of mass [1/s]."""
     height = m.q[k, 2] + m.I_composite[k, 0, 3] / robot.mass
     return natural_frequency(height)
 
 
-def capture_point(k, robot, m) -> None:
+def capture_point(k: int, robot: Tables, m: KnotMotion) -> None:
     """The bounds on the capture point; the state of the first knot is given."""
     E, omega, tau = robot.normals.shape[0], pendulum(k, robot, m), robot.capture_time
     x, y = m.r[k, COM] + robot.com_stance[0], m.r[k, COM + 1] + robot.com_stance[1]
@@ -66,7 +69,9 @@ def capture_point(k, robot, m) -> None:
         m.violation[k, ZMP + 2 * E + e] = violation if k > 0 else -1.0
 
 
-def approach_and_capture_changes(k, robot, m, dt, dv_mid, x, dynamics, out) -> None:
+def approach_and_capture_changes(
+    k: int, robot: Tables, m: KnotMotion, dt: float, dv_mid: Matrix, x: Vector, dynamics: Vector, out: Vector
+) -> None:
     """How a step changes both: ``x`` (N_FREE,) of this knot, ``dynamics`` (N_DYNAMICS,) of its rows of the dynamics."""
     for c in range(m.n_near[k]):
         before, after = approach_weights(c, k, m, dt)
@@ -86,14 +91,14 @@ def approach_and_capture_changes(k, robot, m, dt, dv_mid, x, dynamics, out) -> N
             out[ZMP + 2 * E + e] += robot.normals[e, a] * d
 
 
-def approach_derivative(c, k, m, dt, out) -> None:
+def approach_derivative(c: int, k: int, m: KnotMotion, dt: float, out: Vector) -> None:
     """Add the derivative of what `approach_margin` adds to a bound DISTANCE, (3 N_FREE,)."""
     before, after = approach_weights(c, k, m, dt)
     for j in range(N_BODY):
         add_speeds(j, m.approach[k, c, j] * before, m.approach[k, c, j] * after, k, m, dt, out)
 
 
-def capture_derivative(e, k, robot, m, dt, out) -> None:
+def capture_derivative(e: int, k: int, robot: Tables, m: KnotMotion, dt: float, out: Vector) -> None:
     """Derivative (3 N_FREE,) of the bound on the capture point at one edge."""
     omega, tau, n = pendulum(k, robot, m), robot.capture_time, N_FREE
     for a in range(2):
@@ -108,7 +113,7 @@ def capture_derivative(e, k, robot, m, dt, out) -> None:
             add_speeds(j, half, half, k, m, dt, out)
 
 
-def add_speeds(j, before, after, k, m, dt, out) -> None:
+def add_speeds(j: int, before: float, after: float, k: int, m: KnotMotion, dt: float, out: Vector) -> None:
     """Add the derivative of the velocities j before and after a knot, by their weights, in the directions of three."""
     f, n, K = FREE_LOWER, N_FREE, m.q.shape[0]
     if j >= LOWER:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from wholebody.jit.arrays import Indices, Matrix
 from wholebody.robot.kernels.bodies import base_twist, joint_column, place_body
 from wholebody.robot.kernels.frames import place_frame
 from wholebody.robot.kernels.rotation import base_rotation
 from wholebody.robot.kernels.spatial import body_inertia, momentum_of
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.layout import LOWER, N_JOINTS
 
 
-def centroidal(table, parent, frame_body, frame_R, q, v, com, velocity, momentum, turns, R, p, V, scratch) -> None:
+def centroidal(
+    table: Matrix, parent: Indices, frame_body: Indices, frame_R: np.ndarray, q: Matrix, v: Matrix, com: Matrix,
+    velocity: Matrix, momentum: Matrix, turns: np.ndarray, R: np.ndarray, p: Matrix, V: Matrix, scratch: Matrix
+) -> None:  # fmt: skip
     """Fill centre of mass, its velocity, angular momentum about it, and turns of frames, at every row.
 
     Args:
@@ -61,7 +68,7 @@ def centroidal(table, parent, frame_body, frame_R, q, v, com, velocity, momentum
             place_frame(R[body], p[body], frame_R[f], scratch[2], turns[f, k], scratch[1])
 
 
-def place_palms(robot, q, T, R, p) -> None:
+def place_palms(robot: Tables, q: Matrix, T: np.ndarray, R: np.ndarray, p: Matrix) -> None:
     """Fill poses of both palms in world at every row.
 
     Args:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.frames import place_frame
 from wholebody.robot.kernels.rotation import logarithm, rotation_between
 from wholebody.robot.kernels.spatial import body_inertia, momentum_of
+from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.fixed_feet_kinematics import frame_rows, restore_feet
 from wholebody.trajopt.layout import (  # fmt: skip
     BASE_HEIGHT,
@@ -24,9 +28,12 @@ from wholebody.trajopt.layout import (  # fmt: skip
     TORSO,
     UPPER,
 )
+from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
 
-def composite_inertias(robot, R, p, S, inertia, I_composite, F) -> None:
+def composite_inertias(
+    robot: Tables, R: np.ndarray, p: Matrix, S: Matrix, inertia: Matrix, I_composite: Matrix, F: Matrix
+) -> None:
     """Inertias of the bodies, of each with all that hangs on it, and the forces ``F`` for unit accelerations."""
     n = inertia.shape[0]
     for i in range(n):
@@ -42,7 +49,7 @@ def composite_inertias(robot, R, p, S, inertia, I_composite, F) -> None:
         momentum_of(I_composite[0], S[j], F[j])
 
 
-def reduce_row(row, free, out) -> None:
+def reduce_row(row: Vector, free: Matrix, out: Vector) -> None:
     """A row (N_BODY,) in the free directions, (N_FREE,)."""
     for r in range(FREE_LOWER):
         d = 0.0
@@ -53,7 +60,7 @@ def reduce_row(row, free, out) -> None:
         out[FREE_LOWER + j] = row[LOWER + j]
 
 
-def configuration_terms(k, robot, task, m, work) -> None:
+def configuration_terms(k: int, robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
     """Put the feet of knot ``k`` back; fill palms, inertias, ``r`` and ``J``, and the bounds on configurations."""
     q, free, R, p, S, r, J = m.q[k], m.free[k], m.R[k], m.p[k], m.S[k], m.r[k], m.J[k]
     restore_feet(q, robot, R, p, S, free, work)
@@ -100,7 +107,7 @@ def configuration_terms(k, robot, task, m, work) -> None:
         m.violation[k, COM_EDGE + e] = robot.normals[e, 0] * x + robot.normals[e, 1] * y - robot.com_offsets[e]
 
 
-def tilt(k, f, R, limit, turn, m) -> None:
+def tilt(k: int, f: int, R: Matrix, limit: float, turn: Matrix, m: KnotMotion) -> None:
     """The bound on a tilt; ``turn`` (3, N_FREE) are the rows of the frame's orientation."""
     x, y = R[0, 2], R[1, 2]
     lean = math.sqrt(x * x + y * y)

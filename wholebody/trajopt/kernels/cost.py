@@ -9,7 +9,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import outer_gram
+from wholebody.trajopt.arrays import KnotTargets, TrajectoryWeights
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import (  # fmt: skip
     FREE_LOWER,
@@ -28,9 +32,10 @@ from wholebody.trajopt.layout import (  # fmt: skip
     UPPER,
     WAIST,
 )
+from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion
 
 
-def cost(m, weights, penalties, moving) -> float:
+def cost(m: KnotMotion, weights: TrajectoryWeights, penalties: Vector, moving: int) -> float:
     """Cost of a motion; ``penalties`` (n_inequalities,) weigh its bounds, at the first knot only from ``moving`` on."""
     K, total = m.q.shape[0], 0.0
     for k in range(K):
@@ -52,7 +57,7 @@ def cost(m, weights, penalties, moving) -> float:
     return total
 
 
-def configuration_cost(r, weights) -> float:
+def configuration_cost(r: Vector, weights: TrajectoryWeights) -> float:
     """Cost of the squares that depend on one configuration."""
     total = 0.0
     for h in range(4):
@@ -66,14 +71,14 @@ def configuration_cost(r, weights) -> float:
     return total
 
 
-def palm_scale(h, weights) -> tuple[float, float]:
+def palm_scale(h: int, weights: TrajectoryWeights) -> tuple[float, float]:
     """Scale of a palm's position (h even) or orientation, and the residual from which its gradient grows no more."""
     if h % 2 == 0:
         return weights.position, weights.position_give
     return weights.orientation, weights.orientation_give
 
 
-def scale_of(i, weights) -> float:
+def scale_of(i: int, weights: TrajectoryWeights) -> float:
     """Weight of a row that depends on the configuration, palms aside."""
     if i < TORSO:
         return weights.com
@@ -84,7 +89,9 @@ def scale_of(i, weights) -> float:
     return weights.height if i < JOINTS else weights.posture
 
 
-def assemble(m, task, weights, H, g, work) -> None:
+def assemble(
+    m: KnotMotion, task: KnotTargets, weights: TrajectoryWeights, H: np.ndarray, g: Matrix, work: AssemblyScratch
+) -> None:
     """Hessian panels (K + 2, N_BLOCK, N_PANEL) and gradient (K + 2, N_FREE) of half the cost without the bounds.
 
     Palm positions have a Cauchy loss: the gradient is greatest at ``position_give`` and falls beyond, so that a target
@@ -101,7 +108,9 @@ def assemble(m, task, weights, H, g, work) -> None:
         add_upper(k, m, task.dt, weights, H, g)
 
 
-def add_configuration(k, m, weights, H, g, work) -> None:
+def add_configuration(
+    k: int, m: KnotMotion, weights: TrajectoryWeights, H: np.ndarray, g: Matrix, work: AssemblyScratch
+) -> None:
     """Rows that depend on one configuration."""
     B, v, r = work.frames, work.frame_values, m.r[k]
     for i in range(N_FRAME):
@@ -135,7 +144,9 @@ def add_configuration(k, m, weights, H, g, work) -> None:
         slope[FREE_LOWER + u] += w * r[JOINTS + LOWER - 6 + u]
 
 
-def add_dense(k, m, weights, H, g, work) -> None:
+def add_dense(
+    k: int, m: KnotMotion, weights: TrajectoryWeights, H: np.ndarray, g: Matrix, work: AssemblyScratch
+) -> None:
     """Zero-moment point and waist torques: rows that depend on everything."""
     B, slope = work.dense, g
     for i in range(2 + WAIST):
@@ -151,7 +162,7 @@ def add_dense(k, m, weights, H, g, work) -> None:
         add_gram(B, c * N_BLOCK, H[k + c])
 
 
-def add_gram(B, start, panel) -> None:
+def add_gram(B: Matrix, start: int, panel: Matrix) -> None:
     """Add the first rows of ``B' B``, with the columns of B from ``start`` on, to those of a panel."""
     rows, n = B.shape[0], B.shape[1] - start
     for i in range(N_FREE):
@@ -170,7 +181,9 @@ def add_gram(B, start, panel) -> None:
             r += 1
 
 
-def add_lower(k, m, dt, weights, H, g, work) -> None:
+def add_lower(
+    k: int, m: KnotMotion, dt: float, weights: TrajectoryWeights, H: np.ndarray, g: Matrix, work: AssemblyScratch
+) -> None:
     """Accelerations and speeds of base and legs, and the slide of the soles."""
     C, v, block, f, n = work.legs, work.leg_values, work.leg_square, FREE_LOWER, LOWER
     smooth, slide = math.sqrt(weights.smooth), math.sqrt(weights.slide)
@@ -202,7 +215,7 @@ def add_lower(k, m, dt, weights, H, g, work) -> None:
                 g[k + c, i] += C[c * f + i, j] * v[j]
 
 
-def add_upper(k, m, dt, weights, H, g) -> None:
+def add_upper(k: int, m: KnotMotion, dt: float, weights: TrajectoryWeights, H: np.ndarray, g: Matrix) -> None:
     """Accelerations and speeds of waist and arms."""
     f, n = FREE_LOWER, N_BLOCK
     here, there = knot_rate(k, m.q.shape[0], dt), knot_rate(k + 1, m.q.shape[0], dt)

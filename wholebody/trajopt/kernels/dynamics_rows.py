@@ -5,8 +5,10 @@ They are the wrench of the floor per weight, torques of waist and arms, and acce
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import times_transposed
 from wholebody.robot.kernels.spatial import cross, cross_motion, dot6
+from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import (  # fmt: skip
     FREE_LOWER,
@@ -22,13 +24,14 @@ from wholebody.trajopt.layout import (  # fmt: skip
     VERTICAL,
     YAW,
 )
+from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
 UNLOADED = 0.05
 """Least share of the weight by which moments are divided for the zero-moment point, which is reported only; chosen, no
 trial is on record."""
 
 
-def contact_wrench(k, robot, m, work) -> None:
+def contact_wrench(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
     """Rows ZMP_FORCE, VERTICAL, HORIZONTAL and YAW: the wrench of the floor about the world's origin, per weight."""
     weight = -robot.mass * robot.gravity[2]
     f, p = work.f[0], m.q[k]
@@ -44,8 +47,8 @@ def contact_wrench(k, robot, m, work) -> None:
         wrench_rows(F[LOWER:], p, weight, work.upper[part])
 
 
-def wrench_rows(F, p, weight, rows) -> None:
-    """The same rows of the forces (n, 6) about a point p."""
+def wrench_rows(F: Matrix, p: Vector, weight: float, rows: Matrix) -> None:
+    """Columns (N_DYNAMICS, n) of wrench rows, per weight [N], from forces F (n, 6) moved to a point p [m]."""
     for j in range(F.shape[0]):
         f = F[j]
         rows[0, j] = -(f[4] + p[2] * f[0] - p[0] * f[2]) / weight
@@ -54,7 +57,7 @@ def wrench_rows(F, p, weight, rows) -> None:
         rows[YAW, j] = (f[5] + p[0] * f[1] - p[1] * f[0]) / weight
 
 
-def sole_accelerations(k, robot, m, work) -> None:
+def sole_accelerations(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
     """Rows SOLE: how each sole would accelerate over the floor if pelvis and joints kept their velocities.
 
     Contact models that correct velocities, MuJoCo's among them, let a sole slide with this times their time constant
@@ -89,7 +92,7 @@ def sole_accelerations(k, robot, m, work) -> None:
                 work.lower[1, row + e, c] += six[6, c]
 
 
-def slide_column(j, robot, s, V, work) -> None:
+def slide_column(j: int, robot: Tables, s: Vector, V: Vector, work: KnotScratch) -> None:
     """Derivatives of an acceleration in axes of its body: ``work.six[3]`` by position, ``work.six[4]`` by velocity."""
     six, psi_dot = work.six, work.psi_dot[j]
     for c in range(6):
@@ -107,7 +110,7 @@ def slide_column(j, robot, s, V, work) -> None:
         six[4, c] = work.psi_S_dot[j, c] - six[4, c]
 
 
-def project_dynamics(k, task, m, work) -> None:
+def project_dynamics(k: int, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
     """The rows of the dynamics in the free directions of three knots."""
     K, dt = m.q.shape[0], task.dt
     lower, upper, J, f = work.lower, work.upper, m.J_dynamics[k], FREE_LOWER
@@ -139,7 +142,7 @@ def project_dynamics(k, task, m, work) -> None:
             front_u[j] = there * y
 
 
-def dynamics_violations(k, robot, m, at) -> None:
+def dynamics_violations(k: int, robot: Tables, m: KnotMotion, at: int) -> None:
     """The bounds on load, torques, zero-moment point, accelerations, speeds and friction, from row ``at`` on."""
     row, violation, sign = m.dynamics[k], m.violation[k], m.sign[k]
     edge, torque = robot.normals.shape[0], at + 1
@@ -164,7 +167,7 @@ def dynamics_violations(k, robot, m, at) -> None:
         violation[rates + 2 * n + e] = friction_violation(robot.cone[e], row)
 
 
-def friction_violation(side, row) -> float:
+def friction_violation(side: Vector, row: Vector) -> float:
     """How far rows of the dynamics (N_DYNAMICS,) are beyond one side of the cone of friction."""
     d = side[0] * row[0] + side[1] * row[1] + side[2] * row[VERTICAL]
     return d + side[3] * row[HORIZONTAL] + side[4] * row[HORIZONTAL + 1] + side[5] * row[YAW]

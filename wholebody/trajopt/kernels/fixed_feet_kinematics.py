@@ -11,18 +11,23 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.bodies import place_base, place_bodies
 from wholebody.robot.kernels.frames import place_frame
 from wholebody.robot.kernels.rotation import rotation_between
 from wholebody.robot.kernels.spatial import velocity_at
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.layout import FREE_LOWER, LOWER
+from wholebody.trajopt.workspace import KnotScratch
 
 FEET_TOLERANCE, FEET_STEPS = 1e-6, 6
 """How near the feet are put back to their place [m, rad], chosen far below what contact notices, and the most Newton
 steps for it; they converge quadratically from the few centimetres that a step of the optimiser moves a foot."""
 
 
-def frame_rows(S, carries, x, rows) -> None:
+def frame_rows(S: Matrix, carries: np.ndarray, x: Vector, rows: Matrix) -> None:
     """Jacobian (6, n) of a frame at x, world axes; ``carries`` (n,) are the velocities that move it."""
     for j in range(S.shape[0]):
         if carries[j]:
@@ -34,7 +39,7 @@ def frame_rows(S, carries, x, rows) -> None:
                 rows[a, j] = 0.0
 
 
-def feet_step_and_nullspace(W, error, V, X, diagonal, sums) -> None:
+def feet_step_and_nullspace(W: Matrix, error: Vector, V: Matrix, X: Matrix, diagonal: Vector, sums: Vector) -> None:
     """Least-norm step that corrects an error of the feet, and a basis of the directions that leave them in place.
 
     Householder reflections ``V`` make the columns of ``W`` upper triangular; dependent ones get no step. All columns
@@ -73,7 +78,7 @@ def feet_step_and_nullspace(W, error, V, X, diagonal, sums) -> None:
         reflect_free(V[k], k, X, sums)
 
 
-def reflect_feet(v, first, W, sums) -> None:
+def reflect_feet(v: Vector, first: int, W: Matrix, sums: Vector) -> None:
     """``W -= v (v' W)`` in place, twelve columns; v is zero before ``first``."""
     for c in range(12):
         sums[c] = 0.0
@@ -87,8 +92,8 @@ def reflect_feet(v, first, W, sums) -> None:
             row[c] -= a * sums[c]
 
 
-def reflect_free(v, first, X, sums) -> None:
-    """The same for eight columns."""
+def reflect_free(v: Vector, first: int, X: Matrix, sums: Vector) -> None:
+    """Reflection ``X -= v (v' X)`` of eight columns, rows from ``first`` on; ``sums`` (8,) is scratch."""
     for c in range(8):
         sums[c] = 0.0
     for j in range(first, v.shape[0]):
@@ -101,7 +106,7 @@ def reflect_free(v, first, X, sums) -> None:
             row[c] -= a * sums[c]
 
 
-def integrate_base(q, u, w) -> None:
+def integrate_base(q: Vector, u: Vector, w: Vector) -> None:
     """Move the base by the twist ``[u; w]`` in its own axes, as Pinocchio's ``integrate``."""
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     square = angle * angle
@@ -127,14 +132,16 @@ def integrate_base(q, u, w) -> None:
         q[c] /= size
 
 
-def integrate(q, lower) -> None:
+def integrate(q: Vector, lower: Vector) -> None:
     """Move base and legs of a configuration by ``lower`` (LOWER,), in place."""
     integrate_base(q, lower[:3], lower[3:6])
     for j in range(6, LOWER):
         q[1 + j] += lower[j]
 
 
-def restore_feet(q, robot, R, p, S, free, work) -> None:
+def restore_feet(
+    q: Vector, robot: Tables, R: np.ndarray, p: Matrix, S: Matrix, free: Matrix, work: KnotScratch
+) -> None:
     """Put the feet back, moving base and legs as little as possible; fills the kinematics and ``free`` there.
 
     Args:
@@ -172,7 +179,7 @@ def restore_feet(q, robot, R, p, S, free, work) -> None:
     place_bodies(q, robot.bodies, robot.parent, LOWER - 5, S.shape[0] - 5, R, p, S)
 
 
-def foot_columns(S, carries, x, at, W) -> None:
+def foot_columns(S: Matrix, carries: np.ndarray, x: Vector, at: int, W: Matrix) -> None:
     """Transposed Jacobian of a sole at x, world axes, in the columns of ``W`` (LOWER, 12) from ``at`` on."""
     for j in range(LOWER):
         s, row = S[j], W[j]

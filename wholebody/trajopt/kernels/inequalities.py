@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import dot
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.kernels.banded import subtract_rows
 from wholebody.trajopt.kernels.capture_point import (
     approach_and_capture_changes,
@@ -36,9 +40,10 @@ from wholebody.trajopt.layout import (  # fmt: skip
     WAIST,
     YAW,
 )
+from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion, System
 
 
-def changes(robot, m, dt, z, out, work) -> None:
+def changes(robot: Tables, m: KnotMotion, dt: float, z: Matrix, out: Matrix, work: AssemblyScratch) -> None:
     """How a step ``z`` changes the violations, ``out`` (K, n_inequalities)."""
     K, E, n = m.q.shape[0], robot.normals.shape[0], N_JOINTS
     dv_mid, flat = work.dv_mid, z.reshape(z.size)
@@ -69,7 +74,7 @@ def changes(robot, m, dt, z, out, work) -> None:
             row[rate + 2 * n + e] = friction_violation(robot.cone[e], dynamics)
 
 
-def velocity_changes(m, dt, z, dv_mid) -> None:
+def velocity_changes(m: KnotMotion, dt: float, z: Matrix, dv_mid: Matrix) -> None:
     """Changes of the velocities between knots, ``dv_mid`` (K + 1, N_BODY)."""
     K, f = m.q.shape[0], FREE_LOWER
     for k in range(K + 1):
@@ -85,8 +90,10 @@ def velocity_changes(m, dt, z, dv_mid) -> None:
             dv_mid[k, LOWER + u] = knot_rate(k, K, dt) * (z[k + 1, f + u] - z[k, f + u])
 
 
-def configuration_changes(k, robot, m, x, row, sign, work) -> None:
-    """The same for the bounds on one configuration."""
+def configuration_changes(
+    k: int, robot: Tables, m: KnotMotion, x: Vector, row: Vector, sign: Vector, work: AssemblyScratch
+) -> None:
+    """Changes of the bounds on one configuration, entries TILT to COM_EDGE of ``row``, by a step x (N_FREE,)."""
     E, f, n_near = robot.normals.shape[0], FREE_LOWER, m.n_near[k]
     for i in range(2):
         row[i] = dot(m.J_tilt[k, i], x, N_FREE)
@@ -110,7 +117,7 @@ def configuration_changes(k, robot, m, x, row, sign, work) -> None:
         row[COM_EDGE + e] = robot.normals[e, 0] * sx + robot.normals[e, 1] * sy
 
 
-def derivative(i, k, robot, m, dt, out) -> tuple[int, int]:
+def derivative(i: int, k: int, robot: Tables, m: KnotMotion, dt: float, out: Vector) -> tuple[int, int]:
     """Derivative ``out`` (3 N_FREE,) of one bound of knot k; the first and the last entry that are not zero."""
     E, n = robot.normals.shape[0], N_FREE
     load = COM_EDGE + E
@@ -146,8 +153,8 @@ def derivative(i, k, robot, m, dt, out) -> tuple[int, int]:
     return 0, 3 * n
 
 
-def configuration_derivative(i, k, robot, m, out) -> tuple[int, int]:
-    """The same for bounds on one configuration, as if the bodies stood still."""
+def configuration_derivative(i: int, k: int, robot: Tables, m: KnotMotion, out: Vector) -> tuple[int, int]:
+    """Derivative ``out`` (3 N_FREE,) of a bound on one configuration, bodies at rest, and where it begins and ends."""
     f, n = FREE_LOWER, N_FREE
     out[:] = 0.0
     sign = m.sign[k, i]
@@ -174,14 +181,14 @@ def configuration_derivative(i, k, robot, m, out) -> tuple[int, int]:
     return n, 2 * n
 
 
-def copy(sign, row, out) -> None:
+def copy(sign: float, row: Vector, out: Vector) -> None:
     """Write a row (N_FREE,) into the middle of ``out``."""
     for j in range(N_FREE):
         out[N_FREE + j] = sign * row[j]
 
 
-def rate_derivative(i, k, m, dt, sign, out) -> tuple[int, int]:
-    """The same for accelerations, i < N_JOINTS, and speeds."""
+def rate_derivative(i: int, k: int, m: KnotMotion, dt: float, sign: float, out: Vector) -> tuple[int, int]:
+    """Derivative ``out`` (3 N_FREE,) of an acceleration, i < N_JOINTS, or a speed, and where it begins and ends."""
     f, n, j = FREE_LOWER, N_FREE, 6 + i % N_JOINTS
     here, there = knot_rate(k, m.q.shape[0], dt), knot_rate(k + 1, m.q.shape[0], dt)
     a, b, c = -sign, sign, 0.0
@@ -199,7 +206,9 @@ def rate_derivative(i, k, m, dt, sign, out) -> tuple[int, int]:
     return 0, 2 * n + f
 
 
-def add_active(k, lowest, robot, m, dt, penalties, s, work) -> None:
+def add_active(
+    k: int, lowest: int, robot: Tables, m: KnotMotion, dt: float, penalties: Vector, s: System, work: AssemblyScratch
+) -> None:
     """Add the active bounds of one knot to the panels of half the cost from the lowest on, four at a time."""
     for start in range(0, s.n_active[k], 4):
         low, high = 3, 0
@@ -216,7 +225,7 @@ def add_active(k, lowest, robot, m, dt, penalties, s, work) -> None:
             add_four(k + c, c, s.panels, work)
 
 
-def put(row, value, weight, bound, weighted) -> None:
+def put(row: Vector, value: float, weight: float, bound: Vector, weighted: Vector) -> None:
     """Write a bound's derivative (3 N_FREE,) and its value as a row of a panel, and the derivative times a weight."""
     for c in range(3):
         for j in range(N_FREE):
@@ -225,7 +234,7 @@ def put(row, value, weight, bound, weighted) -> None:
     bound[RIGHT] = -value
 
 
-def add_four(k, c, panels, work) -> None:
+def add_four(k: int, c: int, panels: np.ndarray, work: AssemblyScratch) -> None:
     """Add the four bounds in ``work`` to a panel, to whose knot their block c belongs."""
     bounds, weighted = work.bounds.reshape(work.bounds.size), work.weighted.reshape(work.weighted.size)
     panel = panels[k]

@@ -15,11 +15,14 @@ Source:
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.spatial import add_cross_force, cross, cross_motion, dot6, momentum_of
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.layout import LOWER, N_BODY, TAU, UPPER
+from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
 
-def forward_pass(k, robot, m, work) -> None:
+def forward_pass(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
     """Twists and accelerations of the bodies, forces on each with all that hangs on it, and psi_dot and psi_ddot.
 
     ``work.A_kept`` is the acceleration if pelvis and joints kept their velocities.
@@ -64,7 +67,7 @@ def forward_pass(k, robot, m, work) -> None:
             work.D[before, c] += work.D[i, c]
 
 
-def coriolis_moments(n, V, D) -> None:
+def coriolis_moments(n: Vector, V: Vector, D: Vector) -> None:
     """The symmetric part D (xx xy xz yy yz zz) of the Coriolis matrix B of a body."""
     x, y, z, a, b, c = V[0], V[1], V[2], V[3], V[4], V[5]
     mx, my, mz = n[1], n[2], n[3]
@@ -77,14 +80,14 @@ def coriolis_moments(n, V, D) -> None:
     D[4] = -(my * z + mz * y) + (c * n[6] - a * n[9]) + (a * n[7] - b * n[5])
 
 
-def times_D(D, x, y, z, out, at) -> None:
+def times_D(D: Vector, x: float, y: float, z: float, out: Vector, at: int) -> None:
     """``out[at:at + 3] += D [x y z]``."""
     out[at] += D[0] * x + D[1] * y + D[2] * z
     out[at + 1] += D[1] * x + D[3] * y + D[4] * z
     out[at + 2] += D[2] * x + D[4] * y + D[5] * z
 
 
-def add_B(h, D, t, out) -> None:
+def add_B(h: Vector, D: Vector, t: Vector, out: Vector) -> None:
     """Add ``B t`` to a force."""
     a, b, c = t[3], t[4], t[5]
     out[0] -= 2.0 * (h[1] * c - h[2] * b)
@@ -96,7 +99,7 @@ def add_B(h, D, t, out) -> None:
     out[5] -= h[3] * b - h[4] * a
 
 
-def force_derivatives(k, m, work) -> None:
+def force_derivatives(k: int, m: KnotMotion, work: KnotScratch) -> None:
     """Fill ``work.F``: derivatives of the forces on subtrees by position and velocity of the joints that carry them."""
     S = m.S[k]
     for j in range(N_BODY):
@@ -115,7 +118,7 @@ def force_derivatives(k, m, work) -> None:
         add_B(work.h[i], work.D[i], S[j], by_v)
 
 
-def torques(k, robot, m, work) -> None:
+def torques(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
     """Rows TAU: torques of waist and arms, which base, waist and arms move."""
     S, D, lower, upper = m.S[k], work.six[2], work.lower, work.upper
     for u in range(UPPER):
@@ -145,7 +148,7 @@ def torques(k, robot, m, work) -> None:
             up = robot.parent[up]
 
 
-def torque_derivatives(j, force, D, S, work) -> tuple[float, float, float]:
+def torque_derivatives(j: int, force: Vector, D: Vector, S: Matrix, work: KnotScratch) -> tuple[float, float, float]:
     """Derivatives of a torque by position, velocity and acceleration of a joint at or before its own."""
     s, psi_dot = S[j], work.psi_dot[j]
     by_q = dot6(force, work.psi_ddot[j]) + D[3] * psi_dot[3] + D[4] * psi_dot[4] + D[5] * psi_dot[5]

@@ -11,17 +11,20 @@ from __future__ import annotations
 
 import math
 
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.rotation import base_rotation, logarithm
 from wholebody.robot.kernels.spatial import cross
+from wholebody.trajopt.arrays import KnotTargets
 from wholebody.trajopt.kernels.spline import knot_rate
 from wholebody.trajopt.layout import FIRST_RATE, FREE_LOWER, LOWER, N_BODY
+from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
 SERIES_ANGLE = 0.3
 """Angle below which the coefficients of the derivatives are taken from their Taylor series [rad]; derived: the closed
 forms lose half of their digits at zero, and five terms leave 1e-12 here."""
 
 
-def mid_velocities(m, task, work) -> None:
+def mid_velocities(m: KnotMotion, task: KnotTargets, work: KnotScratch) -> None:
     """Velocities between knots, their derivatives, and velocities and accelerations at the knots.
 
     The first velocity is that at its knot: half a step from the next one. After the last knot the plan rests.
@@ -53,7 +56,7 @@ def mid_velocities(m, task, work) -> None:
             m.a[k, j] = (m.v_mid[k + 1, j] - m.v_mid[k, j]) * scale
 
 
-def base_difference(q_a, q_b, twist, work) -> None:
+def base_difference(q_a: Vector, q_b: Vector, twist: Vector, work: KnotScratch) -> None:
     """``twist[:6]`` that leads the base from q_a to q_b in unit time, as Pinocchio's ``difference``.
 
     ``work.J_next`` (6, 6) is its derivative by the pose of b, ``work.J_prev`` that by the pose of a with the sign
@@ -79,7 +82,7 @@ def base_difference(q_a, q_b, twist, work) -> None:
     left_derivative(R, t, work.J_next, work.adjoint, work.J_prev)
 
 
-def coefficients(square) -> tuple[float, float]:
+def coefficients(square: float) -> tuple[float, float]:
     """``b(x) = 1 / x^2 - (1 + cos x) / (2 x sin x)`` and ``b'(x) / x`` for an angle x with this square."""
     if square < SERIES_ANGLE * SERIES_ANGLE:
         b = 1 / 12 + square * (1 / 720 + square * (1 / 30240 + square * (1 / 1209600 + square / 47900160)))
@@ -89,7 +92,9 @@ def coefficients(square) -> tuple[float, float]:
     return b, -2.0 / (square * square) + (x + math.sin(x)) / (2.0 * square * x * (1.0 - math.cos(x)))
 
 
-def right_derivative(t, w, wwt, square, b, db, by_w, J) -> None:
+def right_derivative(
+    t: Vector, w: Vector, wwt: Vector, square: float, b: float, db: float, by_w: Matrix, J: Matrix
+) -> None:
     """``J = [V^-1, Q V^-1; 0, V^-1]`` with ``Q = d(V^-1 t)/dw``, which is left in ``by_w`` (3, 3)."""
     along = w[0] * t[0] + w[1] * t[1] + w[2] * t[2]
     for i in range(3):
@@ -109,7 +114,7 @@ def right_derivative(t, w, wwt, square, b, db, by_w, J) -> None:
             J[i, 3 + k] = by_w[i, 0] * J[0, k] + by_w[i, 1] * J[1, k] + by_w[i, 2] * J[2, k]
 
 
-def left_derivative(R, t, J_right, adjoint, J) -> None:
+def left_derivative(R: Matrix, t: Vector, J_right: Matrix, adjoint: Matrix, J: Matrix) -> None:
     """``J = J_right Ad(R, t)^-1``."""
     for i in range(3):
         for k in range(3):
@@ -126,7 +131,7 @@ def left_derivative(R, t, J_right, adjoint, J) -> None:
             J[i, k] = total
 
 
-def add_skew(scale, w, M) -> None:
+def add_skew(scale: float, w: Vector, M: Matrix) -> None:
     """``M += scale [w]x``."""
     M[0, 1] -= scale * w[2]
     M[0, 2] += scale * w[1]

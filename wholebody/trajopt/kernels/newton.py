@@ -7,21 +7,27 @@ the first knot at which the active set changes stay as they are.
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Vector
+from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.banded import factor, solve, times
 from wholebody.trajopt.kernels.inequalities import add_active, changes
 from wholebody.trajopt.layout import COM_EDGE, N_FREE, N_PANEL, RIGHT
+from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion, System
 
 FULL_STEP = 0.99
 """Share of Newton's step from which on it counts as a whole one; chosen: the line search is exact to 1e-6."""
 
 
-def step(robot, task, m, penalties, system, work, damping, limit, largest) -> tuple[float, float, bool]:
+def step(
+    robot: Tables, task: KnotTargets, m: KnotMotion, penalties: Vector, system: System, work: AssemblyScratch,
+    damping: float, limit: int, largest: float
+) -> tuple[float, float, bool]:  # fmt: skip
     """Fill ``system.z`` with the step.
 
     Args:
         robot: `arrays.Tables`.
-        task: `arrays.Task`.
-        m: `workspace.Motion`.
+        task: `arrays.KnotTargets`.
+        m: `workspace.KnotMotion`.
         penalties: Of the bounds (n_inequalities,).
         system: `workspace.System`, assembled.
         work: `workspace.AssemblyScratch`.
@@ -71,7 +77,7 @@ def step(robot, task, m, penalties, system, work, damping, limit, largest) -> tu
     return decrease(K, m, penalties, s), size, exact
 
 
-def advance(K, t, s) -> float:
+def advance(K: int, t: float, s: System) -> float:
     """Go along the direction; the largest entry of the step."""
     size = 0.0
     for k in range(2, K + 1):
@@ -82,7 +88,7 @@ def advance(K, t, s) -> float:
     return size
 
 
-def find_active(robot, m, s) -> int:
+def find_active(robot: Tables, m: KnotMotion, s: System) -> int:
     """List the bounds that are exceeded; the first knot at which the list changes, else the number of knots."""
     K, n = s.active.shape
     first = K
@@ -93,7 +99,7 @@ def find_active(robot, m, s) -> int:
     return first
 
 
-def list_exceeded(k, start, stop, violation, change, s) -> bool:
+def list_exceeded(k: int, start: int, stop: int, violation: Vector, change: Vector, s: System) -> bool:
     """List the bounds of a knot from ``start`` on that are exceeded after a change; whether that changes the list."""
     active, before, count, changed = s.active[k], s.n_active[k], 0, False
     for i in range(start, stop):
@@ -105,7 +111,9 @@ def list_exceeded(k, start, stop, violation, change, s) -> bool:
     return changed or count != before
 
 
-def newton(first, robot, m, dt, penalties, s, work) -> None:
+def newton(
+    first: int, robot: Tables, m: KnotMotion, dt: float, penalties: Vector, s: System, work: AssemblyScratch
+) -> None:
     """Hessian and minus the gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
     K = m.q.shape[0]
     for k in range(first + 1, K + 2):
@@ -119,7 +127,7 @@ def newton(first, robot, m, dt, penalties, s, work) -> None:
         add_active(k, first + 1, robot, m, dt, penalties, s, work)
 
 
-def line_search(K, m, penalties, s) -> float:
+def line_search(K: int, m: KnotMotion, penalties: Vector, s: System) -> float:
     """Where between 0 and 1 the cost along the direction is least."""
     slope, curvature = 0.0, 0.0
     for k in range(2, K + 1):
@@ -153,8 +161,8 @@ def line_search(K, m, penalties, s) -> float:
     return max(low, 1e-3)
 
 
-def decrease(K, m, penalties, s) -> float:
-    """By how much the cost falls at z, without the damping."""
+def decrease(K: int, m: KnotMotion, penalties: Vector, s: System) -> float:
+    """Fall of the cost from 0 to z by the quadratic model, without its damping."""
     total = 0.0
     for k in range(2, K + 1):
         for i in range(N_FREE):

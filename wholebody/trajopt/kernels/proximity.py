@@ -6,18 +6,25 @@ which pairs may be distances, and those are measured, each from where it was at 
 
 from __future__ import annotations
 
+import numpy as np
+
 from wholebody.collision.gjk import APART, BEYOND, BODY, distance, support_vertex
 from wholebody.collision.hull_pairs import outside_box
+from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.bodies import place_body
+from wholebody.trajopt.arrays import KnotTargets, Shapes, Tables
 from wholebody.trajopt.kernels.configuration_terms import reduce_row
 from wholebody.trajopt.layout import DISTANCE, FREE_LOWER, LOWER, N_BODY, N_DISTANCES, N_JOINTS, N_PAIRS
+from wholebody.trajopt.workspace import Distances, KnotMotion
 
 REMEASURE = 0.01
 """Motion of a joint up to which measured distances are extrapolated by their derivatives [rad]: at an arm's length of
 0.6 m the error, second order in it, is 0.03 mm."""
 
 
-def measure(robot, shapes, task, m, distances, trigger) -> int:
+def measure(
+    robot: Tables, shapes: Shapes, task: KnotTargets, m: KnotMotion, distances: Distances, trigger: float
+) -> int:
     """Measure the pairs within ``trigger`` of their margin at all knots that have moved.
 
     Returns:
@@ -41,14 +48,14 @@ def measure(robot, shapes, task, m, distances, trigger) -> int:
     return touching
 
 
-def place_fingers(robot, angles, R, p) -> None:
+def place_fingers(robot: Tables, angles: Vector, R: np.ndarray, p: Matrix) -> None:
     """Placements of the fingers, which come after the bodies of the plan."""
     for i in range(N_JOINTS + 1, R.shape[0]):
         before = robot.parent[i]
         place_body(robot.bodies[i], angles[i - N_JOINTS - 1], R[before], p[before], R[i], p[i])
 
 
-def centres(shapes, R, p, out) -> None:
+def centres(shapes: Shapes, R: np.ndarray, p: Matrix, out: Matrix) -> None:
     """Middles of the boxes around the shapes, from the base."""
     for s in range(out.shape[0]):
         b, c = shapes.shapes[s, BODY], shapes.centre[s]
@@ -56,7 +63,9 @@ def centres(shapes, R, p, out) -> None:
             out[s, a] = p[b, a] + R[b, a, 0] * c[0] + R[b, a, 1] * c[1] + R[b, a, 2] * c[2]
 
 
-def measure_knot(k, shapes, R, p, distances, trigger, touching) -> int:
+def measure_knot(
+    k: int, shapes: Shapes, R: np.ndarray, p: Matrix, distances: Distances, trigger: float, touching: int
+) -> int:
     """Fill the list of one knot; see `measure`."""
     most, count = distances.pair.shape[1], 0
     centre, reach = distances.centre, shapes.radius
@@ -94,7 +103,7 @@ def measure_knot(k, shapes, R, p, distances, trigger, touching) -> int:
     return touching
 
 
-def describe(robot, shapes, task, m, distances) -> None:
+def describe(robot: Tables, shapes: Shapes, task: KnotTargets, m: KnotMotion, distances: Distances) -> None:
     """The bounds DISTANCE and their derivatives at all knots: first those of the pairs, then those of the floor.
 
     Where little has moved, those of the pairs are the ones measured before, moved on.
@@ -132,7 +141,9 @@ def describe(robot, shapes, task, m, distances) -> None:
         describe_floor(k, robot, shapes, task, m, distances)
 
 
-def describe_floor(k, robot, shapes, task, m, distances) -> None:
+def describe_floor(
+    k: int, robot: Tables, shapes: Shapes, task: KnotTargets, m: KnotMotion, distances: Distances
+) -> None:
     """Add the bounds of the bodies near the floor to those of the pairs, each by its lowest vertex."""
     base, R, p, S, up, x = m.q[k, 2], m.R[k], m.p[k], m.S[k], distances.scratch[:3], distances.scratch[3:6]
     keep, placed = shapes.floor[0], False
@@ -165,7 +176,7 @@ def describe_floor(k, robot, shapes, task, m, distances) -> None:
         m.n_near[k] = c + 1
 
 
-def choose(k, distances) -> None:
+def choose(k: int, distances: Distances) -> None:
     """Bring the nearest pairs of a knot to the front of its list, in their order."""
     count = distances.count[k]
     chosen = min(count, N_PAIRS)
@@ -185,7 +196,7 @@ def choose(k, distances) -> None:
     distances.chosen[k] = chosen
 
 
-def carry(robot, body, sign, normal, x, S, row) -> None:
+def carry(robot: Tables, body: int, sign: float, normal: Vector, x: Vector, S: Matrix, row: Vector) -> None:
     """Add ``sign`` times how the joints that carry a body move its point x along a normal.
 
     Fingers are locked, and the base, which moves both bodies of a pair alike, is left out.

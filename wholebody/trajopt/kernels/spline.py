@@ -9,18 +9,22 @@ from __future__ import annotations
 from wholebody.robot.kernels.bodies import place_body
 from wholebody.robot.kernels.frames import place_frame
 from wholebody.robot.kernels.rotation import base_rotation, rotation_between
+from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.fixed_feet_kinematics import integrate
 from wholebody.trajopt.layout import FIRST_RATE, LOWER, N_JOINTS, UPPER
+from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
 
-def knot_rate(k, K, dt) -> float:
+def knot_rate(k: int, K: int, dt: float) -> float:
     """Factor of the difference between knots k - 1 and k in the velocity between them [1/s]; 0 at both ends."""
     if k in (0, K):
         return 0.0
     return FIRST_RATE / dt if k == 1 else 1.0 / dt
 
 
-def spline_offset(robot, task, m, other, largest, work) -> None:
+def spline_offset(
+    robot: Tables, task: KnotTargets, m: KnotMotion, other: KnotMotion, largest: float, work: KnotScratch
+) -> None:
     """Put the palms of ``m.r`` on the spline, which is a sixth of the second difference away from a control point.
 
     Args:
@@ -56,7 +60,7 @@ def spline_offset(robot, task, m, other, largest, work) -> None:
                 replace(k, 6 * f + 3 + a, w[a], largest, task, m)
 
 
-def replace(k, row, offset, largest, task, m) -> None:
+def replace(k: int, row: int, offset: float, largest: float, task: KnotTargets, m: KnotMotion) -> None:
     """Put one coordinate of an offset in place of what it was."""
     offset = min(max(offset, -largest), largest)
     m.r[k, row] += offset - task.offset[k, row]

@@ -7,11 +7,13 @@ the upper body at rest, the robot can stop anywhere.
 from __future__ import annotations
 
 from wholebody.robot.kernels.spatial import add_cross_force, cross_motion, dot6, momentum_of
+from wholebody.trajopt.arrays import Tables
 from wholebody.trajopt.kernels.configuration_terms import reduce_row
 from wholebody.trajopt.layout import LOWER, N_BODY, STATIC, WAIST
+from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
 
-def static_torque(k, robot, m, work) -> None:
+def static_torque(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
     """Bounds STATIC of knot ``k`` and their derivatives; as `inverse_dynamics.torques` without velocities."""
     S, F, row, six = m.S[k], m.F[k], work.rows[0], work.six
     lift, lift_rate, force, force_rate = six[0], six[1], six[2], six[3]

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from wholebody.jit.arrays import Matrix, Vector
+from wholebody.trajopt.arrays import KnotTargets, Tables, TrajectoryWeights
 from wholebody.trajopt.kernels.banded import factor_panel, solve_panel
 from wholebody.trajopt.kernels.configuration_terms import configuration_terms
 from wholebody.trajopt.kernels.cost import add_configuration
@@ -10,6 +14,7 @@ from wholebody.trajopt.kernels.inequalities import configuration_changes, config
 from wholebody.trajopt.kernels.newton import list_exceeded
 from wholebody.trajopt.kernels.static_torque import static_torque
 from wholebody.trajopt.layout import COM_EDGE, DISTANCE, FREE_LOWER, LOWER, N_FREE, RIGHT, UPPER
+from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion, KnotScratch, System
 
 STEP_COST = 30.0
 """Weight of the step from one knot to the next [1/m^2, 1/rad^2]: without it a knot near a singular pose leaps; chosen:
@@ -20,7 +25,10 @@ NEWTON_STEPS = 4
 """Most Newton steps at a knot, each on the active set that the one before led to; the knot after it goes on."""
 
 
-def warm_start(k, robot, m, weights, penalties, system, work, sums) -> None:
+def warm_start(
+    k: int, robot: Tables, m: KnotMotion, weights: TrajectoryWeights, penalties: Vector, system: System,
+    work: KnotScratch, sums: AssemblyScratch
+) -> None:  # fmt: skip
     """Move a knot, which is where the knot before it is, towards its palm targets."""
     for i in range(N_FREE):
         system.g[k + 1, i] = 0.0
@@ -37,7 +45,10 @@ def warm_start(k, robot, m, weights, penalties, system, work, sums) -> None:
     shift(m.free[k], system.z[k + 1], m.q[k], work.lower_step)
 
 
-def follow_rows(begins, passes, robot, task, m, weights, penalties, system, work, sums) -> None:
+def follow_rows(
+    begins: np.ndarray, passes: int, robot: Tables, task: KnotTargets, m: KnotMotion, weights: TrajectoryWeights,
+    penalties: Vector, system: System, work: KnotScratch, sums: AssemblyScratch
+) -> None:  # fmt: skip
     """Move each row from where the one before it is towards its palm targets, distances aside, by some passes.
 
     Rows that begin a motion (K,) stay where they are.
@@ -56,7 +67,9 @@ def follow_rows(begins, passes, robot, task, m, weights, penalties, system, work
             warm_start(k, robot, m, weights, penalties, system, work, sums)
 
 
-def newton_step(k, robot, m, penalties, count, s, sums) -> None:
+def newton_step(
+    k: int, robot: Tables, m: KnotMotion, penalties: Vector, count: int, s: System, sums: AssemblyScratch
+) -> None:
     """The step of one knot, on the set of bounds that are exceeded after it."""
     n, z, row, change = N_FREE, s.z[k + 1], sums.row, s.change[k]
     U, y = s.panels[k + 1], s.y[k + 1]
@@ -83,7 +96,7 @@ def newton_step(k, robot, m, penalties, count, s, sums) -> None:
             break
 
 
-def add_row(weight, value, row, U) -> None:
+def add_row(weight: float, value: float, row: Vector, U: Matrix) -> None:
     """Add one bound to the panel of a knot."""
     n = N_FREE
     for i in range(n):
@@ -93,7 +106,7 @@ def add_row(weight, value, row, U) -> None:
             U[i, j] += x * row[j]
 
 
-def take_step(m, z, lower, other) -> None:
+def take_step(m: KnotMotion, z: Matrix, lower: Vector, other: KnotMotion) -> None:
     """Write the configurations after a step of the whole motion into another motion."""
     for k in range(m.q.shape[0]):
         for j in range(m.q.shape[1]):
@@ -102,7 +115,7 @@ def take_step(m, z, lower, other) -> None:
             shift(m.free[k], z[k + 1], other.q[k], lower)
 
 
-def shift(free, x, q, lower) -> None:
+def shift(free: Matrix, x: Vector, q: Vector, lower: Vector) -> None:
     """Move a configuration by a step of the free directions."""
     for j in range(LOWER):
         lower[j] = 0.0

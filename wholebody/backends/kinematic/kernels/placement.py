@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from wholebody.jit.arrays import Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.contacts import contact_gram, point_offsets
 from wholebody.qp.kernels.linear_algebra import dot, inverse_6
@@ -14,7 +15,7 @@ from wholebody.robot.kernels.rotation import rotate
 from wholebody.robot.kernels.spatial import add_force_at, dot6, velocity_at
 
 
-def place(tick: Packed, q) -> None:
+def place(tick: Packed, q: Vector) -> None:
     """Bodies at ``q`` (nq,), columns, and mass and mass times centre of every subtree (``mass_moment``)."""
     R, p, S, bodies, parent, moment = tick.R, tick.p, tick.S, tick.bodies, tick.parent, tick.mass_moment
     n = parent.shape[0]
@@ -84,7 +85,7 @@ def weights(tick: Packed) -> None:
         load[i, 2], load[i, 3], load[i, 4] = -g * moment[i, 0], -g * moment[i, 2], g * moment[i, 1]
 
 
-def carry(tick: Packed, h, c) -> None:
+def carry(tick: Packed, h: Vector, c: int) -> None:
     """Add the forces ``G' h`` of the points of contact ``c`` to the load of the foot and of all that it hangs on."""
     P, parent, load = tick.points, tick.parent, tick.force
     each = P.shape[0] // tick.n_contacts

@@ -100,7 +100,7 @@ def point(tick: Packed) -> None:
         value[n + e] = edges[e, 0] * vx + edges[e, 1] * vy
 
 
-def describe(tick: Packed, row) -> None:
+def describe(tick: Packed, row: int) -> None:
     """Write one row over ``v`` into ``a_dv``."""
     a, edges, J = tick.a_dv, tick.edges, tick.J_com
     n = a.shape[0] - 6
@@ -110,7 +110,7 @@ def describe(tick: Packed, row) -> None:
         a[6 + row] = 1.0
 
 
-def transform(tick: Packed, row) -> None:
+def transform(tick: Packed, row: int) -> None:
     """Write a row in the variables ``u`` of `active_set` into ``m``."""
     describe(tick, row)
     reduce_row(tick.a_dv, tick.bound_columns, tick.free_columns, tick.Z, tick.m)

@@ -1,15 +1,19 @@
 """How far inside the map a pair of palms is; compiled by `wholebody.jit`."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
+
+from wholebody.jit.arrays import Indices, Matrix, Vector
 
 N_TURNS = 5
 N_TRUNKS = 27
 N_FEATURES = 12 + N_TURNS + N_TRUNKS
 
 
-def features(points, turn, loads, body, x) -> None:
+def features(points: Matrix, turn: int, loads: Vector, body: tuple[np.ndarray, np.ndarray], x: np.ndarray) -> None:
     """What the network sees of a pair, in terms of about 1.
 
     Args:
@@ -48,19 +52,24 @@ def features(points, turn, loads, body, x) -> None:
         x[12 + N_TURNS + i] = 3.0 * math.sqrt(furthest) - 1.2
 
 
-def all_features(points, turns, loads, body, x) -> None:
+def all_features(
+    points: np.ndarray, turns: Indices, loads: Matrix, body: tuple[np.ndarray, np.ndarray], x: np.ndarray
+) -> None:
     """`features` of n pairs, shapes (n, 2, 3), (n,), (n, 2) and (n, N_FEATURES)."""
     for k in range(turns.shape[0]):
         features(points[k], turns[k], loads[k], body, x[k])
 
 
-def hard_swish(z) -> None:
-    """In place; smooth where a map bends, for the price of a clipped line. Source: Howard et al. 2019, section 5.2."""
+def hard_swish(z: np.ndarray) -> None:
+    """Hard swish ``z min(max(z / 6 + 1/2, 0), 1)`` of z (n,), float32, in place. Source: Howard et al. 2019, 5.2."""
     for j in range(z.shape[0]):
         z[j] *= min(max(z[j] * np.float32(1.0 / 6.0) + np.float32(0.5), np.float32(0.0)), np.float32(1.0))
 
 
-def one_order(x, w1, b1, w2, b2, w3, h1, h2) -> float:
+def one_order(
+    x: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, w3: np.ndarray, h1: np.ndarray,
+    h2: np.ndarray
+) -> float:  # fmt: skip
     """The last layer's sum for one order of the hands, without its bias."""
     width = b1.shape[0]
     for j in range(width):
@@ -81,7 +90,11 @@ def one_order(x, w1, b1, w2, b2, w3, h1, h2) -> float:
     return total
 
 
-def rooms(points, turns, loads, body, network, scratch, out) -> None:
+def rooms(
+    points: np.ndarray, turns: Indices, loads: Matrix, body: tuple[np.ndarray, np.ndarray],
+    network: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    scratch: tuple[Matrix, Vector, np.ndarray, np.ndarray, np.ndarray], out: Vector
+) -> None:  # fmt: skip
     """The logarithm of the odds that pairs are held.
 
     Args:
