@@ -13,6 +13,7 @@ from wholebody.control.base import Controller
 from wholebody.control.reference_packet import PALM
 from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface, turned
+from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.touch import (
     FORCE,
     LEAN_MAX,
@@ -264,7 +265,7 @@ class Touch:
     def arm_force(self, hand: int, direction: np.ndarray) -> float:
         """Force of a palm along a unit vector (3,) at which a joint of its arm has no torque left [N]."""
         tick, arm = self._controller.compiled.tick, self._arms[hand]
-        at = 6 * (tick.n_contacts + hand)
+        at = 6 * (PALM_FRAME + hand)
         J, touch = tick.J[at : at + 6, arm], tick.touch[hand]
         lever, spent = direction @ J[:3], tick.nle[arm]
         if touch[SHARE] > 0.0:

@@ -19,6 +19,7 @@ from wholebody.qp.kernels import active_set, assemble, command, proximity, resid
 from wholebody.qp.problem import QPSolution, Residuals, check_further
 from wholebody.qp.program_inputs import BodyInputs, ProgramInputs, StandingShapes, stand
 from wholebody.qp.workspace import BLOCK, make_workspace, shapes_of
+from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.tasks.base import Objective
 
 ENTRIES = tuple(
@@ -107,12 +108,11 @@ class CompiledBody:
     """
 
     def __init__(self, inputs: BodyInputs, tick: Packed, shapes: StandingShapes, *, supported: bool) -> None:
-        self.inputs, self.tick, self._supported, n = inputs, tick, supported, len(inputs.feet)
-        self._shapes = shapes
+        self.inputs, self.tick, self._supported, self._shapes = inputs, tick, supported, shapes
         stand(inputs, tick, shapes)
         self.q, self.tau, self.dual, self.residuals = tick.q, tick.tau, tick.dual, tick.residuals
         self.reference, self.trust = tick.span("hand_ref", "posture_ref"), tick.trust
-        self.palms = tick.frame_p[n : n + 2]
+        self.palms = tick.frame_p[PALM_FRAME : PALM_FRAME + 2]
         self.code = active_set.SOLVED
 
     @property

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from wholebody.config import ControllerConfig
 from wholebody.contacts.foot import FootContact
+from wholebody.errors import InputError
 from wholebody.jit.packed import Packed, Shape
 from wholebody.limits.balance import CapturePointLimit
 from wholebody.limits.body import HeightLimit, OrientationLimit
@@ -19,6 +20,7 @@ from wholebody.limits.joint import JointLimits
 from wholebody.limits.self_collision import SelfCollisionLimit
 from wholebody.qp.formulation import Regularisation
 from wholebody.robot.body_table import body_table
+from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.state import Robot
 from wholebody.robot.touch import TOUCH
 from wholebody.tasks.body_tasks import BodyTasks
@@ -90,9 +92,14 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[Shapes, Shapes]:
     Args:
         p: What the program is made of.
         blocks: Number of blocks of six rows that objectives have: frames and further ones.
+
+    Raises:
+        InputError: If the robot has another number of feet than two.
     """
     model, feet, n_points = p.robot.model, len(p.feet), sum(len(foot.points) for foot in p.feet)
     nv, nj, nb, frames = model.nv, model.nv - 6, model.njoints - 1, len(frame_names(p))
+    if feet != PALM_FRAME:
+        raise InputError(f"compiled programs need two feet, not {feet}; `controller: {{solver: daqp}}` does without")
     reals = {
         "bodies": (nb, 25), "frame_R_local": (frames, 3, 3), "frame_p_local": (frames, 3),
         "points_local": (n_points, 3), "foot_R_ref": (feet, 3, 3), "foot_p_ref": (feet, 3),
@@ -203,7 +210,7 @@ def stand(p: BodyInputs, tick: Packed, shapes: StandingShapes) -> None:
 
 
 def frame_names(p: BodyInputs) -> list[str]:
-    """Frames in the order of the kernels: contacts, palms, pelvis, torso."""
+    """Frames in the order of `wholebody.robot.kernels.frames`."""
     return [one.frame for one in (*p.feet, *p.tasks.palms, p.tasks.pelvis, p.tasks.torso)]
 
 

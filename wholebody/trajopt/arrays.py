@@ -10,7 +10,7 @@ import numpy as np
 class Tables(NamedTuple):
     """The robot; bodies 0 to 29 are those of the plan, then come the fingers.
 
-    Frames are both palms, torso, pelvis and both soles.
+    Frames are in the order of `wholebody.robot.kernels.frames`.
     """
 
     bodies: np.ndarray  # (44, 25), as in fixed_feet_kinematics

@@ -22,6 +22,7 @@ from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.feet import Feet
 from wholebody.robot.hand_loads import HandLoads
 from wholebody.robot.kernels.bodies import PLACEMENT_P
+from wholebody.robot.kernels.frames import PALM_FRAME, SOLE_FRAME
 from wholebody.trajopt.arrays import Shapes, Tables
 from wholebody.trajopt.footing import Footing
 from wholebody.trajopt.layout import LOWER, N_FLOOR, N_JOINTS, UPPER, WAIST
@@ -190,11 +191,12 @@ def _tables(
 ) -> Tables:
     """Without fingers, in the stance ``q``; ``placed`` is what `Footing` says."""
     bodies, parent = body_table(model)
-    ids = [*palm_frame_ids(spec, model), *(model.getFrameId(name) for name in (spec.torso_body, spec.base_body))]
-    ids += [model.getFrameId(foot.frame) for foot in spec.feet]
+    ids = [*(model.getFrameId(foot.frame) for foot in spec.feet), *palm_frame_ids(spec, model)]
+    ids += [model.getFrameId(name) for name in (spec.base_body, spec.torso_body)]
     frames = [model.frames[i] for i in ids]
     carries = _carries(model, [frame.parentJoint for frame in frames])
-    if carries[4:, LOWER:].any() or not carries[4:, :LOWER].any(0).all():
+    feet = carries[SOLE_FRAME:PALM_FRAME]
+    if feet[:, LOWER:].any() or not feet[:, :LOWER].any(0).all():
         raise InputError(f"the optimiser needs legs that move the feet of {spec.name}, and nothing else that does")
     return Tables(
         bodies=bodies,

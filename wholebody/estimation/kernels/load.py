@@ -23,6 +23,7 @@ import math
 
 from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.jit.packed import Packed
+from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.kernels.rotation import rotate
 from wholebody.robot.kernels.spatial import velocity_at
 from wholebody.robot.touch import FORCE, SHARE
@@ -63,7 +64,7 @@ def observe(
         dv[c] = (v[c] - before[c]) / dt
     for h in range(2):
         residual, unit, pushed = memory.residual[h], memory.unit[h], memory.pushed[h]
-        touch, at = tick.touch[h], 6 * (tick.n_contacts + h)
+        touch, at = tick.touch[h], 6 * (PALM_FRAME + h)
         x, y, z = lifted(tick, memory.body[h], memory.place[h], dv, x_load)
         for i in range(residual.shape[0]):
             c = arm[h, i]
@@ -80,7 +81,7 @@ def observe(
             unit[i] = keep * unit[i] + (1.0 - keep) * one
         memory.mass[h], memory.error[h] = ratio(residual, unit, torque_error)
         size = push(J, arm[h], at, pushed, memory.normal, memory.wrench[h])
-        memory.size[h] = size - feigned(tick.frame_V[tick.n_contacts + h], memory.level[h])
+        memory.size[h] = size - feigned(tick.frame_V[PALM_FRAME + h], memory.level[h])
         if not touch[SHARE] > 0.0:
             memory.level[h] += min(dt / LEVEL_TIME, 1.0) * (size - memory.level[h])
 

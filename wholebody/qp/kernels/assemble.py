@@ -9,7 +9,7 @@ from wholebody.qp.kernels.contacts import contacts
 from wholebody.qp.kernels.cost import cost
 from wholebody.qp.kernels.limits import limits
 from wholebody.qp.kernels.targets import targets
-from wholebody.robot.kernels.frames import frame_columns, move_frames, place_frames
+from wholebody.robot.kernels.frames import PALM_FRAME, frame_columns, move_frames, place_frames
 from wholebody.robot.kernels.rigid_body import dynamics
 from wholebody.robot.kernels.spatial import add_force_at
 from wholebody.robot.touch import FORCE, MOMENT, SHARE
@@ -31,7 +31,7 @@ def move(tick: Packed) -> None:
     for k in range(6):
         tick.f_0[k], tick.com[k] = tick.force[0, k], tick.sums[k]
     for i in range(2):
-        count_on_touch(tick, i, tick.n_contacts + i)
+        count_on_touch(tick, i, PALM_FRAME + i)
 
 
 def count_on_touch(tick: Packed, i: int, f: int) -> None:

@@ -12,7 +12,7 @@ from wholebody.collision.gjk import support_vertex
 from wholebody.jit.arrays import Indices, Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.active_set import NO_BOUND
-from wholebody.robot.kernels.frames import point_columns, point_drift, point_speed
+from wholebody.robot.kernels.frames import PELVIS_FRAME, TORSO_FRAME, point_columns, point_drift, point_speed
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, TOTAL_MASS
 from wholebody.robot.kernels.rotation import rotate, rotation_between
@@ -25,11 +25,11 @@ def limits(tick: Packed) -> None:
     """Bounds of the joints, and all soft rows."""
     joint_bounds(tick)
     if tick.trunk:
-        at, pelvis, torso = tick.edges.shape[0], tick.n_contacts + 2, tick.n_contacts + 3
+        at = tick.edges.shape[0]
         balance_rows(tick)
-        orientation_rows(tick, tick.pelvis_ref, tick.pelvis_limit, pelvis, at)
-        orientation_rows(tick, tick.torso_ref, tick.torso_limit, torso, at + 6)
-        height_rows(tick, pelvis, at + 12)
+        orientation_rows(tick, tick.pelvis_ref, tick.pelvis_limit, PELVIS_FRAME, at)
+        orientation_rows(tick, tick.torso_ref, tick.torso_limit, TORSO_FRAME, at + 6)
+        height_rows(tick, PELVIS_FRAME, at + 12)
         floor_rows(tick, tick.n_balance)
         pair_rows(tick, tick.n_balance + tick.floor_body.shape[0])
 

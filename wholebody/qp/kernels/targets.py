@@ -1,7 +1,7 @@
 """What the tasks ask for: targets and weights of frames, centre of mass, momentum and posture, as `wholebody.tasks`.
 
-``tick`` is the memory of `wholebody.qp.workspace`, here and in all kernels of this package. Frames are those of the
-contacts, of two palms, of pelvis and torso; blocks of six rows that are computed elsewhere come after them.
+``tick`` is the memory of `wholebody.qp.workspace`, here and in all kernels of this package. Frames are in
+the order of `wholebody.robot.kernels.frames`; blocks of six rows that are computed elsewhere come after them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 
 from wholebody.jit.arrays import Vector
 from wholebody.jit.packed import Packed
-from wholebody.robot.kernels.frames import shorten
+from wholebody.robot.kernels.frames import PALM_FRAME, PELVIS_FRAME, TORSO_FRAME, shorten
 from wholebody.robot.kernels.rigid_body import COM, COM_DRIFT, COM_V, MOMENTUM, MOMENTUM_DRIFT
 from wholebody.robot.kernels.rotation import rotation_between
 from wholebody.robot.touch import FORCE, MOBILITY, PUSH_MAX, SHARE, STIFFNESS, TOLD, TOLD_GIVE, TURN_TOUCHING
@@ -21,14 +21,13 @@ DAMPING = 10.0
 
 def targets(tick: Packed) -> None:
     """Fill ``target``, ``weight`` and their like for the body and the joints."""
-    n = tick.n_contacts
     for i in range(2):
-        hand_target(tick, i, n + i)
+        hand_target(tick, i, PALM_FRAME + i)
     for k in range(tick.lifted.shape[0]):
         foot_up_target(tick, tick.lifted[k])
-    orientation_target(tick, tick.pelvis_ref, tick.pelvis_gain, n + 2)
-    orientation_target(tick, tick.torso_ref, tick.torso_gain, n + 3)
-    height_target(tick, n + 2)
+    orientation_target(tick, tick.pelvis_ref, tick.pelvis_gain, PELVIS_FRAME)
+    orientation_target(tick, tick.torso_ref, tick.torso_gain, TORSO_FRAME)
+    height_target(tick, PELVIS_FRAME)
     whole_body_target(tick)
     posture_target(tick)
 

@@ -13,6 +13,9 @@ import numpy as np
 from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.robot.kernels.spatial import velocity_at
 
+SOLE_FRAME, PALM_FRAME, PELVIS_FRAME, TORSO_FRAME = 0, 2, 4, 5
+"""Frames of the whole-body program and of the optimiser: both soles, both palms, pelvis, torso."""
+
 
 def place_frame(R_body: Matrix, p_body: Vector, R_local: Matrix, p_local: Vector, R: Matrix, p: Vector) -> None:
     """Rotation (3, 3) and offset (3,) of a frame that is given in the axes of its body."""

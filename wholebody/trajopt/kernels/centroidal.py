@@ -6,7 +6,7 @@ import numpy as np
 
 from wholebody.jit.arrays import Indices, Matrix
 from wholebody.robot.kernels.bodies import base_twist, joint_column, place_body
-from wholebody.robot.kernels.frames import place_frame
+from wholebody.robot.kernels.frames import PALM_FRAME, place_frame
 from wholebody.robot.kernels.rotation import base_rotation
 from wholebody.robot.kernels.spatial import body_inertia, momentum_of
 from wholebody.trajopt.arrays import Tables
@@ -88,8 +88,8 @@ def place_palms(robot: Tables, q: Matrix, T: np.ndarray, R: np.ndarray, p: Matri
             before = robot.parent[i]
             place_body(robot.bodies[i], q[k, 6 + i], R[before], p[before], R[i], p[i])
         for f in range(2):
-            body = robot.frame_body[f]
-            place_frame(R[body], p[body], robot.frame_R[f], robot.frame_p[f], T[k, f], offset)
+            body = robot.frame_body[PALM_FRAME + f]
+            place_frame(R[body], p[body], robot.frame_R[PALM_FRAME + f], robot.frame_p[PALM_FRAME + f], T[k, f], offset)
             for a in range(3):
                 T[k, f, a, 3], T[k, f, 3, a] = q[k, a] + offset[a], 0.0
             T[k, f, 3, 3] = 1.0

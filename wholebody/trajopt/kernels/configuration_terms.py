@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from wholebody.jit.arrays import Matrix, Vector
-from wholebody.robot.kernels.frames import place_frame
+from wholebody.robot.kernels.frames import PALM_FRAME, PELVIS_FRAME, TORSO_FRAME, place_frame
 from wholebody.robot.kernels.rotation import logarithm, rotation_between
 from wholebody.robot.kernels.spatial import body_inertia, momentum_of
 from wholebody.trajopt.arrays import KnotTargets, Tables
@@ -67,9 +67,10 @@ def configuration_terms(k: int, robot: Tables, task: KnotTargets, m: KnotMotion,
     composite_inertias(robot, R, p, S, m.inertia[k], m.I_composite[k], m.F[k])
     rows = work.rows
     for f in range(2):
-        body = robot.frame_body[f]
-        place_frame(R[body], p[body], robot.frame_R[f], robot.frame_p[f], work.R, work.p)
-        frame_rows(S, robot.carries[f], work.p, rows)
+        frame = PALM_FRAME + f
+        body = robot.frame_body[frame]
+        place_frame(R[body], p[body], robot.frame_R[frame], robot.frame_p[frame], work.R, work.p)
+        frame_rows(S, robot.carries[frame], work.p, rows)
         rotation_between(work.R, task.T_palms[k, f, :3, :3], r[6 * f + 3 : 6 * f + 6])
         for a in range(3):
             m.palms[k, f, a, 3] = q[a] + work.p[a]
@@ -86,9 +87,10 @@ def configuration_terms(k: int, robot: Tables, task: KnotTargets, m: KnotMotion,
             rows[a, j] = m.F[k, j, a] / robot.mass
         reduce_row(rows[a], free, J[COM + a])
     for f in range(2):
-        body, start = robot.frame_body[2 + f], TORSO if f == 0 else PELVIS
-        place_frame(R[body], p[body], robot.frame_R[2 + f], robot.frame_p[2 + f], work.R, work.p)
-        frame_rows(S, robot.carries[2 + f], work.p, rows)
+        frame, start = TORSO_FRAME if f == 0 else PELVIS_FRAME, TORSO if f == 0 else PELVIS
+        body = robot.frame_body[frame]
+        place_frame(R[body], p[body], robot.frame_R[frame], robot.frame_p[frame], work.R, work.p)
+        frame_rows(S, robot.carries[frame], work.p, rows)
         logarithm(work.R, r[start : start + 3])
         for a in range(3):
             reduce_row(rows[3 + a], free, J[start + a])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.vectors import times_transposed
+from wholebody.robot.kernels.frames import SOLE_FRAME
 from wholebody.robot.kernels.spatial import cross, cross_motion, dot6
 from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.spline import knot_rate
@@ -65,8 +66,8 @@ def sole_accelerations(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) 
     """
     S, six = m.S[k], work.six
     for f in range(2):
-        body, row = robot.frame_body[4 + f], SOLE + 2 * f
-        R, p = robot.frame_R[4 + f], robot.frame_p[4 + f]
+        body, row = robot.frame_body[SOLE_FRAME + f], SOLE + 2 * f
+        R, p = robot.frame_R[SOLE_FRAME + f], robot.frame_p[SOLE_FRAME + f]
         for a in range(3):
             x = m.R[k, body, a]
             six[0, a] = m.p[k, body, a] + x[0] * p[0] + x[1] * p[1] + x[2] * p[2]
@@ -76,7 +77,7 @@ def sole_accelerations(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) 
             cross(six[0], six[1 + e], six[1 + e, 3:])
             m.dynamics[k, row + e] = dot6(six[1 + e], work.A_kept[body])
         for j in range(LOWER):
-            if robot.carries[4 + f, j]:
+            if robot.carries[SOLE_FRAME + f, j]:
                 slide_column(j, robot, S[j], work.V[body], work)
                 for e in range(2):
                     work.lower[0, row + e, j] = dot6(six[1 + e], six[3])

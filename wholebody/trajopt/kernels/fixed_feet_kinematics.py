@@ -15,7 +15,7 @@ import numpy as np
 
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.bodies import place_base, place_bodies
-from wholebody.robot.kernels.frames import place_frame
+from wholebody.robot.kernels.frames import SOLE_FRAME, place_frame
 from wholebody.robot.kernels.rotation import rotation_between
 from wholebody.robot.kernels.spatial import velocity_at
 from wholebody.trajopt.arrays import Tables
@@ -159,9 +159,9 @@ def restore_feet(
         place_bodies(q, robot.bodies, robot.parent, 1, LOWER - 5, R, p, S)
         worst = 0.0
         for f in range(2):
-            body = robot.frame_body[4 + f]
-            place_frame(R[body], p[body], robot.frame_R[4 + f], robot.frame_p[4 + f], work.R, work.p)
-            foot_columns(S, robot.carries[4 + f], work.p, 6 * f, W)
+            body = robot.frame_body[SOLE_FRAME + f]
+            place_frame(R[body], p[body], robot.frame_R[SOLE_FRAME + f], robot.frame_p[SOLE_FRAME + f], work.R, work.p)
+            foot_columns(S, robot.carries[SOLE_FRAME + f], work.p, 6 * f, W)
             rotation_between(robot.R_feet[f], work.R, error[6 * f + 3 : 6 * f + 6])
             for a in range(3):
                 error[6 * f + a] = robot.p_feet[f, a] - q[a] - work.p[a]

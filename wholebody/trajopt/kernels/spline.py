@@ -7,7 +7,7 @@ It begins at a given position with a given velocity, from which the first contro
 from __future__ import annotations
 
 from wholebody.robot.kernels.bodies import place_body
-from wholebody.robot.kernels.frames import place_frame
+from wholebody.robot.kernels.frames import PALM_FRAME, place_frame
 from wholebody.robot.kernels.rotation import base_rotation, rotation_between
 from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.fixed_feet_kinematics import integrate
@@ -52,8 +52,8 @@ def spline_offset(
             before = robot.parent[i]
             place_body(robot.bodies[i], q[6 + i], R[before], p[before], R[i], p[i])
         for f in range(2):
-            body = robot.frame_body[f]
-            place_frame(R[body], p[body], robot.frame_R[f], robot.frame_p[f], work.R, work.p)
+            body = robot.frame_body[PALM_FRAME + f]
+            place_frame(R[body], p[body], robot.frame_R[PALM_FRAME + f], robot.frame_p[PALM_FRAME + f], work.R, work.p)
             rotation_between(work.R, m.palms[k, f, :3, :3], w)
             for a in range(3):
                 replace(k, 6 * f + a, q[a] + work.p[a] - m.palms[k, f, a, 3], largest, task, m)

@@ -45,7 +45,7 @@ def centre(tick: Packed) -> None:
 
 
 def frames(tick: Packed) -> None:
-    """Placements of the frames: contacts, palms, pelvis, torso."""
+    """Placements of all frames, in the order of `wholebody.robot.kernels.frames`."""
     place_frames(tick.R, tick.p, tick.frame_body, tick.frame_R_local, tick.frame_p_local, tick.frame_R, tick.frame_p)
 
 

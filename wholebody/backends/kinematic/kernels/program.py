@@ -16,6 +16,7 @@ from wholebody.qp.kernels.linear_algebra import dot, solve_transposed
 from wholebody.qp.kernels.residuals import accepted, contact_error, larger, violation
 from wholebody.qp.kernels.solve import reduced_point
 from wholebody.qp.kernels.targets import targets
+from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.kernels.rotation import rotation_between
 
 
@@ -76,7 +77,7 @@ def cost(tick: Packed) -> bool:
         g[a] = 0.0
         for b in range(ny):
             H[a, b] = 0.0
-    for f in range(tick.n_contacts, target.shape[0]):
+    for f in range(PALM_FRAME, target.shape[0]):
         if has_weight(tick.weight[f]):
             add_block(tick, tick.J, 6 * f, 6, target[f], tick.weight[f], tick.task_kd[f])
     if has_weight(tick.body_weight):
