@@ -42,7 +42,7 @@ class WholebodyG1Config(RobotConfig):
     seed: int = 0
     """Of the task's goals."""
     gate: bool = False
-    """Whether targets are judged before they are followed, and held where they cannot be done nearly so."""
+    """Whether targets are judged before they are followed, and rejected where they cannot be done nearly so."""
     record: str = "requested"
     """Which actions are written into datasets: as requested, or as executed, which is measured a step later."""
     settings: str = ""

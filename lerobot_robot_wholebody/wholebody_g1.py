@@ -157,7 +157,7 @@ class WholebodyG1(Robot):
         """
         self._connected()
         self.seen, now = self._robot.see(), self.now()
-        if self.held:
+        if self.rejected:
             followed = now - self.seen.observation.time + self.seen.followed
             while len(self._taken) > 1 and self._taken[-1][0] > followed:
                 self._taken.pop()
@@ -165,8 +165,8 @@ class WholebodyG1(Robot):
         return dict(self._observed())
 
     @property
-    def held(self) -> bool:
-        """Whether the gate held what was said last, when the robot was seen last: it stays at the target before."""
+    def rejected(self) -> bool:
+        """Whether the gate rejected the last target, when the robot was seen last: it stays at the target before."""
         return self.seen.status[1] == "not_cleared"
 
     def _observed(self) -> dict[str, Any]:
@@ -188,7 +188,7 @@ class WholebodyG1(Robot):
 
         Returns:
             The same numbers as they were accepted: fingers within their limits, rotations orthonormal. While the gate
-            holds a target, those of the last one that it did not: there the robot stays.
+            rejects a target, those of the last one that it did not: there the robot stays.
 
         Raises:
             ValueError: If a name is unknown or a number not finite or no rotation; nothing is taken then.
@@ -198,7 +198,7 @@ class WholebodyG1(Robot):
         given = {name: self._number(name, value) for name, value in action.items()}
         parts, said, accepted = self._accepted.take(given, self.seen.observation)
         now = self.now()
-        if self.held and self._taken:
+        if self.rejected and self._taken:
             accepted = {name: self._taken[-1][1].get(name, value) for name, value in accepted.items()}
         else:
             self._taken.append((now, dict(self._accepted.last)))

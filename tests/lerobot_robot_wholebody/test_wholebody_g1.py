@@ -231,12 +231,12 @@ def test_a_gate_holds_what_cannot_be_done_and_the_robot_stays_at_the_target_befo
 
     hostile = good | {names[0]: good[names[0]] + 2.0}
     held = go(robot, hostile, 2.0)
-    assert robot.held
+    assert robot.rejected
     assert robot.send_action(hostile) == pytest.approx(good, abs=1e-9)
     assert wrist(held, "left") == pytest.approx(wrist(before, "left"), abs=1e-2)
 
     after = go(robot, good | {names[2]: good[names[2]] + 0.05}, 2.0)
-    assert not robot.held
+    assert not robot.rejected
     assert after[names[2]] - held[names[2]] == pytest.approx(0.05, abs=1e-2)
     robot.disconnect()
     assert robot.report["chunks"]["refused"]["not_cleared"] >= 1

@@ -63,7 +63,9 @@ def main() -> int:
     fell = [line["case"] for line in found if line["fell"]]
     passed = Counter()
     for line in found:
-        passed.update({name: line["gate"][name] for name in ("cleared", "repaired", "held")} if line["gate"] else {})
+        passed.update(
+            {name: line["gate"][name] for name in ("cleared", "repaired", "rejected")} if line["gate"] else {}
+        )
     print(f"{chosen.follow}: {len(fell)} of {len(found)} fell: {fell}; chunks {dict(passed)}")
     return int(bool(fell) and chosen.follow != "as_given")
 

@@ -14,7 +14,7 @@ from typer import Option
 from wholebody.cli.judging import CRASH, InputJudge
 from wholebody.cli.options import AssumeSpec, Fps, Input, Judging, ReadAs, RobotModel, Sampling, Simulation
 from wholebody.cli.simulated import settings_of
-from wholebody.cli.sources import is_dataset, layout_named, length, opened, robot_of, said
+from wholebody.cli.sources import codes_of, is_dataset, layout_named, length, opened, robot_of
 
 if TYPE_CHECKING:
     from policy.base import Policy
@@ -91,7 +91,9 @@ def _gaps(name: str, given: Input, robot: RobotConfig) -> list[dict]:
     settings = {"assume": layout_named(given.assume_spec, drives), "robot": drives}
     try:
         dataset = open_dataset(folder)
-        return [asdict(gap) for gap in episode_gaps(dataset, dataset.episodes[number], settings, said(given.read_as))]
+        return [
+            asdict(gap) for gap in episode_gaps(dataset, dataset.episodes[number], settings, codes_of(given.read_as))
+        ]
     except PolicyError:
         return []  # an input without joints in both
 
@@ -136,7 +138,7 @@ def write_mappings(folder: Path, inputs: Sequence[str], audited: Audited) -> Non
     found = {}
     for name in filter(is_dataset, dict.fromkeys(inputs)):
         try:
-            found[name] = mapping(name, assume=assume, read_as=said(audited.read_as), robot=drives)
+            found[name] = mapping(name, assume=assume, read_as=codes_of(audited.read_as), robot=drives)
         except PolicyError as error:
             found[name] = {"refused": str(error)}
     if found:

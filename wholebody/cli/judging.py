@@ -40,13 +40,13 @@ class Answer:
     Attributes:
         code: Exit code.
         verdict: None if it could not be judged, which was said on standard error.
-        said: What a process of its own said there.
+        stderr: What a process of its own wrote there.
         misuse: What is wrong with the options, which holds for every input.
     """
 
     code: int
     verdict: Verdict | None = None
-    said: str = ""
+    stderr: str = ""
     misuse: str = ""
 
 
@@ -243,7 +243,7 @@ def _together(name: str, title: str, tasks: Sequence[Future[Answer]], seeds: Seq
         return answer
     if None in found:
         return _told(name, "could not be judged in every world", max(other.code for other in others))
-    return replace(_answer(in_worlds(answer.verdict, seeds, found)), said=answer.said)
+    return replace(_answer(in_worlds(answer.verdict, seeds, found)), stderr=answer.stderr)
 
 
 def _come(name: str, future: Future[Answer], quiet: bool, title: str = "") -> Answer:
@@ -252,7 +252,7 @@ def _come(name: str, future: Future[Answer], quiet: bool, title: str = "") -> An
             answer = future.result()
     except BrokenProcessPool:
         return _told(name, BROKEN, CRASH)
-    sys.stderr.write(answer.said)
+    sys.stderr.write(answer.stderr)
     if answer.misuse:
         raise ValueError(answer.misuse)
     return answer
@@ -281,7 +281,7 @@ def _judge_apart(name: str, seed: int | None = None) -> Answer:
         except (WholebodyError, RobotSpecError, ValueError, OutputError) as error:
             answer = Answer(MALFORMED, misuse=str(error))
     # Of worlds only the first one says what there is to say.
-    return replace(answer, said="" if seed is not None and answer.verdict is not None else output.getvalue())
+    return replace(answer, stderr="" if seed is not None and answer.verdict is not None else output.getvalue())
 
 
 def _answer(verdict: Verdict) -> Answer:

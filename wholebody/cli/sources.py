@@ -52,7 +52,7 @@ def open_source(
     from policy.recorded.replay import open_recording
     from policy.scripted.library import scripted_policy
 
-    corrections = said(read_as)
+    corrections = codes_of(read_as)
     if name.startswith(("ws://", "wss://")):
         from policy.remote.client import RemotePolicy
         from policy.remote.openpi import KeyMap
@@ -74,7 +74,7 @@ def open_source(
     return scripted_policy(name, robot)
 
 
-def said(read_as: str) -> tuple[str, ...]:
+def codes_of(read_as: str) -> tuple[str, ...]:
     """Codes of ``--read-as``, which has commas between them."""
     return tuple(part.strip() for part in read_as.split(",") if part.strip())
 

@@ -38,7 +38,7 @@ class Controller(ABC):
         balance: The support, and how to keep inside; no support before the first reset.
         contacts: Which feet stand, and where; None before the first reset.
         compiled: The program in compiled form, or None: then the readable one is solved.
-        led: Whether a foot that is up follows a swing that the reference has.
+        swings: Whether a foot that is up follows a swing that the reference has.
         touch: What both hands feel, rows as in `wholebody.robot.touch`, shape (2, TOUCH).
         lean: How far the centre of mass is leant against it, shape (2,), [m].
         tipped: How far it moves the centre of pressure, shape (2,), [m].
@@ -57,7 +57,7 @@ class Controller(ABC):
         self.palms = self.tasks.palms
         self.balance = CapturePointLimit(margin=config.safety.balance_margin, gain=config.safety.balance_gain)
         self.compiled: CompiledBody | None = None
-        self._elapsed, self.led = config.dt, False
+        self._elapsed, self.swings = config.dt, False
         self.contacts: Contacts | None = None
         self.command: JointCommand | None = None
         self.added: np.ndarray | None = None
@@ -90,9 +90,9 @@ class Controller(ABC):
         contacts = reference.contacts
         if contacts is not None and not (self.contacts is contacts or contacts.same(self.contacts)):
             self.stand_on(contacts) if self._anew(contacts) else self._relieve(contacts)
-        if (reference.swing is not None) != self.led:
+        if (reference.swing is not None) != self.swings:
             self._lead(reference.swing is not None)
-        if self.led:
+        if self.swings:
             self._swing[:] = reference.swing
 
     def step(
@@ -146,11 +146,11 @@ class Controller(ABC):
         before = self.contacts
         return before is None or before.stands != contacts.stands or not contacts.feet.same(before.feet)
 
-    def _lead(self, led: bool) -> None:
+    def _lead(self, swings: bool) -> None:
         """Whether a foot that is up follows a swing from now on, or moves as suits the rest."""
-        self.led = led
+        self.swings = swings
         if self.compiled is not None:
-            self.compiled.tick.led = led
+            self.compiled.tick.swings = swings
 
     def _relieve(self, contacts: Contacts) -> None:
         """Each foot has its share of the load from now on; the same ones stand."""

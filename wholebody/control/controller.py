@@ -236,7 +236,7 @@ class WholeBodyController(Controller):
             low, high, tau_max = np.full_like(low, -1e4), np.full_like(high, 1e4), self.effort_max
             slowed = self.tasks.posture.objective(robot)
             objectives[-1] = replace(slowed, target=-DAMPING * robot.v[6:])
-        up = [task for task, foot in zip(self.tasks.feet, self.feet, strict=True) if self.led and foot.load == 0.0]
+        up = [task for task, foot in zip(self.tasks.feet, self.feet, strict=True) if self.swings and foot.load == 0.0]
         objectives += [task.objective(robot) for task in up]
         further = [task.objective(robot) for task in self.extra_tasks]
         rows = [limit.rows(robot) for limit in self.limits]

@@ -1,4 +1,4 @@
-"""A gate between a chunk's plan and the control loop: what it does not clear is held."""
+"""A gate between a chunk's plan and the control loop: what it does not clear is rejected."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Callable
 
 from wholebody.errors import InputError, PlanningError
 from wholebody.execution.background_planner import Compute, PlanAnswer, PlanRequest
-from wholebody.execution.standing import HELD
+from wholebody.execution.standing import HOLD_SPEC_ID
 from wholebody.execution.statuses import refused
 from wholebody.planning.plan import ChunkPlan
 from wholebody.types import Reason, StatusReport
 
 Gate = Callable[[PlanRequest, ChunkPlan], StatusReport | None]
-"""Judges a chunk by its plan, before that is followed: why the chunk is held, or None where it is not."""
+"""Judges a chunk by its plan, before that is followed: why the chunk is rejected, or None where it is not."""
 
 logger = logging.getLogger(__name__)
 
 
-class HeldError(PlanningError):
-    """A gate holds a chunk; ``report`` is what is said of it."""
+class RejectedError(PlanningError):
+    """A gate rejects a chunk; ``report`` says why."""
 
     def __init__(self, report: StatusReport) -> None:
         super().__init__(report)
@@ -32,16 +32,16 @@ class HeldError(PlanningError):
 def gated(compute: Compute, gate: Gate | None) -> Compute:
     """What plans, and hands out only what a gate lets through, where plans are computed: beside the control loop.
 
-    It raises a `HeldError` for what is held. A chunk that is none of the policy's, made to stay where the hands are, is
-    not judged.
+    It raises a `RejectedError` for what is rejected. Chunks that the supervisor makes to hold its position are not
+    judged.
     """
     if gate is None:
         return compute
 
     def cleared(request: PlanRequest) -> ChunkPlan:
         plan = compute(request)
-        if request.chunk.spec_id != HELD and (held := gate(request, plan)) is not None:
-            raise HeldError(held)
+        if request.chunk.spec_id != HOLD_SPEC_ID and (report := gate(request, plan)) is not None:
+            raise RejectedError(report)
         return plan
 
     return cleared
@@ -54,7 +54,7 @@ def judged_elsewhere(request: PlanRequest, plan: ChunkPlan) -> None:
 def why_not(answer: PlanAnswer) -> StatusReport:
     """Why there is no plan to follow; said in the log too where no gate says so."""
     error, chunk = answer.error, answer.request.chunk
-    if isinstance(error, HeldError):
+    if isinstance(error, RejectedError):
         return error.report
     logger.warning("no plan for chunk %d of %.3f s", chunk.seq, chunk.t_obs, exc_info=error)
     known = isinstance(error, PlanningError | InputError)

@@ -102,7 +102,7 @@ class PlanFollower:
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
         compiled = kernel.follow, kernel.foresee
         self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
-        self._dt, self._standing, self._led = config.dt, False, False
+        self._dt, self._standing, self._hands_ahead = config.dt, False, False
 
     @property
     def s(self) -> float:
@@ -139,10 +139,10 @@ class PlanFollower:
         row = rows[kernel.nearest(settings, now.s, len(rows))]
         rate, planned = float(now.rate) if settings.moving > 0.0 else 0.0, row.q.copy()
         hands, v = HandMotion(smoothing.state["motion"]), rate * row.v
-        if state is not None and (self.trust < 1.0 or self._led):
+        if state is not None and (self.trust < 1.0 or self._hands_ahead):
             here = rows[kernel.nearest(settings, self.s, len(rows))]
             planned = self._deviation.carried(here.q, planned, state.q)
-            if self._led and self.trust == 1.0:
+            if self._hands_ahead and self.trust == 1.0:
                 v += state.v - self.rate * here.v
                 planned, v = self._deviation.reaching(planned, v, hands)
         return Foreseen(float(now.s), rate, BodyState(planned, v), hands)
@@ -168,7 +168,7 @@ class PlanFollower:
 
     def _forgiven(self, palms: np.ndarray) -> np.ndarray:
         """Palm points (2, 3) as far as they count; arms of a robot that leans on something are not as planned."""
-        self._count_arms(0.0 if self._led else 1.0 - max(self._touch.shares))
+        self._count_arms(0.0 if self._hands_ahead else 1.0 - max(self._touch.shares))
         return self._touch.forgiven(palms, self.row)
 
     def _count_arms(self, share: float) -> None:
@@ -206,7 +206,7 @@ class PlanFollower:
         settings.last_step = last
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
-        settings.leash[:], self._led = 0.0, False
+        settings.leash[:], self._hands_ahead = 0.0, False
         self._count_arms(1.0)
         if self._standing:
             self._saturation.begin_anew()
@@ -228,7 +228,7 @@ class PlanFollower:
         left, right = paths
         self._plan = self._plan._replace(lead_left=left.flat, lead_right=right.flat)
         settings = self._settings[0]
-        settings.ahead, settings.leash[:], self._led = ahead, leash, True
+        settings.ahead, settings.leash[:], self._hands_ahead = ahead, leash, True
 
     def let_go(self, paths: tuple[HandPath, ...]) -> None:
         """Lead the hands by the plan again, along its paths as joined to what they do now."""
@@ -249,7 +249,7 @@ class PlanFollower:
             rows: Where the hands come to rest, (2, 40).
         """
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory), NO_PATH, NO_PATH)
-        self._settings[0].moving, self._settings[0].leash[:], self._led = 0.0, 0.0, False
+        self._settings[0].moving, self._settings[0].leash[:], self._hands_ahead = 0.0, 0.0, False
         self._smoothing.target[:] = rows
         self._standing = True
         self._saturation.begin_anew()
@@ -267,7 +267,7 @@ class PlanFollower:
         robot, palms = controller.robot, controller.palm_positions()
         if self._touch is not None and self._touch.active:
             palms = self._forgiven(palms)
-        elif self._led:
+        elif self._hands_ahead:
             self._count_arms(0.0)
         left, right = self._saturation.trust(controller.tau, palms, self.row, float(elapsed))
         self._follow(

@@ -36,7 +36,7 @@ FIRST_WAIT = 0.2
 GO_BACK = 0.4
 """Time for which the robot goes on towards its stance before it stands for another plan [s]; chosen: it is as fast as
 it gets within 0.2 s, and a plan is asked for twice a second."""
-HELD, HELD_STEPS = "held", 31
+HOLD_SPEC_ID, HOLD_STEPS = "held", 31
 """What says that a chunk is none of the policy's, and its steps within a second; chosen: as usual chunks have them."""
 FAST = 3.0
 """Speed of the fastest joint up to which a robot that leaves its plan goes back at once if its waist is spent [rad/s];
@@ -204,8 +204,8 @@ def to_hold(newest: ActionChunk | None, motion: HandMotion, now: float) -> Actio
     else:
         T = [newest.T_world_lhand[-1], newest.T_world_rhand[-1]]
         fingers = [newest.q_lhand[-1], newest.q_rhand[-1]]
-    poses, hands = (np.repeat(np.array(x)[:, None], HELD_STEPS, axis=1) for x in (T, fingers))
-    return ActionChunk(HELD, -1, now, HELD_STEPS - 1.0, *poses, *hands)
+    poses, hands = (np.repeat(np.array(x)[:, None], HOLD_STEPS, axis=1) for x in (T, fingers))
+    return ActionChunk(HOLD_SPEC_ID, -1, now, HOLD_STEPS - 1.0, *poses, *hands)
 
 
 def hands_as_measured(robot: Robot, commanded: np.ndarray) -> np.ndarray:

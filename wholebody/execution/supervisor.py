@@ -47,7 +47,7 @@ class Supervisor(statuses.Following):
         spec: The robot.
         config: Settings; the defaults if not given.
         planner: Makes who plans beside the loop from a function that plans; simulated if not given.
-        gate: Judges each chunk by its plan there; what it does not clear is held.
+        gate: Judges each chunk by its plan there; what it does not clear is rejected.
 
     Attributes:
         chunk: The chunk that is being followed, or None. plan: Its plan.
@@ -232,7 +232,7 @@ class Supervisor(statuses.Following):
         self.plan, self._refused, last = taken.plan, None, 0.0
         self._states.on(Event.TAKEN_OVER)
         self._reflex.end()
-        if taken.chunk.spec_id != standing.HELD:
+        if taken.chunk.spec_id != standing.HOLD_SPEC_ID:
             self.chunk, self.plan_report, self._chunk_end = taken.chunk, taken.plan.report, float(taken.chunk.times[-1])
             last = self._chunk_end - taken.chunk.t_obs
             self.touch.expect(taken.chunk)

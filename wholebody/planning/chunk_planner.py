@@ -24,12 +24,12 @@ from wholebody.planning.hands_apart import HandHulls, HandsApart
 from wholebody.planning.limit_projection import JUMP
 from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
-from wholebody.planning.reachability.holdable import Held, HoldablePlaces, arms_spent
+from wholebody.planning.reachability.holdable import HoldablePath, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
 from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import choice
 from wholebody.planning.strategies.rows import ARMS_SPENT_MAX, Asked, Overlap, Try
-from wholebody.planning.strategies.strategy import HELD, PARTED, PREVIEW, BeginAt, Strategy
+from wholebody.planning.strategies.strategy import HOLDABLE, PARTED, PREVIEW, BeginAt, Strategy
 from wholebody.planning.trajectory import BodyState, centroidal_along, curve_through
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.robot.contact_schedule import ContactSchedule
@@ -71,7 +71,7 @@ class ChunkPlanner:
         self.spec, self.config, self._budget, self.model = spec, config.planner, config.planning.budget, robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self._friction, self._holdable = config.friction, None
-        self._last_held: tuple[Targets, Held] | None = None
+        self._last_held: tuple[Targets, HoldablePath] | None = None
         self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
         self.balance = ContactFeasibility(self.optimizer.body, config.friction)
         self.effort = Effort(self.optimizer.body)
@@ -249,7 +249,7 @@ class ChunkPlanner:
         """
         slowdown, steps, T_palms, body = targets.slowdown, targets.steps, targets.T_palms, self.optimizer.body
         warm_start, wanted = None if first is None else self._continued(first, T_palms), T_palms
-        if strategy is HELD:
+        if strategy is HOLDABLE:
             held = self._held(targets, start.q, budget)
             wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
         if strategy.name == PARTED.name:
@@ -289,7 +289,7 @@ class ChunkPlanner:
         near = Overlap.IN_THE_WAY if self._apart.overlap(T_palms[:n], fingers[:n]) else Overlap.TOLERATED
         return Overlap.NONE if self._apart.parted(T_palms, fingers) is None else near
 
-    def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> Held:
+    def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> HoldablePath:
         """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""
         if self._last_held is None or self._last_held[0] is not targets:
             body = self.optimizer.body
@@ -298,7 +298,7 @@ class ChunkPlanner:
             self._last_held = targets, held
         return self._last_held[1]
 
-    def _begun_held(self, held: Held, q: np.ndarray) -> np.ndarray:
+    def _begun_held(self, held: HoldablePath, q: np.ndarray) -> np.ndarray:
         """Blend from a configuration (nq,) over to postures that hold the load, for the second to the last knot."""
         body, time = self.optimizer.body, self.config.posture.dt * np.arange(1, len(held.q))
         rows = np.tile(q, (len(time), 1))

@@ -119,7 +119,7 @@ def body_shapes(p: BodyInputs, blocks: int) -> tuple[Shapes, Shapes]:
     }  # fmt: skip
     ints = {
         "parent": (nb,), "frame_body": (frames,), "n_contacts": (), "n_edges": (), "hands": (), "iterations": (),
-        "iteration_limit": (), "n_working": (), "led": (),
+        "iteration_limit": (), "n_working": (), "swings": (),
     }  # fmt: skip
     return reals, ints
 

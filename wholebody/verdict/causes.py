@@ -13,7 +13,7 @@ class WouldDo:
     """A single change that makes a chunk feasible, the smallest of its kind that was found.
 
     Attributes:
-        kind: ``slower``, ``moved``, ``turned``, ``led``: all three as far as is needed, ``lighter``, ``softer`` or
+        kind: ``slower``, ``moved``, ``turned``, ``combined``: all three as far as is needed, ``lighter``, ``softer`` or
             ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
@@ -71,7 +71,7 @@ class Why:
         time: When the hand of the sentence is there, likewise [s].
         irreducible: Whether no plan is found with them alone, and one without any one of them.
         sentence: The same for a person, with what would do where that is known.
-        told: The sentence without that.
+        text: The sentence without what would do.
     """
 
     codes: tuple[Limit, ...]
@@ -79,4 +79,4 @@ class Why:
     time: float
     irreducible: bool
     sentence: str
-    told: str = ""
+    text: str = ""

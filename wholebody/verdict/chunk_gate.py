@@ -1,4 +1,4 @@
-"""The gate of `wholebody run --gate`: chunks pass as they are, or as they were repaired by their plan, or are held."""
+"""The gate of `wholebody run --gate`: chunks pass as given, pass as repaired by their plan, or are rejected."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from wholebody.verdict.summaries import GateSummary
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.headline import headline
 
-Passed = Literal["cleared", "repaired", "held"]
-ANSWERS: dict[str, Passed] = {"feasible": "cleared", "feasible_after_repair": "repaired", "infeasible": "held"}
+Passed = Literal["cleared", "repaired", "rejected"]
+ANSWERS: dict[str, Passed] = {"feasible": "cleared", "feasible_after_repair": "repaired", "infeasible": "rejected"}
 """What becomes of a chunk, by the verdict on its plan."""
 
 
@@ -32,9 +32,9 @@ class Decision:
         time: When its plan is to take over [s].
         seq: Its number.
         answer: ``cleared`` as given, ``repaired``: slowed down or bent by its plan, within the bounds of a repair, or
-            ``held``: that would be another motion.
+            ``rejected``: that would be another motion.
         reason: Code of the worst violation, or None.
-        said: The same in words.
+        text: The reason in words.
         slower: How many times slower it is planned.
         moved, turned: How far a palm is commanded from where it is asked to be at most, after the approach [m], [rad].
         seconds: CPU time that judging took, the plan left out [s].
@@ -44,7 +44,7 @@ class Decision:
     seq: int
     answer: Passed
     reason: Reason | None
-    said: str
+    text: str
     slower: float
     moved: float
     turned: float
@@ -81,7 +81,7 @@ class ChunkGate:
         self.decisions: list[Decision] = []
 
     def __call__(self, request: PlanRequest, plan: ChunkPlan) -> StatusReport | None:
-        """Why a chunk is held, or None; also where no plan is balanced: that is not followed, and asked for again."""
+        """Why a chunk is rejected, or None; also None where no plan is balanced: the chunk is planned again."""
         if request.contacts is not None:
             self._checker.judge.stand_on(request.contacts)
         begin, since = Begin(request.start.body, request.start.hands), thread_time()
@@ -89,18 +89,18 @@ class ChunkGate:
         verdict = self._checker.of_plan(request.chunk, plan, begin, request.due, free)
         decision = _decision(request, verdict, plan.report.slowdown, thread_time() - since)
         self.decisions.append(decision)
-        held = decision.answer == "held" and decision.reason is not Reason.NOT_JOINED
-        return refused(Reason.NOT_CLEARED, decision.said) if held else None
+        rejected = decision.answer == "rejected" and decision.reason is not Reason.NOT_JOINED
+        return refused(Reason.NOT_CLEARED, decision.text) if rejected else None
 
     def summary(self, late: int = 0) -> GateSummary:
-        """Counts of cleared, repaired and held chunks since the last `begin`, and of plans that came too late."""
+        """Counts of cleared, repaired and rejected chunks since the last `begin`, and of plans that came too late."""
         last = list({decision.seq: decision for decision in self.decisions}.values())
         count = Counter(decision.answer for decision in last)
         repaired = [decision for decision in last if decision.answer == "repaired"]
         return GateSummary(
             cleared=count["cleared"],
             repaired=count["repaired"],
-            held=count["held"],
+            rejected=count["rejected"],
             late=late,
             reasons=dict(Counter(str(one.reason) for one in last if one.answer != "cleared")),
             slower_max=max((one.slower for one in repaired), default=1.0),
@@ -119,6 +119,6 @@ def _decision(request: PlanRequest, verdict: Verdict, slower: float, seconds: fl
     reason = None if verdict.verdict == "feasible" else verdict.violations[0].code
     reason = Reason.NOT_JOINED if reason is Reason.REFUSED else reason
     return Decision(
-        time=request.due, seq=request.chunk.seq, answer=ANSWERS[verdict.verdict], reason=reason, said=headline(verdict),
+        time=request.due, seq=request.chunk.seq, answer=ANSWERS[verdict.verdict], reason=reason, text=headline(verdict),
         slower=slower, moved=verdict.moved_max_m, turned=verdict.moved_turn_max_rad, seconds=seconds,
     )  # fmt: skip

@@ -26,8 +26,8 @@ SPARE = 0.02
 """Share by which a change is more than the least one that was found to hold; chosen: rounding in a file."""
 MORE, MORE_TRIES = 1.05, 4
 """Factor on a change that holds by one plan and not as it is played back, and how often it is tried; chosen."""
-ChangeKind = Literal["slower", "moved", "turned", "led", "lighter"]
-BENT: tuple[ChangeKind, ...] = ("led", "turned", "moved")
+ChangeKind = Literal["slower", "moved", "turned", "combined", "lighter"]
+BENT: tuple[ChangeKind, ...] = ("combined", "turned", "moved")
 """Ways to bend a path, of which the smallest that does is taken."""
 
 Ask = Callable[[ActionChunk, Begin], bool]
@@ -39,8 +39,8 @@ class Change:
     """A change of a chunk that makes it hold.
 
     Attributes:
-        kind: ``slower`` by a factor, a hand ``moved`` or ``turned`` along the path, or ``led``: both, and its fingers
-            brought into their range.
+        kind: ``slower`` by a factor, a hand ``moved`` or ``turned`` along the path, or ``combined``: both, and
+            its fingers brought into their range.
         slower: Factor; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         chunk: As changed, feasible.

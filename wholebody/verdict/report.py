@@ -13,7 +13,7 @@ from wholebody.planning.judgement.limits import Margin
 from wholebody.types import Reason
 from wholebody.verdict.calibration.odds import Chance, Odds
 from wholebody.verdict.causes import Tick
-from wholebody.verdict.quantity import quantity, said
+from wholebody.verdict.quantity import quantity, size_text
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import MOVING, Severity, Violation
@@ -181,9 +181,9 @@ def _worlds(worlds: Worlds) -> str:
 
 def _gate(gate: GateSummary) -> str:
     """What the gate made of an input."""
-    text = f"{gate.cleared} chunks cleared, {gate.repaired} repaired, {gate.held} held"
+    text = f"{gate.cleared} chunks cleared, {gate.repaired} repaired, {gate.rejected} rejected"
     if gate.repaired:
-        text += f"; repairs: {said(gate.slower_max, gate.moved_max_m, gate.turned_max_rad)} at most"
+        text += f"; repairs: {size_text(gate.slower_max, gate.moved_max_m, gate.turned_max_rad)} at most"
     if gate.reasons:
         text += f"; {', '.join(f'{code} {count}' for code, count in gate.reasons.items())}"
     late = f"; {gate.late} came too late" if gate.late else ""

@@ -10,7 +10,7 @@ class GateSummary:
     """What a gate made of an input, a chunk counted once, as it was judged last.
 
     Attributes:
-        cleared, repaired, held: Chunks.
+        cleared, repaired, rejected: Chunks.
         late: Plans, or what the gate said of them, that came too late to be followed.
         reasons: Chunks that were not cleared as given, by the code of what is worst of them.
         slower_max: Largest factor by which one that was repaired is slower; 1 is unslowed.
@@ -20,7 +20,7 @@ class GateSummary:
 
     cleared: int
     repaired: int
-    held: int
+    rejected: int
     late: int
     reasons: dict[str, int]
     slower_max: float

@@ -13,7 +13,7 @@ from wholebody.config import ControllerConfig
 from wholebody.episode.run import observe
 from wholebody.errors import PlanningError
 from wholebody.execution.background_planner import PlanRequest, ThreadPlanner
-from wholebody.execution.gate import HeldError
+from wholebody.execution.gate import RejectedError
 from wholebody.execution.planner_process import PlannerProcess
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
@@ -69,7 +69,7 @@ def test_what_a_gate_there_holds_comes_with_what_it_says(process, request_and_pl
     request, _ = request_and_plan
     away = request.chunk.T_world_lhand.copy()
     away[5:, 0, 3] += 1.0
-    with pytest.raises(HeldError) as held:
+    with pytest.raises(RejectedError) as held:
         process(replace(request, chunk=replace(request.chunk, T_world_lhand=away)))
     assert held.value.report.reason is Reason.NOT_CLEARED
     assert "another motion" in str(held.value)

@@ -57,7 +57,7 @@ def test_2_kg_are_held_as_near_to_a_place_as_statics_say(planner, place):
 
 def test_a_chunk_to_where_2_kg_cannot_be_held_ends_where_they_can(planner):
     found = plan(planner, HEAVY, np.array([[0.50, 0.16, 1.00], [0.50, -0.16, 1.00]]))
-    assert found.report.strategy == "held"
+    assert found.report.strategy == "holdable"
     assert found.report.safe
     assert found.report.tracking_error[-1].max() < STATICS[0.50, 1.00] + 5e-3
 

@@ -1,4 +1,4 @@
-"""Strategy: chunks behind the gate, in the loop with planning beside it: what passes, and what is held, and when."""
+"""Strategy: chunks behind the gate, in the loop with planning beside it: what passes, what is rejected, and when."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import EpisodeConfig
 from wholebody.execution import background_planner
 from wholebody.execution.background_planner import ThreadPlanner
-from wholebody.execution.gate import HeldError, gated
+from wholebody.execution.gate import RejectedError, gated
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.sim.plant import MujocoPlant
@@ -69,23 +69,23 @@ def test_a_chunk_that_can_be_done_with_a_change_is_repaired_by_its_plan(checker)
     assert refusal is None
 
 
-def test_another_motion_is_held_with_its_reason_and_the_robot_stays(checker, monkeypatch):
+def test_another_motion_is_rejected_with_its_reason_and_the_robot_stays(checker, monkeypatch):
     planned, plan = [], ChunkPlanner.plan
     monkeypatch.setattr(ChunkPlanner, "plan", lambda *given, **more: planned.append(given) or plan(*given, **more))
     decision, refusal = shown(checker, sent(to=(0.7, 0.0, 0.0)))
-    assert decision.answer == "held"
+    assert decision.answer == "rejected"
     assert decision.reason is Reason.OUT_OF_REACH
     assert refusal.reason is Reason.NOT_CLEARED
     assert "another motion" in refusal.detail
     assert checker.supervisor.status.status is Status.HOLD
     assert checker.supervisor.chunk is None
-    assert len(planned) == 1, "what is held is judged by the plan that there is, without another search"
+    assert len(planned) == 1, "what is rejected is judged by the plan that there is, without another search"
 
 
-def test_a_hand_asked_into_furniture_is_held():
+def test_a_hand_asked_into_furniture_is_rejected():
     checker = Checker("table", episode=EpisodeConfig(settle=0.1, hold=0.2), follow="gated")
     decision, refusal = shown(checker, sent(to=(0.15, 0.0, -0.2)))
-    assert (decision.answer, decision.reason) == ("held", Reason.SCENE_CONTACT)
+    assert (decision.answer, decision.reason) == ("rejected", Reason.SCENE_CONTACT)
     assert refusal.reason is Reason.NOT_CLEARED
 
 
@@ -95,13 +95,13 @@ def test_hands_that_are_elsewhere_may_come_back_though_the_chunk_is_over_by_then
     assert decision.reason is Reason.FAR_START
 
 
-def test_hostile_chunks_are_held_behind_the_gate_and_the_feasible_one_is_joined(checker):
+def test_hostile_chunks_are_rejected_behind_the_gate_and_the_feasible_one_is_joined(checker):
     checker.gate.begin((False, False))
     result = Episode(checker.supervisor, checker.plant, 13).run()
     assert result.fall is None
     assert result.feasible_error < 5e-3
     summary = checker.gate.summary()
-    assert summary.held == 4
+    assert summary.rejected == 4
     assert summary.cleared + summary.repaired == 5
 
 
@@ -109,7 +109,7 @@ def test_the_verdict_of_a_run_tells_what_the_gate_made_of_it(checker):
     bad = replace(hostile_chunk("jump", np.random.default_rng(6), 0, 0.0), spec_id=builtin("wbc32").id)
     verdict, _ = checker.check(ReplayPolicy(bad), "jump", 1.0)
     assert verdict.follow == "gated"
-    assert verdict.gate.held >= 1
+    assert verdict.gate.rejected >= 1
     assert verdict.gate.cleared == 0
     assert verdict.verdict == "infeasible"
     assert not verdict.fell
@@ -171,7 +171,7 @@ def test_what_keeps_the_hands_where_they_are_is_not_judged():
             self.chunk = replace(sent(), spec_id=spec_id)
 
     assert held(Request("held")) == "plan"
-    with pytest.raises(HeldError, match="no"):
+    with pytest.raises(RejectedError, match="no"):
         held(Request("wbc32"))
 
 
@@ -179,6 +179,6 @@ def test_a_recorded_motion_passes_as_it_would_without_a_gate(checker):
     policy = reach(0.40, 0.90)
     verdict, _ = checker.check(policy, "reach", 3.0)
     plain, _ = Checker(episode=checker.episode).check(policy, "reach", 3.0)
-    assert verdict.gate.held == verdict.gate.late == 0
+    assert verdict.gate.rejected == verdict.gate.late == 0
     assert verdict.verdict == plain.verdict
     assert verdict.max_m == pytest.approx(plain.max_m, abs=1e-9)

@@ -62,7 +62,7 @@ def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them
     assert change.kind == "turned"
     assert change.moved == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < change.turned <= checker.config.verdict.turn_repair
-    assert change.turned < repairer.bent(1.0, "led").turned
+    assert change.turned < repairer.bent(1.0, "combined").turned
     assert repairer.lasts(change.chunk)
 
 

@@ -114,7 +114,7 @@ def test_bodies_in_each_other_are_no_bound_with_which_it_would_do(code):
 
 
 def test_a_hand_moved_across_the_room_is_not_offered():
-    assert explainer.makes_sense(WouldDo("led", slower=2.9, moved=0.149))
+    assert explainer.makes_sense(WouldDo("combined", slower=2.9, moved=0.149))
     assert not explainer.makes_sense(WouldDo("moved", moved=0.434))
     assert not explainer.makes_sense(WouldDo("slower", slower=3.6))
 

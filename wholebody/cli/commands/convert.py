@@ -13,7 +13,7 @@ from typer import Argument, Option
 from wholebody.cli.console import check_places, progress_bar, say, write_text
 from wholebody.cli.judging import MALFORMED
 from wholebody.cli.options import AssumeSpec, Fps, JsonTo, ReadAs
-from wholebody.cli.sources import layout_named, said
+from wholebody.cli.sources import codes_of, layout_named
 
 if TYPE_CHECKING:
     from policy.dataset.conversion import DatasetSettings
@@ -61,14 +61,14 @@ def convert(
 
         if target is None:
             raise ValueError("name the file to write, ending in .npz or .csv")
-        chunk = convert_file(source, target, to=layout, csv_fps=fps, assume=assumed, read_as=said(read_as))
+        chunk = convert_file(source, target, to=layout, csv_fps=fps, assume=assumed, read_as=codes_of(read_as))
         say(f"wrote {target}", *(f"  note: {note}" for note in chunk.notes))
         return
     from policy.dataset.conversion import DatasetSettings
     from policy.dataset.open import episode_numbers
 
     given = vars(dataset) | {
-        "read_as": said(read_as),
+        "read_as": codes_of(read_as),
         "synergy": dataset.synergy or None,
         "episodes": episode_numbers(dataset.episodes) if dataset.episodes else None,
     }

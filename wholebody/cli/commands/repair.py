@@ -36,7 +36,7 @@ def repair(
     from policy.recorded.chunk_file import read_chunk_file, write_chunk_file
     from wholebody.config.file import load_config
     from wholebody.verdict.fast import FastChecker
-    from wholebody.verdict.quantity import quantity, said
+    from wholebody.verdict.quantity import quantity, size_text
 
     if target.suffix.lower() != ".npz":
         raise ValueError(f"cannot write '{target}': its name must end in .npz")
@@ -66,4 +66,5 @@ def repair(
         target.unlink()
         say(f"{source}: what was found is not feasible in the layout of the file: nothing written")
         raise typer.Exit(INFEASIBLE)
-    say(f"{source}: repaired, {said(change.slower, change.moved, change.turned)}; checked again, written to {target}")
+    repaired = size_text(change.slower, change.moved, change.turned)
+    say(f"{source}: repaired, {repaired}; checked again, written to {target}")

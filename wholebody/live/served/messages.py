@@ -25,7 +25,7 @@ class Served:
         clock: Whose time passes.
         report: Where a summary of the run is written at its end, as JSON, also if the program was killed; nowhere if
             empty.
-        gate: Whether what targets come to is judged by its plan, and held where it cannot be done nearly so.
+        gate: Whether what targets come to is judged by its plan, and rejected where it cannot be done nearly so.
     """
 
     scene: str = "floor"

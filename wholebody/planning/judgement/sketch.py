@@ -46,11 +46,11 @@ class Sketches:
 
     Args:
         planner: Holds robot, bounds, loads and where the feet stand.
-        far, awry: What a palm may be off, and turned away by [m], [rad].
+        moved, turned: How far a palm may be off, and turned away [m], [rad].
     """
 
-    def __init__(self, planner: ChunkPlanner, far: float, awry: float) -> None:
-        self._planner, self._scale = planner, (far, awry)
+    def __init__(self, planner: ChunkPlanner, moved: float, turned: float) -> None:
+        self._planner, self._scale = planner, (moved, turned)
         self._kept: tuple[tuple, TrajectoryProblem] | None = None
 
     def of(self, chunks: Sequence[ActionChunk], begin: Begin, free: tuple[bool, bool]) -> np.ndarray:

@@ -34,7 +34,7 @@ WITHIN = 0.5
 
 
 @dataclass(frozen=True)
-class Held:
+class HoldablePath:
     """Where palms are held, K knots.
 
     Attributes:
@@ -59,7 +59,7 @@ class HoldablePlaces:
     def __init__(self, body: RobotTables, config: TrajectoryConfig) -> None:
         self._still, self._weights = StillPostures(body, config, 2), replace(config, **PALM_SCALES)
 
-    def near(self, T_palms: np.ndarray, q_fingers: np.ndarray, start: np.ndarray, budget: Budget) -> Held:
+    def near(self, T_palms: np.ndarray, q_fingers: np.ndarray, start: np.ndarray, budget: Budget) -> HoldablePath:
         """The places nearest to the palms wanted at each of K knots, and postures there.
 
         The last knot's is searched for from the start and from a squat, the others' from the next one's back.
@@ -74,15 +74,15 @@ class HoldablePlaces:
         goal, fingers = T_palms[-1], q_fingers[-1]
         low = goal.copy()
         low[:, 2, 3] = np.minimum(low[:, 2, 3], SQUAT)
-        found = [self._led(goal, fingers, start, budget)]
-        found.append(self._led(goal, fingers, self._led(low, fingers, start, budget)[2], budget))
+        found = [self._nearest(goal, fingers, start, budget)]
+        found.append(self._nearest(goal, fingers, self._nearest(low, fingers, start, budget)[2], budget))
         _, held[-1, :, :3, 3], q[-1] = min(found, key=lambda one: one[0] + BETTER * (one is found[1]))
         for k in reversed(range(len(q) - 1)):
             self._search(T_palms[k], q_fingers[k], q[k + 1], FIRM[-1:], STEPS_NEXT, budget)
             held[k, :, :3, 3], q[k] = self._still.T_palms[1, :, :3, 3], self._still.q[1]
-        return Held(held, q, float(np.linalg.norm(held[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2).max()))
+        return HoldablePath(held, q, float(np.linalg.norm(held[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2).max()))
 
-    def _led(
+    def _nearest(
         self, goal: np.ndarray, q_fingers: np.ndarray, start: np.ndarray, budget: Budget
     ) -> tuple[float, np.ndarray, np.ndarray]:
         """How far the further palm stays from its goal [m], inf where bounds are exceeded; palms (2, 3), posture."""

@@ -21,7 +21,7 @@ from wholebody.planning.strategies.strategy import (
     FIRM_BOUNDS,
     FIRM_RELAXED,
     FREE_ORIENTATION,
-    HELD,
+    HOLDABLE,
     PARTED,
     PARTED_FIRM,
     RELAXED_ORIENTATION,
@@ -305,9 +305,9 @@ BETTER = (
 """What makes an attempt with full weight on the hands' positions better."""
 
 AT_A_SPEED = (
-    Row(too_heavy, HELD, holds, take=True),
+    Row(too_heavy, HOLDABLE, holds, take=True),
     Row(within_reach, better=BETTER),
-    Row(lacks_strength, HELD, holds, reserve=0, take=True),
+    Row(lacks_strength, HOLDABLE, holds, reserve=0, take=True),
     Row(follows, take=True),
     Row(out_of_reach, UNREACHABLE, steadier, reserve=RESERVE_UNREACHABLE, take=True),
     Row(far, better=BETTER),

@@ -101,7 +101,7 @@ FIRM_RELAXED = Strategy("firm_bounds", _firm_relaxed, BeginAt.LAST_ATTEMPT)
 """Firm bounds again, where palms may turn: a load is often held that way."""
 RELAXED_ORIENTATION = Strategy("relaxed_orientation", _relaxed, BeginAt.LAST_ATTEMPT)
 FREE_ORIENTATION = Strategy("free_orientation", _free, BeginAt.LAST_ATTEMPT)
-HELD = Strategy("held", _gentle_free, BeginAt.START)
+HOLDABLE = Strategy("holdable", _gentle_free, BeginAt.START)
 """Palms towards `HoldablePlaces`, the search beginning with its postures: for loads that cannot be held as given."""
 UNREACHABLE = Strategy("unreachable", lambda c: replace(c.posture, **HANDS_AS_FAR), BeginAt.PLAN_BEFORE)
 FALLBACK = Strategy("fallback", lambda c: replace(c.posture, **HANDS_LIGHT), BeginAt.PLAN_BEFORE)

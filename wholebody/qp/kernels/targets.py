@@ -64,7 +64,7 @@ def foot_up_target(tick: Packed, c: int) -> None:
     shorten(feedback, 3, largest[1])
     for k in range(6):
         target[k] = ref[18 + k] + kd * (ref[12 + k] - velocity[k]) + feedback[k] - drift[k]
-        weight[k] = tick.led * size[k // 3]
+        weight[k] = tick.swings * size[k // 3]
 
 
 def touching_target(

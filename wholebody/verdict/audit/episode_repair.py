@@ -70,9 +70,9 @@ class EpisodeRepairer:
         if factor is not None and retimed:
             return EpisodeRepair(slowed(self._policy.episode, factor), factor, 0.0, 0.0)
         speeds = (1.0, *self._checker.config.planner.slowdowns) if retimed else (1.0,)
-        return next(filter(None, map(self._led, speeds)), None)
+        return next(filter(None, map(self._moved, speeds)), None)
 
-    def _led(self, factor: float) -> EpisodeRepair | None:
+    def _moved(self, factor: float) -> EpisodeRepair | None:
         """The episode at a speed, with its hands where its plans command them."""
         asked, judge = slowed(self._policy.episode, factor), self._checker.judge
         led = self._commanded(prepare(asked, judge.planner.hand_limits).chunk)

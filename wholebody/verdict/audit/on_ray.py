@@ -10,7 +10,7 @@ from time import monotonic
 
 from wholebody.errors import InputError, require_extra
 from wholebody.verdict.audit.outcome import AuditOutcome, Judging
-from wholebody.verdict.audit.workers import LOADING, TRIES, said, too_long
+from wholebody.verdict.audit.workers import LOADING, TRIES, outcome_or_fault, too_long
 
 LOCAL = "local"
 """Address of a cluster that is begun here and ends with the audit."""
@@ -25,7 +25,7 @@ class _Actor:
 
     def judge(self, name: str) -> AuditOutcome | str:
         """An outcome, or what is wrong with the options."""
-        return said(self._judging, name)
+        return outcome_or_fault(self._judging, name)
 
 
 def outcomes(

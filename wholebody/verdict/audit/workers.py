@@ -128,12 +128,12 @@ def _work(make: Callable[[], Judging], pipe: Connection) -> None:
     judging = make()
     while True:
         try:
-            pipe.send(said(judging, pipe.recv()))
+            pipe.send(outcome_or_fault(judging, pipe.recv()))
         except (EOFError, BrokenPipeError):  # nobody asks any more, or listens
             return
 
 
-def said(judging: Judging, name: str) -> AuditOutcome | str:
+def outcome_or_fault(judging: Judging, name: str) -> AuditOutcome | str:
     """An outcome, or what is wrong with the options, which is so for every input."""
     try:
         return judging(name)

@@ -15,7 +15,7 @@ from wholebody.sim.record import Record
 from wholebody.types import RobotState
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.page.frames import FPS
-from wholebody.verdict.quantity import said
+from wholebody.verdict.quantity import size_text
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
 
@@ -86,5 +86,5 @@ def repaired(
     return Ghost(
         chunk.t_obs + (s - plan.start) / plan.rate,
         plan.trajectory.q[rows],
-        said(change.slower, change.moved, change.turned),
+        size_text(change.slower, change.moved, change.turned),
     )

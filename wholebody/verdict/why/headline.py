@@ -135,7 +135,7 @@ def _detail(verdict: Judged) -> str:
         return ""
     if verdict.verdict == "infeasible":
         if verdict.causes:
-            return f"because {verdict.causes[0].told}"
+            return f"because {verdict.causes[0].text}"
         if (number := _number(verdict.margins)) is not None and worst[0].code is not Reason.INTO_FLOOR:
             return f"because {number}"
     first = worst[0] if verdict.verdict == "infeasible" else next((x for x in worst if x.code in OF_A_HAND), worst[0])

@@ -106,7 +106,7 @@ class RunExplainer:
         """A verdict that no single change cures, with one of all: slower, and led to where plans have the hands."""
         if any(one.chunk is not None for one in verdict.would_do):
             return verdict
-        change = self._as_it_is(suspect) or (None if verdict.causes else self._slower(suspect)) or self._led(suspect)
+        change = self._as_it_is(suspect) or (None if verdict.causes else self._slower(suspect)) or self._moved(suspect)
         return self._with_change(verdict, suspect, change)
 
     def _with_change(self, verdict: Verdict, suspect: Suspect, change: Change | None) -> Verdict:
@@ -118,14 +118,14 @@ class RunExplainer:
             verdict,
             would_do=would_do,
             causes=[
-                with_changes(replace(one, sentence=one.told), would_do) if alone else one for one in verdict.causes
+                with_changes(replace(one, sentence=one.text), would_do) if alone else one for one in verdict.causes
             ],
         )
 
     def _as_it_is(self, suspect: Suspect) -> Change | None:
         """The chunk with no more than its numbers in their range."""
         inside = prepare(suspect.chunk, self.judge.planner.hand_limits).chunk
-        one = Change("led", 1.0, *changed(self.judge, suspect.chunk, inside), inside)
+        one = Change("combined", 1.0, *changed(self.judge, suspect.chunk, inside), inside)
         return self._sound(suspect, one) if one.moved <= MOVED_MOST else None
 
     def _slower(self, suspect: Suspect) -> Change | None:
@@ -144,7 +144,7 @@ class RunExplainer:
             low, high = (low, middle) if self._plays(suspect, at(middle).chunk) else (middle, high)
         return at(high)
 
-    def _led(self, suspect: Suspect) -> Change | None:
+    def _moved(self, suspect: Suspect) -> Change | None:
         """The chunk led to where plans at several speeds have the hands, half the way if that holds."""
         judge, inside = self.judge, prepare(suspect.chunk, self.judge.planner.hand_limits).chunk
         for factor in LED_SLOWER:
@@ -155,7 +155,7 @@ class RunExplainer:
                 goal = hands_of(plan, chunk)
                 for share in LED_SHARES:
                     led = towards(chunk, goal, share, share, judge.planner.offsets)
-                    one = Change("led", factor, *changed(judge, given, led), led)
+                    one = Change("combined", factor, *changed(judge, given, led), led)
                     if one.moved <= MOVED_MOST and self._sound(suspect, one) is not None:
                         return one
                 chunk = led

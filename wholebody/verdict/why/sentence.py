@@ -9,7 +9,7 @@ from math import inf
 from wholebody.planning.judgement.chunk_margins import AT_START
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.verdict.causes import Why, WouldDo
-from wholebody.verdict.quantity import MOVED_MIN, quantity, said
+from wholebody.verdict.quantity import MOVED_MIN, quantity, size_text
 from wholebody.verdict.why.cause import Cause
 
 SAID = {
@@ -50,7 +50,7 @@ def why(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = inf) ->
     """A cause for a verdict, its times moved on by ``since`` [s], none after the ``end`` [s]."""
     members = tuple(replace(one, time=one.time + since, step=one.step + round(since * fps)) for one in cause.members)
     text, time = sentence(cause, since, fps, end), min(cause.where[0] + since, end)
-    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=text, told=text)
+    return Why(codes=cause.kinds, members=members, time=time, irreducible=cause.irreducible, sentence=text, text=text)
 
 
 def sentence(cause: Cause, since: float = 0.0, fps: float = 0.0, end: float = inf) -> str:
@@ -77,7 +77,7 @@ def change_text(one: WouldDo) -> str:
     if one.bound is not None:
         value, bound = (quantity(number, one.bound.unit) for number in (one.bound.value, one.bound.bound))
         return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
-    text = said(one.slower, one.moved, one.turned, one.lighter, one.force)
+    text = size_text(one.slower, one.moved, one.turned, one.lighter, one.force)
     if not one.hand:
         return text
     text = text.replace("with a hand", f"with the {one.hand}", 1)

@@ -68,11 +68,11 @@ class SingleChanges:
 
     def moved(self) -> Change | None:
         """Palms led the least share of the way to where the plan has them."""
-        return self._led("moved", 1.0, 0.0)
+        return self._bent("moved", 1.0, 0.0)
 
     def turned(self) -> Change | None:
         """Palms turned the least share of the way to how the plan has them."""
-        return self._led("turned", 0.0, 1.0)
+        return self._bent("turned", 0.0, 1.0)
 
     def lighter(self) -> Change | None:
         """Lightening of the loads that are told, by the least share that helps."""
@@ -90,7 +90,7 @@ class SingleChanges:
             self._judge.carry(*loads)
         return None if share is None else Change("lighter", 1.0, 0.0, 0.0, self.chunk, share * sum(loads))
 
-    def _led(self, kind: ChangeKind, position: float, turn: float) -> Change | None:
+    def _bent(self, kind: ChangeKind, position: float, turn: float) -> Change | None:
         goal = hands_of(self._plan, self.chunk)
 
         def led(share: float) -> ActionChunk:
