@@ -119,7 +119,7 @@ class Executed:
 
 def _telling(record_loop: Callable, robot: Paced) -> Callable:
     @functools.wraps(record_loop)
-    def told(*args: object, **named: object) -> object:
+    def reporting(*args: object, **named: object) -> object:
         dataset = named.get("dataset")
         robot.begin("reset" if dataset is None else "episode")
         if dataset is None or robot.config.record == "requested":
@@ -130,4 +130,4 @@ def _telling(record_loop: Callable, robot: Paced) -> Callable:
         finally:
             done.finish()
 
-    return told
+    return reporting

@@ -32,9 +32,9 @@ def find(robot_id: str | None) -> Robot:
     there = [robot for robot in _robots.values() if robot.is_connected]
     found = there if robot_id is None else [robot for robot in there if robot.id == robot_id]
     if len(found) != 1:
-        said = ", ".join(str(robot.id) for robot in there) or "none"
+        ids = ", ".join(str(robot.id) for robot in there) or "none"
         raise ConnectionError(
-            f"the expert drives a connected robot of type wholebody_g1 in its own process; connected: {said}. "
+            f"the expert drives a connected robot of type wholebody_g1 in its own process; connected: {ids}. "
             "Use --robot.type=wholebody_g1, and --teleop.robot_id where there are several"
         )
     return found[0]

@@ -88,17 +88,17 @@ class Accepted:
             ChunkError: If wrist numbers are no rotation.
         """
         numbers, spec = self._numbers, self._numbers.spec
-        said = {name: value for name, value in given.items() if name in self.last}
+        now = {name: value for name, value in given.items() if name in self.last}
         grasps = {name: float(np.clip(given[name], 0.0, 1.0)) for name in GRASPS if name in given}
         fingers = {name: self._closed(name, closing) for name, closing in grasps.items()}
         for closed in fingers.values():
-            said = closed | said
-        said |= {name: float(np.clip(said[name], *bounds)) for name, bounds in numbers.bounds.items() if name in said}
-        anchor, going_back = numbers.anchor(observation), bool(given.keys() - said.keys() - grasps.keys())
+            now = closed | now
+        now |= {name: float(np.clip(now[name], *bounds)) for name, bounds in numbers.bounds.items() if name in now}
+        anchor, going_back = numbers.anchor(observation), bool(given.keys() - now.keys() - grasps.keys())
         try:
-            chunk = decode(spec, np.array([[(self.last | said)[name] for name in spec.feature_names]]), anchor)
+            chunk = decode(spec, np.array([[(self.last | now)[name] for name in spec.feature_names]]), anchor)
         except ChunkError:
-            turns = {name for name in said if "_wrist_r" in name}
+            turns = {name for name in now if "_wrist_r" in name}
             if not (going_back and turns):
                 raise
             # LeRobot's way back blends rotations number by number: where that gives none, a hand keeps its own.
@@ -106,7 +106,7 @@ class Accepted:
         self.last = dict(zip(spec.feature_names, encode_valid(spec, chunk, anchor)[0].tolist(), strict=True))
         poses = {"lhand": chunk.T_world_lhand[0], "rhand": chunk.T_world_rhand[0]}
         everything = poses | {"q_lhand": chunk.q_lhand[0], "q_rhand": chunk.q_rhand[0]}
-        parts = {part for prefix, part in _PARTS.items() if any(name.startswith(prefix) for name in said)}
+        parts = {part for prefix, part in _PARTS.items() if any(name.startswith(prefix) for name in now)}
         accepted = {name: self.last[name] for name in given if name in self.last}
         return everything, parts, accepted | grasps
 

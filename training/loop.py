@@ -56,9 +56,9 @@ class Steps:
         path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
         log, begin = self.folder / f"{name}.log", perf_counter()
         print(f"{name}: {Path(command).name}, its words are in {log}", flush=True)
-        with log.open("w") as said:
+        with log.open("w") as out:
             environment = {"OMP_NUM_THREADS": "1"} | os.environ | home | {"PYTHONPATH": path}
-            done = subprocess.run(words, stdout=said, stderr=subprocess.STDOUT, check=False, env=environment, cwd=ROOT)
+            done = subprocess.run(words, stdout=out, stderr=subprocess.STDOUT, check=False, env=environment, cwd=ROOT)
         self.seconds[name] = perf_counter() - begin
         print(f"{name}: {self.seconds[name]:.0f} s", flush=True)
         if done.returncode:
@@ -108,9 +108,9 @@ def evaluate(steps: Steps, task: str, checkpoint: Path, episodes: int, gate: boo
             env__report=report, env__discover_packages_path="lerobot_robot_wholebody", policy__path=checkpoint,
             policy__device="cpu", output_dir=out, eval__n_episodes=episodes, eval__batch_size=1, seed=100_000,
         )  # fmt: skip
-    told, falls = json.loads((out / "eval_info.json").read_text()), json.loads(report.read_text())["falls"]
+    found, falls = json.loads((out / "eval_info.json").read_text()), json.loads(report.read_text())["falls"]
     return {
-        "success": told["overall"]["pc_success"],
+        "success": found["overall"]["pc_success"],
         "episodes": episodes,
         "falls": falls,
         "seconds": steps.seconds.get(name),

@@ -24,8 +24,8 @@ def add_shown(plain: Path, whole: Path) -> None:
     shown = [name for name in names if name.startswith(("goal_", "object_"))]
     columns = [names.index(name) for name in shown]
     values = np.array(dataset.hf_dataset.with_format("numpy")[STATE], dtype=np.float32)[:, columns]
-    told = {"dtype": "float32", "shape": (len(shown),), "names": shown}
-    add_features(dataset, {SHOWN: (values, told)}, output_dir=whole, repo_id="loop/data")
+    feature = {"dtype": "float32", "shape": (len(shown),), "names": shown}
+    add_features(dataset, {SHOWN: (values, feature)}, output_dir=whole, repo_id="loop/data")
 
 
 if __name__ == "__main__":

@@ -51,8 +51,8 @@ def attach_file(mj: mujoco.MjSpec, scene: SceneFile) -> list[float]:
     except (ValueError, mujoco.FatalError) as error:
         if isinstance(error, RobotSpecError):
             raise
-        said = "".join(c if c.isprintable() else "?" for c in " ".join(str(error).split()))[:300]
-        raise RobotSpecError(f"scene '{scene.name}' is refused by MuJoCo: {said}") from error
+        text = "".join(c if c.isprintable() else "?" for c in " ".join(str(error).split()))[:300]
+        raise RobotSpecError(f"scene '{scene.name}' is refused by MuJoCo: {text}") from error
     return joints
 
 

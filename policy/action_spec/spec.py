@@ -58,8 +58,8 @@ class ActionSpec:
             raise SpecError(f"spec '{self.name}': {text}")
         for name, most in (("horizon", HORIZON_MAX), ("version", VERSION_MAX)):
             if type(getattr(self, name)) is not int or not 1 <= getattr(self, name) <= most:
-                said = f"{name} {getattr(self, name)!r:.40} must be at least 1 and at most {most}, a whole number"
-                raise SpecError(f"spec '{self.name}': {said}")
+                sentence = f"{name} {getattr(self, name)!r:.40} must be at least 1 and at most {most}, a whole number"
+                raise SpecError(f"spec '{self.name}': {sentence}")
         if not isinstance(self.masked, bool):
             raise SpecError(f"spec '{self.name}': masked is {self.masked!r:.40}; true or false is expected")
         names = [slot.name for slot in self.slots]

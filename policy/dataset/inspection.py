@@ -67,7 +67,7 @@ def action_findings(
     found += wrist_findings(spec, actions, anchor)
     found += closing_findings(spec, actions, fps)
     found += row_findings(actions)
-    found += _out_of_range(spec, names, q, told=any(one.level == "error" for one in found))
+    found += _out_of_range(spec, names, q, known=any(one.level == "error" for one in found))
     found += _start(names, q, measured or {})
     return sorted(found, key=lambda one: one.level != "error")
 
@@ -100,9 +100,9 @@ def _hinted(spec: ActionSpec, names: Sequence[str]) -> list[str]:
     return [name for name in names if name and "_hand_" not in name] if spec.slot("left_wrist_position") else []
 
 
-def _out_of_range(spec: ActionSpec, names: Sequence[str], q: np.ndarray, *, told: bool) -> list[Finding]:
+def _out_of_range(spec: ActionSpec, names: Sequence[str], q: np.ndarray, *, known: bool) -> list[Finding]:
     """Joints past their range: refused as those of datasets are, or noted; those that are only hints are noted."""
-    if told:
+    if known:
         return []
     hints = _hinted(spec, names)
     q = q.copy()

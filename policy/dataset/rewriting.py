@@ -31,7 +31,7 @@ def rewrite_dataset(
     target: str | Path,
     actions: Mapping[int, np.ndarray | None],
     *,
-    said: Mapping[str, Any],
+    facts: Mapping[str, Any],
     spec: ActionSpec | None = None,
 ) -> int:
     """Write a dataset (v3.0) whose episodes have other actions; videos are copied as they are.
@@ -44,7 +44,7 @@ def rewrite_dataset(
         target: Folder to write; must not exist.
         actions: New actions by episode, shape (n, D), or None to keep its own; episodes that are not named are left
             out.
-        said: Written to ``meta/repair.json``.
+        facts: Written to ``meta/repair.json``.
         spec: Layout of the new actions where they are joints, whose columns are found by their names; None where they
             are as the dataset has them.
 
@@ -65,7 +65,7 @@ def rewrite_dataset(
     check_videos(dataset)
     stored, columns = stored_columns(dataset), dict[str, list[np.ndarray]]()
     where = _Places(dataset, spec)
-    said = {**said, "kept_as_recorded": where.kept} if where.kept else said
+    facts = {**facts, "kept_as_recorded": where.kept} if where.kept else facts
     with DatasetWriter(Path(target), dataset.info, dataset.tasks) as writer:
         for old in episodes:
             rows = dataset.table(old, stored)
@@ -78,7 +78,7 @@ def rewrite_dataset(
             writer.add(episode, rows, {key: statistics(x) for key, x in found.items()} | dict(episode.camera_stats))
         whole = {key: statistics(np.concatenate(parts)) for key, parts in columns.items()}
         cameras = {key: dataset.stats[key] for key in dataset.cameras if key in dataset.stats}
-        writer.finish(whole | cameras, dict(_files(dataset, said)))
+        writer.finish(whole | cameras, dict(_files(dataset, facts)))
     return len(episodes)
 
 
@@ -136,10 +136,10 @@ class _Places:
         return rows
 
 
-def _files(dataset: Dataset, said: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _files(dataset: Dataset, facts: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Texts in ``meta``: layouts as in the source, and what was done."""
     for name in ("action_spec.json", "state_spec.json", "conversion.json"):
         file = dataset.folder / "meta" / name
         if file.is_file():
             yield name, file.read_text(encoding="utf-8")
-    yield "repair.json", json.dumps(said, indent=2) + "\n"
+    yield "repair.json", json.dumps(facts, indent=2) + "\n"

@@ -81,13 +81,13 @@ def sound_episodes(dataset: Dataset, columns: Columns, read_as: Sequence[str] = 
     suspicions: dict[str, list[Finding]] = {}
 
     def suspect(episode: Episode) -> None:
-        told = _findings(dataset, episode, columns, values[episode.index], read_as)
+        alike = _findings(dataset, episode, columns, values[episode.index], read_as)
         where = f"{dataset.folder}, episode {episode.index}"
         try:
-            settled(told, read_as, where)
+            settled(alike, read_as, where)
         except PolicyError as error:
             raise DatasetError(str(error)) from error
-        for one in told:
+        for one in alike:
             suspicions.setdefault(one.check, []).append(one)
 
     found.every(suspect)
@@ -95,9 +95,9 @@ def sound_episodes(dataset: Dataset, columns: Columns, read_as: Sequence[str] = 
     for key, (_, layout) in columns.items():
         if isinstance(layout, JointLayout) and not as_named:
             found.notes += check_values(layout, np.concatenate([one[key] for one in kept]), feature=key)
-    for told in suspicions.values():
-        share = f" (in {len(told)} of {len(kept)} episodes)" if len(kept) > 1 else ""
-        found.notes.append(f"{told[0].sentence}{share}")
+    for alike in suspicions.values():
+        share = f" (in {len(alike)} of {len(kept)} episodes)" if len(kept) > 1 else ""
+        found.notes.append(f"{alike[0].sentence}{share}")
     return found
 
 

@@ -167,10 +167,10 @@ class LeRobotPolicy:
             raise PolicyError(
                 f"the network returned {tuple(chunk.shape)}; (1, {self.spec.horizon}, {self.spec.dim}) is expected"
             )
-        chunk, said = self._contained(chunk)
+        chunk, notices = self._contained(chunk)
         # Once for the whole chunk and at once: relative actions are added to the state that was preprocessed last.
         actions = self.checkpoint.postprocessor(chunk)
-        return actions[0].detach().cpu().double().numpy(), [*notes, *missing, *said]
+        return actions[0].detach().cpu().double().numpy(), [*notes, *missing, *notices]
 
     @property
     def _converts(self) -> bool:

@@ -184,8 +184,11 @@ def _check_modes(config: PreTrainedConfig, pre: Any, post: Any) -> Iterator[Find
     """Refuse a kind of number with different normalisations: one that is not undone is not one."""
     cure = "take config.json and both processors from the same training run"
     for kind, key in (("ACTION", ACTION), ("STATE", STATE)):
-        said = getattr(config, "normalization_mapping", {}).get(kind)
-        modes = {"config.json": said.value if said is not None else "IDENTITY", "the pre-processor": mode_of(pre, kind)}
+        named = getattr(config, "normalization_mapping", {}).get(kind)
+        modes = {
+            "config.json": named.value if named is not None else "IDENTITY",
+            "the pre-processor": mode_of(pre, kind),
+        }
         if kind == "ACTION":
             modes["the post-processor"] = mode_of(post, kind)
         if len(set(modes.values())) > 1:

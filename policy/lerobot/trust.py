@@ -45,9 +45,9 @@ def check_policy_type(file: Path) -> None:
     kind = _object("config", file, "is no configuration of a LeRobot policy").get("type")
     known = PreTrainedConfig.get_known_choices()
     if not isinstance(kind, str) or kind not in known:
-        said = f"Policy type {printable(repr(kind), 80)} is not registered"
+        fault = f"Policy type {printable(repr(kind), 80)} is not registered"
         cure = f"policies of LeRobot that are run here: {', '.join(POLICY_TYPES)}"
-        raise fail("config", f"{file} is no configuration of a LeRobot policy: {said}", cure)
+        raise fail("config", f"{file} is no configuration of a LeRobot policy: {fault}", cure)
     # A policy that the running program itself has registered is its own responsibility.
     if kind not in POLICY_TYPES and known[kind].__module__.startswith(_PACKAGE):
         text = f"{file} is of the policy type '{kind}', which loads code or models that its file names"

@@ -130,11 +130,11 @@ def _likeliest(names: tuple[str, ...], values: np.ndarray, robot: RobotSpec) -> 
         gain, fit = float((before - after)[moved].mean()), float(after[moved].mean())
         whole = float((before - after).sum())
         if gain > GAIN and fit < FIT and whole > best[0]:
-            said = (
+            sentence = (
                 f"it looks as if {text}: the {len(moved)} columns that this moves fit their joints by {fit:.2f} then, "
             )
-            said += f"and by {before[moved].mean():.2f} as they are named (0 fits, {FIT:g} is doubtful)"
-            best = whole, Finding(code, "warning", said, f"--read-as {code} reads them so")
+            sentence += f"and by {before[moved].mean():.2f} as they are named (0 fits, {FIT:g} is doubtful)"
+            best = whole, Finding(code, "warning", sentence, f"--read-as {code} reads them so")
     if best[1] is not None:
         yield best[1]
 

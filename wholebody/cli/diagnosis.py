@@ -135,16 +135,16 @@ def _judge_chunk(chunk: ActionChunk, observation: Observation) -> list[Finding]:
         first, now = getattr(chunk, f"T_world_{hand}")[0], anchor.T_world_base @ anchor.poses[hand]
         offsets.append(float(np.linalg.norm(first[:3, 3] - now[:3, 3])))
         angles.append(float(angle_between(first[:3, :3], now[:3, :3])))
-    said = "; ".join(chunk.notes)
+    notes = "; ".join(chunk.notes)
     text = (
         f"{len(chunk)} finite steps, the first {1e3 * max(offsets):.0f} mm and {np.degrees(max(angles)):.0f}° "
-        f"from the nominal stance{f'; {said}' if said else ''}"
+        f"from the nominal stance{f'; {notes}' if notes else ''}"
     )
     if max(offsets) > START_MAX[0] or max(angles) > START_MAX[1]:
         bound = f"{START_MAX[0]} m or {np.degrees(START_MAX[1]):.0f}°"
         cure = f"more than {bound} is not followed at once: begin where demonstrations began"
         return [Finding("chunk", "warning", text, cure)]
-    if said:
+    if notes:
         return [Finding("chunk", "warning", text, "grey images and the nominal stance may be far from training")]
     return [Finding("chunk", "ok", text)]
 

@@ -157,8 +157,8 @@ def require_bounds(path: str, value: object, owner: type, where: str) -> None:
             continue
         (least, most), unit = bounds_of(path, meaning), unit_of(meaning)
         if not least <= number <= most:
-            said = f"{least:g} to {most:g}{f' {unit}' if unit else ''} is expected"
-            raise ConfigError(f"{where}: {path} is {number:.6g}; {said}", setting=path)
+            sentence = f"{least:g} to {most:g}{f' {unit}' if unit else ''} is expected"
+            raise ConfigError(f"{where}: {path} is {number:.6g}; {sentence}", setting=path)
 
 
 def require_run(name: str, value: float, says: str = "") -> None:

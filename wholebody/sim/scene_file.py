@@ -43,16 +43,16 @@ def scene_of(name: str) -> str | SceneFile:
     """
     if not name.lower().endswith(".xml"):
         return name
-    said = printable(name, 200)
+    shown = printable(name, 200)
     try:
         text = read_text(name, FILE_MAX)
         found = _Contents(text)
-        return SceneFile(said, text, _assets(Path(name).parent, found))
+        return SceneFile(shown, text, _assets(Path(name).parent, found))
     except (ReadingError, expat.ExpatError) as error:
         fault = error if isinstance(error, ReadingError) else f"is no XML: {error}"
-        raise RobotSpecError(f"scene '{said}' {fault}") from error
+        raise RobotSpecError(f"scene '{shown}' {fault}") from error
     except OSError as error:
-        raise RobotSpecError(f"scene '{said}' cannot be read: {error.strerror}") from error
+        raise RobotSpecError(f"scene '{shown}' cannot be read: {error.strerror}") from error
 
 
 class _Contents:

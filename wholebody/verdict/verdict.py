@@ -138,15 +138,15 @@ class Verdict:
         plain = asdict(replace(self, would_do=[replace(one, chunk=None) for one in self.would_do]))
         for one in plain["would_do"]:
             del one["chunk"]
-        told = {"violations": [asdict(v) | {"margin": v.margin} for v in self.violations], "headline": self.headline}
-        return plain | told
+        derived = {"violations": [asdict(v) | {"margin": v.margin} for v in self.violations], "headline": self.headline}
+        return plain | derived
 
 
 def with_why(verdict: Verdict, asked: Verdict) -> Verdict:
     """A verdict with what another one on the same input found when it was asked why; nothing where that is feasible."""
     names = "causes", "would_do", "why_complete", "search_finds", "tick"
-    told = replace(verdict, **{name: getattr(asked, name) for name in names})
-    return replace(told, search_finds=True) if asked.verdict == "feasible" else told
+    explained = replace(verdict, **{name: getattr(asked, name) for name in names})
+    return replace(explained, search_finds=True) if asked.verdict == "feasible" else explained
 
 
 def verdict_of(

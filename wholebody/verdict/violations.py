@@ -250,13 +250,13 @@ def _notes(result: EpisodeResult) -> Iterator[Violation]:
         yield Violation(code=code, severity=severity, subject=subject, time=note.time)
 
 
-def _reasons(result: EpisodeResult, told: set[Reason]) -> Iterator[Violation]:
+def _reasons(result: EpisodeResult, known: set[Reason]) -> Iterator[Violation]:
     """Reasons that the controller had and nothing above tells: how long, first when, and what was said then.
 
     Before the first chunk there is nothing to follow, and after the last one nothing is starved of anything.
     """
     for reason, seconds in result.reasons.items():
-        if reason in told or reason in (Reason.NO_CHUNK, Reason.STARVED):
+        if reason in known or reason in (Reason.NO_CHUNK, Reason.STARVED):
             continue
         time, detail = result.first_reasons.get(reason, (None, reason.sentence))
         # What is said of a slowed status is about the whole plan.

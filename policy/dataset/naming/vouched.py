@@ -33,8 +33,8 @@ def require_same_names(assume: ActionSpec, named: Sequence[tuple[str, str]], fea
     if says_nothing([name for _, name in named], assume.dim) or len(named) != assume.dim:
         return
     for column, (name, (part, spelt)) in enumerate(zip(column_names(assume)[0], named, strict=True)):
-        said = meaning(spelt, part, assume.robot).name
-        if said and said != name:
+        meant = meaning(spelt, part, assume.robot).name
+        if meant and meant != name:
             raise DatasetError(
                 f"'{feature}' column {column} is called '{spelt}', '{assume.name}' has {name or 'no joint'} there: the "
                 "order is another one; without --assume-spec the columns are mapped by their names",

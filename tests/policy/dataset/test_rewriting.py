@@ -45,7 +45,7 @@ def joints_of(folder, episode):
 def test_each_joint_keeps_its_column(tmp_path, order):
     parts = {"": ORDERS[order]}
     folder = write_dataset(tmp_path / "set", [one(parts)] * 2, named(parts), precision="float64")
-    rewrite_dataset(folder, tmp_path / "out", {0: None, 1: NEW[:FRAMES]}, said={}, spec=builtin("joint28"))
+    rewrite_dataset(folder, tmp_path / "out", {0: None, 1: NEW[:FRAMES]}, facts={}, spec=builtin("joint28"))
     found = joints_of(tmp_path / "out", 1)
     for i, name in enumerate(JOINT28):
         np.testing.assert_array_equal(found[name], NEW[:FRAMES, i])
@@ -60,7 +60,7 @@ def test_a_split_set_stays_split_and_a_joint_that_is_there_twice_is_changed_twic
     sound = {key: names for key, names in parts.items() if key != ".left_ee"}
     episode = one(sound) | {f"{key}.left_ee": np.ones((FRAMES, 3)) for key in ("action", "observation.state")}
     folder = write_dataset(tmp_path / "set", [episode] * 2, named(parts))
-    rewrite_dataset(folder, tmp_path / "out", {1: NEW}, said={"source": "set"}, spec=builtin("joint28"))
+    rewrite_dataset(folder, tmp_path / "out", {1: NEW}, facts={"source": "set"}, spec=builtin("joint28"))
     out = open_dataset(tmp_path / "out")
     assert [key for key in out.features if key.startswith("action")] == [f"action{part}" for part in parts]
     (episode,) = out.episodes

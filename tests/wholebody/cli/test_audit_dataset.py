@@ -72,7 +72,7 @@ def ahead(wrists, by):
 def test_a_hand_out_of_reach_is_led_back_and_the_pictures_stay(tmp_path, wrists):
     made = convert_dataset(write_v30(tmp_path / "joints"), tmp_path / "wrists").folder
     asked = {i: ahead(wrists, np.full(LENGTHS[i], by)) for i, by in enumerate((0.2, 0.48, 0.8))}
-    rewrite_dataset(made, tmp_path / "asked", asked, said={})
+    rewrite_dataset(made, tmp_path / "asked", asked, facts={})
     done = wholebody("audit", "asked", "--repair", "-j", "1", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     assert "1 of 2 that are not feasible as given are repaired" in done.stdout
@@ -96,7 +96,7 @@ def test_a_hand_too_fast_is_slowed_down_where_no_video_has_to_be_encoded_anew(tm
     made = convert_dataset(write_v30(tmp_path / "joints", cameras=False), tmp_path / "wrists").folder
     once = [0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, n)) for n in LENGTHS]
     fast = {0: ahead(wrists, 0.1 * once[0]), 1: ahead(wrists, 0.35 * once[1])}
-    rewrite_dataset(made, tmp_path / "asked", fast, said={})
+    rewrite_dataset(made, tmp_path / "asked", fast, facts={})
     done = wholebody("audit", "asked", "--repair", "-j", "1", cwd=tmp_path)
     (folder,) = (path for path in (tmp_path / "audit" / "repaired").iterdir() if path.is_dir())
     slower = json.loads((folder / "meta" / "repair.json").read_text())["repaired"]["1"]["slower"]
@@ -113,7 +113,7 @@ def test_a_hand_too_fast_is_slowed_down_where_no_video_has_to_be_encoded_anew(tm
 def test_a_dataset_with_videos_is_not_played_at_another_speed(tmp_path):
     made = convert_dataset(write_v30(tmp_path / "joints"), tmp_path / "wrists").folder
     with pytest.raises(DatasetError, match="encoded anew"):
-        rewrite_dataset(made, tmp_path / "slow", {0: None, 1: np.zeros((18, 32))}, said={})
+        rewrite_dataset(made, tmp_path / "slow", {0: None, 1: np.zeros((18, 32))}, facts={})
     with pytest.raises(DatasetError, match="none of its 3 episodes"):
-        rewrite_dataset(made, tmp_path / "none", {}, said={})
+        rewrite_dataset(made, tmp_path / "none", {}, facts={})
     assert not (tmp_path / "slow").exists()

@@ -147,8 +147,8 @@ class _Lines:
         self._next = now + LINE_EVERY
         loop, supervisor = self._session.loop, self._session.supervisor
         status = supervisor.status
-        said = f"{status.status.value}{f', {status.reason}' if status.reason else ''}"
-        text = f"{now:7.1f} s  {said:30s}  ticks missed {loop.lateness.missed}, plans late {supervisor.handover.late}"
+        state = f"{status.status.value}{f', {status.reason}' if status.reason else ''}"
+        text = f"{now:7.1f} s  {state:30s}  ticks missed {loop.lateness.missed}, plans late {supervisor.handover.late}"
         sys.stderr.write(f"\r{text}" if sys.stderr.isatty() else f"wholebody: {text}\n")
         sys.stderr.flush()
 

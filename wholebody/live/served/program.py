@@ -45,8 +45,8 @@ def seen_by(loop: ControlLoop, objects: np.ndarray, fallen: bool) -> Seen:
     supervisor = loop.supervisor
     observation = observe(loop.spec, supervisor, loop.state, now=loop.clock.now())
     status, chunk = supervisor.status, supervisor.chunk
-    said = (status.status.value, str(status.reason or ""))
-    return Seen(observation, objects, said, fallen, -inf if chunk is None else float(chunk.t_obs))
+    names = (status.status.value, str(status.reason or ""))
+    return Seen(observation, objects, names, fallen, -inf if chunk is None else float(chunk.t_obs))
 
 
 class RemoteProgram:

@@ -215,8 +215,8 @@ class ChunkJudge:
         """Whether a chunk's own numbers show that it is not done as given from there, with its first step."""
         numbers = self.numbers(chunk, begin, chunk.t_obs)
         forgiven = {Limit.FINGER_RANGE: FINGER_TOLERANCE, Limit.INTO_FLOOR: self.config.verdict.palm_feasible}
-        told = (Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE)
-        return any(code in numbers and numbers[code].margin < -forgiven.get(code, 0.0) for code in told)
+        limits = (Limit.START, Limit.FINGER_RANGE, Limit.INTO_FLOOR, Limit.SCENE_DISTANCE)
+        return any(code in numbers and numbers[code].margin < -forgiven.get(code, 0.0) for code in limits)
 
     def start_margin(self, chunk: ActionChunk, begin: Begin, now: float) -> Margin:
         """How far a chunk begins from where the hands are then, now [s], against what is no continuation any more."""

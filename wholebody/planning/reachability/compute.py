@@ -149,14 +149,14 @@ def pupil(teachers: list[Network], n: int) -> Network:
     """A network that is asked in microseconds, fitted to what its teachers say of n pairs."""
     generator = np.random.default_rng(len(teachers))
     asked = draw_often_asked(n, generator)
-    told = np.mean([logits(one, asked) for one in teachers], axis=0)
-    return fit(untrained(generator), inputs(asked), likely(told), LESSONS, generator)
+    answers = np.mean([logits(one, asked) for one in teachers], axis=0)
+    return fit(untrained(generator), inputs(asked), likely(answers), LESSONS, generator)
 
 
 def _near_the_border(network: Network, n: int, generator: np.random.Generator) -> Pairs:
     """Pairs drawn with a chance that is the greater the less the network is sure of them."""
     pool = draw_often_asked(POOL * n, generator)
-    told = likely(logits(network, pool))
-    unsure = told * (1.0 - told)
+    likelihood = likely(logits(network, pool))
+    unsure = likelihood * (1.0 - likelihood)
     chance = (1.0 - ANYWHERE) * unsure / unsure.sum() + ANYWHERE / len(pool)
     return pool[generator.choice(len(pool), n, replace=False, p=chance)]

@@ -77,9 +77,9 @@ def _child(backend: str, recording: str | Path, output: str | Path, timeout: flo
     child = subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace"
     )
-    said, complaints = _lines(child.stdout), _lines(child.stderr)
+    answers, complaints = _lines(child.stdout), _lines(child.stderr)
     try:
-        while (line := said.get(timeout=timeout)) is not None:
+        while (line := answers.get(timeout=timeout)) is not None:
             done, _, total = line.strip().partition(" ")
             if done.isdigit() and total.isdigit():
                 progress(int(done), int(total))

@@ -161,7 +161,7 @@ class Scene:
         why = f" ({self.reason}): {self.detail or self.reason.sentence}" if self.reason else ""
         numbers = []
         if self.errors is not None:
-            numbers += [f"{side} palm off by {said}" for side, said in zip(SIDES, self._off(), strict=True)]
+            numbers += [f"{side} palm off by {distance}" for side, distance in zip(SIDES, self._off(), strict=True)]
         margin = self.balance_margin
         numbers.append("in the air" if margin is None else f"balance margin {1e3 * margin:.0f} mm")
         if self.asked is not None and abs(self.rate - 1.0) >= 0.005:

@@ -99,7 +99,7 @@ def write_datasets(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> list
         }
         spec = next(iter(files.values())).spec
         joints = spec if spec.slot("left_wrist_position") is None else None
-        rewrite_dataset(source, target, kept | repaired, said=facts, spec=joints)
+        rewrite_dataset(source, target, kept | repaired, facts=facts, spec=joints)
         written.append(target)
     return written
 

@@ -248,5 +248,5 @@ def score(verdict: Verdict, bounds: VerdictConfig) -> float:
 def _sketched(index: int, lacks: np.ndarray) -> Ranked:
     worst, kind = float(lacks.max()), KINDS[int(lacks.argmax())]
     more = STEEP * max(worst - LACKS[-1], 0.0)
-    told = f"{kind.sentence} is about {worst:.2g} times what is done as given"
-    return Ranked(index, min(float(np.interp(worst, LACKS, SCORES)) + more, CUT), "sketch", told)
+    text = f"{kind.sentence} is about {worst:.2g} times what is done as given"
+    return Ranked(index, min(float(np.interp(worst, LACKS, SCORES)) + more, CUT), "sketch", text)

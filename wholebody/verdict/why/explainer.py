@@ -92,10 +92,10 @@ class Explainer:
         self.asked = program, found
         if not found:
             return replace(verdict, why_complete=every)
-        told, at_most = [why(one, since, chunk.fps, end) for one in found], 0.5 * (WHY_WORK - program.work)
+        whys, at_most = [why(one, since, chunk.fps, end) for one in found], 0.5 * (WHY_WORK - program.work)
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
         # A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
-        at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in told) or not program.rests()
+        at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in whys) or not program.rests()
         idle, kinds = SimpleQueue(), () if sound is None else CHANGES
 
         def changed(kind: ChangeKind) -> tuple[Change | None, bool]:
@@ -111,7 +111,7 @@ class Explainer:
             for twin in self._twins:
                 idle.put(twin)
             try:
-                raised = _raised(program, told, since)
+                raised = _raised(program, whys, since)
                 tick = None if of_numbers else self.prover.of(program, since)
             finally:
                 idle.put(self._judge)
@@ -119,9 +119,9 @@ class Explainer:
         found = [x if x.kind == "lighter" else sound(x) for x, _ in changes if x is not None]
         would_do = [would_change(self._judge, chunk, x) for x in found if x is not None]
         would_do = [one for one in would_do + raised if makes_sense(one)]
-        told = [with_changes(told[0], would_do)] if len(told) == 1 else told
+        whys = [with_changes(whys[0], would_do)] if len(whys) == 1 else whys
         every = every and all(complete for _, complete in changes)
-        return replace(verdict, causes=told, would_do=would_do, tick=tick, why_complete=every)
+        return replace(verdict, causes=whys, would_do=would_do, tick=tick, why_complete=every)
 
     def single_changes(
         self,
@@ -150,17 +150,17 @@ class Explainer:
 
 def would_change(judge: ChunkJudge, chunk: ActionChunk, change: Change) -> WouldDo:
     """A change for a verdict: which hand it moves most, at which step and by what."""
-    told = WouldDo(change.kind, change.slower, change.moved, change.turned, change.lighter)
+    one = WouldDo(change.kind, change.slower, change.moved, change.turned, change.lighter)
     if change.kind == "lighter":
-        return told
-    told = replace(told, chunk=change.chunk)
+        return one
+    one = replace(one, chunk=change.chunk)
     by = judge.asked(change.chunk)[0] - judge.asked(slowed(chunk, change.slower))[0]
     if change.kind == "slower" or len(by) == 0:
-        return told
+        return one
     turned = angle_between(judge.asked(change.chunk)[1], judge.asked(slowed(chunk, change.slower))[1])
     size = turned if change.kind == "turned" else np.linalg.norm(by, axis=2)
     step, side = np.unravel_index(size.argmax(), size.shape)
-    return replace(told, hand=HANDS[side], step=int(step), by=tuple(by[step, side].tolist()))
+    return replace(one, hand=HANDS[side], step=int(step), by=tuple(by[step, side].tolist()))
 
 
 def makes_sense(one: WouldDo) -> bool:

@@ -80,12 +80,12 @@ class RunExplainer:
         of_all, every = asked[0], len(every_own) <= SUSPECTS
         for suspect in asked[:SUSPECTS]:
             sound = None if self.whole is not None and suspect is not of_all else partial(self._sound, suspect)
-            told = self.explainer.explained(
+            found = self.explainer.explained(
                 verdict, suspect, self.run.result.orientation_free, self.run.result.start, sound, end
             )
-            if told.causes:
-                return self._with_some_change(told, suspect if self.whole is None else of_all)
-            every = every and told.why_complete
+            if found.causes:
+                return self._with_some_change(found, suspect if self.whole is None else of_all)
+            every = every and found.why_complete
         verdict = replace(verdict, search_finds=every and self.judge.scene is None, why_complete=every)
         return self._with_some_change(verdict, of_all)
 
