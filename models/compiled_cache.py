@@ -18,7 +18,7 @@ from models.cache import cache_dir, whole_file
 from models.spec import RobotSpec
 from models.urdf import light_urdf
 
-KEPT = 8
+MODELS_KEPT = 8
 """Models that are kept, 17 MB each; the oldest goes when one more is made."""
 
 
@@ -44,7 +44,7 @@ def compiled(spec: RobotSpec, build: Callable[[], mujoco.MjSpec], **settings: ob
     with whole_file(made) as temporary:
         mujoco.mj_saveModel(model, str(temporary), None)
     made.replace(folder / f"{key}-{_content(made)}.mjb")
-    for old in sorted(folder.glob("*.mjb"), key=lambda path: path.stat().st_mtime)[:-KEPT]:
+    for old in sorted(folder.glob("*.mjb"), key=lambda path: path.stat().st_mtime)[:-MODELS_KEPT]:
         old.unlink(missing_ok=True)
     return model
 

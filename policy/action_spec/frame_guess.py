@@ -16,12 +16,12 @@ SHOULDERS = {"left": (0.0, 0.136, 0.302), "right": (0.0, -0.136, 0.302)}
 """Centre of what a wrist reaches, in the pelvis of an upright robot [m]."""
 ARM_REACH = 0.383
 """Largest distance of a wrist from it [m]. Source of both: the sphere around 20 000 random arm postures."""
-LEAN = 0.1
+LEAN_MIN = 0.1
 """What leaning adds at least [m]."""
-FAR, NEAR = 0.3, 0.15
+FAR_MIN, NEAR_MIN = 0.3, 0.15
 """Distances of a first step from the hand [m] that make another frame likely: further than a chunk may begin in its
 own, and no further than a chunk is ahead of the hand in the other."""
-ROOM = 5.0
+UNIT_DISTANCE = 5.0
 """Distance of a wrist from the pelvis from which its numbers are in another unit [m]; chosen: what no task asks of a
 robot that stands, and little in millimetres."""
 
@@ -64,7 +64,7 @@ def pelvis_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple
     if not slots or any(slot.frame != "stance" for slot in slots):
         return ()
     away = np.array([_from_hand(slot, actions[0], anchor) for slot in slots])
-    if not ((away[:, 0] > FAR) & (away[:, 1] < NEAR)).all():
+    if not ((away[:, 0] > FAR_MIN) & (away[:, 1] < NEAR_MIN)).all():
         return ()
     p = ", ".join(f"{x:.2f}" for x in slots[0].to_si(actions[0, slots[0].indices]))
     return (
@@ -86,7 +86,7 @@ def unit_guess(wrists: Mapping[str, np.ndarray], anchor: Anchor) -> tuple[str, .
     """
     away = {hand: np.linalg.norm(T[:, :3, 3] - anchor.T_world_base[:3, 3], axis=1).max() for hand, T in wrists.items()}
     hand = max(away, key=away.get)
-    if not away[hand] > ROOM:
+    if not away[hand] > UNIT_DISTANCE:
         return ()
     side = {"lhand": "left", "rhand": "right"}[hand]
     return (
@@ -109,4 +109,4 @@ def _only_in_world(slot: Slot, numbers: np.ndarray, anchor: Anchor) -> bool:
     T_world_frame = frame_pose(slot, anchor)
     in_frame = np.linalg.norm(T_world_frame[:3, :3] @ p + T_world_frame[:3, 3] - T_world_shoulder[:3, 3])
     in_world = np.linalg.norm(p - T_world_shoulder[:3, 3])
-    return bool(in_world <= ARM_REACH + tool < in_frame - LEAN)
+    return bool(in_world <= ARM_REACH + tool < in_frame - LEAN_MIN)

@@ -23,7 +23,7 @@ STEP, TURN = 0.03, 0.15
 compliance and calibration of a standing robot's legs show, well below any step."""
 LEGS = {"left": "left_leg", "right": "right_leg"}
 """Limb of each side (`models.spec.RobotSpec.limbs`)."""
-APART = 0.05
+FEET_DIFFERENCE = 0.05
 """Difference from how the feet stand here, from which a chunk has a note [m]; chosen: past it balance is another."""
 TILTED = 0.1
 """Difference of a tilt that is asked for from the pelvis's, from which a chunk has a note [rad]; chosen: as `STEP`."""
@@ -96,7 +96,7 @@ def _over_feet(
             slot="left_leg",
         )
     notes, off = (), between[1, :3, 3] - between[0, :3, 3]
-    if np.linalg.norm(off) > APART:
+    if np.linalg.norm(off) > FEET_DIFFERENCE:
         notes += (
             f"the feet stand {np.linalg.norm(first[:3, 3]):.2f} m apart by the legs of the first step, "
             f"{np.linalg.norm(between[0, :3, 3]):.2f} m here: the pelvis is over the middle of both",

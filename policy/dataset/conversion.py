@@ -46,10 +46,10 @@ PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 """Whether the joints of a feature were sent to the motors or read from them."""
 PROVENANCE_OF_ACTION = {"requested": "commanded", "executed": "measured, a row later"}
 """What the actions of a result are, by the setting ``action``."""
-KEPT = "source."
+KEPT_PREFIX = "source."
 """In front of the names of kept joint columns: LeRobot takes what begins with ``action`` or ``observation`` as input or
 output of policies."""
-REQUESTED = f"{KEPT}requested"
+REQUESTED = f"{KEPT_PREFIX}requested"
 """Commanded wrists beside executed ones."""
 Progress = Callable[[float, float], None]
 
@@ -196,7 +196,7 @@ class _Work:
         for key, conversion in self.conversions.items():
             before = {name: features.pop(name) for name in self.sources[key].features}
             if self.settings.keep_joints:
-                features |= {KEPT + name: feature for name, feature in before.items()}
+                features |= {KEPT_PREFIX + name: feature for name, feature in before.items()}
             features[key] = dict(next(iter(before.values())))
             layout = conversion.target
             facts = {"provenance": provenance(key, self.settings), "layout": layout.id, "hash": layout.hash}
@@ -225,7 +225,7 @@ class _Work:
             split = np.split(joints, np.cumsum(source.widths)[:-1], axis=1)
             for name, part in zip(source.features, split, strict=True):
                 if self.settings.keep_joints:
-                    rows = set_column(rows, KEPT + name, part)
+                    rows = set_column(rows, KEPT_PREFIX + name, part)
                 if name != key:
                     rows = rows.drop_columns([name])
             rows = set_column(rows, key, columns[key])

@@ -25,7 +25,7 @@ from policy.suspicion.rows import row_findings
 START = 0.15
 """Difference of a first step from the measured joints of the same file from which it is told [rad]; chosen: policies
 begin within a tenth of it."""
-TOLERANCE = 1e-3
+RANGE_SLACK = 1e-3
 """How far a joint may be asked past its range without a word [rad]; chosen: rounding of files and networks."""
 
 
@@ -139,7 +139,7 @@ def _hints(
         index = robot.index(names[i])
         low, high = robot.position_min[index], robot.position_max[index]
         excess = float(np.maximum(low - q[:, i], q[:, i] - high).max())
-        if excess > TOLERANCE and "_hand_" not in names[i]:
+        if excess > RANGE_SLACK and "_hand_" not in names[i]:
             worst[names[i]] = (excess, low, high)
     return [
         Finding("joint_range", "warning",

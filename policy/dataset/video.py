@@ -20,7 +20,7 @@ VIDEO_SIZE_MAX = 64 * 2**30
 """Largest video file [bytes]; it is copied, never read as a whole."""
 BOXES_MAX = 100_000
 """Most boxes on one level."""
-SLACK = 0.05
+END_SLACK = 0.05
 """What the end of an episode may be beyond the end of its video [s]: a frame at 20 Hz."""
 
 
@@ -48,7 +48,7 @@ def check_video(file: Path, until: float, feature: str) -> None:
         raise DatasetError(f"{file} {error}; download it again", feature=feature) from error
     except (struct.error, IndexError) as error:
         raise DatasetError(f"{file} is cut off within a box; download it again", feature=feature) from error
-    if not until <= seconds + SLACK:
+    if not until <= seconds + END_SLACK:
         text = f"{file} lasts {seconds:.3f} s, its episodes go on until {until:.3f} s"
         raise DatasetError(f"{text}: it is cut off, or of another recording; download it again", feature=feature)
 

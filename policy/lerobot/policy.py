@@ -28,7 +28,7 @@ from policy.lerobot.stats import ACTION, mode_of, normaliser
 from policy.observation import Observation
 from policy.prefix import Prefix
 
-BEYOND = 1.2
+RANGE_MULTIPLE = 1.2
 """Multiple of the trained range past which a predicted number is mentioned."""
 
 
@@ -55,7 +55,7 @@ class LeRobotPolicy:
         self.inputs = Inputs(checkpoint)
         step = normaliser(checkpoint.postprocessor, inverse=True)
         by_deviation = step is not None and mode_of(step, "ACTION") == "MEAN_STD"
-        self._beyond = BEYOND * (0.5 * DEVIATIONS_99 if by_deviation else 1.0)
+        self._beyond = RANGE_MULTIPLE * (0.5 * DEVIATIONS_99 if by_deviation else 1.0)
         self._clock = EpisodeClock()
         self.reset()
 

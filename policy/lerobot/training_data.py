@@ -27,7 +27,7 @@ from policy.lerobot.features import camera_keys, compare_names, relative_step
 from policy.lerobot.prompt import longest_prompt, token_count, tokenizer_step
 from policy.lerobot.stats import ACTION, RANGES, STATE, mode_of, normaliser
 
-TOLERANCE = 0.02
+STATS_TOLERANCE = 0.02
 """Part of a number's range by which statistics may differ from those of the data. LeRobot's histograms of 5000 bins
 are within 0.0002 of an episode's range; averages over episodes are off by tenths."""
 
@@ -197,7 +197,7 @@ def _check_stats(
         return
     true = statistics(values)
     off = _difference(mode, (first, second), tuple(true[name] for name in RANGES[mode]))
-    if not off.max() > TOLERANCE:
+    if not off.max() > STATS_TOLERANCE:
         return
     i, (low, high) = int(off.argmax()), RANGES[mode]
     text = (

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lerobot.policies.pretrained import PreTrainedPolicy
 
 WEIGHTS_FILE = "model.safetensors"
-NUMBERS_MAX, SPARE = 8_000_000_000, 1_000_000
+NUMBERS_MAX, FILELESS_MAX = 8_000_000_000, 1_000_000
 """Most numbers of a network without a file, twice those of π0.5, and how many a network may compute by itself."""
 _NAMED_MAX = 3
 """Tensors that a sentence names; the others are counted."""
@@ -40,7 +40,7 @@ def load_network(folder: Path, config: PreTrainedConfig) -> PreTrainedPolicy:
     file = folder / WEIGHTS_FILE
     stored = _stored_shapes(file)
     kind = get_policy_class(config.type)
-    _require_size(kind, config, 2 * sum(map(prod, stored.values())) + SPARE, f"what {file} has")
+    _require_size(kind, config, 2 * sum(map(prod, stored.values())) + FILELESS_MAX, f"what {file} has")
     try:
         with quiet():
             network = kind.from_pretrained(folder, config=config, strict=True)

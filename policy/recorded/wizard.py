@@ -13,7 +13,7 @@ import numpy as np
 from policy.action_spec.anchor import Anchor
 from policy.action_spec.builtin import LAYOUTS, builtin
 from policy.action_spec.codec import decode
-from policy.action_spec.frame_guess import ARM_REACH, LEAN, ROOM, SHOULDERS
+from policy.action_spec.frame_guess import ARM_REACH, LEAN_MIN, SHOULDERS, UNIT_DISTANCE
 from policy.action_spec.mask import full_mask
 from policy.action_spec.slot import CLOSING, QuaternionOrder, Rot6dLayout, Slot
 from policy.action_spec.spec import ActionSpec
@@ -122,7 +122,7 @@ def _variants(spec: ActionSpec, numbers: WizardInput) -> list[ActionSpec]:
         return []
     codes = {one.check for one in action_findings(spec, numbers.values, Anchor.nominal(), spec.fps)}
     places = [slot for slot in spec.slots if slot.kind == "position" and slot.unit == "m"]
-    if places and np.abs(numbers.values[:, places[0].indices]).max() > ROOM:
+    if places and np.abs(numbers.values[:, places[0].indices]).max() > UNIT_DISTANCE:
         codes.add("unit")
     found: list[ActionSpec] = []
 
@@ -192,7 +192,7 @@ def _fit(spec: ActionSpec, numbers: WizardInput) -> Fit:
     for side, T in (("left", chunk.T_world_lhand), ("right", chunk.T_world_rhand)):
         shoulder = anchor.T_world_base[:3, :3] @ np.array(SHOULDERS[side]) + anchor.T_world_base[:3, 3]
         away = np.linalg.norm(T[:, :3, 3] - shoulder, axis=1)
-        reached.append(np.mean(away <= ARM_REACH + LEAN))
+        reached.append(np.mean(away <= ARM_REACH + LEAN_MIN))
     share = float(min(reached))
     why.append(f"both wrists are within reach in {share:.0%} of the rows")
     if share < REACH_SHARE:

@@ -10,7 +10,7 @@ from policy.action_spec.slot import DEX1_OPEN
 from policy.action_spec.spec import ActionSpec
 from policy.findings import Finding
 
-SHARE_MAX, MOVES = 1.1, 0.3
+SHARE_MAX, GRIPPER_MOVE_MIN = 1.1, 0.3
 """Largest number of a gripper that is given as a share of its range, and least movement that tells; chosen."""
 OUTSIDE, STEPS_SHARE = 0.5, 0.1
 """How far past 0 to 1, and in which share of the steps, closing numbers are of another range; chosen: past
@@ -35,7 +35,7 @@ def closing_findings(spec: ActionSpec, actions: np.ndarray, fps: float) -> list[
 
 
 def _share(name: str, numbers: np.ndarray) -> Iterator[Finding]:
-    if numbers.min() >= -0.1 and numbers.max() <= SHARE_MAX and np.ptp(numbers) >= MOVES:
+    if numbers.min() >= -0.1 and numbers.max() <= SHARE_MAX and np.ptp(numbers) >= GRIPPER_MOVE_MIN:
         yield Finding(
             "gripper_share", "warning",
             f"{name} is {numbers.min():.2g} to {numbers.max():.2g}, {np.ptp(numbers) / DEX1_OPEN:.0%} of its range "

@@ -11,7 +11,7 @@ from policy.suspicion.rows import ROWS_MIN
 
 DELAY_MAX = 0.4
 """Longest delay that is looked for [s]; chosen: past what a motor, a network and a recorder take together."""
-MOVES = 0.02
+JOINT_MOVE_MIN = 0.02
 """Least movement of a commanded joint that shows a delay [rad]; chosen: ten times an encoder's noise."""
 
 
@@ -53,7 +53,7 @@ def joint_gaps(state: np.ndarray, action: np.ndarray, names: Sequence[str], fps:
     best = spread.argmin(axis=0)
     found = []
     for i, name in enumerate(names):
-        is_delayed = np.ptp(action[:, i]) > MOVES and best[i] < len(lags) - 1
+        is_delayed = np.ptp(action[:, i]) > JOINT_MOVE_MIN and best[i] < len(lags) - 1
         lag = int(best[i]) if is_delayed else 0
         rest = state[lag:, i] - action[: n - lag, i]
         offset = float(np.median(rest))

@@ -28,7 +28,7 @@ ROWS_MIN = 12
 """Fewest rows that say anything about an order or about differences; chosen: 0.4 s at 30 Hz."""
 NORM = 2e-3
 """How far the norm of four columns may be from 1 in every row of a quaternion; chosen: four printed digits."""
-FAR = 0.2
+OUT_OF_RANGE = 0.2
 """How far out of its range a joint that stands still cannot be [rad]; chosen: past what calibration misses by."""
 SIGN_SHARE = 0.5
 """Share of the rows in which fingers bend the wrong way, from which their sign is another one; chosen."""
@@ -165,7 +165,7 @@ def _constant(names: Sequence[str], values: np.ndarray, joints: list[int], robot
         if np.ptp(values[:, i]) <= STILL and _outside(names[i], values[:, i], robot) == 1.0:
             index = robot.index(names[i])
             low, high = robot.position_min[index], robot.position_max[index]
-            far = max(low - values[0, i], values[0, i] - high) > FAR
+            far = max(low - values[0, i], values[0, i] - high) > OUT_OF_RANGE
             yield Finding(
                 "constant_out_of_range", "error" if far else "warning",
                 f"{names[i]} is {values[0, i]:.4g} rad in every row, out of its range of {low:.3g} to {high:.3g} rad",

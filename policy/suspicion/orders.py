@@ -27,7 +27,7 @@ MIRRORED = ("hip_roll", "hip_yaw", "ankle_roll", "waist_yaw", "waist_roll", "sho
 """Joints whose sign is the other one on the right side."""
 FINGER = 0.8
 """Spread of a finger around the middle of its range [rad]; chosen: half of a range."""
-BEYOND, WEIGHT = 0.1, 6.0
+PAST_RANGE, WEIGHT = 0.1, 6.0
 """How far past its range a joint counts as out of it [rad], and what that counts for; chosen: as `ORDER_MARGIN` with a
 third of it, and twice the largest share of a column that is in range."""
 CAP = 3.0
@@ -107,7 +107,7 @@ def misfit(names: Sequence[str], values: np.ndarray, robot: RobotSpec) -> np.nda
         index, q = robot.index(name), values[:, column]
         low, high = robot.position_min[index], robot.position_max[index]
         middle, spread = _typical(name, low, high)
-        beyond = np.maximum(low - q, q - high) > BEYOND
+        beyond = np.maximum(low - q, q - high) > PAST_RANGE
         found[column] = np.mean(np.minimum(((q - middle) / spread) ** 2, CAP) + WEIGHT * beyond)
     return found
 

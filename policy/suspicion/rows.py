@@ -12,15 +12,15 @@ ROWS_MIN = 8
 """Fewest rows that tell; chosen."""
 DOUBLED = 0.9
 """Share of every second step that must stand still, while the others move, of doubled rows; chosen."""
-JUMP = 1.3
+ROLLED_JUMP = 1.3
 """How many times the largest other step the step next to a rolled row must be at least; measured: as
 `policy.suspicion.joint_table.GAIN`."""
-NEAR = 1.5
+ROLLED_NEAR = 1.5
 """Largest distance of a rolled row from the other end, in the largest other step; chosen: one step more."""
 EQUAL, COMPLEMENT = 1e-7, 0.02
 """Difference of numbers that are the same but for single precision, and of grippers that are complements, in their
 range; chosen."""
-OFFSET, LAG_MAX = 0.05, 5
+CONSTANT_OFFSET, LAG_MAX = 0.05, 5
 """Constant difference of state and action that is told [rad], chosen: past what gravity bends; most steps of delay that
 are looked for."""
 
@@ -54,7 +54,7 @@ def _rolled(values: np.ndarray) -> Iterator[Finding]:
         ("rows_rolled_back", steps[-1], steps[:-1], "last"),
     ):
         gap = np.linalg.norm(values[0] - values[-1])
-        if at > JUMP * others.max() and gap <= NEAR * others.max() and at > EQUAL:
+        if at > ROLLED_JUMP * others.max() and gap <= ROLLED_NEAR * others.max() and at > EQUAL:
             yield Finding(
                 code, "warning",
                 f"the {place} row is {at:.3g} from the one beside it, {at / max(others.max(), 1e-12):.0f} times any "
@@ -79,7 +79,7 @@ def state_findings(state: np.ndarray, action: np.ndarray, names: Sequence[str]) 
     state, action = np.asarray(state, dtype=float), np.asarray(action, dtype=float)
     if state.shape != action.shape or len(state) < ROWS_MIN or not np.ptp(action, axis=0).any():
         return []
-    if np.ptp(state, axis=0).max() <= EQUAL and np.ptp(action, axis=0).max() > OFFSET:
+    if np.ptp(state, axis=0).max() <= EQUAL and np.ptp(action, axis=0).max() > CONSTANT_OFFSET:
         return [_copied("the state is the same in every row, and the action moves")]
     for lag in range(LAG_MAX + 1):
         if np.abs(state[lag:] - action[: len(action) - lag]).max() <= EQUAL:
@@ -114,7 +114,7 @@ def _offsets(state: np.ndarray, action: np.ndarray, names: Sequence[str]) -> Ite
     lag = min(range(LAG_MAX + 1), key=lambda k: float(np.mean((state[k:] - action[: len(action) - k]) ** 2)))
     gaps = state[lag:] - action[: len(action) - lag]
     middle, spread = np.median(gaps, axis=0), gaps.std(axis=0)
-    off = [i for i in range(len(names)) if abs(middle[i]) > OFFSET and spread[i] < 0.2 * abs(middle[i])]
+    off = [i for i in range(len(names)) if abs(middle[i]) > CONSTANT_OFFSET and spread[i] < 0.2 * abs(middle[i])]
     if off:
         i = max(off, key=lambda i: abs(middle[i]))
         yield Finding(

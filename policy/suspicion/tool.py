@@ -7,7 +7,7 @@ import numpy as np
 from policy.findings import Finding
 from policy.suspicion.rows import LAG_MAX, ROWS_MIN
 
-TOLD = 0.02
+TOOL_OFFSET = 0.02
 """Distance of a hand's position from its wrist by the joints from which it is told [m]; chosen: past calibration, and
 under the 0.05 m that teleoperation adds."""
 STEADY = 0.3
@@ -25,13 +25,13 @@ def tool_findings(side: str, T_base_hand: np.ndarray, p_base_given: np.ndarray) 
     T, given = np.asarray(T_base_hand, dtype=float), np.asarray(p_base_given, dtype=float)
     if len(T) != len(given) or len(T) < ROWS_MIN + LAG_MAX or not np.isfinite(given).all():
         return []
-    if np.ptp(given, axis=0).max() < TOLD:
+    if np.ptp(given, axis=0).max() < TOOL_OFFSET:
         return []  # anything is constant of a hand that stands still
     best = min((_offset(T[lag:], given[: len(given) - lag], local) for lag in range(LAG_MAX + 1)
                 for local in (True, False)), key=lambda found: found[1])  # fmt: skip
     offset, spread, local = best
     length = float(np.linalg.norm(offset))
-    if length < TOLD or spread > STEADY * length:
+    if length < TOOL_OFFSET or spread > STEADY * length:
         return []
     x, y, z = np.round(offset, 3) + 0.0  # no -0
     where = f"{side}_wrist_position is {1e2 * length:.1f} cm from the wrist that the joints beside it make"

@@ -44,7 +44,7 @@ def test_a_damaged_model_is_made_again(folder):
 
 
 def test_the_oldest_of_too_many_goes(folder, monkeypatch):
-    monkeypatch.setattr(compiled_cache, "KEPT", 2)
+    monkeypatch.setattr(compiled_cache, "MODELS_KEPT", 2)
     for timestep in (0.001, 0.002, 0.004):
         load_mujoco(g1(), timestep=timestep)
     assert len(list(folder.glob("*.mjb"))) == 2

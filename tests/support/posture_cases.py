@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from models.pinocchio_model import load_pinocchio
-from wholebody.planning.still_postures import WITHIN
+from wholebody.planning.still_postures import EXCESS_NONE
 from wholebody.trajopt.layout import COM_EDGE, LOWER
 from wholebody.trajopt.problem import TrajectoryProblem
 from wholebody.trajopt.robot_tables import RobotTables
@@ -63,7 +63,7 @@ class PostureCases:
     def keeps_bounds(self, q):
         """Whether a configuration keeps every bound, up to the part of its tolerance that is promised."""
         excess = self.excess(q)
-        allowed = WITHIN * tolerances(len(self.body.tables.normals))[: len(excess)] + 1e-9
+        allowed = EXCESS_NONE * tolerances(len(self.body.tables.normals))[: len(excess)] + 1e-9
         return (excess <= allowed).all() and self.edges(q) >= -allowed[-1] and self.torque_share(q) <= 1.001
 
     def draw(self, generator):

@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from models import g1
 from wholebody.config import ControllerConfig
-from wholebody.planning.posture import STARTS, PostureSolver
+from wholebody.planning.posture import STARTS_MAX, PostureSolver
 from wholebody.planning.reachability.compute import Samples, search
 from wholebody.planning.reachability.pairs import TURNS, Pairs, draw
 from wholebody.planning.reachability.reach_map import basis, map_for
@@ -30,7 +30,7 @@ def main(kept=KEPT, first=0, last=2000):
     samples, solver = Samples(Path(kept), basis(spec, config)), PostureSolver(spec, config)
     for i in range(int(first) + len(samples.pairs), int(last), AT_ONCE):
         chosen = Pairs.of([draw(1, np.random.default_rng(SEED + k)) for k in range(i, min(i + AT_ONCE, int(last)))])
-        samples.add(chosen, search(solver, chosen, STARTS, np.inf), 0.0)
+        samples.add(chosen, search(solver, chosen, STARTS_MAX, np.inf), 0.0)
     told = map_for(basis(spec, config))
     if told is None:
         return

@@ -56,10 +56,10 @@ def tick(
     variant: Annotated[str, typer.Option(help="Limits that bind: none, torque, speed, friction or near.")] = "none",
 ) -> None:
     """Time one controller tick on the reach script and print one line of JSON."""
-    from wholebody.bench.tick import ROWS, VARIANTS, bench_tick
+    from wholebody.bench.tick import CONFIGURATIONS, VARIANTS, bench_tick
 
-    if row not in ROWS or ticks < 1:
-        raise ValueError(f"row '{row}' with {ticks} ticks; rows: {', '.join(ROWS)}; at least one tick")
+    if row not in CONFIGURATIONS or ticks < 1:
+        raise ValueError(f"row '{row}' with {ticks} ticks; rows: {', '.join(CONFIGURATIONS)}; at least one tick")
     if variant not in VARIANTS:
         raise ValueError(f"unknown variant '{variant}'; available: {', '.join(VARIANTS)}")
     typer.echo(json.dumps(bench_tick(row, ticks, hands=hands, variant=variant)))

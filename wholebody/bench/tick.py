@@ -73,7 +73,7 @@ Source:
     The benchmark of placo-kin in `docs/performance.md`.
 """
 
-ROWS = {"parity": PARITY, "default": ControllerConfig(), "kinematic": KINEMATIC}
+CONFIGURATIONS = {"parity": PARITY, "default": ControllerConfig(), "kinematic": KINEMATIC}
 """Configurations by name."""
 
 
@@ -108,7 +108,7 @@ def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none
     """Run the script and time every tick: set the target, update, assemble, solve, check residuals, integrate.
 
     Args:
-        row: Name of a configuration in `ROWS`.
+        row: Name of a configuration in `CONFIGURATIONS`.
         variant: Name of one in `VARIANTS`.
         ticks: Number of timed ticks; the script is repeated from the end state of its first 3000 where it is longer.
         hands: Whether the robot has its Dex3 hands.
@@ -120,7 +120,7 @@ def bench_tick(row: str, ticks: int, *, hands: bool = True, variant: str = "none
         average and at most, and what `SlowTicks` saw.
     """
     hard = VARIANTS[variant]
-    config = replace(ROWS[row], friction=hard.friction)
+    config = replace(CONFIGURATIONS[row], friction=hard.friction)
     spec = _tightened(g1(hands=hands), hard)
     controller, script = make_controller(spec, config), ReachScript(spec, 3600, config.dt, hard.shift)
     judge, watch = _Judge(script, controller), SlowTicks()

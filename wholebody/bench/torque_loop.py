@@ -15,13 +15,13 @@ from wholebody.robot.second_order import second_order_step
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState
 
-STEP, TORQUE_STEP = 2e-5, 1e-3
+DIFFERENCE_STEP, TORQUE_STEP = 2e-5, 1e-3
 """Steps of the central differences: of states [rad, rad/s, m, m/s] and of torques [N m]; chosen: the answers of program
 and physics are the same to 1e-6 with steps half and twice as large."""
-SETTLED = 3e-3
+AT_REST_CHANGE = 3e-3
 """Largest change of the state in a tick at which a robot counts as at rest [rad, m; per s]; chosen: eight times what a
 stance has left after 2 s."""
-NEUTRAL = 1.0 + 1e-4
+EIGENVALUE_MAX = 1.0 + 1e-4
 """Largest magnitude of an eigenvalue up to which a loop counts as stable [no unit]; chosen: soles creep, and where they
 stand nothing pulls back, so that eigenvalues at 1 are exact to 3e-6; 1.0001 doubles in 14 s."""
 DENSE = 400
@@ -104,12 +104,12 @@ class TorqueLoop:
         return M
 
     def radius(self, motors: Motors) -> float:
-        """Largest magnitude of an eigenvalue: above `NEUTRAL` the robot shakes itself down."""
+        """Largest magnitude of an eigenvalue: above `EIGENVALUE_MAX` the robot shakes itself down."""
         return float(np.abs(self._modes(motors)[0]).max())
 
     def stands(self, motors: Motors) -> bool:
         """Whether the loop is stable."""
-        return self.radius(motors) <= NEUTRAL
+        return self.radius(motors) <= EIGENVALUE_MAX
 
     def worst(self, motors: Motors) -> tuple[float, float, str]:
         """Magnitude and frequency [Hz] of the least stable mode, and the joint that moves most in it."""
@@ -187,14 +187,14 @@ def linearised(controller: WholeBodyController, plant: MujocoPlant, reference: n
     at_rest = commanded(rest)
     torques = at_rest[:n] + at_rest[n : 2 * n] + own[:, 6 + order] @ state.q[7:][order]
     drift = np.abs(physics(rest, torques)).max()
-    if not drift <= SETTLED:
-        raise InputError(f"the robot moves by {drift:.1e} in a tick; it is linearised at rest, at most {SETTLED:g}")
+    if not drift <= AT_REST_CHANGE:
+        raise InputError(f"the robot moves by {drift:.1e} in a tick; linearised at rest, at most {AT_REST_CHANGE:g}")
     A, B, rows = np.zeros((N, N)), np.zeros((N, n)), np.zeros((2 * n, N))
-    for i, unit in enumerate(STEP * np.eye(N)):
-        change = (commanded(unit) - commanded(-unit)) / (2.0 * STEP)
+    for i, unit in enumerate(DIFFERENCE_STEP * np.eye(N)):
+        change = (commanded(unit) - commanded(-unit)) / (2.0 * DIFFERENCE_STEP)
         rows[:, i], A[2 * nv :, i] = change[: 2 * n], change[2 * n :]
         if i < 2 * nv:
-            A[: 2 * nv, i] = (physics(unit, torques) - physics(-unit, torques)) / (2.0 * STEP)
+            A[: 2 * nv, i] = (physics(unit, torques) - physics(-unit, torques)) / (2.0 * DIFFERENCE_STEP)
     for i, unit in enumerate(TORQUE_STEP * np.eye(n)):
         B[: 2 * nv, i] = (physics(rest, torques + unit) - physics(rest, torques - unit)) / (2.0 * TORQUE_STEP)
     joints = tuple(controller.robot.joint_names)

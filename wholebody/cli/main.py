@@ -31,7 +31,7 @@ from wholebody.cli.grouped import CommandsByTask, OptionsByGroup
 from wholebody.cli.options import flat
 
 MISUSE = 2
-CLOSED = 141
+OUTPUT_CLOSED = 141
 """Exit code where nobody reads the output any more: what a shell tells of SIGPIPE."""
 
 # What draws is a process of its own and says with which library; here MuJoCo is not to look for one.
@@ -81,7 +81,7 @@ def _while_read() -> Iterator[None]:
     except BrokenPipeError:
         # Python would fail once more when it flushes at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.__stdout__.fileno())
-        sys.exit(CLOSED)
+        sys.exit(OUTPUT_CLOSED)
 
 
 def main() -> None:

@@ -101,7 +101,7 @@ def _as_given(context: Context) -> Iterator[str]:
     """The options of a command line that say how an input is judged."""
     for option in context.command.params:
         source = context.get_parameter_source(option.name)
-        if source is None or source.name != "COMMANDLINE" or option.name in ELSEWHERE:
+        if source is None or source.name != "COMMANDLINE" or option.name in NOT_SETTINGS:
             continue
         value = context.params[option.name]
         if option.is_flag:
@@ -111,5 +111,5 @@ def _as_given(context: Context) -> Iterator[str]:
             yield from map(str, value if isinstance(value, tuple | list) else (value,))
 
 
-ELSEWHERE = ("inputs", "episodes", "jobs", "json_to", "report")
+NOT_SETTINGS = ("inputs", "episodes", "jobs", "json_to", "report")
 """Parameters of ``check`` that say which inputs there are, and where answers go."""

@@ -24,15 +24,15 @@ from wholebody.jit.arrays import Indices, Matrix, Vector
 
 HULL, SPHERE, CYLINDER = range(3)
 KIND, FIRST, COUNT, BODY = range(4)
-CENTRE, AXIS, RADIUS, HALF = 0, 3, 6, 7
+CENTRE, AXIS, RADIUS, HALF_LENGTH = 0, 3, 6, 7
 
 APART, BEYOND, UNSURE = range(3)
 """What `distance` answers: it is known; or only that the shapes are at least that far apart, which is enough; or
 another algorithm has to find it: the shapes touch, or rounding won."""
 
-STEPS = 64
+ITERATIONS_MAX = 64
 """Steps after which rounding has won; from a cold start it takes about ten."""
-GAP = 1e-12
+PLANE_GAP = 1e-12
 """Distance to the supporting plane at which the nearest point is found [m]; chosen: rounding of lengths of a metre."""
 GAP_ACCEPTED = 1e-8
 """The same where no step brings the simplex nearer any more [m]; chosen, no trial is on record."""
@@ -63,7 +63,7 @@ def support_cylinder(x: float, y: float, z: float, row: Vector) -> tuple[float, 
     u, v, w = x - along * a, y - along * b, z - along * c
     size = math.sqrt(u * u + v * v + w * w)
     around = row[RADIUS] / size if size > 1e-12 * abs(along) else 0.0
-    half = row[HALF] if along > 0.0 else -row[HALF]
+    half = row[HALF_LENGTH] if along > 0.0 else -row[HALF_LENGTH]
     return row[0] + half * a + around * u, row[1] + half * b + around * v, row[2] + half * c + around * w
 
 
@@ -135,7 +135,7 @@ def approach(
     for i in range(n):
         difference(simplex[i], move, W[i])
     before, gap = math.inf, math.inf
-    for _ in range(STEPS):
+    for _ in range(ITERATIONS_MAX):
         if not nearest_of(W, n, weights, trial):
             return 0, -1.0
         n = keep(W, simplex, n, weights)
@@ -150,7 +150,7 @@ def approach(
         difference(simplex[n], move, W[n])
         least = dot3(v, W[n]) / size
         gap = size - least
-        if gap <= GAP:
+        if gap <= PLANE_GAP:
             return n, -1.0
         n += 1
         if least >= enough:

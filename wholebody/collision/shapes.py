@@ -73,7 +73,7 @@ def _shape(name: str, geometry: coal.CollisionGeometry, around: np.ndarray) -> t
         around[core.RADIUS] = geometry.radius
         return core.SPHERE, np.zeros((1, 3))
     if isinstance(geometry, coal.Cylinder):
-        around[core.RADIUS], around[core.HALF] = geometry.radius, geometry.halfLength
+        around[core.RADIUS], around[core.HALF_LENGTH] = geometry.radius, geometry.halfLength
         return core.CYLINDER, np.zeros((0, 3))
     corners = hull_corners(geometry)
     if corners is None:

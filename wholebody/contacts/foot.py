@@ -7,7 +7,7 @@ from math import atan, tan
 import numpy as np
 import pinocchio as pin
 
-from wholebody.contacts.friction import SIDES, pyramid_slope
+from wholebody.contacts.friction import PYRAMID_SIDES, pyramid_slope
 from wholebody.robot.state import Robot
 
 
@@ -57,7 +57,7 @@ class FootContact:
     def slope(self, angle: float) -> None:
         """The floor slopes by so much [rad]: the pyramid about the vertical is inside the cone about its normal."""
         self.friction = self._friction if angle == 0.0 else tan(max(atan(self._friction) - angle, 0.0))
-        block = np.hstack([SIDES, np.full((len(SIDES), 1), -pyramid_slope(self.friction))])
+        block = np.hstack([PYRAMID_SIDES, np.full((len(PYRAMID_SIDES), 1), -pyramid_slope(self.friction))])
         self.cone_rows = np.kron(np.eye(len(self.points)), block)
         """``cone_rows @ f <= 0``, shape (4 k, 3 k); forces in world axes."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+PYRAMID_SIDES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
 """Directions of its sides in the floor plane [no unit]; definition."""
 
 
@@ -19,4 +19,4 @@ def pyramid_slope(friction: float) -> float:
 
 def beyond_side(side: int, slope: float, x: float, y: float, z: float) -> float:
     """How far a force (x, y, z) is beyond a side of the pyramid [N]; negative inside."""
-    return SIDES[side][0] * x + SIDES[side][1] * y - slope * z
+    return PYRAMID_SIDES[side][0] * x + PYRAMID_SIDES[side][1] * y - slope * z

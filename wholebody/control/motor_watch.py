@@ -9,18 +9,18 @@ import numpy as np
 from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.gains import GainSchedule
-from wholebody.control.torque_loss import EVERY, TorqueLoss
+from wholebody.control.torque_loss import COMPARE_EVERY, TorqueLoss
 from wholebody.estimation.motor_response import PERIOD_MAX, MotorObserver, MotorResponse
 from wholebody.types import JointCommand, RobotState
 
-SHIFT = 0.2
+SHIFT_RATE = 0.2
 """Share of the time by which commands are led ahead or back once a delay is known [no unit]; chosen: 30 ms within
 0.15 s, hands a fifth faster meanwhile."""
 
 LATE_MAX, PERIODS_MAX = 0.012, 1.5
 """Time from a command to its torque up to which torques are compared [s], and the longest time between two states for
 that [control periods]; chosen: a realistic robot has 7 ms; torques that change by 30 N m/s are off by 0.4 N m then."""
-KEPT = 50
+COMMANDS_KEPT = 50
 """Commands that are kept for states that tell of them late [no unit]; chosen: 0.1 s, older than states are."""
 
 
@@ -39,7 +39,7 @@ class MotorWatch:
         self._controller, self.observer = controller, None
         self._dt, self._ahead, self._shape = controller.config.dt, 0.0, (controller.spec.n_joints,)
         self._before: RobotState | None = None
-        self._commands: deque[tuple[float, JointCommand]] = deque(maxlen=KEPT)
+        self._commands: deque[tuple[float, JointCommand]] = deque(maxlen=COMMANDS_KEPT)
         self._last, self.weaker = 0.0, False
         if isinstance(controller, WholeBodyController) and controller.config.dt <= PERIOD_MAX:
             robot = controller.robot
@@ -67,7 +67,7 @@ class MotorWatch:
 
     def arrival(self, now: float) -> float:
         """Time at which a command of the present reaches the motors [s]: the robot is predicted, and led, for then."""
-        most = SHIFT * self._dt
+        most = SHIFT_RATE * self._dt
         self._ahead += min(max(self.response.delay - self._ahead, -most), most)
         return now + self._ahead
 
@@ -98,7 +98,7 @@ class MotorWatch:
 
         An old state tells of the command of its own time.
         """
-        before, self._before, self._ticks = self._before, state, (self._ticks + 1) % EVERY
+        before, self._before, self._ticks = self._before, state, (self._ticks + 1) % COMPARE_EVERY
         if self._ticks or state is None or before is None or self.response.total > LATE_MAX:
             return
         known = state.tau is not None and np.shape(state.tau) == self._shape and np.isfinite(state.tau).all()

@@ -7,12 +7,12 @@ import numpy as np
 from models.spec import RobotSpec
 from wholebody.types import JointCommand, RobotState
 
-EVERY = 5
+COMPARE_EVERY = 5
 """Ticks after which torques are compared; chosen: every 10 ms is soon enough, and a tick is dear."""
-TIME_CONSTANT, RATE = 0.1, 8.0
+TIME_CONSTANT, MAKE_UP_RATE = 0.1, 8.0
 """Of the filter of what is left out [s], and how fast it is made up for [1/s]; chosen: damped at a ratio of 0.6, and
 nearly all of it within 0.5 s."""
-SLACK, SLACK_SHARE = 0.3, 0.05
+LOSS_NONE, SLACK_SHARE = 0.3, 0.05
 """Torque left out that is let be [N m], or share of what is asked for; chosen: what lag and noise of a realistic robot
 make in motion."""
 MOST = 0.6
@@ -22,18 +22,18 @@ MEMORY, KNOWN = 1.0, 0.1
 """Over how long the share that a motor delivers is averaged, and from how much of it on it is known [s]; chosen: a
 share is one for long; a robot whose motors deliver half falls within a second."""
 LOADED, LOADED_MOTORS = 3.0, 5
-"""Mean torque from which that share is known [N m], and motors that say what is usual; chosen: ten times `SLACK`, and
-in the stance as many joints of the legs have it."""
+"""Mean torque from which that share is known [N m], and motors that say what is usual; chosen: ten times `LOSS_NONE`,
+and in the stance as many joints of the legs have it."""
 ALIKE, SHARE_MIN, SHARE_MAX = 0.1, 0.4, 2.5
 """Difference of shares that is none, and shares that are made up for at most [no unit]; chosen: torques of a realistic
 robot that moves are told within 5 %."""
-SPENT, WEAK = 0.98, 0.3
+ALL_ASKED, WEAK = 0.98, 0.3
 """Share of its limit from which a motor is asked for all that it has, and by how much less than others it delivers if
 it has less [no unit]; measured: motors that all deliver half seem to differ by 0.18 in the lissajous."""
-IN_A_ROW, FASTER = 15, 4
+IN_A_ROW, BELIEVE_AFTER = 15, 4
 """Comparisons in a row after which a motor is believed to have less, and for how many one counts in which it was asked
 for all that it has [no unit]; chosen: 0.15 s, and 40 ms, in which torques that are 12 ms late have come."""
-LEAST = 0.2
+SHARE_LEAST = 0.2
 """Least share of the limit of the model that a motor is believed to have [no unit]; chosen: below it nothing stands."""
 
 
@@ -54,7 +54,7 @@ class TorqueLoss:
     """
 
     def __init__(self, spec: RobotSpec, order: np.ndarray, dt: float) -> None:
-        self._effort, self._order, self._step = spec.effort_max, order, EVERY * dt
+        self._effort, self._order, self._step = spec.effort_max, order, COMPARE_EVERY * dt
         self.reset()
 
     def reset(self) -> None:
@@ -68,7 +68,7 @@ class TorqueLoss:
         self._watched = 0.0
 
     def look(self, before: RobotState, state: RobotState, command: JointCommand) -> bool:
-        """Compare torques, once in `EVERY` ticks; whether a motor has less than was believed.
+        """Compare torques, once in `COMPARE_EVERY` ticks; whether a motor has less than was believed.
 
         Args:
             before: The state that the command answered.
@@ -88,17 +88,17 @@ class TorqueLoss:
         self._asked += share * (np.abs(asked) - self._asked)
         added = np.zeros(len(order)) if self.added is None else self.added
         missing = self._left_out - added
-        missing -= np.clip(missing, -(slack := np.maximum(SLACK, SLACK_SHARE * self._asked)), slack)
+        missing -= np.clip(missing, -(slack := np.maximum(LOSS_NONE, SLACK_SHARE * self._asked)), slack)
         if self.added is not None or missing.any():
             most = MOST * self._effort
-            self.added = np.clip(added + RATE * self._step * missing, -most, most)
+            self.added = np.clip(added + MAKE_UP_RATE * self._step * missing, -most, most)
             self.factor = np.ones(len(order)) if self.factor is None else self.factor
         return weaker
 
     def _learn(self, asked: np.ndarray, told: np.ndarray) -> bool:
         """Learn which share of their torques motors deliver, and the most that they have; whether that is less."""
         given, wanted = np.abs(told), np.abs(asked)
-        rate = self._step * (wanted < SPENT * self._effort)
+        rate = self._step * (wanted < ALL_ASKED * self._effort)
         self._given += rate * (given - self._given / MEMORY)
         self._wanted += rate * (wanted - self._wanted / MEMORY)
         self._seen += rate * (1.0 - self._seen / MEMORY)
@@ -123,9 +123,9 @@ class TorqueLoss:
         most = np.where(most < (1.0 - WEAK) * effort, most, effort)
         if self._watched < 2.0 * KNOWN:
             return False
-        full = (wanted >= SPENT * effort) & (given < (1.0 - ALIKE) * np.minimum(share, 1.0) * wanted)
-        most = np.maximum(np.where(full, np.minimum(most, given), most), LEAST * effort)
-        self._short = np.where(most < (1.0 - ALIKE) * self.most, self._short + np.where(full, FASTER, 1), 0)
+        full = (wanted >= ALL_ASKED * effort) & (given < (1.0 - ALIKE) * np.minimum(share, 1.0) * wanted)
+        most = np.maximum(np.where(full, np.minimum(most, given), most), SHARE_LEAST * effort)
+        self._short = np.where(most < (1.0 - ALIKE) * self.most, self._short + np.where(full, BELIEVE_AFTER, 1), 0)
         weak = self._short >= IN_A_ROW
         self.most[weak] = most[weak]
         return bool(weak.any())

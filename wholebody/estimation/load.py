@@ -21,7 +21,7 @@ under it is far."""
 FORCE_TIME_CONSTANT = 0.008
 """Of the filter of torques from which the force on a palm is found [s]; chosen: a touch is to be found within 30 ms,
 and the noise of encoder speeds is 1 N behind it."""
-DELAYS = 4.0
+DELAYS_MIN = 4.0
 """Multiple of the delay of states and motors that this time constant is at least [no unit]; derived: at the frequency
 at which a force that is counted on comes back reversed, a sixth of it is then left."""
 TORQUE_ERROR = 0.5
@@ -30,7 +30,7 @@ seven joints is 0.1 to 0.3 each in Unitree's models."""
 ERROR_MAX, ERROR_SHARE = 0.2, 0.15
 """Standard deviation up to which a load counts as known [kg], or share of the load; definition: it is to be known
 within 0.2 kg, and of a heavy one nearly all is better than nothing."""
-EVERY = 5
+BELIEVE_EVERY = 5
 """Ticks after which what is seen is believed or not; chosen: every 10 ms is soon enough, and a tick is dear."""
 GAP_MAX = 0.02
 """Longest time between two states over which torques are looked at [s]; chosen: ten periods."""
@@ -93,7 +93,7 @@ class LoadObserver:
             state: As measured; without torques nothing is learned.
             assumed: Masses that the tick before counted on, shape (2,), [kg].
             age: Time over which the state was carried on from when it was measured [s]: forces are filtered for
-                `DELAYS` times as long, for what the program does about them comes back that much later.
+                `DELAYS_MIN` times as long, for what the program does about them comes back that much later.
         """
         before, tau = self._before, state.tau
         self._before = None if tau is None else state.time
@@ -104,9 +104,9 @@ class LoadObserver:
         if tau.shape != (len(v) - 6,) or not isfinite(tau.dot(tau)):
             self._before = None
             return False
-        keep, keep_fast = exp(-dt / TIME_CONSTANT), exp(-dt / max(FORCE_TIME_CONSTANT, DELAYS * age))
+        keep, keep_fast = exp(-dt / TIME_CONSTANT), exp(-dt / max(FORCE_TIME_CONSTANT, DELAYS_MIN * age))
         self._observe(self._tick, self._memory, v, tau, assumed, dt, keep, keep_fast, TORQUE_ERROR)
-        self._count = (self._count + 1) % EVERY
+        self._count = (self._count + 1) % BELIEVE_EVERY
         if self._count:
             return False
         self._believe()

@@ -16,7 +16,7 @@ from wholebody.types import JointCommand, RobotState
 LAGS, BANDWIDTHS = (0.003, 0.006, 0.01, 0.015), (60.0, 40.0, 30.0, 25.0, 20.0, 15.0)
 """Time constants of first order [s] and natural frequencies of second order [Hz] among which a motor is sought; chosen:
 each is told from its neighbours within 0.1 s, with the noise of a realistic robot, too."""
-DAMPING = 0.5
+DAMPING_RATIO = 0.5
 """Damping ratio of those of second order [no unit]; chosen: a motor that overshoots by a sixth."""
 DELAYS, AGE_MAX = 20, 15
 """Delays of commands that are sought, and the largest age of a state [control periods]; chosen: 38 and 30 ms at 500
@@ -29,11 +29,11 @@ TIME_CONSTANT = 0.1
 BLANK = DELAYS + 5
 """Periods that are left out after gains have changed or a state was missed; derived: until no command from before is on
 its way."""
-ENOUGH = 25
+PERIODS_MIN = 25
 """Periods that have to be weighed before a model is believed; chosen: half the time constant."""
-EVERY = 5
+CHOOSE_EVERY = 5
 """Periods from one choice to the next; chosen: every 10 ms is soon enough, and a tick is dear."""
-BETTER = exp(-2.0)
+BETTER_RATIO = exp(-2.0)
 """Ratio of what a model leaves unexplained to what the believed one does below which it is better [no unit]; chosen:
 realistic robots differ by less by chance, motors that are slow by a factor of 1e3 within 0.1 s."""
 SLOWER, FASTER = 2, 10
@@ -61,7 +61,7 @@ class MotorResponse:
     @property
     def torque_lag(self) -> float:
         """Time by which slowly changing torques are late [s]."""
-        return self.lag + (DAMPING / (pi * self.bandwidth) if self.bandwidth > 0.0 else 0.0)
+        return self.lag + (DAMPING_RATIO / (pi * self.bandwidth) if self.bandwidth > 0.0 else 0.0)
 
     @property
     def total(self) -> float:
@@ -86,7 +86,7 @@ class MotorObserver:
         for lag in LAGS:
             share = 1.0 - exp(-dt / lag)
             steps.append((np.diag([1.0 - share, 0.0]), np.array([share, 0.0])))
-        steps += [second_order_step(2.0 * pi * hz, DAMPING, dt) for hz in BANDWIDTHS]
+        steps += [second_order_step(2.0 * pi * hz, DAMPING_RATIO, dt) for hz in BANDWIDTHS]
         self._models = [(0.0, 0.0), *((0.0, lag) for lag in LAGS), *((hz, 0.0) for hz in BANDWIDTHS)]
         self._dt, self._keep, n, models = dt, exp(-dt / TIME_CONSTANT), len(limbs), len(steps)
         names = list(dict.fromkeys(limbs))
@@ -145,15 +145,15 @@ class MotorObserver:
         self._told(self._memory, tau, q, v, age, weigh, self._keep)
         self._blank = max(self._blank - 1, 0)
         self._weighed += weigh
-        self._since = (self._since + 1) % EVERY
-        return bool(weigh and self._since == 0 and self._weighed >= ENOUGH and self._believe())
+        self._since = (self._since + 1) % CHOOSE_EVERY
+        return bool(weigh and self._since == 0 and self._weighed >= PERIODS_MIN and self._believe())
 
     def _believe(self) -> bool:
         """Believe the likeliest model if it has been much better for long enough; whether it is another one."""
         memory = self._memory
         self._likeliest(memory, UNEXPLAINED_MIN, ENERGY_MIN)
         best = memory.best.tolist()
-        if best == memory.believed.tolist() or not memory.score[0] < BETTER * memory.score[1]:
+        if best == memory.believed.tolist() or not memory.score[0] < BETTER_RATIO * memory.score[1]:
             self._agreed = 0
             return False
         hz, lag = self._models[best[0]]

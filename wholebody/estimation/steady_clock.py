@@ -10,7 +10,7 @@ from wholebody.errors import InputError
 from wholebody.estimation.prediction import ROUNDING
 from wholebody.types import Reason, RobotState
 
-STEP = 0.02
+CLOCK_STEP = 0.02
 """Difference from one call to the next between what the clock and what the stamps say has passed, from which one of
 them stepped, at 2.5 control periods at least [s]; measured: a realistic robot whose clock steps by 40 ms, unnoticed,
 is 120 mm off in the wave."""
@@ -43,7 +43,7 @@ class SteadyClock:
     """
 
     def __init__(self, period: float) -> None:
-        self._period, self._step = period, max(STEP, 2.5 * period)
+        self._period, self._step = period, max(CLOCK_STEP, 2.5 * period)
         self.reset(0.0, 0.0)
 
     def reset(self, stamp: float, now: float) -> None:

@@ -16,10 +16,10 @@ from wholebody.estimation.load import LoadObserver
 from wholebody.robot.hand_loads import Loads
 from wholebody.types import RobotState
 
-FOLLOWS = 0.004
+FOLLOWED_WITHIN = 0.004
 """Distance of a palm below its command up to which it follows it [m]; chosen: twice as much is more than loads that are
 seen in time make."""
-MOVED = 0.3
+MOVED_SHARE = 0.3
 """Share of twice that distance by which a palm that is not held has moved meanwhile; chosen: a load that is put into a
 hand makes it sink by all of it."""
 SOURCES = ("observed", "told")
@@ -114,11 +114,11 @@ class Carrying:
         palms, found = self._controller.palm_positions()[:, 2].tolist(), []
         for hand, z in enumerate(palms):
             short = float(row[PALM * hand + 11]) - z
-            if short < FOLLOWS:
+            if short < FOLLOWED_WITHIN:
                 self._followed[hand] = z
                 if self.touch.shares[hand] == 0.0:
                     self._carried[hand] = self.loads.masses[hand]
-            found.append(short > 2.0 * FOLLOWS and abs(z - self._followed[hand]) < MOVED * short)
+            found.append(short > 2.0 * FOLLOWED_WITHIN and abs(z - self._followed[hand]) < MOVED_SHARE * short)
         return found
 
     @property

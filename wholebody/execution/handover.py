@@ -21,7 +21,7 @@ WAIT = 0.1
 is on record."""
 RATE_MIN = 0.05
 """Share of its speed along a plan below which that is as good as at rest; chosen, no trial is on record."""
-SAME = 1e-6
+ROUNDING = 1e-6
 """Difference of two parameters that is rounding [s]; chosen: far below a tick."""
 
 
@@ -144,7 +144,7 @@ class Handover:
         (request, plan), start = self._ready, self._ready[0].start
         late, fraction = max(followed - request.due, 0.0), 1.0
         if s is not None:
-            if s < start.s - SAME:
+            if s < start.s - ROUNDING:
                 if late >= WAIT:
                     self._states.on(Event.MISSED)
                     self._ready, self._dropped = None, request.chunk

@@ -11,10 +11,10 @@ from wholebody.robot.contact_schedule import Contacts, ContactSchedule
 from wholebody.robot.feet import Feet
 from wholebody.types import RobotState
 
-PLACE, ANGLE = 0.005, 0.01
+SAME_PLACE, ANGLE = 0.005, 0.01
 """Difference between where a foot is taken to be and where it is measured up to which it stays so [m, rad]; derived:
 soles creep by 4 mm in the lissajous, and an IMU that is wrong by 0.3 degrees turns both feet by 0.005 rad."""
-SETTLED = 1.0
+SETTLED_TIME = 1.0
 """Time for which a foot that moved has to stay where it is to be taken to stand there [s]; chosen: longer than a robot
 that tips stands on an edge of its soles."""
 SLOPE_MAX = 0.2
@@ -22,18 +22,18 @@ SLOPE_MAX = 0.2
 
 
 def taken_to_stand(spec: RobotSpec, nominal: ContactSchedule, measured: Feet) -> ContactSchedule:
-    """Where plans take feet to be that are measured somewhere: where the stance has them, within `PLACE` and `ANGLE`.
+    """Where plans take measured feet to be: where the stance has them, within `SAME_PLACE` and `ANGLE`.
 
     So it is too on a floor that is steeper than `SLOPE_MAX`.
     """
-    there = measured.differ(nominal.feet(), PLACE, ANGLE) and measured.floor(spec).slope <= SLOPE_MAX
+    there = measured.differ(nominal.feet(), SAME_PLACE, ANGLE) and measured.floor(spec).slope <= SLOPE_MAX
     return ContactSchedule.standing(measured) if there else nominal
 
 
 class PlantedFeet:
     """The feet as measured: at once when an episode starts, later when a plan is asked for and they stand still.
 
-    Feet that are where the stance has them, but for `PLACE` and `ANGLE`, are taken to be exactly there.
+    Feet that are where the stance has them, but for `SAME_PLACE` and `ANGLE`, are taken to be exactly there.
 
     Args:
         controller: Told where the robot stands.
@@ -56,7 +56,7 @@ class PlantedFeet:
         self._seen = None
         self._take(nominal, self._nominal)
         self._controller.stand_on_floor(nominal)
-        if measured.differ(nominal, PLACE, ANGLE):
+        if measured.differ(nominal, SAME_PLACE, ANGLE):
             self._stand_on(measured)
         return self.contacts
 
@@ -69,11 +69,11 @@ class PlantedFeet:
         """What a plan that is asked for now counts on; a foot that carries nothing is not where it will stand."""
         measured = self._measured(state)
         lifted = state.stands is not None and not all(state.stands)
-        if lifted or not measured.differ(self.feet, PLACE, ANGLE):
+        if lifted or not measured.differ(self.feet, SAME_PLACE, ANGLE):
             self._seen = None
-        elif self._seen is None or measured.differ(self._seen[1], 0.5 * PLACE, 0.5 * ANGLE):
+        elif self._seen is None or measured.differ(self._seen[1], 0.5 * SAME_PLACE, 0.5 * ANGLE):
             self._seen = state.time, measured
-        elif state.time - self._seen[0] >= SETTLED:
+        elif state.time - self._seen[0] >= SETTLED_TIME:
             self._stand_on(measured)
         return self.contacts
 

@@ -12,12 +12,12 @@ from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.jit.entry import Entry
 from wholebody.robot.state import Robot
 
-SPENT = 0.998
+SPENT_SHARE = 0.998
 """Share of the torque that the program may use from which a joint has none left; chosen: above what rounding leaves."""
 TIME_CONSTANT = 0.03
 """Of the filter of how often that is so [s]; chosen: a motion that spends its torque for some hundredths of a second
 between two knots is not meant."""
-OFTEN = 0.5
+SPENT_OFTEN = 0.5
 """Share of the time in which a joint has none left from which its hand gives way; chosen: half of it."""
 
 ERROR_SLOW, ERROR_STOP = 0.005, 0.025
@@ -57,7 +57,7 @@ class Saturation:
         self._waist = np.flatnonzero(np.isin(arms[0], waist)).tolist()
         self.begin_anew()
         self._tau_max, self._trust = tau_max, np.ones(2)
-        self._settings = np.array([OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN, SPENT])
+        self._settings = np.array([SPENT_OFTEN, ERROR_SLOW, ERROR_STOP, TRUST_MIN, SPENT_SHARE])
         v, m = np.zeros(1), np.zeros((2, 3))
         self._native = _trust.native(v, self._joints, v, self._often, m, v, 0.0, self._settings, self._trust)
 
@@ -93,7 +93,7 @@ class Saturation:
         keep = exp(-elapsed / TIME_CONSTANT)
         self._native(tau, self._joints, self._tau_max, self._often, palms, row, keep, self._settings, self._trust)
         often = self._often[0]
-        spent = [often[k] > OFTEN for k in self._waist]
+        spent = [often[k] > SPENT_OFTEN for k in self._waist]
         self._waist_spent = [(s + elapsed) * now for s, now in zip(self._waist_spent, spent, strict=True)]
         left, right = self._trust.tolist()
         return left, right

@@ -28,7 +28,7 @@ from wholebody.types import JointCommand, RobotState, StatusReport
 
 DAMPING_KD = 8.0
 """Joint damping once standing is lost: what Unitree's own damping command uses [N m s/rad]."""
-SOON = 1.6
+AGAIN_WITHIN = 1.6
 """Time since the robot last stood off its plan within which it then stands for longer, and longest that it stands
 before it tries to join a chunk [s]; chosen: three doublings of the first wait."""
 FIRST_WAIT = 0.2
@@ -56,8 +56,8 @@ class Patience:
 
     def wait(self, now: float) -> float:
         """Time to stand before a chunk is joined [s], now that the robot stands [s]."""
-        soon = now - self._last < SOON
-        self._wait, self._last = (min(max(2.0 * self._wait, FIRST_WAIT), SOON) if soon else 0.0), now
+        soon = now - self._last < AGAIN_WITHIN
+        self._wait, self._last = (min(max(2.0 * self._wait, FIRST_WAIT), AGAIN_WITHIN) if soon else 0.0), now
         return self._wait
 
 

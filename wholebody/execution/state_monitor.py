@@ -16,7 +16,7 @@ from wholebody.robot.standing import has_lost_standing
 from wholebody.robot.state import Robot
 from wholebody.types import Reason, RobotState, Status, StatusReport, check_state
 
-TOLERATED = 0.01
+SILENCE_MAX = 0.01
 """Time without a new state that is bridged without a word [s]; chosen: five samples at 500 Hz."""
 GO_ON = 0.1
 """Time without a usable state after which the plan is brought to a stop [s]; derived: an error grows 1.4 times
@@ -24,10 +24,10 @@ meanwhile, at the 3.5/s of a pendulum of 0.8 m."""
 BRIDGED_MAX = 0.5
 """Time after which a robot for which no program has a solution is taken to be at rest where it was predicted last [s];
 chosen: a plan is brought to a stop in 0.4 s."""
-MOVING = 0.02
+AT_REST_MAX = 0.02
 """Largest speed below which a state that repeats itself to the bit is that of a robot at rest [m/s, rad/s]; chosen, no
 trial is on record."""
-SAID = frozenset({Reason.STATE_INVALID, Reason.STATE_JUMPED, Reason.STATE_FROM_FUTURE, Reason.CLOCK_STEPPED})
+SELF_EXPLAINED = frozenset({Reason.STATE_INVALID, Reason.STATE_JUMPED, Reason.STATE_FROM_FUTURE, Reason.CLOCK_STEPPED})
 """What is said of a single state already."""
 
 
@@ -148,7 +148,8 @@ class StateMonitor:
         else:
             self.bridged += elapsed
             reason, detail = fault
-            report = StatusReport(Status.HOLD, reason, detail) if reason in SAID or self.bridged > TOLERATED else None
+            reported = reason in SELF_EXPLAINED or self.bridged > SILENCE_MAX
+            report = StatusReport(Status.HOLD, reason, detail) if reported else None
         if fault is None:
             self._present = self._predictor.carried(state, now)
         elif self.bridged > BRIDGED_MAX and (tick is None or tick.solution is None):
@@ -176,7 +177,7 @@ class StateMonitor:
         # The joints alone: an estimator goes on with the base. Most states differ in the first number already.
         q, v = state.q[7:], state.v[6:]
         same = q[0] == last.q[7] and np.array_equal(q, last.q[7:]) and np.array_equal(v, last.v[6:])
-        if same and np.abs(state.v).max() > MOVING:
+        if same and np.abs(state.v).max() > AT_REST_MAX:
             return Reason.STATE_FROZEN, f"the state moves, and repeats itself to the bit for {self.bridged:.3f} s"
         jumped = Reason.STATE_JUMPED, "the state is not what can have become of the one before"
         return jumped if self._is_jump(state) else None

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from models.cache import cache_dir, write_whole
 
-KEPT = 500
+FILES_KEPT = 500
 """Files that are kept, 50 kB each; chosen: some ten revisions of all kernels. The oldest go when one more is made."""
 DIGEST = 32
 """Bytes of a digest."""
@@ -40,7 +40,7 @@ def keep(name: str, key: str, code: bytes) -> None:
     """
     write_whole(_path(name, key), sha256(code).digest() + code)
     files = sorted(folder().glob("*.o"), key=lambda path: path.stat().st_mtime)
-    for old in files[:-KEPT]:
+    for old in files[:-FILES_KEPT]:
         old.unlink(missing_ok=True)
 
 

@@ -31,7 +31,7 @@ TOKEN_BYTES = 16
 """Random bytes of the token [no unit]; chosen: 128 bits, as for session identifiers."""
 MESSAGE_MAX = 64 * 1024
 """Largest message that is taken [bytes]; chosen: a hundred times what a control sends."""
-FAR = 100.0
+DISTANCE_MAX = 100.0
 """Largest distance that a handle or a camera may have [m]; chosen: past everything that is drawn."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANYWHERE = ("", "0.0.0.0", "::")
@@ -62,7 +62,7 @@ class Door:
 
     def refuse(self, path: str, headers: Mapping[str, str]) -> str | None:
         """Why a request is not answered, or None."""
-        hosts, origins = ([value for key, value in headers.raw_items() if key.lower() == one] for one in NAMED)
+        hosts, origins = ([value for key, value in headers.raw_items() if key.lower() == one] for one in HEADERS)
         if len(hosts) != 1 or not self._is_ours(hosts[0]):
             return "this is not the name of the computer that the page is on"
         if origins and origins != [f"http://{hosts[0]}"]:
@@ -150,7 +150,7 @@ class _Screened:
             self._door.say("left out a message of %s bytes to the page, which none of its controls sends", len(message))
 
 
-NAMED = ("host", "origin")
+HEADERS = ("host", "origin")
 """Headers that say who asks, and whom."""
 
 
@@ -173,7 +173,7 @@ def _is_nobody(value: object) -> bool:
 
 
 def _point(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(_is_number(one, FAR) for one in value)
+    return isinstance(value, list) and len(value) == 3 and all(_is_number(one, DISTANCE_MAX) for one in value)
 
 
 def _rotation(value: object) -> bool:

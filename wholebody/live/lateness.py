@@ -10,7 +10,7 @@ import numpy as np
 
 EDGES_MS = (0.1, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0, 20.0, 100.0)
 """Upper edges of the histogram's bins [ms]; a last one holds what is later; chosen."""
-GAP = 4e-3
+GAP_LISTED = 4e-3
 """Time between two ticks from which it is listed [s]; chosen: two control periods."""
 GAPS_MAX = 1000
 """How many gaps are kept."""
@@ -43,7 +43,7 @@ class Lateness:
 
     Attributes:
         ticks, missed: How many there were, and how many periods went by without one.
-        gaps: The first `GAPS_MAX` times above `GAP` between two ticks.
+        gaps: The first `GAPS_MAX` times above `GAP_LISTED` between two ticks.
         n_gaps: How many there were in all.
         last_tick: How long the last tick took [s].
     """
@@ -69,7 +69,7 @@ class Lateness:
         self._worst = max(self._worst, late)
         self._late[np.searchsorted(self._edges, 1e3 * late)] += 1
         self.ticks += 1
-        if self._last is not None and time - self._last[0] > GAP:
+        if self._last is not None and time - self._last[0] > GAP_LISTED:
             self.n_gaps += 1
             if len(self.gaps) < GAPS_MAX:
                 seconds, cpu, preempted, waited = (a - b for a, b in zip(now, self._last, strict=True))

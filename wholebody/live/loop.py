@@ -21,7 +21,7 @@ from wholebody.live.lateness import Lateness
 from wholebody.live.robot_link import RobotLink
 from wholebody.types import JointCommand, RobotState, Status, StatusReport
 
-GRACE = 0.5
+LATE_SHARE = 0.5
 """Share of a control period for which a state may be late before the loop goes on without it; chosen: a tick takes a
 sixth."""
 
@@ -122,7 +122,7 @@ class ControlLoop:
         more = True
         while more:
             due = tick * self.dt
-            state = self.robot.receive(max(due + GRACE * self.dt - self.clock.now(), 0.0))
+            state = self.robot.receive(max(due + LATE_SHARE * self.dt - self.clock.now(), 0.0))
             now = self.clock.now()
             self.lateness.began(now, due)
             self._tick(state, now)

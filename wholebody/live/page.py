@@ -37,7 +37,7 @@ FPS = 30.0
 FPS_AT_REST = 4.0
 """Pictures a second of a robot that does not move [Hz]; chosen: a browser without a graphics card draws all the time
 otherwise."""
-MOVED = 2e-4
+MOVED_VISIBLY = 2e-4
 """Change of a coordinate from which the robot has moved since the last picture [rad, m]; chosen: a third of a pixel."""
 HISTORY = 20.0
 """Length of the time lines [s]; chosen."""
@@ -204,7 +204,7 @@ class Page:
             if message is None or view is None or now - shown < 0.8 / FPS or not self._door.visitors:
                 continue
             glance = Snapshot.of(message, nq, nv)
-            at_rest = np.abs(glance.state.q - seen).max() < MOVED and not self._dragging
+            at_rest = np.abs(glance.state.q - seen).max() < MOVED_VISIBLY and not self._dragging
             if at_rest and now - shown < 1.0 / FPS_AT_REST:
                 continue
             shown, seen = now, glance.state.q

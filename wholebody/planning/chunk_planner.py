@@ -26,7 +26,7 @@ from wholebody.planning.plan import ChunkPlan, PlanReport
 from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.planning.reachability.holdable import HoldablePath, HoldablePlaces, arms_spent
 from wholebody.planning.reachability.pairs import LOAD_KNOWN, TURNS, Pairs, Turn
-from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap, basis, map_for
+from wholebody.planning.reachability.reach_map import ODDS_SURE, ReachabilityMap, basis, map_for
 from wholebody.planning.strategies import choice
 from wholebody.planning.strategies.rows import ARMS_SPENT_MAX, Asked, Overlap, Try
 from wholebody.planning.strategies.strategy import HOLDABLE, PARTED, PREVIEW, BeginAt, Strategy
@@ -46,7 +46,7 @@ SEARCH_SHARE = 0.7
 hands."""
 POSTURE_TIME = 1.0
 """Time in which the search goes over from the start to postures that hold a load [s]; chosen: a squat takes as long."""
-AT_REST = 7
+KNOTS_AT_REST = 7
 """Knots at the end of a plan at which the arms are to hold what they carry; derived: `planner.settle` and rounding."""
 PREVIEW_WORK = 4.0
 """Most linearisations and steps of a preview [no unit]; chosen: the first motion, one step."""
@@ -205,7 +205,7 @@ class ChunkPlanner:
         n = len(points)
         loads = np.broadcast_to(np.minimum(self._loads, LOAD_KNOWN), (n, 2))
         pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), loads)
-        return bool(((self.map.rooms(pairs) < -SURE) & self.map.knows(pairs)).any())
+        return bool(((self.map.rooms(pairs) < -ODDS_SURE) & self.map.knows(pairs)).any())
 
     @cached_property
     def map(self) -> ReachabilityMap | None:
@@ -269,7 +269,7 @@ class ChunkPlanner:
             deficit=self.balance.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
             strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]) if self._quick else 0.0,
-            arms_spent=arms_spent(body, body.body_of(knots.q[-AT_REST:])) if self._holding else 0.0,
+            arms_spent=arms_spent(body, body.body_of(knots.q[-KNOTS_AT_REST:])) if self._holding else 0.0,
         )
 
     def _asked(

@@ -23,14 +23,14 @@ from wholebody.trajopt.layout import DISTANCE
 from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.trajopt.weights import tolerances
 
-SHIFT, TURN = 0.002, 0.1
+SHIFT_COST, TURN_COST = 0.002, 0.1
 """Shift of a palm and turn of a hand that cost the same [m, rad]; measured: with 0.06 rad overlapping hands are up to
 3 mm further off, with 0.2 they turn by more than plans follow."""
 ROUNDS = 8
 """Most times that distances are measured at a knot; chosen: nearly all hands are apart after three."""
-NEAR = 0.015
+NEAR_MARGIN = 0.015
 """Hulls that are so much further apart than they have to be count, too [m]; chosen: as far as a round moves them."""
-GRACE = 0.0005
+STILL_TOO_NEAR = 0.0005
 """Distance by which they may still be too near each other [m]; chosen: plans may be off by twenty times as much."""
 TOLERATED = float(tolerances(0)[DISTANCE])
 """Distance by which a plan that is followed may have them too near each other [m]: what is asked for within it needs no
@@ -68,10 +68,10 @@ class HandHulls:
         self._keep = body.proximity.margin[across]
         self._hulls = HullPairs(
             shapes.shapes[chosen], shapes.rounds[chosen], shapes.vertices, shapes.start, shapes.neighbours,
-            shapes.centre[chosen], shapes.half[chosen], shapes.radius[chosen], self._pairs, self._keep + NEAR,
+            shapes.centre[chosen], shapes.half[chosen], shapes.radius[chosen], self._pairs, self._keep + NEAR_MARGIN,
         )  # fmt: skip
         self.reach = float(np.linalg.norm(HAND_BOX - self._offsets[:, None], axis=2).max(axis=1).sum())
-        self.reach += float(self._keep.max() + NEAR)
+        self.reach += float(self._keep.max() + NEAR_MARGIN)
         self._request, self._result = coal.DistanceRequest(), coal.DistanceResult()
         self.forget()
 
@@ -91,7 +91,7 @@ class HandHulls:
         return (found.distance - self._keep).min(axis=1)
 
     def near(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs within `NEAR` of the distance that they keep, at one pose.
+        """Pairs within `NEAR_MARGIN` of the distance that they keep, at one pose.
 
         Args:
             T_palms: Poses of the palm points in world, shape (2, 4, 4).
@@ -106,7 +106,7 @@ class HandHulls:
         distance, rows = self._one.distance[0].copy(), self._one.rows[0]
         for m in np.flatnonzero(distance == -np.inf).tolist():
             distance[m] = self._depth(*self._pairs[m].tolist(), R[0], p[0], rows[m])
-        near = distance < self._keep + NEAR
+        near = distance < self._keep + NEAR_MARGIN
         normal = rows[near, :3]
         arms = [rows[near, 3 + 3 * hand : 6 + 3 * hand] - T_palms[hand, :3, 3] for hand in (0, 1)]
         change = [-normal, -_cross(arms[0], normal), normal, _cross(arms[1], normal)]
@@ -151,7 +151,7 @@ class HandsApart:
     """
 
     def __init__(self, hulls: HandHulls) -> None:
-        self._hulls, self._scale = hulls, np.tile(np.repeat([SHIFT, TURN], 3), 2)
+        self._hulls, self._scale = hulls, np.tile(np.repeat([SHIFT_COST, TURN_COST], 3), 2)
         self._last: tuple[np.ndarray | None, ...] = (None, None, None)
 
     def parted(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray | None:
@@ -177,7 +177,7 @@ class HandsApart:
 
     def _found(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray | None:
         close, room = self._room(T_palms, q_fingers)
-        overlaps = close[room < -GRACE]
+        overlaps = close[room < -STILL_TOO_NEAR]
         if not len(overlaps):
             return None
         self._hulls.forget()
@@ -201,7 +201,7 @@ class HandsApart:
         """The smallest move (12,) that parts both hands, seen from another one; infinite if there is no small one."""
         for count in range(ROUNDS):
             room, change = self._hulls.near(moved(T_palms, move), q_fingers)
-            if count and room.min(initial=0.0) >= -GRACE:
+            if count and room.min(initial=0.0) >= -STILL_TOO_NEAR:
                 return move
             least, n = change @ move - room, len(room)
             soft = np.full(n, SOFT, dtype=c_int)

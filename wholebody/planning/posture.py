@@ -27,9 +27,9 @@ from wholebody.errors import InputError
 from wholebody.lending import Lending
 from wholebody.planning.posture_path import PosturePath, PosturePaths
 from wholebody.planning.still_postures import (  # fmt: skip
+    EXCESS_NONE,
     ORIENTATION_REACHED,
     POSITION_REACHED,
-    WITHIN,
     Constraint,
     RandomPostures,
     Round,
@@ -41,21 +41,21 @@ from wholebody.trajopt.layout import LOWER
 from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.types import RobotState, check_state
 
-NEAR = 0.02
+ROOM_NONE = 0.02
 """Room up to which a bound is said to hold a posture back, in terms of its tolerance; chosen, no trial is on record."""
 PALM_SCALES = {"position": 1e-3, "position_give": 0.3, "orientation": 4e-3, "orientation_give": 0.5}
 """Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: finer than a plan's."""
 GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
 """The same where the targets are missed [m, rad]; chosen: the bounds are not to be bent."""
-FIRM = 0.01
-"""Factor on the scales of the bounds at the end; chosen: nothing wanted buys `WITHIN` of them."""
-FREE = 1e3
+FIRM_SCALE = 0.01
+"""Factor on the scales of the bounds at the end; chosen: nothing wanted buys `EXCESS_NONE` of them."""
+FREE_SCALE = 1e3
 """Scale of the palms' orientation where nothing is asked of it [rad]; chosen: it costs nothing then."""
 STAGES, STAGE_STEPS = 12, 15
 """Targets between the stance and those that are missed, and most steps to each."""
-LEVER = 0.25
+ROTATION_LEVER = 0.25
 """Length at which an error of orientation counts as much as one of position [m]; chosen: a forearm."""
-STARTS = 12
+STARTS_MAX = 12
 """Most postures that the search begins at, the stance included."""
 DURATION_MIN, DURATION_MAX = 0.2, 60.0
 """Shortest and longest way [s]; chosen, no trial is on record."""
@@ -117,9 +117,9 @@ class PostureSolver:
         edges = np.minimum(np.minimum(t.com_offsets, t.zmp_offsets), t.capture_offsets)
         body.tables = t._replace(com_offsets=edges)
         exact, gentle = (replace(self._weights, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
-        self._reaching = Round(exact, 1.0, 25), Round(exact, FIRM, 25)
-        self._retreating = Round(gentle, 1.0, 40), Round(gentle, FIRM, 60)
-        self._stage = (Round(gentle, FIRM, STAGE_STEPS),)
+        self._reaching = Round(exact, 1.0, 25), Round(exact, FIRM_SCALE, 25)
+        self._retreating = Round(gentle, 1.0, 40), Round(gentle, FIRM_SCALE, 60)
+        self._stage = (Round(gentle, FIRM_SCALE, STAGE_STEPS),)
         self._one = StillPostures(body, self._weights, 2)
         self._palm_offsets = palm_offsets(spec)
 
@@ -131,7 +131,7 @@ class PostureSolver:
     def _ways(self) -> PosturePaths:
         return PosturePaths(self.body, self._weights)
 
-    def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS) -> Solution:
+    def solve(self, T_world_lhand: np.ndarray, T_world_rhand: np.ndarray, *, starts: int = STARTS_MAX) -> Solution:
         """Still, balanced posture for two wrist poses, searched for from at most ``starts`` starts; see `solve`."""
         targets = np.stack([wrist_target(T_world_lhand, "T_world_lhand"), wrist_target(T_world_rhand, "T_world_rhand")])
         T_palms, missed = palm_poses(targets, self._palm_offsets), []
@@ -143,25 +143,28 @@ class PostureSolver:
         return self._nearest(T_palms, targets, min(missed, key=lambda scored: scored[0])[1])
 
     def missed(
-        self, T_palms: np.ndarray, *, orientation_free: bool = False, starts: int = STARTS, hopeless: float = inf
+        self, T_palms: np.ndarray, *, orientation_free: bool = False, starts: int = STARTS_MAX, hopeless: float = inf
     ) -> float:
         """How far the palms stay from poses (2, 4, 4) in world, at the best start [m]; 0 where a posture holds them.
 
         That is what `solve` says of the wrists behind them, without its search for what is nearest. Errors of a turn
-        count by `LEVER`, or not at all where it is free; a start that stays further off than ``hopeless`` is the last.
+        count by `ROTATION_LEVER`, or not at all where it is free; a start that stays further off than
+        ``hopeless`` is the last.
         """
         rounds: tuple[Round, ...] = self._reaching
         least = inf
         if orientation_free:
-            rounds = tuple(replace(x, weights=replace(x.weights, orientation=FREE), oriented=False) for x in rounds)
+            rounds = tuple(
+                replace(x, weights=replace(x.weights, orientation=FREE_SCALE), oriented=False) for x in rounds
+            )
         for _ in self._attempts(T_palms, rounds, starts):
             T = self._one.T_palms[1]
             off = float(np.linalg.norm(T[:, :3, 3] - T_palms[:, :3, 3], axis=1).max())
             turn = 0.0 if orientation_free else float(angle_between(T[:, :3, :3], T_palms[:, :3, :3]).max())
-            inside = max(self._one.shares(1).values()) <= WITHIN
+            inside = max(self._one.shares(1).values()) <= EXCESS_NONE
             if off <= POSITION_REACHED and turn <= ORIENTATION_REACHED and inside:
                 return 0.0
-            least = min(least, max(off + LEVER * turn, POSITION_REACHED))
+            least = min(least, max(off + ROTATION_LEVER * turn, POSITION_REACHED))
             if least > hopeless:
                 break
         return least
@@ -206,7 +209,7 @@ class PostureSolver:
 
         def search(goal: np.ndarray, begin: np.ndarray, rounds: tuple[Round, ...]) -> None:
             self._one.search(goal, begin, self.body.q_full[self.body.fingers], rounds)
-            if self._one.excess()[1] <= WITHIN:
+            if self._one.excess()[1] <= EXCESS_NONE:
                 found = self._solution(targets)
                 inside.append((self._score(found), found))
 
@@ -226,15 +229,15 @@ class PostureSolver:
         """Search from the stance, then from the nearest random postures; the number of each, once done."""
         for start in range(starts):
             if start == 1:
-                near = self._random.nearest(T_palms, starts - 1, LEVER if rounds[0].oriented else 0.0)
+                near = self._random.nearest(T_palms, starts - 1, ROTATION_LEVER if rounds[0].oriented else 0.0)
             begin = near[start - 1] if start else self.body.tables.q_stance
             self._one.search(T_palms, begin, self.body.q_full[self.body.fingers], rounds)
             yield start
 
     def _score(self, found: Solution) -> float:
         """How far a posture is from the targets [m], and much more for what exceeds the bounds."""
-        excess = max(0.0, float(self._one.excess()[1]) - WITHIN)
-        return 1e3 * excess + sum(found.position_error) + LEVER * sum(found.orientation_error)
+        excess = max(0.0, float(self._one.excess()[1]) - EXCESS_NONE)
+        return 1e3 * excess + sum(found.position_error) + ROTATION_LEVER * sum(found.orientation_error)
 
     def _solution(self, targets: np.ndarray) -> Solution:
         """What the search has found."""
@@ -246,8 +249,8 @@ class PostureSolver:
         orientation = angle_between(wrists[:, :3, :3], targets[:, :3, :3])
         on_target = position.max() <= POSITION_REACHED and orientation.max() <= ORIENTATION_REACHED
         margins, excess = one.margins(1), one.shares(1)
-        reached = bool(on_target and max(excess.values()) <= WITHIN)
-        reasons = () if reached else tuple(name for name, share in excess.items() if share > -NEAR)
+        reached = bool(on_target and max(excess.values()) <= EXCESS_NONE)
+        reasons = () if reached else tuple(name for name, share in excess.items() if share > -ROOM_NONE)
         names = list(body.full.names)[2:]
         upper, has = list(body.model.names)[2 + LOWER - 6 :], body.real[LOWER - 6 :]
         return Solution(

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from policy.chunk import ActionChunk
 from wholebody.config import TrajectoryConfig
-from wholebody.planning.still_postures import WITHIN, Constraint, StillPostures, scattered
+from wholebody.planning.still_postures import EXCESS_NONE, Constraint, StillPostures, scattered
 from wholebody.trajopt.robot_tables import RobotTables
 
 CURVES, DETOUR = 200, 0.6
@@ -80,7 +80,7 @@ class PosturePaths:
             excess = self._postures.excess()
             if excess.max() < least:
                 best, least = control, excess.max()
-            if least <= max(WITHIN, excess[0], excess[-1]):
+            if least <= max(EXCESS_NONE, excess[0], excess[-1]):
                 break
         return self._along(begin, end, best, shares)
 
@@ -98,7 +98,7 @@ class PosturePaths:
                 margins.append(postures.margins(k))
         excess = [max(-room / postures.tolerance[name] for name, room in rooms.items()) for rooms in margins]
         least = {name: min(rooms[name] for rooms in margins) for name in margins[0]}
-        return Way(np.array(q), np.array(palms), least, max(excess) <= max(WITHIN, excess[0], excess[-1]))
+        return Way(np.array(q), np.array(palms), least, max(excess) <= max(EXCESS_NONE, excess[0], excess[-1]))
 
     def _place(self, begin: np.ndarray, end: np.ndarray, control: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Put the postures on a curve; the finger joints there, (POSTURES, n_fingers)."""

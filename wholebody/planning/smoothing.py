@@ -27,9 +27,9 @@ JERK_SHARE = 0.25
 SPREAD_MIN = 0.3
 """Least second singular value of a mean of rotations [no unit]; measured: scatter of 0.5 rad leaves 0.8, one from all
 there are 0.2."""
-ORDER = 3
+DIFFERENCE_ORDER = 3
 """Of the differences that are penalised: jerk. Penalising acceleration would flatten what moves."""
-STIFFNESS = 10.0 ** np.linspace(-2.0, 9.0, 45)
+PENALTIES = 10.0 ** np.linspace(-2.0, 9.0, 45)
 """Penalties that are tried on them [no unit]; chosen: from next to nothing to an arc, for any number of steps."""
 CAUTION = 1.4
 """Weight of the degrees of freedom; with 1 it takes noise for motion every so often.
@@ -74,7 +74,7 @@ def smooth(values: np.ndarray) -> np.ndarray:
     """The curve through scattered values by penalised least squares.
 
     Args:
-        values: One row a step, shape (H, ...), H more than `ORDER`; all columns get the same stiffness.
+        values: One row a step, shape (H, ...), H more than `DIFFERENCE_ORDER`; all columns get the same stiffness.
 
     Source:
         Eilers 2003, "A perfect smoother" (the penalty); Craven and Wahba 1979, "Smoothing noisy data with spline
@@ -82,7 +82,7 @@ def smooth(values: np.ndarray) -> np.ndarray:
     """
     roughness, U = _basis(len(values))
     parts = U.T @ values.reshape(len(values), -1)
-    kept = 1.0 / (1.0 + STIFFNESS[:, None] * roughness)
+    kept = 1.0 / (1.0 + PENALTIES[:, None] * roughness)
     left_out = ((1.0 - kept) ** 2) @ (parts**2).sum(axis=1)
     freedom = 1.0 - CAUTION * kept.mean(axis=1)
     gcv = np.where(freedom > 0.0, left_out / np.maximum(freedom, 1e-9) ** 2, np.inf)
@@ -92,15 +92,15 @@ def smooth(values: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=8)
 def _basis(steps: int) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues (H,) and eigenvectors (H, H) of the penalty."""
-    D = np.diff(np.eye(steps), ORDER, axis=0)
+    D = np.diff(np.eye(steps), DIFFERENCE_ORDER, axis=0)
     roughness, U = np.linalg.eigh(D.T @ D)
     return np.maximum(roughness, 0.0), U
 
 
 def _scatters(steps: np.ndarray, fps: float, limits: MotionLimits) -> bool:
     """Whether the jerk of a motion with these differences between steps, shape (H - 1, n), turns round all the time."""
-    jerk = np.diff(steps, ORDER - 1, axis=0) * fps**ORDER
-    if len(jerk) < ORDER:
+    jerk = np.diff(steps, DIFFERENCE_ORDER - 1, axis=0) * fps**DIFFERENCE_ORDER
+    if len(jerk) < DIFFERENCE_ORDER:
         return False
     size = np.linalg.norm(jerk, axis=1)
     back = np.einsum("ki,ki->k", jerk[1:], jerk[:-1]) < 0.0

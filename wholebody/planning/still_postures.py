@@ -31,7 +31,7 @@ from wholebody.trajopt.weights import tolerances
 
 POSITION_REACHED, ORIENTATION_REACHED = 1e-3, np.deg2rad(0.2)
 """Errors of a wrist up to which a target is reached [m, rad]; definition."""
-WITHIN = 0.01
+EXCESS_NONE = 0.01
 """Excess over a bound, in terms of its tolerance, that counts as none; chosen: 0.1 mm of a distance, 0.5 mrad of a
 joint."""
 ROTATION_RESIDUAL_MAX = 1e-3
@@ -185,7 +185,7 @@ class StillPostures:
         position, turn = np.linalg.norm(self._problem.now.r[1, :12].reshape(2, 2, 3), axis=2).max(axis=0)
         turned = one.oriented and not turn < 0.5 * ORIENTATION_REACHED
         near = position < 0.5 * POSITION_REACHED and not turned
-        return bool(near and self.excess()[1] < WITHIN)
+        return bool(near and self.excess()[1] < EXCESS_NONE)
 
 
 def scattered(body: RobotTables, q: np.ndarray, share: float, generator: np.random.Generator) -> np.ndarray:

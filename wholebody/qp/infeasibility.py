@@ -16,7 +16,7 @@ import numpy as np
 
 PROVEN = 1e-6
 """Largest entry of ``A' y`` where ``y`` is scaled to an excess of 1 [units of the rows]; definition."""
-NONE = 1e-7
+EXCESS_MIN = 1e-7
 """Smallest common excess, in terms of the rows' lengths, that counts as one [no unit]; derived: ten times what the
 linear program is solved to."""
 WEIGHED = 1e-9
@@ -84,7 +84,7 @@ def infeasibility(rows: LinearRows) -> FarkasCertificate | None:
         bounds=[*[(None, None)] * A.shape[1], (0.0, None)],
         method="highs-ds",
     )
-    if found.status != 0 or not found.x[-1] > NONE:
+    if found.status != 0 or not found.x[-1] > EXCESS_MIN:
         return None
     weights, y = np.maximum(-found.ineqlin.marginals, 0.0), np.zeros(len(A))
     y[above] += weights[: above.sum()]

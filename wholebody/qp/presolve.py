@@ -21,7 +21,7 @@ from wholebody.qp.problem import QuadraticProgram
 
 Candidate = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """x (n,), multipliers y of the equalities, z of the inequalities and z_box of the bounds, as in `QPSolution`."""
-FREE = 1e8
+NO_BOUND = 1e8
 """Bounds on variables beyond this are none [units of the variable]; chosen: a tenth of `UNBOUNDED`."""
 POLISH_REGULARISATION = 1e-9
 """Keeps the polishing system regular where active rows depend on each other [no unit]; chosen: refinement takes its
@@ -65,8 +65,8 @@ def prepare(qp: QuadraticProgram, *, slack: bool) -> Prepared:
     """
     kept = len(qp.g) if slack else len(qp.g) - qp.n_slack
     scale = 1.0 / np.sqrt(np.diag(qp.H)[:kept])
-    x_min = np.where(qp.x_min[:kept] > -FREE, qp.x_min[:kept] / scale, -np.inf)
-    x_max = np.where(qp.x_max[:kept] < FREE, qp.x_max[:kept] / scale, np.inf)
+    x_min = np.where(qp.x_min[:kept] > -NO_BOUND, qp.x_min[:kept] / scale, -np.inf)
+    x_max = np.where(qp.x_max[:kept] < NO_BOUND, qp.x_max[:kept] / scale, np.inf)
     H = scale[:, None] * qp.H[:kept, :kept] * scale
     A, C = qp.A[:, :kept] * scale, qp.C[:, :kept] * scale
     program = QuadraticProgram(

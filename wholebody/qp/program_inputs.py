@@ -27,12 +27,12 @@ from wholebody.tasks.body_tasks import BodyTasks
 
 ITERATION_LIMIT = 200
 """Changes of the working set after which the readable program is asked: a dual method can cycle."""
-TOLERANCE = 1e-9
+VIOLATION_MIN = 1e-9
 """Violation from which a row enters the working set [m/s^2, rad/s^2, N, N m]; chosen: a thousandth of what is
 accepted."""
 EXTRA_ROWS = 24
 """Room for the rows of further tasks, and of further limits, where there are any."""
-ACCEPTED = 1e-6
+RESIDUAL_MAX = 1e-6
 """Largest accepted residuals [m/s^2, rad/s^2, N, N m; scaled]; chosen: an order below those of the other solvers."""
 
 
@@ -189,7 +189,7 @@ def fill_body(p: BodyInputs, tick: Packed) -> None:
     tick.posture_kp[:], tick.posture_kd[:], tick.posture_weight[:] = posture.kp, posture.kd, posture.weight
     tick.posture_feedback_max = posture.feedback_max
     tick.balance_margin, tick.balance_gain, tick.dt = p.balance.margin, p.balance.gain, p.config.dt
-    tick.tolerance, tick.primal_accepted, tick.dual_accepted = TOLERANCE, ACCEPTED, ACCEPTED
+    tick.tolerance, tick.primal_accepted, tick.dual_accepted = VIOLATION_MIN, RESIDUAL_MAX, RESIDUAL_MAX
     tick.n_contacts, tick.hands, tick.iteration_limit = len(p.feet), 1, ITERATION_LIMIT
     tick.trust[:] = tick.row_scale[:] = 1.0
 

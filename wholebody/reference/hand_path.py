@@ -23,7 +23,7 @@ from wholebody.reference.knots import POSITION, ROTATION, all_fingers, check_kno
 from wholebody.reference.layout import ROW, HandMotion
 from wholebody.reference.spline import PiecewiseQuintic, knot_derivatives, quintic
 
-CELL = 0.002
+CELL_WIDTH = 0.002
 """Width of a look-up cell [s]; chosen: one control tick at 500 Hz."""
 
 _curve_rows = Entry(curve_rows)
@@ -132,7 +132,7 @@ class HandPath:
     def flat(self) -> np.ndarray:
         """The path as one array, as `wholebody.reference.kernels.path` reads it."""
         breaks, coefficients = self.curve.breaks, self.curve.coefficients
-        cells = np.arange(breaks[0], breaks[-1], CELL)
+        cells = np.arange(breaks[0], breaks[-1], CELL_WIDTH)
         segment = np.clip(np.searchsorted(breaks, cells, side="right") - 1, 0, len(coefficients) - 1)
-        header = [len(coefficients), coefficients.shape[2], breaks[0], 1.0 / CELL, len(cells)]
+        header = [len(coefficients), coefficients.shape[2], breaks[0], 1.0 / CELL_WIDTH, len(cells)]
         return np.concatenate([header, segment, breaks, coefficients.ravel()])

@@ -33,12 +33,12 @@ that a way which is joined anew at every step is as short as one that is joined 
 ASTRAY = 1.1
 """Multiple of its distance from the path that a motion on its way there comes to at most [no unit]; chosen: rates that
 lead away are given up instead, as an acceleration that lasts would lead metres away."""
-STRAIGHT = 0.99
+STRAIGHT_COSINE = 0.99
 """Cosine of the angle up to which a hand moves straight towards its path [no unit]; chosen: 8 degrees."""
 PATIENCE = 2.5
 """Longer than that nothing is joined for the sake of comfort [s]; chosen, no trial is on record."""
 
-SMALL = (0.012, 0.06, 0.1)
+NO_DIFFERENCE = (0.012, 0.06, 0.1)
 """Position [m], orientation [quaternion's length] and fingers [rad]: a correction below is no difference; chosen, no
 trial is on record."""
 
@@ -146,7 +146,7 @@ def _excursion(error: np.ndarray, duration: float) -> float:
 def _excursions(error: np.ndarray, duration: float) -> list[float]:
     """The ratio of position, orientation and fingers."""
     values = _BASIS[0] @ (error * np.array([[1.0], [duration], [duration**2]]))
-    return [float(part_size(values, part).max()) / small for part, small in zip(PARTS, SMALL, strict=True)]
+    return [float(part_size(values, part).max()) / small for part, small in zip(PARTS, NO_DIFFERENCE, strict=True)]
 
 
 def _heads_there(error: np.ndarray, duration: float) -> bool:
@@ -155,7 +155,7 @@ def _heads_there(error: np.ndarray, duration: float) -> bool:
     A hand that is there already, as far as that is no difference, does not keep its fingers from closing.
     """
     place, velocity = error[0, POSITION], error[1, POSITION]
-    if float(place @ velocity) <= -STRAIGHT * float(np.linalg.norm(place) * np.linalg.norm(velocity)):
+    if float(place @ velocity) <= -STRAIGHT_COSINE * float(np.linalg.norm(place) * np.linalg.norm(velocity)):
         return True
     position, _, fingers = _excursions(error, duration)
     return position <= 1.0 < fingers

@@ -13,14 +13,14 @@ import pinocchio as pin
 from models.pinocchio_model import frame_id, stance_q
 from models.spec import RobotSpec
 
-LEVEL = 1e-6
+LEVEL_SLOPE = 1e-6
 """Slope below which a floor is level [rad]; derived: the angles of the stance are rounded, its soles slope by 1e-7."""
-REACH = 0.6
+FLOOR_REACH = 0.6
 """Horizontal distance from the feet within which hands come near the floor [m]; derived: the 0.5 m of the furthest
 reach, and half of a hand."""
 BASE_GIVE = 0.01
 """How far the base gives way where a joint of a leg does by 1 [m/rad, no unit]; chosen: only where a leg cannot."""
-STEPS, CLOSE = 20, 1e-9
+NEWTON_STEPS, CLOSE = 20, 1e-9
 """Most Newton steps that put the stance on its feet, and how near that is [m, rad]; chosen: four or five will do, they
 converge quadratically."""
 
@@ -92,7 +92,7 @@ class Feet:
     def _reached(self, spec: RobotSpec, model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
         """The configuration near another one that has its feet here; the base moves only as far as the legs have to."""
         give = np.where(np.arange(model.nv) < 6, BASE_GIVE, 1.0)
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             pin.computeJointJacobians(model, data, q)
             rows, errors = [], []
             for foot, T in zip(spec.feet, self.poses, strict=True):
@@ -130,7 +130,7 @@ class Floor:
         """Its angle with the horizontal [rad]; 0 for one that is level but for rounding."""
         x, y, z = self.normal.tolist()
         angle = atan2(hypot(x, y), z)
-        return angle if angle > LEVEL else 0.0
+        return angle if angle > LEVEL_SLOPE else 0.0
 
     @cached_property
     def origin(self) -> np.ndarray:
@@ -146,11 +146,11 @@ class Floor:
 
     @property
     def rise(self) -> float:
-        """How high it is at most within `REACH` of its point, beyond the world's own floor at 0 [m]."""
-        return float(self.height(self.point[:2])) + REACH * tan(self.slope)
+        """How high it is at most within `FLOOR_REACH` of its point, beyond the world's own floor at 0 [m]."""
+        return float(self.height(self.point[:2])) + FLOOR_REACH * tan(self.slope)
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """Its height at places (..., 2), [m]; 0 where the world has a level one through its origin."""
-        if self.slope == 0.0 and abs(self.point[2]) < LEVEL:
+        if self.slope == 0.0 and abs(self.point[2]) < LEVEL_SLOPE:
             return np.zeros(np.shape(points)[:-1])
         return self.point[2] - (np.asarray(points) - self.point[:2]) @ self.normal[:2] / self.normal[2]

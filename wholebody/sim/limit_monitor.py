@@ -13,7 +13,7 @@ from wholebody.robot.support_polygon import convex_polygon
 
 POSITION_TOLERANCE = 2e-3
 """How far a joint may pass its position limit before it counts [rad]; chosen: MuJoCo's limits are springs."""
-EDGE = 1e-3
+TIPPING_DISTANCE = 1e-3
 """Distance of the centre of pressure from the edge of the soles below which the robot tips over that edge [m]; chosen,
 no trial is on record."""
 
@@ -80,8 +80,8 @@ class LimitMonitor:
             return
         margin = self._support.margin(pressure)
         self.margin = min(self.margin, margin)
-        if margin < EDGE:
-            _note(self._edge, "pressure", time, dt, margin, EDGE)
+        if margin < TIPPING_DISTANCE:
+            _note(self._edge, "pressure", time, dt, margin, TIPPING_DISTANCE)
 
     def _set_down(self, stands: tuple[bool, bool]) -> None:
         """These feet stand from now on: those that did not before, where they are now."""

@@ -281,7 +281,7 @@ def _shapes(table: ShapeTable, number: np.ndarray, proximity: Proximity, low: tu
     for i, ((kind, first, count, _), around) in enumerate(zip(shapes, table.rounds, strict=True)):
         points = table.vertices[first : first + count]
         if kind != gjk.HULL:
-            axis = around[gjk.AXIS : gjk.AXIS + 3] * around[gjk.HALF]
+            axis = around[gjk.AXIS : gjk.AXIS + 3] * around[gjk.HALF_LENGTH]
             points = around[:3] + np.array([axis, -axis])
         grown = 0.0 if kind == gjk.HULL else around[gjk.RADIUS]
         centre[i] = 0.5 * (points.max(0) + points.min(0))

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from wholebody.types import Reason
-from wholebody.verdict.violations import MOVING, Severity, Violation
+from wholebody.verdict.violations import MOVING_REASONS, Severity, Violation
 
 FALLING = 1.1
 """How long before a fall is seen what is asked of its motors comes of it [s]; derived: a pendulum of 0.7 m tips over
 from 2 to 60 degrees in acosh(60 / 2) / sqrt(9.81 / 0.7)."""
-ELSEWHERE = (*MOVING, Reason.MOVED)
+ELSEWHERE = (*MOVING_REASONS, Reason.MOVED)
 HANDS_LOST = Reason.HANDS_DROPPED, Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR, Reason.TRACKING
 OVERLOADED = (
     Reason.TORQUE_LIMIT, Reason.JOINT_LIMIT, Reason.SELF_CONTACT, Reason.SCENE_CONTACT, Reason.BALANCE_EDGE

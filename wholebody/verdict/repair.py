@@ -22,7 +22,7 @@ SLOWER_MAX = 4.0
 """Largest factor by which a chunk is slowed down; chosen: what does not hold then does not hold at rest either."""
 BISECTIONS = 6
 """Halvings of the range of a change; derived: 4 to the power of 1 / 64 is 2 % of the slow-down."""
-SPARE = 0.02
+SPARE_SHARE = 0.02
 """Share by which a change is more than the least one that was found to hold; chosen: rounding in a file."""
 MORE, MORE_TRIES = 1.05, 4
 """Factor on a change that holds by one plan and not as it is played back, and how often it is tried; chosen."""
@@ -147,7 +147,7 @@ class Repairer:
 
     def _lasting(self, chunk_at: Callable[[float], ActionChunk], least: float, most: float) -> float | None:
         """The first value from the least that holds on, a little more each time, that lasts too; None if none does."""
-        values = [least * (1.0 + SPARE) * MORE**k for k in range(MORE_TRIES)]
+        values = [least * (1.0 + SPARE_SHARE) * MORE**k for k in range(MORE_TRIES)]
         values = [values[0], least, *values[1:]]
         return next((x for x in (min(value, most) for value in values) if self.lasts(chunk_at(x))), None)
 

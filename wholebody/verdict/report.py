@@ -16,12 +16,12 @@ from wholebody.verdict.causes import Tick
 from wholebody.verdict.quantity import quantity, size_text
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.violations import MOVING, Severity, Violation
+from wholebody.verdict.violations import MOVING_REASONS, Severity, Violation
 from wholebody.verdict.why.sentence import change_text
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
-    **dict.fromkeys((*MOVING, Reason.MOVED), _MOVED),
+    **dict.fromkeys((*MOVING_REASONS, Reason.MOVED), _MOVED),
     Reason.TURNED: "{subject} commanded {value} from how it was asked to be turned (bound {bound})",
     Reason.NOT_FOLLOWED: "{subject} {value} from where it was commanded to be (bound {bound})",
     Reason.TOO_FAST_FOR_BALANCE: "{subject} {value} (bound {bound})",

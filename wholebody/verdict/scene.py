@@ -24,11 +24,11 @@ from wholebody.sim.scene_file import scene_of
 
 SEEN = 0.1
 """Distance up to which shapes are measured [m]; chosen: there is room beyond it."""
-EVERY = 0.04
+SCENE_SPACING = 0.04
 """Time from one posture of a plan that is measured to the next [s]; chosen: 4 cm at 1 m/s."""
 SCALE = 1e-3
 """Depth that counts as one [m]; chosen: the rounding of files."""
-TOUCH = 2e-3
+INTO_SCENE_MAX = 2e-3
 """How far what is no hand may be planned into the scene [m]; chosen: the error of a plan that is followed."""
 
 
@@ -52,7 +52,7 @@ class SceneDistance:
         plane = m.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
         still = m.body_weldid[m.geom_bodyid] == 0
         self._scene = np.flatnonzero(solid & still & ~mine & ~plane)
-        self._robot, self._gives = np.flatnonzero(solid & mine), np.full(m.ngeom, TOUCH)
+        self._robot, self._gives = np.flatnonzero(solid & mine), np.full(m.ngeom, INTO_SCENE_MAX)
         self._wrists = [m.body(tool.wrist_frame).id for tool in spec.tools]
         self._hands = [
             np.array([g for g in self._robot if wrist in self._carriers(int(m.geom_bodyid[g]))])
@@ -80,7 +80,7 @@ class SceneDistance:
         touching = [geoms for geoms, told in zip(self._hands, chunk.pushes, strict=True) if told]
         apart = np.setdiff1d(self._robot, np.concatenate([*touching, []]))
         mujoco.mj_resetDataKeyframe(m, d, m.key("stance").id)
-        for row in range(0, len(track.q), round(EVERY / GRID)):
+        for row in range(0, len(track.q), round(SCENE_SPACING / GRID)):
             self._conversion.to_mujoco(track.q[row], track.v[row], d.qpos, d.qvel)
             mujoco.mj_kinematics(m, d)
             time = plan.start + row * GRID / plan.rate

@@ -33,7 +33,7 @@ ANSWERS: dict[Severity, Answer] = {
     Severity.NOTE: "feasible",
 }
 """The answer by the worst violation; without any, feasible."""
-WITHIN = 0.02
+WITHIN_20_MM = 0.02
 """Palm error of `Verdict.within_20mm` [m]; definition."""
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
@@ -186,7 +186,7 @@ def verdict_of(
         demandable_share=float(palms.demandable.mean()) if palms.demandable.size else 1.0,
         demandable_rms_m=_rms(fair),
         demandable_max_m=_largest(fair),
-        within_20mm=float((fair <= WITHIN).mean()) if fair.size else 1.0,
+        within_20mm=float((fair <= WITHIN_20_MM).mean()) if fair.size else 1.0,
         pressure_margin_m=result.margin if isfinite(result.margin) else None,
         creep_m=result.creep,
         timing=timing(result),

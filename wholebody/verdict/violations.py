@@ -26,11 +26,13 @@ NOT_AS_GIVEN = (CLIPPED, NOT_FOLLOWED, OUT_OF_RANGE)
 """Words of notes on numbers that are not carried out as given."""
 LISTED = 5
 """Violations of one kind that are listed: the worst."""
-MOVING = (Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE)
+MOVING_REASONS = (
+    Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE,
+)  # fmt: skip
 """Reasons for which a hand is commanded elsewhere than it was asked to be."""
-ORDER = tuple(dict.fromkeys((Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *MOVING, *Reason)))
+ORDER = tuple(dict.fromkeys((Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *MOVING_REASONS, *Reason)))
 """Of violations that are equally severe: causes before what came of them."""
-HANDS = (*MOVING, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED)
+HAND_REASONS = (*MOVING_REASONS, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED)
 """What hands are away from what they were asked or commanded: what is farthest past its bound comes first."""
 PALMS = ("left palm", "right palm")
 
@@ -110,9 +112,9 @@ def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
 def _rank(one: Violation) -> tuple[int, int, float, int]:
     """Where a violation is listed: distances and angles are compared by what share of their bound they are."""
     severity, place = list(reversed(Severity)).index(one.severity), ORDER.index(one.code)
-    if one.code not in HANDS or one.bound <= 0.0:
+    if one.code not in HAND_REASONS or one.bound <= 0.0:
         return severity, place, 0.0, place
-    return severity, min(map(ORDER.index, HANDS)), -one.value / one.bound, place
+    return severity, min(map(ORDER.index, HAND_REASONS)), -one.value / one.bound, place
 
 
 def _ends(result: EpisodeResult) -> Iterator[Violation]:
@@ -143,9 +145,9 @@ def _starved(result: EpisodeResult) -> Iterator[Violation]:
 def _moved(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
     """Palms commanded elsewhere than asked, or turned away, at the steps' own times: the worst of each reason."""
     palms, first = result.palms, approach_steps(result, bounds)
-    why = [reason if reason in MOVING else Reason.MOVED for reason in palms.reasons]
+    why = [reason if reason in MOVING_REASONS else Reason.MOVED for reason in palms.reasons]
     limits = bounds.palm_feasible, bounds.palm_repair
-    for code in (*MOVING, Reason.MOVED):
+    for code in (*MOVING_REASONS, Reason.MOVED):
         at = np.array([k for k in range(first, len(why)) if why[k] is code], dtype=int)
         if at.size:
             worst = _worst(code, palms.moved[at], palms.times[at], limits, "m")

@@ -10,11 +10,11 @@ from wholebody.verdict.summaries import Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity, Violation
 
-LEVEL = 0.95
+CONFIDENCE = 0.95
 """Confidence of the interval [no unit]; definition."""
 
 
-def binomial_interval(held: int, n: int, level: float = LEVEL) -> tuple[float, float]:
+def binomial_interval(held: int, n: int, level: float = CONFIDENCE) -> tuple[float, float]:
     """Shares between which that of all worlds lies with at least a level of confidence.
 
     Args:
@@ -44,7 +44,7 @@ def in_worlds(verdict: Verdict, seeds: Sequence[int], found: Sequence[Verdict]) 
     low, high = binomial_interval(held, len(found))
     summary = Worlds(
         seeds=tuple(seeds), verdicts=tuple(one.verdict for one in found), fell=tuple(fell), held=held,
-        share=held / len(found), low=low, high=high, level=LEVEL, max_m=max(one.max_m for one in found),
+        share=held / len(found), low=low, high=high, level=CONFIDENCE, max_m=max(one.max_m for one in found),
     )  # fmt: skip
     if not fell:
         return replace(verdict, worlds=summary)

@@ -20,7 +20,7 @@ from policy.errors import DatasetError
 from policy.joints import joints_of
 from policy.kinematics.forward import kinematics
 
-LEVEL, PARALLEL = 0.03, np.deg2rad(10.0)
+LEVEL_HEIGHT, PARALLEL = 0.03, np.deg2rad(10.0)
 """Differences of both soles in height [m] and in tilt [rad] from which a foot is not on the floor; chosen: past what
 encoders and soft ground make, and short of a step."""
 OWN = "wrists are in the pelvis of their own frame; over a chunk it is taken to stand still"
@@ -72,12 +72,12 @@ class RecordedLegs:
         left, right = (T_world_base @ T for T in kinematics(self.robot).soles(q_body).values())
         step = np.abs(left[:, 2, 3] - right[:, 2, 3])
         tilt = np.arccos(np.clip((left[:, :3, 2] * right[:, :3, 2]).sum(axis=1), -1.0, 1.0))
-        frame = int(np.argmax(np.maximum(step / LEVEL, tilt / PARALLEL)))
-        if step[frame] > LEVEL or tilt[frame] > PARALLEL:
+        frame = int(np.argmax(np.maximum(step / LEVEL_HEIGHT, tilt / PARALLEL)))
+        if step[frame] > LEVEL_HEIGHT or tilt[frame] > PARALLEL:
             raise DatasetError(
                 f"{where}, frame {frame}: the soles are {1e3 * step[frame]:.0f} mm and {np.rad2deg(tilt[frame]):.0f}° "
-                f"apart; up to {1e3 * LEVEL:.0f} mm and {np.rad2deg(PARALLEL):.0f}° stand on a floor. A foot in the "
-                "air does not say where the pelvis is: leave the episode out with --episodes, or --to wbc32-v1",
+                f"apart; up to {1e3 * LEVEL_HEIGHT:.0f} mm and {np.rad2deg(PARALLEL):.0f}° stand on a floor. A foot in "
+                "the air does not say where the pelvis is: leave the episode out with --episodes, or --to wbc32-v1",
                 feature=self.feature,
                 frame=frame,
             )

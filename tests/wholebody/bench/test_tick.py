@@ -8,12 +8,12 @@ import pytest
 from models import g1
 from wholebody.bench.reach_script import ReachScript
 from wholebody.bench.slow_ticks import SlowTicks
-from wholebody.bench.tick import ROWS, TIMED, VARIANTS, _worst_repeated, bench_tick
+from wholebody.bench.tick import CONFIGURATIONS, TIMED, VARIANTS, _worst_repeated, bench_tick
 
 pytestmark = pytest.mark.alone
 
 
-@pytest.mark.parametrize("row", ROWS)
+@pytest.mark.parametrize("row", CONFIGURATIONS)
 def test_a_short_run_follows_the_script_and_keeps_the_limits(row):
     result = bench_tick(row, 200)
     assert result["fails"] == 0

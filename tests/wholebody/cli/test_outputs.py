@@ -12,7 +12,7 @@ from policy.writing import OutputError
 from wholebody.cli.commands.run import _failed
 from wholebody.cli.console import JsonVerdicts
 from wholebody.cli.crash import ours
-from wholebody.cli.main import CLOSED
+from wholebody.cli.main import OUTPUT_CLOSED
 from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 
@@ -25,7 +25,7 @@ def test_a_reader_that_leaves_is_no_answer():
     )
     process.stdout.close()
     said = process.stderr.read()
-    assert process.wait() == CLOSED == 128 + 13
+    assert process.wait() == OUTPUT_CLOSED == 128 + 13
     assert said == ""
 
 

@@ -77,7 +77,11 @@ class Measuring:
         local = M.rotation.T @ direction
         if kind == core.CYLINDER:
             along = local @ row[3:6]
-            far = local @ row[:3] + row[core.HALF] * abs(along) + row[core.RADIUS] * np.sqrt(max(1.0 - along**2, 0.0))
+            far = (
+                local @ row[:3]
+                + row[core.HALF_LENGTH] * abs(along)
+                + row[core.RADIUS] * np.sqrt(max(1.0 - along**2, 0.0))
+            )
         else:
             far = np.max(self.table.vertices[first : first + count] @ local)
             far += row[core.RADIUS] if kind == core.SPHERE else 0.0

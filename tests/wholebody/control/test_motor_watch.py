@@ -9,7 +9,7 @@ import pytest
 
 from models import g1
 from policy.scripted.library import reach
-from wholebody.bench.torque_loop import NEUTRAL, Motors, linearised
+from wholebody.bench.torque_loop import EIGENVALUE_MAX, Motors, linearised
 from wholebody.config import ControllerConfig
 from wholebody.config.robot import RobotConfig
 from wholebody.control.gains import GainSchedule, inertia_of_joints
@@ -78,13 +78,13 @@ def test_the_linearised_loop_stands_with_the_gains_for_its_motors(supervisor, hz
     plant = MujocoPlant(SPEC)
     run(supervisor, plant, hold=2.0)
     controller, row = supervisor.controller, supervisor._follower.row
-    assert linearised(controller, plant, row).radius(Motors(bandwidth=hz)) > NEUTRAL
+    assert linearised(controller, plant, row).radius(Motors(bandwidth=hz)) > EIGENVALUE_MAX
     plant = MujocoPlant(SPEC)
     run(supervisor, plant, hold=2.0)
     controller.set_gains(schedule().gains(MotorResponse(bandwidth=hz)))
     slow = Motors(bandwidth=hz)
     loop = linearised(controller, plant, row)
-    assert loop.radius(slow) <= NEUTRAL
+    assert loop.radius(slow) <= EIGENVALUE_MAX
     assert loop.phase_margin(slow) > 5.0
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from models import g1
 from policy.scripted.library import reach
-from wholebody.control.torque_loss import EVERY, MOST, SHARE_MIN, TorqueLoss
+from wholebody.control.torque_loss import COMPARE_EVERY, MOST, SHARE_MIN, TorqueLoss
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.robot.state import Robot
@@ -24,7 +24,7 @@ def made_up(share, asked=10.0, seconds=1.0):
     """What is asked for beside a torque of which motors deliver a share, after a while; the observer."""
     loss, zero = TorqueLoss(SPEC, ROBOT.pin_to_motor, DT), np.zeros(N)
     before = RobotState(0.0, np.zeros(7 + N), np.zeros(6 + N))
-    for _ in range(round(seconds / DT / EVERY)):
+    for _ in range(round(seconds / DT / COMPARE_EVERY)):
         wanted = np.minimum(asked, 0.3 * SPEC.effort_max)
         tau = wanted if loss.added is None else wanted * loss.factor + loss.added
         command = JointCommand(0.0, zero, zero, tau, SPEC.kp, SPEC.kd)
@@ -61,7 +61,7 @@ def most(share, most=np.inf, asked=10.0, seconds=1.0):
     before = RobotState(0.0, np.zeros(7 + N), np.zeros(6 + N))
     command = JointCommand(0.0, zero, zero, np.minimum(asked, SPEC.effort_max), SPEC.kp, SPEC.kd)
     told = np.clip(share * command.tau, -most, most)[ROBOT.motor_to_pin]
-    for _ in range(round(seconds / DT / EVERY)):
+    for _ in range(round(seconds / DT / COMPARE_EVERY)):
         loss.look(before, replace(before, tau=told), command)
     return loss.most / SPEC.effort_max
 

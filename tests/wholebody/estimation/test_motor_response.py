@@ -47,7 +47,7 @@ class Shaken:
         asked = c.tau + c.kp * (c.q - self.q) + c.kd * (c.dq - self.v)
         asked += self.noise * rng.standard_normal(n)
         if r.bandwidth > 0.0:
-            A, b = second_order_step(2.0 * np.pi * r.bandwidth, motor_response.DAMPING, DT)
+            A, b = second_order_step(2.0 * np.pi * r.bandwidth, motor_response.DAMPING_RATIO, DT)
             self.filter = A @ self.filter + b[:, None] * asked
             asked = self.filter[0].copy()
         elif r.lag > 0.0:

@@ -13,7 +13,7 @@ from wholebody.config import ControllerConfig
 from wholebody.control.controller import WholeBodyController
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.estimation.state_estimator import StateEstimator
-from wholebody.execution.planted_feet import ANGLE, SETTLED, PlantedFeet
+from wholebody.execution.planted_feet import ANGLE, SETTLED_TIME, PlantedFeet
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.sim.sensors import REALISTIC_READINGS, Sensors
@@ -62,8 +62,8 @@ def test_a_foot_that_moved_counts_once_it_has_stayed_there(planted):
     begun(planted, standing(planted))
     moved, before = standing(planted, 0.05, 1.0), planted.contacts
     assert planted.planned(moved) is before
-    assert planted.planned(replace(moved, time=1.0 + 0.5 * SETTLED)) is before
-    assert planted.planned(replace(moved, time=1.0 + SETTLED)) is not before
+    assert planted.planned(replace(moved, time=1.0 + 0.5 * SETTLED_TIME)) is before
+    assert planted.planned(replace(moved, time=1.0 + SETTLED_TIME)) is not before
     assert planted.feet.floor(SPEC).slope == pytest.approx(0.05, abs=1e-6)
 
 
@@ -71,7 +71,7 @@ def test_a_foot_in_the_air_is_not_taken_for_one_that_moved(planted):
     begun(planted, standing(planted))
     lifted, before = replace(standing(planted, 0.05, 1.0), stands=(True, False)), planted.contacts
     planted.planned(lifted)
-    assert planted.planned(replace(lifted, time=1.0 + 2.0 * SETTLED)) is before
+    assert planted.planned(replace(lifted, time=1.0 + 2.0 * SETTLED_TIME)) is before
 
 
 def test_a_level_floor_is_level_for_twenty_robots_with_errors_of_imu_and_encoders(planted):

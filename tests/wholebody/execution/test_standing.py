@@ -1,6 +1,6 @@
 """Strategy: how long a robot stands that comes off its plan again and again, on times that the test says."""
 
-from wholebody.execution.standing import SOON, Patience
+from wholebody.execution.standing import AGAIN_WITHIN, Patience
 
 
 def test_the_first_time_a_chunk_is_joined_at_once():
@@ -19,4 +19,4 @@ def test_after_a_while_on_its_plan_it_is_as_at_first():
     patience = Patience()
     patience.wait(0.0)
     assert patience.wait(0.5) == 0.2
-    assert patience.wait(0.5 + SOON) == 0.0
+    assert patience.wait(0.5 + AGAIN_WITHIN) == 0.0

@@ -17,7 +17,16 @@ from tests.support.lissajous_variants import hand_distances, least_displacement,
 from wholebody.config import TrajectoryConfig
 from wholebody.episode.run import run_episode
 from wholebody.execution.supervisor import Supervisor
-from wholebody.planning.hands_apart import GRACE, NEAR, SHIFT, SHIFT_MAX, TOLERATED, TURN, HandHulls, HandsApart
+from wholebody.planning.hands_apart import (
+    NEAR_MARGIN,
+    SHIFT_COST,
+    SHIFT_MAX,
+    STILL_TOO_NEAR,
+    TOLERATED,
+    TURN_COST,
+    HandHulls,
+    HandsApart,
+)
 from wholebody.sim.plant import MujocoPlant
 from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.verdict.fast import FastChecker
@@ -58,15 +67,15 @@ def test_hands_that_are_asked_into_each_other_are_parted_by_a_small_move(apart, 
     policy = variant(seed)
     T, fingers = asked(policy, begin)
     before = by_coal(policy, T, begin)
-    overlap = before < CLEARANCE - GRACE - 1e-5
+    overlap = before < CLEARANCE - STILL_TOO_NEAR - 1e-5
     assert overlap.sum() >= 5
     parted = apart.parted(T, fingers)
-    assert by_coal(policy, parted, begin).min() > CLEARANCE - GRACE - 1e-5
+    assert by_coal(policy, parted, begin).min() > CLEARANCE - STILL_TOO_NEAR - 1e-5
     assert np.array_equal(parted[before > CLEARANCE], T[before > CLEARANCE])
     shift = np.linalg.norm(parted[:, :, :3, 3] - T[:, :, :3, 3], axis=2)
     turn = angle_between(parted[:, :, :3, :3], T[:, :, :3, :3])
-    cost = np.sqrt(((shift / SHIFT) ** 2 + (turn / TURN) ** 2).sum(axis=1))
-    plainest = np.sqrt(2.0) * least_displacement(before, CLEARANCE) / SHIFT
+    cost = np.sqrt(((shift / SHIFT_COST) ** 2 + (turn / TURN_COST) ** 2).sum(axis=1))
+    plainest = np.sqrt(2.0) * least_displacement(before, CLEARANCE) / SHIFT_COST
     assert (cost[overlap] < plainest[overlap]).mean() > 0.9
     assert shift.max() < 0.012
 
@@ -82,7 +91,7 @@ def test_hands_that_are_apart_or_far_from_each_other_stay_as_they_are(apart):
 def test_hands_that_a_plan_may_have_so_near_each_other_are_not_turned():
     """The lissajous has them 8.5 mm apart: led to 14 mm, its palms turned by 2.8 degrees, and need not turn at all."""
     times, distances = hand_distances(lissajous())
-    assert CLEARANCE - TOLERATED < distances.min() < CLEARANCE - GRACE
+    assert CLEARANCE - TOLERATED < distances.min() < CLEARANCE - STILL_TOO_NEAR
     begin = times[distances.argmin()] - 1.0
     chunk = to_chunk(lissajous().script(begin + np.arange(50) / 30.0), "wbc32", 0, 0.0, 30.0, 50)
     judge = FastChecker().judge
@@ -99,7 +108,7 @@ def test_hands_at_one_place_are_left_to_other_strategies(apart):
 def test_room_changes_as_the_rows_say(hulls):
     T, fingers = asked(variant(3), 5.5)
     rng, h = np.random.default_rng(0), 1e-6
-    close = [k for k in range(len(T)) if 0.001 - CLEARANCE < hulls.room(T[[k]], fingers[[k]])[0] < NEAR / 2.0]
+    close = [k for k in range(len(T)) if 0.001 - CLEARANCE < hulls.room(T[[k]], fingers[[k]])[0] < NEAR_MARGIN / 2.0]
     assert close
     for k in close:
         room, change = hulls.near(T[k], fingers[k])

@@ -18,10 +18,10 @@ from tests.support.sent_chunks import sent
 from wholebody.cli.main import app
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
-from wholebody.planning.posture import STARTS, PostureSolver
+from wholebody.planning.posture import STARTS_MAX, PostureSolver
 from wholebody.planning.reachability.compute import Samples, compute, logits, search
-from wholebody.planning.reachability.pairs import AT_REST, MIRROR, TURNS, Pairs, Turn, draw
-from wholebody.planning.reachability.reach_map import SHIPPED, SURE, ReachabilityMap, basis, reachability
+from wholebody.planning.reachability.pairs import MIRROR, PALM_AT_REST, TURNS, Pairs, Turn, draw
+from wholebody.planning.reachability.reach_map import ODDS_SURE, SHIPPED, ReachabilityMap, basis, reachability
 from wholebody.verdict.fast import FastChecker
 
 SPEC, CONFIG = g1(), ControllerConfig()
@@ -56,13 +56,13 @@ def test_the_map_says_what_the_search_says_of_pairs_drawn_apart_from_it(kept):
     assert len(kept.held) == 2000
     assert agrees.mean() >= AGREEMENT
     assert agrees[np.abs(rooms) > sure].mean() >= AGREEMENT_SURE
-    assert rooms[kept.held].min() > -SURE
+    assert rooms[kept.held].min() > -ODDS_SURE
 
 
 def test_what_is_kept_of_the_search_is_what_it_finds_now(kept, solver):
     held, missed = np.flatnonzero(kept.held)[:12], np.flatnonzero(~kept.held)[:3]
     for chosen, found in ((held, True), (missed, False)):
-        assert (search(solver, kept.pairs[chosen], STARTS, np.inf) == 0.0).tolist() == [found] * len(chosen)
+        assert (search(solver, kept.pairs[chosen], STARTS_MAX, np.inf) == 0.0).tolist() == [found] * len(chosen)
 
 
 def test_missed_by_nothing_is_what_solve_calls_reached(kept, solver):
@@ -114,13 +114,13 @@ def test_threads_that_ask_at_once_get_what_one_gets():
 
 
 def test_palms_at_rest_are_held_and_palms_above_the_head_or_in_one_place_are_not():
-    told, right = reachability(), AT_REST @ MIRROR
-    assert told.room(AT_REST, right, "facing") > 0.0
+    told, right = reachability(), PALM_AT_REST @ MIRROR
+    assert told.room(PALM_AT_REST, right, "facing") > 0.0
     assert told.room(right, right) < -2.0
-    assert told.room((0.3, 0.2, 1.74), right, "facing") < -SURE
-    assert told.room((0.74, 0.74, 1.7), (0.74, -0.74, 0.1)) < -SURE
+    assert told.room((0.3, 0.2, 1.74), right, "facing") < -ODDS_SURE
+    assert told.room((0.74, 0.74, 1.7), (0.74, -0.74, 0.1)) < -ODDS_SURE
     with pytest.raises(InputError, match=r"'sideways'.*facing, down, up, hanging, any"):
-        told.room(AT_REST, right, "sideways")
+        told.room(PALM_AT_REST, right, "sideways")
 
 
 @pytest.mark.parametrize(

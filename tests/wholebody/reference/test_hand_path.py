@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.support.reference_motions import angle_between, chunk, knots_of, lissajous_rows, row_at, wild_knots
 from wholebody.errors import InputError
 from wholebody.reference import HandMotion, HandPath, rest_row
-from wholebody.reference.hand_path import CELL
+from wholebody.reference.hand_path import CELL_WIDTH
 from wholebody.reference.join import PATIENCE
 from wholebody.reference.kernels.path import path_row
 
@@ -235,7 +235,7 @@ def test_look_up_is_the_sample(path):
 def test_look_up_passes_few_breaks():
     path = joined_path()
     cells = path.flat[5 : 5 + int(path.flat[4])].astype(int)
-    assert len(cells) == int(np.ceil((path.span[1] - path.span[0]) / CELL))
+    assert len(cells) == int(np.ceil((path.span[1] - path.span[0]) / CELL_WIDTH))
     assert np.all(np.diff(cells) >= 0)
 
 

@@ -18,7 +18,7 @@ from wholebody.errors import InputError
 from wholebody.types import RobotState
 from wholebody.verdict.calibration.model import SHIPPED, Calibration, shipped
 from wholebody.verdict.calibration.quantities import quantities
-from wholebody.verdict.calibration.rollout import STANDS, Rollout
+from wholebody.verdict.calibration.rollout import STANDING_WELL, Rollout
 from wholebody.verdict.calibration.trees import Trees
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
@@ -249,7 +249,7 @@ def test_a_rollout_tells_what_falls_from_what_stands_before_anything_is_simulate
     judge, rollout = FastChecker().judge, Rollout(ControllerConfig())
     begin, hostile = judge.stance(), hostile_chunk("box", np.random.default_rng(6), 0, 0.0)
     calm, wild = (rollout.quantities(one, begin, (0.0, 0.0)) for one in (sent(to=(0.05, 0.0, 0.05)), hostile))
-    assert calm.keys() == wild.keys() == STANDS.keys()
+    assert calm.keys() == wild.keys() == STANDING_WELL.keys()
     assert calm["roll_left"] == calm["roll_no_hands"] == 0.0
     assert calm["roll_capture"] > 0.02
     assert wild["roll_left"] > 0.0

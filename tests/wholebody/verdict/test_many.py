@@ -10,7 +10,7 @@ from tests.support.sampled_chunks import sampled_set
 from tests.support.sent_chunks import SPEC, STANCE, sent
 from wholebody import InputError, RobotState, judge_many
 from wholebody.config import VerdictConfig
-from wholebody.planning.judgement.sketch import AT_ONCE, rooms
+from wholebody.planning.judgement.sketch import CHUNKS_AT_ONCE, rooms
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.given.many import CUT, score
 
@@ -80,8 +80,8 @@ def test_a_deadline_is_kept_and_what_was_not_looked_at_is_said(stance):
 def test_a_sketch_does_not_depend_on_the_chunks_beside_it(checker):
     chunks, begin = [*sampled_set(SET), sent()], checker.judge.stance()
     together = checker.sketches.of(chunks, begin, FREE)
-    assert len(chunks) > AT_ONCE
-    for i in (0, 7, AT_ONCE):
+    assert len(chunks) > CHUNKS_AT_ONCE
+    for i in (0, 7, CHUNKS_AT_ONCE):
         assert np.array_equal(checker.sketches.of([chunks[i]], begin, FREE)[0], together[i])
 
 

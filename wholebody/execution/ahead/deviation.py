@@ -9,7 +9,7 @@ from wholebody.config import TrajectoryConfig
 from wholebody.reference import HandMotion
 from wholebody.robot.state import Robot
 
-STEPS = 3
+GAUSS_NEWTON_STEPS = 3
 """Gauss-Newton steps that put a wrist back: in the median of random cases, 26 mm become 1.6, then 0.02, then 0."""
 DAMPING = 1e-4
 """Of a step, added to ``J J^T`` [m^2, rad^2]; chosen: a straight arm moves little in its singular direction."""
@@ -17,7 +17,7 @@ RATE_DAMPING = 1e-3
 """The same of a velocity [m^2, rad^2]; measured: with 1e-4 plans begin faster than joints may be, with 1e-2 palms
 lag behind."""
 
-BEGIN = 0.55
+BEGIN_SPEED = 0.55
 """Share of the fastest that plans let a joint be with which an arm begins one; measured: faster ones are past a limit
 before they have braked."""
 
@@ -42,7 +42,7 @@ class Deviation:
         # A free-flyer has one more position than velocities.
         self._low = self._model.lowerPositionLimit[1:] + config.joint_margin
         self._high = self._model.upperPositionLimit[1:] - config.joint_margin
-        self._fastest = BEGIN * config.speed_share * self._model.velocityLimit
+        self._fastest = BEGIN_SPEED * config.speed_share * self._model.velocityLimit
 
     def carried(self, present: np.ndarray, later: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Configuration (nq,) at a time to come.
@@ -85,7 +85,7 @@ class Deviation:
     def _bent(self, q: np.ndarray, goals: list[pin.SE3]) -> np.ndarray:
         """A configuration (nq,) with arms that take the wrists to these poses in world."""
         model, data = self._model, self._data
-        for _ in range(STEPS):
+        for _ in range(GAUSS_NEWTON_STEPS):
             poses, step = self._poses(q), np.zeros(model.nv)
             for wrist, arm, T, goal in zip(self._wrists, self._arms, poses, goals, strict=True):
                 J = pin.computeFrameJacobian(model, data, q, wrist, pin.ReferenceFrame.LOCAL)[:, arm]

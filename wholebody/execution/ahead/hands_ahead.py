@@ -22,10 +22,10 @@ from wholebody.reference import HandLimits, HandMotion, HandPath, ReferenceSmoot
 LEASH = (0.15, 0.6)
 """How far a hand may be from the plan [m], and how far turned [rad]; measured: a fast stream is up to 0.15 m further on
 than was foretold, and the program keeps the balance there."""
-HELD = 0.008
+LEASH_MIN = 0.008
 """Distance that is left of it where the plan leads hands elsewhere than asked [m]; derived: what plans leave to the
 program, `planner.clamp_tolerance`."""
-SOON = 0.15
+STREAM_GAP = 0.15
 """Longest time between two chunks of a stream [s]; chosen: 10 Hz. Who says less often where hands are to be says it far
 enough ahead for a plan."""
 CHANGE = 3.0
@@ -52,7 +52,7 @@ class HandsAhead:
 
     def offer(self, chunk: ActionChunk, plan: ChunkPlan | None, now: float) -> None:
         """Take a chunk whose plan has to wait, now [s], and the plan that is followed, if one is."""
-        streams, self._t_obs = chunk.t_obs - self._t_obs <= SOON, chunk.t_obs
+        streams, self._t_obs = chunk.t_obs - self._t_obs <= STREAM_GAP, chunk.t_obs
         if plan is not None:
             self._paths = self._joined(chunk, now - chunk.t_obs) if streams else None
             self._look(plan, now)
@@ -80,7 +80,7 @@ class HandsAhead:
         follower = self._follower
         if self._paths is not None and plan.rate >= 1.0 and not self._touch.active:
             self._ahead = now - self._t_obs - follower.s
-            way = max(LEASH[0] - CHANGE * plan.report.moved_by(follower.s), HELD)
+            way = max(LEASH[0] - CHANGE * plan.report.moved_by(follower.s), LEASH_MIN)
             follower.lead(self._paths, self._ahead, (way, LEASH[1]))
         elif follower.leads:
             self._own = self._continued(plan.paths, follower.s)

@@ -13,7 +13,7 @@ from wholebody.robot.feet import Feet
 KNEE, LEAN, SHOULDER = 2.0, 0.3, -0.5
 """Angles of knees, trunk (forward) and shoulders (from the stance's pitch, upwards ahead) [rad]; chosen: thighs are
 level, the ankles 0.14 rad from their limit, and the pelvis 0.47 m high."""
-STEPS = 40
+ANKLE_HALVINGS = 40
 """Halvings of the range of the ankles; chosen: all that a number has."""
 
 
@@ -27,7 +27,7 @@ def crouch(spec: RobotSpec, model: pin.Model, feet: Feet) -> np.ndarray:
     q[parts["shoulder_pitch"]] += SHOULDER
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, LEAN, 0.0)).coeffs()
     low, high = float(model.lowerPositionLimit[parts["ankle_pitch"]].max()), 0.0
-    for _ in range(STEPS):
+    for _ in range(ANKLE_HALVINGS):
         ankle = 0.5 * (low + high)
         q[parts["ankle_pitch"]], q[parts["hip_pitch"]] = ankle, -(KNEE + ankle + LEAN)
         q[:3] += (nominal.p - Feet.at(spec, model, q, data).p).mean(axis=0)

@@ -12,7 +12,7 @@ from wholebody.execution.standing import Reflex
 from wholebody.execution.states import ENDING, Event, Machine, State
 from wholebody.types import RobotState
 
-AT_REST = 0.05
+AT_REST_SPEED = 0.05
 """Speed of any joint or the base below which the robot has come to rest in its crouch [rad/s, m/s]; chosen: twice what
 an estimator makes of one that stands."""
 
@@ -49,7 +49,7 @@ class Lowering:
 
     def look(self, state: RobotState) -> None:
         """Notice that the robot has arrived."""
-        if not self.active or self.stays or not self._reflex.has_arrived or np.abs(state.v).max() > AT_REST:
+        if not self.active or self.stays or not self._reflex.has_arrived or np.abs(state.v).max() > AT_REST_SPEED:
             return
         self._states.on(Event.ARRIVED)
         if self.stays:

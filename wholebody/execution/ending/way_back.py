@@ -8,7 +8,7 @@ import pinocchio as pin
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.robot.state import Robot
 
-SPEED = 0.5
+SPEED_BACK = 0.5
 """Speed of the fastest joint, or of the trunk's turn, on the way back [rad/s]; chosen: a tenth of what plans use."""
 
 
@@ -30,7 +30,7 @@ class WayBack:
         self._trunk = [robot.frame_id(name) for name in (robot.spec.base_body, robot.spec.torso_body)]
         self._end = pin.centerOfMass(robot.model, robot.scratch, stance).copy()
         self._way = pin.difference(robot.model, begin.q[0], stance)
-        self.seconds = float(np.abs(self._way[3:]).max()) / SPEED
+        self.seconds = float(np.abs(self._way[3:]).max()) / SPEED_BACK
         self._share = 0.0
 
     @property
@@ -43,7 +43,7 @@ class WayBack:
         share = self._later(later)
         way = share * self._way
         if not self.straight:
-            done = share * self.seconds * SPEED
+            done = share * self.seconds * SPEED_BACK
             way[:6] = self._way[:6] * min(done / max(np.linalg.norm(self._way[3:6]), 1e-9), 1.0)
             way[6:] = np.clip(self._way[6:], -done, done)
         return pin.integrate(self._robot.model, self._begin.q[0], way)

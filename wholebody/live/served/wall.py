@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ASKING = ExecutorConfig(replace_every=4)
 """A chunk is asked for at every target that says something new, and every 0.13 s: within
-`wholebody.execution.ahead.hands_ahead.SOON`, so that it counts as a stream all the while."""
+`wholebody.execution.ahead.hands_ahead.STREAM_GAP`, so that it counts as a stream all the while."""
 
 
 class _Viewed(RobotProcess):

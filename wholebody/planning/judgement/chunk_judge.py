@@ -33,7 +33,7 @@ from wholebody.trajopt.problem import TrajectoryProblem
 from wholebody.types import RobotState
 
 PALMS = ("left palm", "right palm")
-STARTS = 3
+FIRST_POSE_STARTS = 3
 """Postures from which one for the first pose is searched; chosen: a start that takes more is told as one that is
 missed."""
 
@@ -148,7 +148,7 @@ class ChunkJudge:
 
     def first_pose(self, chunk: ActionChunk) -> Begin:
         """Start at rest in a balanced posture, hands where the chunk begins, or as near to it as one is found."""
-        found = self.postures.solve(chunk.T_world_lhand[0], chunk.T_world_rhand[0], starts=STARTS)
+        found = self.postures.solve(chunk.T_world_lhand[0], chunk.T_world_rhand[0], starts=FIRST_POSE_STARTS)
         q = found.q.copy()
         for tool, fingers, limits in zip(
             self.spec.tools, (chunk.q_lhand[0], chunk.q_rhand[0]), self.planner.hand_limits, strict=True

@@ -14,9 +14,9 @@ from wholebody.robot.state import Robot
 from wholebody.robot.support_polygon import SupportPolygon
 from wholebody.robot.touch import LEAN_MAX, TOLD_SHARE, arm_force, tipping_share
 
-EVERY = 0.1
+POSTURE_SPACING = 0.1
 """Time between the postures that are looked at [s]; chosen: forces of tasks change slower."""
-LEAST = 0.5
+FORCE_MIN = 0.5
 """Force below which nothing is told [N]; chosen: what scripts leave of one that ends."""
 GRAVITY = 9.81
 """Acceleration of free fall [m/s^2]; definition."""
@@ -54,9 +54,10 @@ class HandForce:
         none, worst = np.zeros((len(chunk), 3)), None
         forces = [none if f is None else f for f in (chunk.f_world_lpalm, chunk.f_world_rpalm)]
         wanted, sizes = np.stack(forces, axis=1), np.linalg.norm(forces, axis=2).T
-        sizes = np.where(sizes < LEAST, 0.0, sizes)
+        sizes = np.where(sizes < FORCE_MIN, 0.0, sizes)
         self._robot.loads.carry(loads)
-        steps = set(range(0, len(chunk), max(round(EVERY * chunk.fps), 1))) | set(sizes.argmax(axis=0).tolist())
+        spacing = max(round(POSTURE_SPACING * chunk.fps), 1)
+        steps = set(range(0, len(chunk), spacing)) | set(sizes.argmax(axis=0).tolist())
         for k in sorted(step for step in steps if sizes[step].any()):
             q = plan.trajectory.q[plan.trajectory.row(plan.start + plan.rate * (k / chunk.fps - plan.start))]
             most = self._most if chunk.force_max is None else np.minimum(chunk.force_max[k], self._most)

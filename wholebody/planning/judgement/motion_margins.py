@@ -29,8 +29,8 @@ from wholebody.trajopt.limbs import SPARE
 from wholebody.trajopt.problem import TrajectoryProblem
 from wholebody.trajopt.robot_tables import RobotTables
 
-SIDES = {"front": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
-STEEP = 0.38
+SIDE_DIRECTIONS = {"front": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
+FACING_MIN = 0.38
 """Share of an edge's normal from which it counts as facing a side [no unit]; definition: the sine of 22.5 degrees."""
 
 
@@ -158,4 +158,4 @@ class MotionMargins:
 
 def _side(normal: np.ndarray) -> str:
     """Where an edge with that outward normal (2,) is."""
-    return " ".join(name for name, way in SIDES.items() if np.dot(way, normal) > STEEP)
+    return " ".join(name for name, way in SIDE_DIRECTIONS.items() if np.dot(way, normal) > FACING_MIN)

@@ -19,16 +19,16 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.planning.judgement.limits import Limit
 from wholebody.planning.limit_projection import DEMAND
-from wholebody.planning.reachability.pairs import HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
-from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap
+from wholebody.planning.reachability.pairs import BOX_HIGH, BOX_LOW, LOAD_KNOWN, MIRROR, TURNS, Pairs, Turn
+from wholebody.planning.reachability.reach_map import ODDS_SURE, ReachabilityMap
 from wholebody.robot.palms import palm_points, palm_poses
 from wholebody.trajopt.problem import TrajectoryProblem
 
-ROW = 0.2
+ROW_SPACING = 0.2
 """Time from one row to the next [s]; chosen: three knots of a plan."""
 PASSES = 2
 """Steps of inverse kinematics at a row [no unit]; measured: palms of what can be done are within millimetres then."""
-AT_ONCE = 16
+CHUNKS_AT_ONCE = 16
 """Chunks of one call [no unit]; chosen: 20 MB of memory, and rows enough that calls take no time."""
 JOIN_SPEED, JOIN_TIME = 1.0, 0.2
 """Speed [m/s] and time [s] with which hands that are elsewhere are thought to join a chunk; chosen: as plans do."""
@@ -65,15 +65,15 @@ class Sketches:
         for i, chunk in enumerate(chunks):
             alike.setdefault((chunk.fps, len(chunk)), []).append(i)
         for numbers in alike.values():
-            for some in batched(numbers, AT_ONCE):
+            for some in batched(numbers, CHUNKS_AT_ONCE):
                 out[list(some)] = self._of_alike([chunks[i] for i in some], begin, free)
         return out
 
     def _of_alike(self, chunks: Sequence[ActionChunk], begin: Begin, free: tuple[bool, bool]) -> np.ndarray:
-        """Sketches of at most `AT_ONCE` chunks of as many steps at one rate."""
+        """Sketches of at most `CHUNKS_AT_ONCE` chunks of as many steps at one rate."""
         planner, n, H, fps = self._planner, len(chunks), len(chunks[0]), chunks[0].fps
         T = np.stack([np.stack([one.T_world_lhand, one.T_world_rhand], axis=1) for one in chunks])
-        T, stride = palm_poses(T, planner.offsets), max(round(ROW * fps), 1)
+        T, stride = palm_poses(T, planner.offsets), max(round(ROW_SPACING * fps), 1)
         steps = np.unique(np.append(np.arange(stride, H, stride), H - 1))
         rows, body = 1 + len(steps), planner.optimizer.body
         begins, wanted, joined = self._asked(T, steps, fps, begin)
@@ -95,10 +95,10 @@ class Sketches:
     def _asked(self, T: np.ndarray, steps: np.ndarray, fps: float, begin: Begin) -> tuple[np.ndarray, ...]:
         """Rows that begin a motion (K,), palms of each (K, 2, 4, 4), and whether the palms have to be there (K,).
 
-        One row more leads the first motion in, so that all are alike; what is left of `AT_ONCE` motions rests.
+        One row more leads the first motion in, so that all are alike; what is left of `CHUNKS_AT_ONCE` motions rests.
         """
         rows = 1 + len(steps)
-        K = 1 + AT_ONCE * rows
+        K = 1 + CHUNKS_AT_ONCE * rows
         begins, joined = np.ones(K, dtype=bool), np.zeros(K, dtype=bool)
         at = palm_poses(begin.hands.T_world_hand, self._planner.offsets)
         wanted = np.tile(at, (K, 1, 1, 1))
@@ -144,7 +144,7 @@ def rooms(
         loads: Masses in the left and right hand [kg].
 
     Returns:
-        Logarithms of odds, `SURE` at most; of palms outside the box that it knows, those where they leave it.
+        Logarithms of odds, `ODDS_SURE` at most; of palms outside the box that it knows, those where they leave it.
     """
     T = np.empty((len(chunks), MAPPED, 2, 4, 4))
     for one, chunk in zip(T, chunks, strict=True):
@@ -152,8 +152,8 @@ def rooms(
         one[:, 0], one[:, 1] = chunk.T_world_lhand[steps], chunk.T_world_rhand[steps]
     points = palm_points(T, offsets).reshape(-1, 2, 3)
     for side, mirror in enumerate((np.eye(3), MIRROR)):
-        points[:, side] = np.clip(points[:, side] @ mirror, LOW, HIGH) @ mirror
+        points[:, side] = np.clip(points[:, side] @ mirror, BOX_LOW, BOX_HIGH) @ mirror
     n = len(points)
     carried = np.tile(np.minimum(loads, LOAD_KNOWN), (n, 1))
     pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), carried)
-    return np.minimum(known.rooms(pairs), SURE).reshape(len(chunks), MAPPED).min(axis=1)
+    return np.minimum(known.rooms(pairs), ODDS_SURE).reshape(len(chunks), MAPPED).min(axis=1)

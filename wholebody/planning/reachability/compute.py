@@ -11,18 +11,18 @@ import numpy as np
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
-from wholebody.planning.posture import STARTS, PostureSolver
+from wholebody.planning.posture import STARTS_MAX, PostureSolver
 from wholebody.planning.reachability.network import Network, fit, inputs, likely, logits, untrained
-from wholebody.planning.reachability.pairs import HIGH, LOAD_KNOWN, LOW, TURNS, Pairs, draw, draw_often_asked
+from wholebody.planning.reachability.pairs import BOX_HIGH, BOX_LOW, LOAD_KNOWN, TURNS, Pairs, draw, draw_often_asked
 
 HOPELESS = 0.45
 """Miss of the first start past which there is no other [m]; measured: of 350 pairs, those that a later start holds were
 missed by up to 0.33."""
-ROUND = 1000
+PAIRS_A_ROUND = 1000
 """Pairs that are searched for between two fits; chosen."""
 POOL = 20
 """Pairs from which one is chosen, the nearer to the border the likelier."""
-ANYWHERE = 0.2
+SHARE_ANYWHERE = 0.2
 """Share of those that are taken wherever they are; chosen: the network is to be surprised, too."""
 EPOCHS = 8
 """Times that every pair is seen by a fit in between; chosen."""
@@ -83,15 +83,15 @@ class Samples:
             "pairs": len(self.missed),
             "held": round(float(self.held.mean()), 4),
             "cpu_s": round(self.spent),
-            "starts": STARTS,
-            "low": LOW.tolist(),
-            "high": HIGH.tolist(),
+            "starts": STARTS_MAX,
+            "low": BOX_LOW.tolist(),
+            "high": BOX_HIGH.tolist(),
             "load_known": LOAD_KNOWN,
             "turns": list(TURNS),
         }
 
 
-def search(solver: PostureSolver, pairs: Pairs, starts: int = STARTS, hopeless: float = HOPELESS) -> np.ndarray:
+def search(solver: PostureSolver, pairs: Pairs, starts: int = STARTS_MAX, hopeless: float = HOPELESS) -> np.ndarray:
     """How far pairs are missed, 0 where a still posture holds them, shape (n,), [m]."""
     missed = np.zeros(len(pairs))
     for i in range(len(pairs)):
@@ -107,7 +107,7 @@ def compute(
     samples: Samples,
     seconds: float,
     tell: Callable[[str], None],
-    at_once: int = ROUND,
+    at_once: int = PAIRS_A_ROUND,
 ) -> Network:
     """A network fitted to what is found in a CPU time, that of runs before it counted in.
 
@@ -158,5 +158,5 @@ def _near_the_border(network: Network, n: int, generator: np.random.Generator) -
     pool = draw_often_asked(POOL * n, generator)
     likelihood = likely(logits(network, pool))
     unsure = likelihood * (1.0 - likelihood)
-    chance = (1.0 - ANYWHERE) * unsure / unsure.sum() + ANYWHERE / len(pool)
+    chance = (1.0 - SHARE_ANYWHERE) * unsure / unsure.sum() + SHARE_ANYWHERE / len(pool)
     return pool[generator.choice(len(pool), n, replace=False, p=chance)]

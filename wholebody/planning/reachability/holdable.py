@@ -17,19 +17,19 @@ from wholebody.trajopt.budget import Budget
 from wholebody.trajopt.layout import LOWER, WAIST
 from wholebody.trajopt.robot_tables import RobotTables
 
-PALM_SCALES = {"position": 0.01, "position_give": 0.3, "orientation": 0.3, "orientation_give": 0.5}
+LOADED_PALM_SCALES = {"position": 0.01, "position_give": 0.3, "orientation": 0.3, "orientation_give": 0.5}
 """Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: hands that hold a load may turn,
 and one that is far off is not given up for the other."""
-SOFT, FIRM = (3.0,), (1.0, 0.5, 0.25, 0.1)
+SOFT_SCALES, FIRM_SCALES = (3.0,), (1.0, 0.5, 0.25, 0.1)
 """Factors on the scales of the bounds, on the way to a place and at its end [no unit]; measured: firm bounds on the way
 keep the trunk bent where a squat would hold more."""
 STAGES, STEPS, STEPS_NEXT = 8, 12, 5
 """Places between where a search begins and its target, most steps at each, and from one knot's place to the next."""
 SQUAT = 0.3
 """Height of the palms from which the second search begins [m]; chosen: there only a squat holds them."""
-BETTER = 0.005
+NEARER_MIN = 0.005
 """Distance by which that one has to be nearer to be taken [m]; chosen: below it, no posture is worth another way."""
-WITHIN = 0.5
+EXCESS_MAX = 0.5
 """Excess over a bound, in terms of its tolerance, of a posture that is taken; chosen: half of what a plan may."""
 
 
@@ -57,7 +57,7 @@ class HoldablePlaces:
     """
 
     def __init__(self, body: RobotTables, config: TrajectoryConfig) -> None:
-        self._still, self._weights = StillPostures(body, config, 2), replace(config, **PALM_SCALES)
+        self._still, self._weights = StillPostures(body, config, 2), replace(config, **LOADED_PALM_SCALES)
 
     def near(self, T_palms: np.ndarray, q_fingers: np.ndarray, start: np.ndarray, budget: Budget) -> HoldablePath:
         """The places nearest to the palms wanted at each of K knots, and postures there.
@@ -76,9 +76,9 @@ class HoldablePlaces:
         low[:, 2, 3] = np.minimum(low[:, 2, 3], SQUAT)
         found = [self._nearest(goal, fingers, start, budget)]
         found.append(self._nearest(goal, fingers, self._nearest(low, fingers, start, budget)[2], budget))
-        _, held[-1, :, :3, 3], q[-1] = min(found, key=lambda one: one[0] + BETTER * (one is found[1]))
+        _, held[-1, :, :3, 3], q[-1] = min(found, key=lambda one: one[0] + NEARER_MIN * (one is found[1]))
         for k in reversed(range(len(q) - 1)):
-            self._search(T_palms[k], q_fingers[k], q[k + 1], FIRM[-1:], STEPS_NEXT, budget)
+            self._search(T_palms[k], q_fingers[k], q[k + 1], FIRM_SCALES[-1:], STEPS_NEXT, budget)
             held[k, :, :3, 3], q[k] = self._still.T_palms[1, :, :3, 3], self._still.q[1]
         return HoldablePath(held, q, float(np.linalg.norm(held[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2).max()))
 
@@ -91,12 +91,12 @@ class HoldablePlaces:
         begin, T, q = still.T_palms[1, :, :3, 3].copy(), goal.copy(), start
         for stage in range(1, STAGES + 1):
             T[:, :3, 3] = begin + stage / STAGES * (goal[:, :3, 3] - begin)
-            self._search(T, q_fingers, q, SOFT, STEPS, budget)
+            self._search(T, q_fingers, q, SOFT_SCALES, STEPS, budget)
             q = still.q[1].copy()
-        self._search(goal, q_fingers, q, FIRM, STEPS, budget)
+        self._search(goal, q_fingers, q, FIRM_SCALES, STEPS, budget)
         palms = still.T_palms[1, :, :3, 3].copy()
         off = float(np.linalg.norm(palms - goal[:, :3, 3], axis=1).max())
-        return off if still.excess()[1] <= WITHIN else np.inf, palms, still.q[1].copy()
+        return off if still.excess()[1] <= EXCESS_MAX else np.inf, palms, still.q[1].copy()
 
     def _search(
         self,

@@ -11,11 +11,11 @@ from wholebody.planning.reachability.kernels import network as kernel
 from wholebody.planning.reachability.kernels.network import N_FEATURES
 from wholebody.planning.reachability.pairs import BODY, Pairs
 
-WIDTH, HIDDEN = 128, 2
+NEURONS, HIDDEN = 128, 2
 """Neurons of a hidden layer of a map, and such layers; chosen: a query takes microseconds."""
-BATCH, AT_ONCE = 256, 5000
+BATCH, PAIRS_AT_ONCE = 256, 5000
 """Pairs of a step of a fit, and those that a network is asked at once; chosen: they fit the processor's memory."""
-RATE, DECAY = 2e-3, 1e-4
+LEARNING_RATE, DECAY = 2e-3, 1e-4
 """Largest step of Adam and weight decay, both per step [no unit]; chosen."""
 FADE, FADE_SQUARE, TINY = 0.9, 0.999, 1e-8
 """Memory of Adam for gradients and their squares, and what is added to a root [no unit]. Source: Kingma & Ba
@@ -28,7 +28,7 @@ further hidden layer, which adds to what the one before says, and (width, 1) and
 _all_features = Entry(kernel.all_features)
 
 
-def untrained(generator: np.random.Generator, width: int = WIDTH, hidden: int = HIDDEN) -> Network:
+def untrained(generator: np.random.Generator, width: int = NEURONS, hidden: int = HIDDEN) -> Network:
     """Random weights (He et al. 2015) of so many hidden layers, each as wide."""
     found: list[np.ndarray] = []
     for before, after in pairwise((N_FEATURES, *[width] * hidden, 1)):
@@ -48,8 +48,8 @@ def inputs(pairs: Pairs) -> np.ndarray:
 def logits(network: Network, pairs: Pairs) -> np.ndarray:
     """Logarithm of the odds that pairs are held, shape (n,)."""
     found = [np.zeros(0, np.float32)]
-    for first in range(0, len(pairs), AT_ONCE):
-        x = inputs(pairs[first : first + AT_ONCE])
+    for first in range(0, len(pairs), PAIRS_AT_ONCE):
+        x = inputs(pairs[first : first + PAIRS_AT_ONCE])
         found.append(_Pass(network, x.reshape(-1, x.shape[2])).logit)
     return np.concatenate(found)
 
@@ -87,7 +87,7 @@ def fit(
         for first in range(0, n, BATCH):
             chosen = order[first : first + BATCH]
             step += 1
-            now = 0.5 * RATE * (1.0 + np.cos(np.pi * step / total))
+            now = 0.5 * LEARNING_RATE * (1.0 + np.cos(np.pi * step / total))
             seen = x[:, chosen].reshape(-1, x.shape[2])
             gradients = _Pass(layers, seen, dropped, generator).gradients(held[chosen])
             for i, g in enumerate(gradients):

@@ -12,12 +12,12 @@ from policy.geometry.rotations import rotvec_to_matrix
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 """From one side of the body to the other [no unit]; definition."""
-LOW, HIGH = np.array([-0.3, -0.35, 0.05]), np.array([0.75, 0.75, 1.75])
+BOX_LOW, BOX_HIGH = np.array([-0.3, -0.35, 0.05]), np.array([0.75, 0.75, 1.75])
 """Box of the points of the left palm that the map knows, in world, and of the right one mirrored [m]; chosen: past the
 reach of the arms ahead, aside and up."""
-AT_REST = np.array([0.26, 0.2, 0.86])
+PALM_AT_REST = np.array([0.26, 0.2, 0.86])
 """The left palm point in the stance [m]; derived: the stance of the G1 with hands."""
-OFTEN, NEAR = (0.15, 0.10, 0.15), 0.25
+SHARES, NEAR_MAX = (0.15, 0.10, 0.15), 0.25
 """Shares of pairs for a fit that are mirror images, have one palm at rest, or are near each other, and up to how
 far [m]; chosen: nobody asks for two points at random, and arms that are in each other's way are rare among them."""
 LOAD_KNOWN = 2.0
@@ -127,20 +127,20 @@ class Pairs:
 
 def draw(n: int, generator: np.random.Generator) -> Pairs:
     """Pairs drawn at random: both points in the box, half of them with empty hands."""
-    points = generator.uniform(LOW, HIGH, (n, 2, 3))
+    points = generator.uniform(BOX_LOW, BOX_HIGH, (n, 2, 3))
     points[:, 1] = points[:, 1] @ MIRROR
     loads = generator.uniform(0.0, LOAD_KNOWN, (n, 2)) * (generator.random((n, 1)) < 0.5)
     return Pairs(points, generator.integers(0, len(TURNS), n), loads)
 
 
 def draw_often_asked(n: int, generator: np.random.Generator) -> Pairs:
-    """Pairs as of `draw`, but for shares of `OFTEN`: mirror images, one palm at rest, and palms near each other."""
+    """Pairs as of `draw`, but for shares of `SHARES`: mirror images, one palm at rest, and palms near each other."""
     pairs = draw(n, generator)
     left, right = pairs.points[:, 0], pairs.points[:, 1]
-    mirrored, resting, near = np.split(generator.permutation(n), np.cumsum([round(share * n) for share in OFTEN]))[:3]
+    mirrored, resting, near = np.split(generator.permutation(n), np.cumsum([round(share * n) for share in SHARES]))[:3]
     right[mirrored] = left[mirrored] @ MIRROR
-    right[resting] = AT_REST * np.array([1.0, -1.0, 1.0])
+    right[resting] = PALM_AT_REST * np.array([1.0, -1.0, 1.0])
     away = generator.standard_normal((len(near), 3))
-    away *= NEAR * generator.random((len(near), 1)) / np.linalg.norm(away, axis=1, keepdims=True)
+    away *= NEAR_MAX * generator.random((len(near), 1)) / np.linalg.norm(away, axis=1, keepdims=True)
     right[near] = left[near] + away
     return pairs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wholebody.errors import require_extra
-from wholebody.planning.reachability.pairs import AT_REST, HIGH, LOW, MIRROR, TURNS, Pairs, Turn
+from wholebody.planning.reachability.pairs import BOX_HIGH, BOX_LOW, MIRROR, PALM_AT_REST, TURNS, Pairs, Turn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
         for i, height in enumerate(HEIGHTS):
             x, y, room = _from_above(reach_map, turn, height)
             _line(above, x, y, room, colormaps["plasma"](0.2 * i), f"{height:g} m high")
-        above.plot(*(AT_REST @ MIRROR)[:2], "kx")
+        above.plot(*(PALM_AT_REST @ MIRROR)[:2], "kx")
         side.set_aspect("equal")
         above.set_aspect("equal")
         above.set_xlabel("ahead [m]")
@@ -68,15 +68,15 @@ def _line(axes: Axes, x: np.ndarray, y: np.ndarray, room: np.ndarray, colour: tu
 
 
 def _from_the_side(reach_map: ReachabilityMap, turn: Turn, mass: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    x, z = np.meshgrid(np.arange(LOW[0], HIGH[0], FINE), np.arange(LOW[2], HIGH[2], FINE))
+    x, z = np.meshgrid(np.arange(BOX_LOW[0], BOX_HIGH[0], FINE), np.arange(BOX_LOW[2], BOX_HIGH[2], FINE))
     left = np.stack([x, np.full_like(x, ASIDE), z], axis=-1)
     return x, z, _rooms(reach_map, left, left @ MIRROR, turn, mass)
 
 
 def _from_above(reach_map: ReachabilityMap, turn: Turn, height: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    x, y = np.meshgrid(np.arange(LOW[0], HIGH[0], FINE), np.arange(LOW[1], HIGH[1], FINE))
+    x, y = np.meshgrid(np.arange(BOX_LOW[0], BOX_HIGH[0], FINE), np.arange(BOX_LOW[1], BOX_HIGH[1], FINE))
     left = np.stack([x, y, np.full_like(x, height)], axis=-1)
-    return x, y, _rooms(reach_map, left, np.broadcast_to(AT_REST @ MIRROR, left.shape), turn, 0.0)
+    return x, y, _rooms(reach_map, left, np.broadcast_to(PALM_AT_REST @ MIRROR, left.shape), turn, 0.0)
 
 
 def _rooms(reach_map: ReachabilityMap, left: np.ndarray, right: np.ndarray, turn: Turn, mass: float) -> np.ndarray:

@@ -26,8 +26,8 @@ from wholebody.errors import InputError
 from wholebody.jit.entry import Entry
 from wholebody.planning.reachability.kernels import network as kernel
 from wholebody.planning.reachability.kernels.network import N_FEATURES
-from wholebody.planning.reachability.network import WIDTH, Network
-from wholebody.planning.reachability.pairs import BODY, HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
+from wholebody.planning.reachability.network import NEURONS, Network
+from wholebody.planning.reachability.pairs import BODY, BOX_HIGH, BOX_LOW, LOAD_KNOWN, MIRROR, TURNS, Pairs, Turn
 
 VERSION = 2
 """Of the file's layout."""
@@ -40,7 +40,7 @@ BOUNDS = (
 )  # fmt: skip
 """Settings of `ControllerConfig.planner.posture` that bound a posture at rest."""
 
-SURE = 6.0
+ODDS_SURE = 6.0
 """Logarithm of the odds from which the map is sure [no unit]; measured: of 2000 random pairs none that is held had more
 than 3.7 against it."""
 
@@ -82,7 +82,7 @@ class ReachabilityMap:
                 network = tuple(np.asarray(file[name], np.float32) for name in NAMES)
         except (KeyError, ValueError, EOFError, BadZipFile) as error:
             raise InputError(f"{path} is no map of reachability; `wholebody reachability` writes one") from error
-        if card.get("version") != VERSION or network[0].shape != (N_FEATURES, WIDTH):
+        if card.get("version") != VERSION or network[0].shape != (N_FEATURES, NEURONS):
             raise InputError(f"{path} is a map of version {card.get('version')}, not {VERSION}; compute it anew")
         return ReachabilityMap(network, card)
 
@@ -145,7 +145,7 @@ class ReachabilityMap:
         """Whether pairs are in the box and of the loads that the map was fitted to, shape (n,)."""
         points = pairs.points.copy()
         points[:, 1] = points[:, 1] @ MIRROR
-        inside = np.all((points >= LOW) & (points <= HIGH), axis=(1, 2))
+        inside = np.all((points >= BOX_LOW) & (points <= BOX_HIGH), axis=(1, 2))
         return np.logical_and(inside, np.all((pairs.loads >= 0.0) & (pairs.loads <= LOAD_KNOWN), axis=1))
 
 
@@ -154,7 +154,7 @@ def _blank(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _scratch() -> tuple[np.ndarray, ...]:
-    return np.zeros((2, 3)), np.zeros(2), np.zeros(N_FEATURES, np.float32), *np.zeros((2, WIDTH), np.float32)
+    return np.zeros((2, 3)), np.zeros(2), np.zeros(N_FEATURES, np.float32), *np.zeros((2, NEURONS), np.float32)
 
 
 def basis(spec: RobotSpec, config: ControllerConfig) -> str:

@@ -21,13 +21,13 @@ from wholebody.robot.palms import palm_offsets, palm_poses
 AROUND, GRID = 0.9, 0.05
 """Distance from the middle of the palms within which bases are tried, and between two of them [m]; derived: the map's
 reach ahead and half of the palms' distance; chosen: a quarter of a step."""
-HEADINGS = 24
+HEADINGS_TRIED = 24
 """Headings that are tried [no unit]; chosen: every 15 degrees."""
-SURE = 2.0
+ODDS_MIN = 2.0
 """Logarithm of the odds from which a base is tried [no unit]; chosen: the map errs near its border."""
-ENOUGH = 6.0
+ODDS_ENOUGH = 6.0
 """Logarithm of the odds above which more is of no use [no unit]; derived: from there the map is sure."""
-STEP = (0.2, 0.25)
+STEP_REACH = (0.2, 0.25)
 """Way [m] and turn [rad] of a step; chosen: what a gait does at its slower speeds."""
 BESIDE = (0.12, 0.3)
 """Distance [m] and angle [rad] between two bases that are tried with a search; chosen: nearer ones fail alike."""
@@ -102,11 +102,11 @@ def stand_for(
 def _bases(chart: ReachabilityMap, palms: np.ndarray, here: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
     """Bases (3,) to try with their room: where the robot stands if the map allows it, then the cheapest by steps."""
     room = float(_rooms(chart, palms, here[None])[0])
-    if room > SURE:
+    if room > ODDS_MIN:
         yield here, room
     bases = _grid(palms)
     rooms = _rooms(chart, palms, bases)
-    inside = rooms > SURE
+    inside = rooms > ODDS_MIN
     if not inside.any():
         best = int(rooms.argmax())
         yield (here, room) if rooms[best] <= room else (bases[best], float(rooms[best]))
@@ -125,7 +125,7 @@ def _grid(palms: np.ndarray) -> np.ndarray:
     """Bases about the palms, shape (n, 3)."""
     middle = palms[:, :2, 3].mean(axis=0)
     line = np.arange(-AROUND, AROUND + 0.5 * GRID, GRID)
-    headings = np.arange(HEADINGS) * (2.0 * np.pi / HEADINGS) - np.pi
+    headings = np.arange(HEADINGS_TRIED) * (2.0 * np.pi / HEADINGS_TRIED) - np.pi
     x, y, heading = np.meshgrid(middle[0] + line, middle[1] + line, headings, indexing="ij")
     return np.stack([x.ravel(), y.ravel(), heading.ravel()], axis=1)
 
@@ -160,14 +160,14 @@ def _costs(bases: np.ndarray, rooms: np.ndarray, palms: np.ndarray, here: np.nda
     fingers = palms[:, :2, 0].sum(axis=0)
     level = float(np.hypot(*fingers)) / 2.0
     askew = level * np.abs(_wrapped(bases[:, 2] - np.arctan2(fingers[1], fingers[0])))
-    steps = np.ceil(np.maximum(way / STEP[0], turn / STEP[1]))
-    return steps + WAY * way + TURN * turn + ASKEW * askew - ROOM * np.minimum(rooms, ENOUGH)
+    steps = np.ceil(np.maximum(way / STEP_REACH[0], turn / STEP_REACH[1]))
+    return steps + WAY * way + TURN * turn + ASKEW * askew - ROOM * np.minimum(rooms, ODDS_ENOUGH)
 
 
 def _steps(base: np.ndarray, here: np.ndarray) -> int:
     """Steps to a base, one more to close the feet; 0 where it is."""
     way, turn = hypot(*(base[:2] - here[:2])), abs(float(_wrapped(base[2] - here[2])))
-    steps = ceil(max(way / STEP[0], turn / STEP[1]) - 1e-9)
+    steps = ceil(max(way / STEP_REACH[0], turn / STEP_REACH[1]) - 1e-9)
     return steps + 1 if steps > 0 else 0
 
 

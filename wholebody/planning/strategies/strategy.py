@@ -8,7 +8,7 @@ from enum import Enum
 
 from wholebody.config import PlannerConfig, TrajectoryConfig
 
-FIRM = 3.0
+FIRM_FACTOR = 3.0
 """Factor on the scales of the palms where bounds are exceeded for them; chosen: the bounds weigh nine times as much."""
 
 GENTLE = 2.0
@@ -75,16 +75,16 @@ def _free(config: PlannerConfig) -> TrajectoryConfig:
 
 def _firm(config: PlannerConfig) -> TrajectoryConfig:
     posture = config.posture
-    return replace(posture, position=FIRM * posture.position, orientation=FIRM * posture.orientation)
+    return replace(posture, position=FIRM_FACTOR * posture.position, orientation=FIRM_FACTOR * posture.orientation)
 
 
 def _firm_relaxed(config: PlannerConfig) -> TrajectoryConfig:
-    return replace(_firm(config), orientation=FIRM * config.orientation_relaxed)
+    return replace(_firm(config), orientation=FIRM_FACTOR * config.orientation_relaxed)
 
 
 def _gentle_free(config: PlannerConfig) -> TrajectoryConfig:
     posture = config.posture
-    return replace(posture, position=GENTLE * posture.position, orientation=FIRM * config.orientation_free)
+    return replace(posture, position=GENTLE * posture.position, orientation=FIRM_FACTOR * config.orientation_free)
 
 
 SLOWER = Strategy("slower", lambda c: c.posture, BeginAt.START)

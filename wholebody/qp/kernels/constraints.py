@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from wholebody.contacts.friction import SIDES, beyond_side
+from wholebody.contacts.friction import PYRAMID_SIDES, beyond_side
 from wholebody.jit.arrays import Indices, Matrix, Vector
 from wholebody.jit.packed import Packed
 from wholebody.qp.kernels.active_set import NO_BOUND
@@ -116,7 +116,7 @@ def describe(tick: Packed, row: int) -> bool:
         return True
     row -= k
     if row < 4 * k:
-        i, side = row // 4, SIDES[row % 4]
+        i, side = row // 4, PYRAMID_SIDES[row % 4]
         a_f[3 * i], a_f[3 * i + 1], a_f[3 * i + 2] = side[0], side[1], -tick.slope
         return True
     row -= 4 * k

@@ -11,7 +11,7 @@ from models.mujoco_model import load_mujoco
 from models.scenes import SceneFile
 from models.spec import RobotSpec
 
-CELL = 0.006
+MERGE_DISTANCE = 0.006
 """Vertices closer together than this become one [m]; by trial: the triangles become a fraction, and look the same."""
 _FLOOR = mujoco.mjtGeom.mjGEOM_PLANE
 
@@ -60,7 +60,7 @@ def _mesh(model: mujoco.MjModel, g: int) -> tuple[np.ndarray, np.ndarray]:
     mesh = int(model.geom_dataid[g])
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-    return simplified(model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], CELL)
+    return simplified(model.mesh_vert[first : first + count], model.mesh_face[face : face + faces], MERGE_DISTANCE)
 
 
 def simplified(vertices: np.ndarray, faces: np.ndarray, cell: float) -> tuple[np.ndarray, np.ndarray]:

@@ -11,11 +11,11 @@ from wholebody.sim.pictures.scene import SIDES
 from wholebody.sim.record import Record
 from wholebody.types import Status
 
-APART = 0.25
+MOMENTS_APART = 0.25
 """Of instants closer than this the more important one is shown, with what is to be said of the other [s]."""
 BRIEF = 0.1
 """A status that lasts less is left out, unless balance is at stake [s]."""
-STEP, STANDING = 0.1, 0.001
+WAY_SPACING, STANDING = 0.1, 0.001
 """How often the way of the palms is measured [s], and what standing still counts as [m/s]."""
 ERROR_SEEN, MARGIN_SEEN = 0.001, 0.01
 """Error, and margin less than it is most of the time, that are worth a frame [m]."""
@@ -53,7 +53,7 @@ def moments(record: Record, count: int) -> list[Moment]:
     """
     time, chosen = record["time"], {}
     for moment in (*_extremes(record), *_changes(record)):
-        near = [row for row in chosen if abs(time[row] - time[moment.row]) < APART]
+        near = [row for row in chosen if abs(time[row] - time[moment.row]) < MOMENTS_APART]
         if near:
             row = min(near, key=lambda row: abs(row - moment.row))
             if moment.begins and not _lasts(record, moment.row, row):
@@ -106,7 +106,7 @@ def _lasts(record: Record, first: int, last: int) -> bool:
 def _way(record: Record) -> np.ndarray:
     """How far both palms have come, shape (n,), [m]; increases while they stand, too, but little."""
     time, palms = record["time"], record["T_world_palms_measured"][:, :, :3, 3]
-    rows = np.unique([*np.searchsorted(time, np.arange(time[0], time[-1], STEP)), len(time) - 1])
+    rows = np.unique([*np.searchsorted(time, np.arange(time[0], time[-1], WAY_SPACING)), len(time) - 1])
     steps = np.linalg.norm(np.diff(palms[rows], axis=0), axis=2).sum(axis=1)
     way = np.concatenate([[0.0], np.cumsum(steps)])
     return np.interp(time, time[rows], way) + STANDING * (time - time[0])

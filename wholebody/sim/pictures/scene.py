@@ -20,7 +20,7 @@ Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0 to 1."""
 
 SIDES = ("left", "right")
-APART, TURNED = 0.005, np.radians(3.0)
+GHOST_DISTANCE, GHOST_ANGLE = 0.005, np.radians(3.0)
 """A hand that is less far from where it is asked to be [m, rad] hides its ghost: a halo says that it is there."""
 ON_FLOOR = 0.002
 """Height of what is drawn on the floor, so that it is seen [m]."""
@@ -200,7 +200,7 @@ class Scene:
         for hand, side in enumerate(SIDES):
             asked, error, turn = self.asked[hand], self.errors[hand], self.turns[hand]
             ends = np.stack([self.measured[hand, :3, 3], asked[:3, 3]])
-            if error >= APART or (turn >= TURNED and not self.orientation_free[hand]):
+            if error >= GHOST_DISTANCE or (turn >= GHOST_ANGLE and not self.orientation_free[hand]):
                 marks.append(Mark(Show.ERROR, MarkKind.LINE, ends, 0.006, side))
                 marks.append(Mark(Show.ASKED, MarkKind.HAND, ends[1:], 0.0, side, asked))
             else:

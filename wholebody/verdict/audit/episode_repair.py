@@ -14,7 +14,7 @@ from wholebody.planning.preparation import prepare
 from wholebody.verdict.fast import REPLACE_EVERY, FastChecker, Start
 from wholebody.verdict.repair import slowed
 
-SLOWER = (1.25, 1.6, 2.0, 3.0, 4.0)
+SLOWER_FACTORS = (1.25, 1.6, 2.0, 3.0, 4.0)
 """Each a factor on the time of an episode, of which the least that does is taken; chosen: steps of a quarter."""
 
 
@@ -52,13 +52,13 @@ class EpisodeRepairer:
         return self._checker.check(played, played.name, played.duration, start=self._start).verdict == "feasible"
 
     def slower(self) -> float | None:
-        """Least of `SLOWER` with which it is feasible; None without any."""
+        """Least of `SLOWER_FACTORS` with which it is feasible; None without any."""
         episode = self._policy.episode
 
         def does(factor: float) -> bool:
             return self.holds(slowed(episode, factor))
 
-        return next(filter(does, SLOWER[:-1]), SLOWER[-1]) if does(SLOWER[-1]) else None
+        return next(filter(does, SLOWER_FACTORS[:-1]), SLOWER_FACTORS[-1]) if does(SLOWER_FACTORS[-1]) else None
 
     def repaired(self, factor: float | None, *, retimed: bool = True) -> EpisodeRepair | None:
         """Slower by a factor that makes it feasible, else led; None if that would be another motion.

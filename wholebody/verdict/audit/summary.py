@@ -17,7 +17,7 @@ PAGE = "index.html"
 RANK = ("crashed", "timed_out", "malformed", "infeasible", "feasible_after_repair", "feasible")
 ROWS_MAX = 2000
 """Rows of the page; the tables have all of them."""
-TOLD = 3
+NOTES_NAMED = 3
 """Notes of an input that are named."""
 NOTE_MAX = 200
 """Most characters of a note [no unit]; chosen: two lines of the table."""
@@ -83,7 +83,7 @@ def _row(one: AuditOutcome) -> str:
 def _notes(verdict: dict) -> list[str]:
     """What is to be known of an input that speaks neither for nor against it, such as swapped hands."""
     notes = dict.fromkeys(v["subject"] or v["code"] for v in verdict["violations"] if v["severity"] == "note")
-    return [note[:NOTE_MAX] for note in notes][:TOLD]
+    return [note[:NOTE_MAX] for note in notes][:NOTES_NAMED]
 
 
 def _linked(name: str) -> str:

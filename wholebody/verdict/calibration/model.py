@@ -21,9 +21,9 @@ SHIPPED = Path(__file__).with_name("g1_dex3.npz")
 ANSWERS = ("fall_as_given", "followed")
 WORLD = "realistic"
 """In which the probabilities are; chosen: what a robot with errors as assumed would do."""
-LEVEL = 0.9
+INTERVAL_LEVEL = 0.9
 """Of the intervals [no unit]; chosen."""
-NAMED = 3
+QUANTITIES_NAMED = 3
 """Quantities at most by which an unlike chunk is described."""
 _SCALE = ("unit", "mean", "spread", "low", "high")
 
@@ -110,7 +110,7 @@ class Calibration:
             return ()
         z = self.scale.standard(x[worst])
         away = np.maximum(z - self.scale.high, self.scale.low - z)
-        order = np.argsort(-away if (away > 0.0).any() else -np.abs(z))[:NAMED]
+        order = np.argsort(-away if (away > 0.0).any() else -np.abs(z))[:QUANTITIES_NAMED]
         return tuple(self.names[i] for i in order if away[i] > 0.0 or not (away > 0.0).any())
 
     def odds(
@@ -146,7 +146,7 @@ def with_world(found: Mapping[str, float], world: str) -> dict[str, float]:
 
 
 def _chance(draws: np.ndarray) -> Chance:
-    low, high = np.quantile(draws, (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL))
+    low, high = np.quantile(draws, (0.5 - 0.5 * INTERVAL_LEVEL, 0.5 + 0.5 * INTERVAL_LEVEL))
     p = float(draws.mean())  # past the interval where a few draws are far from all others
     return Chance(p=p, low=min(float(low), p), high=max(float(high), p))
 

@@ -8,7 +8,7 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import Limit
-from wholebody.verdict.calibration.rollout import STANDS, rollouts
+from wholebody.verdict.calibration.rollout import STANDING_WELL, rollouts
 
 SHOULDER = np.array([[0.0, 0.12, 1.1], [0.0, -0.12, 1.1]])
 """About where the shoulders of the standing robot are, left first [m]; chosen: an origin of distances, no more."""
@@ -41,7 +41,7 @@ def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: Chunk
     }
     rooms = {f"room_{code}": float(room.get(code, 1.0)) for code in Limit if code is not Limit.SCENE_DISTANCE}
     # What a preview clears leaves room to every bound: following it once more would tell little.
-    followed = STANDS
+    followed = STANDING_WELL
     if not found.previewed:
         with rollouts.lend(judge.config) as rollout:
             followed = rollout.quantities(chunk, begin, judge.loads)

@@ -22,13 +22,13 @@ from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
 
-STEP = 0.02
+STEP_TIME = 0.02
 """Time over which an answer is integrated [s]; chosen: the longest that the program allows."""
 AFTER = 0.6
 """How long after the last step is looked at [s]; chosen: what topples has left the soles by then."""
 AT_BOUND, PAST_BOUND = 0.001, 0.005
 """How near its bound, and how far past it, time of the capture point counts [m]; chosen."""
-STANDS = {
+STANDING_WELL = {
     "roll_failed": 0.0, "roll_left": 0.0, "roll_no_hands": 0.0, "roll_zmp": 0.05, "roll_capture": 0.06,
     "roll_capture_end": 0.06, "roll_at_bound": 0.0, "roll_past_bound": 0.0, "roll_com": 0.06, "roll_com_end": 0.06,
     "roll_slack": 0.0, "roll_load": 340.0, "roll_off": 0.0, "roll_off_end": 0.0, "roll_push": 1.0,
@@ -72,15 +72,15 @@ class Rollout:
         return {
             "roll_failed": float(left > 0.0),
             "roll_left": left,
-            "roll_no_hands": float(no_hands.sum()) * STEP,
+            "roll_no_hands": float(no_hands.sum()) * STEP_TIME,
             "roll_zmp": float(zmp.min()),
             "roll_capture": float(capture.min()),
             "roll_capture_end": float(capture[-1]),
-            "roll_at_bound": float((capture < self._margin + AT_BOUND).sum()) * STEP,
-            "roll_past_bound": float((capture < self._margin - PAST_BOUND).sum()) * STEP,
+            "roll_at_bound": float((capture < self._margin + AT_BOUND).sum()) * STEP_TIME,
+            "roll_past_bound": float((capture < self._margin - PAST_BOUND).sum()) * STEP_TIME,
             "roll_com": float(com.min()),
             "roll_com_end": float(com[-1]),
-            "roll_slack": float(slack.sum()) * STEP,
+            "roll_slack": float(slack.sum()) * STEP_TIME,
             "roll_load": float(normal.min()),
             "roll_off": float(off.max()),
             "roll_off_end": float(off[-1]),
@@ -101,15 +101,15 @@ class Rollout:
         follower, q, v, ticks = self._follower, begin.body.q.copy(), begin.body.v.copy(), []
         follower.reset(RobotState(0.0, q, v))
         follower.accept(chunk, -1e-6)
-        steps = int(np.ceil(((len(chunk) - 1) / chunk.fps + AFTER) / STEP))
+        steps = int(np.ceil(((len(chunk) - 1) / chunk.fps + AFTER) / STEP_TIME))
         for k in range(steps):
-            follower.step(RobotState(k * STEP, q, v), k * STEP)
+            follower.step(RobotState(k * STEP_TIME, q, v), k * STEP_TIME)
             tick = follower.last_tick
             if follower.status is statuses.STANDING_LOST or tick.level is TickLevel.FAILED:
-                return ticks, (steps - k) * STEP
+                return ticks, (steps - k) * STEP_TIME
             ticks.append(self._seen(tick))
             dv = tick.solution.dv
-            q, v = pin.integrate(follower.robot.model, q, STEP * (v + 0.5 * STEP * dv)), v + STEP * dv
+            q, v = pin.integrate(follower.robot.model, q, STEP_TIME * (v + 0.5 * STEP_TIME * dv)), v + STEP_TIME * dv
         return ticks, 0.0
 
     def _seen(self, tick: TickReport) -> tuple:

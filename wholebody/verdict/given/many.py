@@ -19,8 +19,8 @@ from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig, VerdictConfig
 from wholebody.errors import InputError
 from wholebody.planning.judgement.chunk_judge import Begin
-from wholebody.planning.judgement.sketch import AT_ONCE, KINDS, rooms
-from wholebody.planning.reachability.reach_map import SURE
+from wholebody.planning.judgement.sketch import CHUNKS_AT_ONCE, KINDS, rooms
+from wholebody.planning.reachability.reach_map import ODDS_SURE
 from wholebody.types import RobotState
 from wholebody.verdict.fast import FastChecker, checkers
 from wholebody.verdict.given.own_numbers import Free, Numbers, as_given_chunk, stands_in
@@ -169,20 +169,20 @@ class _Many:
         """Cut off what is surely out of reach; guess of the others."""
         planner = self._checker.judge.planner
         known, loads = planner.map, self._checker.judge.loads
-        found = np.full(len(self._chunks), SURE)
+        found = np.full(len(self._chunks), ODDS_SURE)
         if known is not None:
             found = rooms(known, self._chunks, planner.offsets, loads)
         for i, room in enumerate(found.tolist()):
-            score = CUT + STEEP * (-SURE - room) if room < -SURE else 1.0 - 0.5 * room / SURE
+            score = CUT + STEEP * (-ODDS_SURE - room) if room < -ODDS_SURE else 1.0 - 0.5 * room / ODDS_SURE
             self._known[i] = Ranked(i, score, "map", f"the map has odds of e^{room:.1f} for its palms")
 
     def _sketch(self) -> bool:
         """Sketch what the map leaves, the likeliest first; whether there was time for all."""
         todo = sorted((one.score, one.index) for one in self._known.values() if one.score < CUT)
-        for first in range(0, len(todo), AT_ONCE):
+        for first in range(0, len(todo), CHUNKS_AT_ONCE):
             if perf_counter() >= self._end:
                 return False
-            numbers = [index for _, index in todo[first : first + AT_ONCE]]
+            numbers = [index for _, index in todo[first : first + CHUNKS_AT_ONCE]]
             some = [self._chunks[i] for i in numbers]
             for i, lacks in zip(numbers, self._checker.sketches.of(some, self._begin, self._free), strict=True):
                 self._known[i] = _sketched(i, lacks)

@@ -21,9 +21,9 @@ FIELD_OF_VIEW = 40.0
 """Of the camera [deg]; chosen: little distortion."""
 GRID, GRID_CELL = 1.5, 0.25
 """Half the edge of the grid on the floor and its cell [m]; chosen."""
-REACH: Colour = (0.20, 0.60, 0.62, 0.18)
+REACH_COLOUR: Colour = (0.20, 0.60, 0.62, 0.18)
 """Of the border of where palms can be held."""
-ROUND = 24
+CORNERS = 24
 """Corners of what is round."""
 
 
@@ -97,7 +97,7 @@ def snapshot(
                 add(f"way:{name}", k3d.line(points, color=colour, shader="simple", opacity=0.8))
     for side, field in enumerate(reach):
         ends = dict(zip(("xmin", "xmax", "ymin", "ymax", "zmin", "zmax"), box(side), strict=True))
-        colour = {"color": _number(REACH), "opacity": REACH[3]}
+        colour = {"color": _number(REACH_COLOUR), "opacity": REACH_COLOUR[3]}
         add("reach", k3d.marching_cubes(field.astype(np.float32), level=0.0, flat_shading=False, **colour, **ends))
     add("grid", k3d.lines(*_grid(), indices_type="segment", shader="simple", color=0x8A93A0, opacity=0.35))
     return plot.get_binary_snapshot(), dict(names)
@@ -140,25 +140,27 @@ def _marks(support: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, Colou
 
 
 def _disc() -> tuple[np.ndarray, np.ndarray]:
-    angle = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
-    rim = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
-    faces = [[ROUND, i, (i + 1) % ROUND] for i in range(ROUND)]
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    rim = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(CORNERS)])
+    faces = [[CORNERS, i, (i + 1) % CORNERS] for i in range(CORNERS)]
     return np.vstack([rim, np.zeros(3)]).astype(np.float32), np.array(faces, dtype=np.uint32)
 
 
 def _ball() -> tuple[np.ndarray, np.ndarray]:
-    half = ROUND // 2
-    up, around = np.meshgrid(np.linspace(0.0, np.pi, half + 1), np.linspace(0.0, 2.0 * np.pi, ROUND + 1), indexing="ij")
+    half = CORNERS // 2
+    up, around = np.meshgrid(
+        np.linspace(0.0, np.pi, half + 1), np.linspace(0.0, 2.0 * np.pi, CORNERS + 1), indexing="ij"
+    )
     points = np.stack([np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up)], axis=-1)
-    return points.reshape(-1, 3).astype(np.float32), _strips(half, ROUND)
+    return points.reshape(-1, 3).astype(np.float32), _strips(half, CORNERS)
 
 
 def _stick() -> tuple[np.ndarray, np.ndarray]:
     """A tube about z from 0 to 1, of radius 1."""
-    angle = np.linspace(0.0, 2.0 * np.pi, ROUND + 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, CORNERS + 1)
     rim = np.column_stack([np.cos(angle), np.sin(angle)])
     ends = [np.column_stack([rim, np.full(len(rim), z)]) for z in (0.0, 1.0)]
-    return np.vstack(ends).astype(np.float32), _strips(1, ROUND)
+    return np.vstack(ends).astype(np.float32), _strips(1, CORNERS)
 
 
 def _strips(rows: int, columns: int) -> np.ndarray:

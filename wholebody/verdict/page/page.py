@@ -26,7 +26,7 @@ from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
 from wholebody.verdict.causes import Why
-from wholebody.verdict.page.drawing import CAMERA, REACH, snapshot, tree
+from wholebody.verdict.page.drawing import CAMERA, REACH_COLOUR, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
 from wholebody.verdict.page.reach_layer import reach_fields
@@ -179,7 +179,9 @@ def _legend(ghost: bool, reach: bool) -> list[dict[str, str]]:
         shows.append(("ghost", "repaired motion", (0.25, 0.45, 0.95, 1.0)))
     entries = [{"name": name, "words": words, "colour": _css(colour)} for name, words, colour in shows]
     if reach:
-        entries.append({"name": "reach", "words": "where palms can be held", "colour": _css(REACH), "off": "off"})
+        entries.append(
+            {"name": "reach", "words": "where palms can be held", "colour": _css(REACH_COLOUR), "off": "off"}
+        )
     return entries
 
 

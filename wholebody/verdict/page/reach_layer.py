@@ -6,10 +6,19 @@ import numpy as np
 
 from models.spec import RobotSpec
 from wholebody.config import ControllerConfig
-from wholebody.planning.reachability.pairs import AT_REST, HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
+from wholebody.planning.reachability.pairs import (
+    BOX_HIGH,
+    BOX_LOW,
+    LOAD_KNOWN,
+    MIRROR,
+    PALM_AT_REST,
+    TURNS,
+    Pairs,
+    Turn,
+)
 from wholebody.planning.reachability.reach_map import basis, map_for
 
-CELL = 0.05
+FIELD_SPACING = 0.05
 """Distance of two points of a field [m]; chosen: 50 kB a hand, and the border to a centimetre between them."""
 
 
@@ -22,10 +31,11 @@ def reach_fields(spec: RobotSpec, config: ControllerConfig) -> list[np.ndarray]:
     found = map_for(basis(spec, config))
     if found is None:
         return []
-    axes = [np.linspace(*ends, 1 + round((ends[1] - ends[0]) / CELL)) for ends in zip(LOW, HIGH, strict=True)]
+    box = zip(BOX_LOW, BOX_HIGH, strict=True)
+    axes = [np.linspace(low, high, 1 + round((high - low) / FIELD_SPACING)) for low, high in box]
     z, y, x = np.meshgrid(*reversed(axes), indexing="ij")
     left = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    rest = np.broadcast_to(AT_REST @ MIRROR, left.shape)
+    rest = np.broadcast_to(PALM_AT_REST @ MIRROR, left.shape)
     turns, n = np.full(len(left), TURNS.index(Turn.ANY)), len(left)
     carried = np.clip((config.loads.left, config.loads.right), 0.0, LOAD_KNOWN)
     pairs = Pairs(np.stack([left, rest], axis=1), turns, np.tile(carried, (n, 1)))
@@ -36,7 +46,7 @@ def reach_fields(spec: RobotSpec, config: ControllerConfig) -> list[np.ndarray]:
 
 def box(side: int) -> tuple[float, ...]:
     """Where the field of the left (0) or right (1) palm is: x, y and z from and to [m]."""
-    low, high = LOW.copy(), HIGH.copy()
+    low, high = BOX_LOW.copy(), BOX_HIGH.copy()
     if side:
-        low[1], high[1] = -HIGH[1], -LOW[1]
+        low[1], high[1] = -BOX_HIGH[1], -BOX_LOW[1]
     return tuple(float(end) for axis in zip(low, high, strict=True) for end in axis)

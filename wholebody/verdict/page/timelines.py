@@ -17,9 +17,9 @@ from wholebody.sim.pictures.plot import SIDE_COLOUR
 from wholebody.sim.pictures.scene import SIDES, Show
 from wholebody.verdict.page.frames import Frames
 
-NEUTRAL = (0.45, 0.45, 0.52)
+NO_SIDE_COLOUR = (0.45, 0.45, 0.52)
 """Colour of a line that is about no side [no unit]; chosen: the page draws it as it draws words."""
-NEAREST = 1
+PAIRS_ALWAYS = 1
 """Pairs of bodies that are measured however far they are from each other."""
 
 
@@ -95,7 +95,7 @@ def _side(side: str, values: np.ndarray, what: str, *, dashed: bool = False) -> 
 def _balance(frames: Frames) -> Panel:
     record = frames.record
     lines = (
-        Line(Show.PRESSURE.legend, NEUTRAL, 1e3 * frames.least(record["pressure_margin"])),
+        Line(Show.PRESSURE.legend, NO_SIDE_COLOUR, 1e3 * frames.least(record["pressure_margin"])),
         Line(Show.CAPTURE.legend, Show.CAPTURE.colour[:3], 1e3 * frames.least(record["capture_margin"])),
     )
     margin = 1e3 * float(record["balance_margin"])
@@ -130,7 +130,7 @@ def _worst(name: str, values: np.ndarray, names: list[str], chosen: np.ndarray, 
     """The largest of values (n, k) at every instant, and which of the chosen names it is about."""
     whose = tuple(str(one).removesuffix("_joint").replace("_", " ") for one in np.array(names)[chosen])
     worst = values.argmax(axis=1)
-    return Line(name, NEUTRAL, sign * values[np.arange(len(values)), worst], whose=worst, names=whose)
+    return Line(name, NO_SIDE_COLOUR, sign * values[np.arange(len(values)), worst], whose=worst, names=whose)
 
 
 def _distances(frames: Frames, spec: RobotSpec, config: ControllerConfig) -> Iterator[Panel]:
@@ -140,7 +140,7 @@ def _distances(frames: Frames, spec: RobotSpec, config: ControllerConfig) -> Ite
     floor, data, near, low = FloorClearance(spec, model, proximity.geometry), model.createData(), [], []
     for q in frames.of_column("q"):
         pin.forwardKinematics(model, data, q)
-        proximity.update(q, data, trigger=0.0, least=NEAREST)
+        proximity.update(q, data, trigger=0.0, least=PAIRS_ALWAYS)
         near.append((int(np.argmin(proximity.bound - proximity.margin)), proximity.distance.copy()))
         low.append(floor.lowest(data)[:, 2])
     which = np.array([pair for pair, _ in near])
@@ -150,7 +150,7 @@ def _distances(frames: Frames, spec: RobotSpec, config: ControllerConfig) -> Ite
         for label in proximity.labels
     )
     bounds = ((0.0, f"{1e3 * distance:.0f} mm apart, or as in the stance"),)
-    line = Line("nearest pair", NEUTRAL, values, whose=which, names=pairs)
+    line = Line("nearest pair", NO_SIDE_COLOUR, values, whose=which, names=pairs)
     yield Panel("robot to itself, beyond the distance it keeps", "mm", (line,), bounds, above=True)
     bodies = [label.partition(".")[2].removesuffix("_link") for label in floor.labels]
     heights = -1e3 * np.array(low)

@@ -16,8 +16,7 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from wholebody.planning.judgement.chunk_judge import PALMS, Begin, ChunkJudge
 from wholebody.planning.judgement.limits import Limit, Margin
-from wholebody.planning.posture import FIRM as FIRM_BOUNDS
-from wholebody.planning.posture import GENTLE_SCALES, PALM_SCALES
+from wholebody.planning.posture import FIRM_SCALE, GENTLE_SCALES, PALM_SCALES
 from wholebody.planning.preparation import prepare
 from wholebody.planning.still_postures import Round, scattered
 from wholebody.planning.trajectory import GRID, SampledTrajectory, centroidal_along, curve_through, track_along
@@ -86,7 +85,7 @@ class ChunkProgram:
         self.targets, self.first = self._own.targets, self._own.first
         posture = judge.planner.config.posture
         exact, gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
-        self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_BOUNDS, 40)
+        self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_SCALE, 40)
         self.searches, self.work, self.work_max = 0, 0.0, inf
         self._found: list[Witness] = []
         self._led = False  # whether what was found last was led to by a motion

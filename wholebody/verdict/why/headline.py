@@ -9,7 +9,7 @@ from wholebody.types import Reason
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.quantity import quantity
-from wholebody.verdict.violations import MOVING, Severity, Violation
+from wholebody.verdict.violations import MOVING_REASONS, Severity, Violation
 from wholebody.verdict.why.sentence import bound_text, change_text
 
 ANOTHER = "which is another motion"
@@ -19,7 +19,7 @@ WHY_NOT = {
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
     Reason.NO_CHUNK: "nothing of it was executed",
-    **dict.fromkeys((*MOVING, Reason.MOVED), f"a hand is moved by {{value}}, {ANOTHER}"),
+    **dict.fromkeys((*MOVING_REASONS, Reason.MOVED), f"a hand is moved by {{value}}, {ANOTHER}"),
     Reason.INTO_FLOOR: "a hand would go into the floor, and is moved by {value}",
     Reason.TURNED: "a hand is turned by {value}, which is another motion",
     Reason.NOT_FOLLOWED: "the hands lose the motion",
@@ -27,7 +27,7 @@ WHY_NOT = {
 CHANGES = {
     Reason.TOO_FAST_FOR_BALANCE: "slowed down",
     Reason.TRACKING: "slowed down",
-    **dict.fromkeys((*MOVING, Reason.MOVED), "a hand moved"),
+    **dict.fromkeys((*MOVING_REASONS, Reason.MOVED), "a hand moved"),
     Reason.TURNED: "a hand turned",
     Reason.FAR_START: "it begins elsewhere",
     Reason.TRACKING_ERROR: "not everywhere on time",
@@ -43,7 +43,7 @@ CHANGES = {
 """In words, what a violation did to the input."""
 LIKELY = 0.5
 """Probability from which a fall is called likely [no unit]; definition."""
-OF_A_HAND = (*MOVING, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR)
+OF_A_HAND = (*MOVING_REASONS, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR)
 """Violations whose subject is a palm, and whose bound is a distance or an angle of it."""
 BECAUSE = {
     Reason.OUT_OF_REACH: "out of reach",
