@@ -34,4 +34,5 @@ def test_the_readme_leads_to_every_page(readme):
 def test_a_page_of_measurements_belongs_to_a_page():
     for page in (ROOT / "docs/measured").glob("*.md"):
         claims = re.search(r"\]\(\.\./(\w+\.md)", page.read_text())
-        assert claims and (ROOT / "docs" / claims[1]).is_file(), page.name
+        assert claims is not None, page.name
+        assert (ROOT / "docs" / claims[1]).is_file(), page.name
