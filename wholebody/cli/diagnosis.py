@@ -1,4 +1,4 @@
-"""Would this checkpoint do on the robot what it did in training?
+"""A dry run of a checkpoint: whether it would do on the robot what it did in training.
 
 Every check of `policy.lerobot.policy`, then a chunk from the nominal stance, decoded as it would be executed.
 """
