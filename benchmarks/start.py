@@ -57,13 +57,14 @@ def stop(time, end):
 @contextmanager
 def progress_bar(*_, **__):
     yield stop
-def told(judge, policy, name):
-    answer = foretold(judge, policy, name)
+def timed(judge, policy, name):
+    answer = fast_verdict(judge, policy, name)
     times.append(now())
     return answer
-foretold, judging.Judge._foretold, judging.progress_bar = judging.Judge._foretold, told, progress_bar
-judging._told = lambda *_: None
-judging.Judge(Input(), Simulation(), Sampling(), Judging(), quiet=True).answer(FILE)
+fast_verdict, judging.progress_bar = judging.InputJudge._fast_verdict, progress_bar
+judging.InputJudge._fast_verdict = timed
+judging._sentence = lambda *_: None
+judging.InputJudge(Input(), Simulation(), Sampling(), Judging(), quiet=True).answer(FILE)
 """
 
 

@@ -29,9 +29,9 @@ class WholebodyEnvConfig(EnvConfig):
     scene: str = "floor"
     """Around the robot."""
     cameras: dict[str, WholebodyCameraConfig] = field(default_factory=dict)
-    """By name, as of the robot."""
+    """Cameras by name, as those of the robot."""
     steps: int | None = None
-    """In an episode; the task's own number if not given."""
+    """Steps of an episode; the task's own number if not given."""
     gate: bool = False
     """Whether targets are judged before they are followed."""
     report: str = ""

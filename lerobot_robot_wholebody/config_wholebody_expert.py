@@ -15,4 +15,4 @@ class WholebodyExpertConfig(TeleoperatorConfig):
     robot_id: str | None = None
     """`id` of the robot to drive; the only one there is if not given."""
     seed: int = 0
-    """Of the variations."""
+    """Seed of the variations."""

@@ -18,9 +18,9 @@ class WholebodyCameraConfig:
     """A camera of the robot, drawn from the scene once an observation; its name says which one it is."""
 
     width: int = 320
-    """Of its pictures [px]."""
+    """Width of its pictures [px]."""
     height: int = 240
-    """Of its pictures [px]."""
+    """Height of its pictures [px]."""
 
 
 @RobotConfig.register_subclass("wholebody_g1")
@@ -31,16 +31,16 @@ class WholebodyG1Config(RobotConfig):
     link: str = "sim"
     """What the robot is reached by: MuJoCo beside it."""
     clock: str = "wall"
-    """Whose time passes: the wall's, or in lockstep as much as LeRobot waits."""
+    """Clock of the robot: the wall's, or in lockstep as much as LeRobot waits."""
     scene: str = "floor"
     """Around the robot: floor, table, ... or a MuJoCo file (.xml)."""
     cameras: dict[str, WholebodyCameraConfig] = field(default_factory=dict)
-    """By name, head, left_wrist or right_wrist: ``"{head: {width: 96, height: 96}}"``."""
+    """Cameras by name: head, left_wrist or right_wrist: ``"{head: {width: 96, height: 96}}"``."""
     task: str = "none"
     """What is to be done, which is shown among the observations: with reach each palm has a goal; the others move
     something, in a scene of their own."""
     seed: int = 0
-    """Of the task's goals."""
+    """Seed of the task's goals."""
     gate: bool = False
     """Whether targets are judged before they are followed, and rejected where they cannot be done nearly so."""
     record: str = "requested"
@@ -48,7 +48,7 @@ class WholebodyG1Config(RobotConfig):
     settings: str = ""
     """YAML file with changed settings of the controller."""
     report: str = ""
-    """Where a summary of the run is written at its end, as JSON; also where this program was killed."""
+    """File for a summary of the run, written at its end, as JSON; also where this program was killed."""
 
     def __post_init__(self) -> None:
         if self.link in ("twin", "dds"):

@@ -14,7 +14,7 @@ from policy.geometry.se3 import inverse, make_transform
 from policy.observation import Observation
 
 GRASPS = ("left_grasp.pos", "right_grasp.pos")
-"""In place of a hand's fingers: 0 open to 1 closed."""
+"""Numbers of an action that may stand for a hand's fingers: 0 open to 1 closed."""
 _PARTS = {"left_wrist": "lhand", "right_wrist": "rhand", "left_hand": "q_lhand", "right_hand": "q_rhand"}
 
 

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from policy.scripted.policy import ScriptedPolicy
 
 BEGIN, TAKES = (0.0, 0.4), (1.4, 2.2)
-"""When a hand sets off after the phase began, and how long it takes [s]; chosen: as people do in front of a table."""
+"""Delay after which a hand sets off in a phase, and time that it takes [s]; chosen: as people do in front of a
+table."""
 MISSES, CORRECTS = 0.04, 0.35
 """Share of the way by which the first movement misses, standard deviation, and the share of its time at which it is
 corrected [no unit]; chosen after the two movements of Woodworth's model."""
 BULGE = 0.03
-"""By how much a way bulges out to the side, standard deviation [m]; chosen."""
+"""Bulge of a way out to the side, standard deviation [m]; chosen."""
 PACE, APPROACH = (0.9, 1.15), 2.5
 """Times the speed of a script at which it is done [no unit], and until when it goes to the thing, without touching it
 yet [s]; chosen: faster, hands that close have not closed yet; and as all scripts have it."""

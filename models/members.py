@@ -11,7 +11,7 @@ import numpy as np
 Vector3 = tuple[float, float, float]
 
 PARTS = ("knee", "elbow", "wrist")
-"""Joints that are told from the others of their limb: those that straighten it, and the light ones of a hand."""
+"""Roles of joints in their limb: those that straighten it (knee, elbow), and the light ones of a hand (wrist)."""
 
 
 class RobotSpecError(ValueError):
@@ -43,7 +43,7 @@ class JointSpec:
     kd: float
     """Velocity gain of the motor driver [N m s/rad]."""
     part: str = ""
-    """What it is in its limb where that matters: one of `PARTS`, or nothing."""
+    """Role in its limb: one of `PARTS`, or empty."""
     damping: float = 0.0
     """Viscous friction [N m s/rad]."""
     friction_loss: float = 0.0

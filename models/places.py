@@ -19,22 +19,22 @@ BAR = (0.43, -0.12, 0.78)
 LEVER = (0.45, -0.12, 0.95)
 """Axis of the door's lever at the height of its bar [m]; the bar points to the left (+y)."""
 LEVER_LENGTH, LEVER_RADIUS = 0.13, 0.01
-"""Of the lever's bar [m]; chosen: as of common doors."""
+"""Length and radius of the lever's bar [m]; chosen: as of common doors."""
 LEVER_TURN = 0.7
 """Angle at which the lever has unlatched the door [rad]; chosen: 40 degrees, as of common doors."""
 LEVER_TORQUE = (1.0, 2.0)
-"""With which the lever is held up, and at which the door unlatches [N m]; chosen: as of common doors."""
+"""Torques with which the lever is held up, and at which the door unlatches [N m]; chosen: as of common doors."""
 DRAWER_FRICTION = 30.0
 """Dry friction of the drawer [N]; chosen: a full drawer without rollers."""
 LOCKED_STIFFNESS = 500.0
-"""Of the handle of the locked door [N/m]; chosen: a door that gives in its frame."""
+"""Stiffness of the handle of the locked door [N/m]; chosen: a door that gives in its frame."""
 BUTTON_FORCE = (5.0, 20.0)
-"""With which the button is held out, and at which it clicks [N]; chosen: 20 N, a stiff one."""
+"""Forces with which the button is held out, and at which it clicks [N]; chosen: 20 N, a stiff one."""
 BUTTON = (0.42, -0.16, 1.05)
 """Middle of the button's cap, out [m]."""
 BUTTON_TRAVEL = 0.010
 """How far in the button clicks [m]; chosen: as of an emergency stop."""
 ON_TABLE = (0.42, 0.15, TABLE_HEIGHT)
-"""Where on the table an object stands, the middle of its underside [m]; one for two hands: the same at y = 0."""
+"""Place of an object on the table, middle of its underside [m]; one for two hands: the same at y = 0."""
 CRATE_WIDTH = 0.30
-"""From palm to palm of the crate [m]."""
+"""Distance of the palms on the crate [m]."""

@@ -10,7 +10,7 @@ import numpy as np
 from models.spec import RobotSpecError
 
 PREFIX = "scene_"
-"""Before the names of a file, so that none is one of the robot's."""
+"""Prefix of the names of a file, so that none is one of the robot's."""
 _LEVEL = 1e-6
 """Height of a file's floor up to which it is at z = 0 [m]."""
 

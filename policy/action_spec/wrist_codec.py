@@ -23,7 +23,8 @@ from policy.geometry.rotations import (
 from policy.geometry.se3 import inverse, make_transform, translated, yaw_frame
 
 NETWORK_QUATERNION_TOLERANCE = 0.05
-"""Of a quaternion's norm around 1 in an action: networks do not hit 1; half of it would be another quantity."""
+"""Tolerance of a quaternion's norm around 1 in an action: networks do not hit 1; half of it would be another
+quantity."""
 
 
 def decode_wrist(spec: ActionSpec, side: str, actions: np.ndarray, anchor: Anchor) -> np.ndarray:

@@ -47,8 +47,8 @@ PROVENANCE = {ACTION: "commanded", STATE: "measured"}
 PROVENANCE_OF_ACTION = {"requested": "commanded", "executed": "measured, a row later"}
 """What the actions of a result are, by the setting ``action``."""
 KEPT_PREFIX = "source."
-"""In front of the names of kept joint columns: LeRobot takes what begins with ``action`` or ``observation`` as input or
-output of policies."""
+"""Prefix of the names of kept joint columns: LeRobot takes what begins with ``action`` or ``observation`` as input
+or output of policies."""
 REQUESTED = f"{KEPT_PREFIX}requested"
 """Commanded wrists beside executed ones."""
 Progress = Callable[[float, float], None]

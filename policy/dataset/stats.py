@@ -16,7 +16,7 @@ from policy.action_spec.spec import ActionSpec
 from policy.errors import DatasetError
 
 QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
-"""Those that LeRobot's normalisers may ask for."""
+"""Quantiles that LeRobot's normalisers may ask for."""
 WIDTH_MIN = 1e-3
 """Least distance from q01 to q99 of a number that moves, in SI: a millimetre, a milliradian, a thousandth. A
 demonstration resolves no less; dividing by it turns encoder noise (about 1e-4 rad) into a tenth of the range."""

@@ -1,1 +1,4 @@
-"""Rotations and rigid transforms in numpy."""
+"""Rotations and rigid transforms in numpy.
+
+Begin with `policy.geometry.rotations`, which has the conventions; poses are in `policy.geometry.se3`.
+"""

@@ -1,1 +1,4 @@
-"""Forward and inverse kinematics of arms and legs, numpy only."""
+"""Forward and inverse kinematics of arms and legs, numpy only.
+
+Begin with `policy.kinematics.forward.Kinematics`.
+"""

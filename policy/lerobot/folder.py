@@ -7,7 +7,7 @@ from pathlib import Path
 
 CONFIG_FILE = "config.json"
 BELOW = ("pretrained_model", "last/pretrained_model", "checkpoints/last/pretrained_model")
-"""Where LeRobot's training puts a checkpoint: below a step's folder, all the checkpoints', and the run's."""
+"""Folders in which LeRobot's training puts a checkpoint: below a step's folder, all the checkpoints', and the run's."""
 HUB_ID = re.compile(r"[\w-][\w.-]*/[\w-][\w.-]*")
 
 

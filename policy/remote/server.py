@@ -37,13 +37,14 @@ SESSION_MAX = 100
 PING_INTERVAL = 5.0
 """How often an idle client is asked whether it is still there [s]."""
 PING_TIMEOUT = 10.0
-"""After which it no longer is [s]."""
+"""Time without an answer after which a client counts as gone [s]."""
 PONG_TIMEOUT = 2.0
-"""The same when another one wants to come in [s]: a robot that lost its network must get in again soon."""
+"""Time without an answer after which a client gives way to another one that wants to come in [s]: a robot that lost
+its network must get in again soon."""
 IDLE_MAX = 10.0
 """How long a client may be connected without a first request before it gives way to another one [s]."""
 CLOSE_REASON = "Internal server error. Traceback included in previous frame."
-"""As openpi's server says after a traceback."""
+"""Reason of a closed connection, the words of openpi's server after a traceback."""
 
 
 class PolicyServer:

@@ -41,9 +41,10 @@ MIRROR_Y = np.array([1.0, -1.0, 1.0])
 FIST_AHEAD, FINGERS_AHEAD = 0.014, 0.086
 """How far a closed hand, and one as in the stance, goes beyond its palm point along its x axis [m]; of the hulls."""
 HAND_HALF, HAND_BACK = 0.044, 0.027
-"""From the palm point to the edge of the hand, up as down, and to its back [m]; of the hulls, hand as in the stance."""
+"""Distances from the palm point to the edge of the hand, up as down, and to its back [m]; of the hulls, hand as in
+the stance."""
 PALM_FACE = 0.021
-"""From the palm point to the inside of straight fingers [m]; of the hulls."""
+"""Distance from the palm point to the inside of straight fingers [m]; of the hulls."""
 FLAT_HAND = np.array([0.0, -0.55, 0.05, 0.0, 0.0, 0.0, 0.0])
 """Fingers of the left hand straight, the thumb away from the palm [rad]; right: with the other sign."""
 INWARDS = np.array([0.0, 0.0, 0.15])
@@ -53,7 +54,8 @@ BAR_IN_HAND = np.array([-0.02, 0.038, 0.0])
 """Axis of a bar that the right hand's fingers have closed around, from the palm point in hand axes [m]."""
 
 WIPE_FORCE, WIPE_DEPTH = 10.0, 0.017
-"""Of `wipe`: on the table [N], and how far into it the hand is commanded [m]: the force over a hand's 600 N/m."""
+"""Force of `wipe` on the table [N], and depth to which the hand is commanded into it [m]: the force over a hand's
+600 N/m."""
 PUSH_SPEED_PEAK = 1.875
 """Largest speed of a minimum-jerk motion over its mean one."""
 SURFACES: dict[Direction, tuple[np.ndarray, np.ndarray]] = {
@@ -62,7 +64,7 @@ SURFACES: dict[Direction, tuple[np.ndarray, np.ndarray]] = {
     "side": (np.array([0.0, 1.0, 0.0]), np.array([0.30, WALL_BESIDE - HAND_BACK, 0.95])),
     "up": (np.array([0.0, 0.0, 1.0]), np.array([0.40, 0.20, SHELF_HEIGHTS[2] - BOARD - HAND_HALF])),
 }
-"""Where a left hand is led to, as a direction, and where its palm point is when the hand touches [m]; ``ahead`` without
+"""Direction in which a left hand is led, and place of its palm point when the hand touches [m]; ``ahead`` without
 what the hand goes beyond its palm point."""
 
 

@@ -22,7 +22,7 @@ MIRROR_Y = np.array([1.0, -1.0, 1.0])
 LISSAJOUS_CENTRE = np.array([0.24, 0.21, 0.86])
 LISSAJOUS_AMPLITUDE = 0.15
 LISSAJOUS_RATES = np.array([2.0, 4.0, 6.0])
-"""Of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
+"""Angular rates of x, y and z [rad/s]: 1.1 m/s and 5.8 m/s^2 at the peak."""
 LISSAJOUS_START, LISSAJOUS_SCORED, LISSAJOUS_END = 2.0, 20.0, 2.0
 """Blending in from the stance, the curve itself, coming to rest at the centre [s]."""
 LISSAJOUS_TURN = np.deg2rad([9.0, -27.0, -35.0])

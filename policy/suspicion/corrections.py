@@ -12,7 +12,7 @@ from policy.errors import PolicyError, did_you_mean
 from policy.suspicion.orders import candidates
 
 AS_NAMED = "as_named"
-"""Read what looks wrong as it is called all the same."""
+"""Code to read numbers as they are named, although they look wrong."""
 HANDS_ONLY = "hands_only"
 """Leave the legs out, whose steps feet that stay cannot follow."""
 ORDERS = ("isaac_order", "motor_order", "finger_order", "pinocchio_order", "left_right", "columns_rolled",
@@ -21,7 +21,7 @@ ROWS = ("doubled_rows", "rows_rolled", "rows_rolled_back")
 UNITS = ("degrees", "mirrored_fingers")
 ROOT = ("w_first", "millimetres")
 READ_AS = (AS_NAMED, HANDS_ONLY, *ORDERS, *UNITS, *ROWS, *ROOT)
-"""What can be said; those of `ROOT` are for motions."""
+"""Codes that ``--read-as`` takes; those of `ROOT` are for motions."""
 
 
 class ReadAsError(PolicyError, ValueError):

@@ -13,7 +13,7 @@ from policy.suspicion.orders import candidates, misfit
 CIRCLE = 2.0 * np.pi
 """No joint of the G1 turns a whole circle [rad]; the widest reaches 3.1."""
 GAIN = 0.08
-"""By how much an order must fit better than the names, in the mean of `misfit` over the columns that it moves, to be a
+"""Advantage that an order must have over the names, in the mean of `misfit` over the columns that it moves, to be a
 hypothesis; measured: `docs/your_dataset.md`."""
 FIT = 1.8
 """Largest mean misfit of an order that is believed; measured: as `GAIN`."""

@@ -25,7 +25,8 @@ SKEW, UNEVEN, STEPS_SHARE = 0.5, 0.35, 0.2
 """Cosine between both vectors of a rot6d, distance of their lengths from 1, and share of the steps, from which they are
 no rotation; chosen: networks that were trained are below a tenth."""
 FITS = 0.05
-"""The same two of a layout that is named as the one that fits; chosen: what networks and rounding leave."""
+"""Cosine and difference of lengths of a layout that is named as the one that fits; chosen: what networks and
+rounding leave."""
 PLACEHOLDER_P, PLACEHOLDER_R = 1e-6, 1e-6
 """How near position and rotation are to the origin of their frame where there is no command yet [m, rad]; chosen."""
 TURNED, NEARER = np.deg2rad(108.0), np.deg2rad(20.0)

@@ -19,10 +19,10 @@ STIFFNESS = 8.0
 SPEED_MAX = 0.8
 """Fastest that a long way is gone [m/s]; chosen: less than the 1.1 m/s that a recorded motion may demand."""
 FPS, HORIZON = 30.0, 15
-"""Of the chunks [Hz], [steps]; chosen: half a second, so that planning it is quick."""
+"""Rate [Hz] and length [steps] of the chunks; chosen: half a second, so that planning it is quick."""
 RESTING_HORIZON, RESTING = 60, 1e-4
-"""Of chunks of palms that stay [steps], and how near they are to their targets then [m, rad]; chosen: two seconds,
-so that the planner is free when a drag begins."""
+"""Length of chunks of palms that stay [steps], and distance from their targets at which they stay [m, rad]; chosen:
+two seconds, so that the planner is free when a drag begins."""
 
 
 @dataclass

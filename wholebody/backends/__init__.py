@@ -1,1 +1,4 @@
-"""Controllers by name: ours, placo's dynamics, inverse kinematics alone."""
+"""Controllers by name: ours, placo's dynamics, inverse kinematics alone.
+
+Begin with `wholebody.backends.registry.make_controller`.
+"""

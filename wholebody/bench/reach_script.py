@@ -26,12 +26,12 @@ POSTURE = {
 FINGER_MARGIN = 0.1
 """Distance of the fingers from their limits at the start [rad]; definition of the script."""
 ANKLE_HEIGHT = 0.035
-"""Of the ankle frame above the sole [m]; from the URDF."""
+"""Height of the ankle frame above the sole [m]; from the URDF."""
 COM_AHEAD = 0.035
-"""Of the middle of the soles before the ankles [m]; from the URDF."""
+"""Distance of the middle of the soles ahead of the ankles [m]; from the URDF."""
 AXIS = np.array([0.4, 0.7, 0.6])
-"""About which the left wrist turns, wrist axes, normalised where it is used [no unit]; the right one's is mirrored in
-y; definition of the script."""
+"""Axis about which the left wrist turns, in wrist axes, normalised where it is used [no unit]; the right one's is
+mirrored in y; definition of the script."""
 
 
 def start_configuration(robot: Robot) -> np.ndarray:

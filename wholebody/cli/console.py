@@ -20,8 +20,8 @@ from wholebody.errors import require_extra
 LINE_MAX = 4000
 """Most characters of a line on the terminal."""
 FIRST_BEAT, HEARTBEAT = 1.0, 3.0
-"""When something that takes long says so in a pipe first, and then how often [s]; chosen: 5 s never pass without a
-word."""
+"""Time after which something that takes long first says so in a pipe, and period of its further lines [s]; chosen: 5
+s never pass without a word."""
 
 if TYPE_CHECKING:
     from wholebody.sim.recorder import Recorder

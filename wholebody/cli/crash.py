@@ -12,7 +12,7 @@ from policy.writing import OutputError
 CRASH = 3
 """Exit code of a fault of ours."""
 ROOT, OURS = Path(__file__).parents[2], ("models", "policy", "wholebody")
-"""Where the packages are, and which."""
+"""Folder that the packages are in, and their names."""
 
 
 class CrashError(Exception):

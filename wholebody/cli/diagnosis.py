@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from policy.lerobot.policy import LeRobotPolicy
 
 LEVELS: tuple[Level, ...] = ("ok", "warning", "error")
-"""In the order of the exit codes 0, 1, 2."""
+"""Levels of a finding, in the order of the exit codes 0, 1, 2."""
 DRY_TASK = "pick up the object"
 """Task of the dry run where none is given."""
 

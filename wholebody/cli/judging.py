@@ -115,7 +115,7 @@ class InputJudge:
         with ours():
             return fast.check(policy, name, seconds, start=start, ask_why=why)
 
-    def _foretold(self, policy: Policy, name: str) -> Verdict | None:
+    def _fast_verdict(self, policy: Policy, name: str) -> Verdict | None:
         """The fast check before a simulation; None where a chunk cannot be planned, which the simulation tells."""
         from wholebody.errors import PlanningError
 
@@ -133,7 +133,7 @@ class InputJudge:
         fast = self.fast(scene) if planned or placed else None
         with waiting(f"planning {title}", self.quiet):
             if planned:
-                first = self._foretold(policy, name)
+                first = self._fast_verdict(policy, name)
                 title += f", {first.verdict.replace('_', ' ')} by its plans" if first else ""
             if placed:
                 with ours():
@@ -173,13 +173,13 @@ class InputJudge:
         if isinstance(error, OutputError):  # every other input would fail as well
             raise error
         if isinstance(error, PolicyError | OSError):
-            return _told(name, str(error), MALFORMED)
+            return _sentence(name, str(error), MALFORMED)
         if isinstance(error, WholebodyError | RobotSpecError | ValueError):
             raise error
         # The other inputs must not meet the traces of a fault of ours.
         self._checker.cache_clear()
         self.fast.cache_clear()
-        return _told(name, sentence(error), CRASH)
+        return _sentence(name, sentence(error), CRASH)
 
 
 def answers(judge: InputJudge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:
@@ -236,22 +236,22 @@ def _together(name: str, title: str, tasks: Sequence[Future[Answer]], seeds: Seq
     from wholebody.verdict.worlds import in_worlds
 
     answer, *others = (
-        _come(name, task, quiet, f"{title}, world {k} of {len(seeds)}" if k else title) for k, task in enumerate(tasks)
+        _wait(name, task, quiet, f"{title}, world {k} of {len(seeds)}" if k else title) for k, task in enumerate(tasks)
     )
     found = [other.verdict for other in others]
     if answer.verdict is None or not found:
         return answer
     if None in found:
-        return _told(name, "could not be judged in every world", max(other.code for other in others))
+        return _sentence(name, "could not be judged in every world", max(other.code for other in others))
     return replace(_answer(in_worlds(answer.verdict, seeds, found)), stderr=answer.stderr)
 
 
-def _come(name: str, future: Future[Answer], quiet: bool, title: str = "") -> Answer:
+def _wait(name: str, future: Future[Answer], quiet: bool, title: str = "") -> Answer:
     try:
         with waiting(f"judging {title or name} and those after it", quiet):
             answer = future.result()
     except BrokenProcessPool:
-        return _told(name, BROKEN, CRASH)
+        return _sentence(name, BROKEN, CRASH)
     sys.stderr.write(answer.stderr)
     if answer.misuse:
         raise ValueError(answer.misuse)
@@ -288,6 +288,6 @@ def _answer(verdict: Verdict) -> Answer:
     return Answer(INFEASIBLE if verdict.verdict == "infeasible" else FEASIBLE, verdict)
 
 
-def _told(name: str, text: str, code: int) -> Answer:
+def _sentence(name: str, text: str, code: int) -> Answer:
     complain(text if text.startswith(name) else f"{name}: {text}")
     return Answer(code)

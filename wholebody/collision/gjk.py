@@ -35,7 +35,8 @@ ITERATIONS_MAX = 64
 PLANE_GAP = 1e-12
 """Distance to the supporting plane at which the nearest point is found [m]; chosen: rounding of lengths of a metre."""
 GAP_ACCEPTED = 1e-8
-"""The same where no step brings the simplex nearer any more [m]; chosen, no trial is on record."""
+"""Distance to the supporting plane that is accepted where no step brings the simplex nearer any more [m]; chosen, no
+trial is on record."""
 SCRATCH = 35
 """Room that `distance` works in."""
 TOUCHING = 1e-8

@@ -1,4 +1,8 @@
-"""Settings: what there is, within which bounds, and how a file changes them."""
+"""Settings: what there is, within which bounds, and how a file changes them.
+
+Begin with `wholebody.config.controller.ControllerConfig`, whose fields say what they mean; YAML:
+`wholebody.config.file`.
+"""
 
 from wholebody.config.controller import (
     START_MAX,

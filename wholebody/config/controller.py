@@ -173,7 +173,8 @@ class TrajectoryConfig:
     acceleration: float = 70.0
     """Largest joint acceleration [rad/s^2]."""
     waist_acceleration: float = 25.0
-    """The same for the waist: half of what its 35 N m give the 0.7 kg m^2 on it, for what happens between knots."""
+    """Largest acceleration of the waist: half of what its 35 N m give the 0.7 kg m^2 on it, for what happens between
+    knots."""
     com_margin: float = 0.045
     """Distance of the centre of mass from the edge of the support: with realistic sensing 30 mm is not enough [m]."""
     zmp_margin: float = 0.028
@@ -214,7 +215,7 @@ class PlannerConfig:
     orientation_relaxed: float = 0.02
     """Scale of palm orientations where palms cannot be at their positions otherwise [rad]."""
     orientation_free: float = 0.05
-    """The same where that is not enough [rad]."""
+    """Scale of the palms' orientation where that is not enough [rad]."""
     relax_error: float = 0.008
     """Distance of a planned palm from its target above which these are tried [m]."""
     tracking_error_max: float = 0.03
@@ -231,7 +232,7 @@ class PlannerConfig:
     friction_deficit_max: float = 0.3
     """Impulse per mass that the floor may fail to give for lack of friction up to which a plan is balanced [m/s]."""
     friction_deficit_unreachable: float = 0.15
-    """The same where a target is out of reach, for which less is risked [m/s]."""
+    """Largest friction deficit where a target is out of reach, for which less is risked [m/s]."""
     warm_start_distance: float = 0.03
     """Distance of the plan before from the palms wanted up to which the search begins with it [m]."""
     warm_start_error: float = 0.0055
@@ -241,7 +242,7 @@ class PlannerConfig:
     clamp_tolerance: float = 0.008
     """Distance between a target and what the trajectory reaches that is left to the QP [m]."""
     turn_tolerance: float = 0.05
-    """The same for orientation [rad]."""
+    """Tolerance of the palms' orientation [rad]."""
     slowdowns: tuple[float, ...] = (1.5, 2.5)
     """Factors tried in turn when a chunk is too fast for its plan."""
 
@@ -253,7 +254,7 @@ class ControllerConfig:
     dt: float = 0.002
     """Control period [s]."""
     backend: str = "native"
-    """Whose program is solved: 'native', 'placo' for a second opinion on the dynamics, or 'kinematic' for none."""
+    """Program that is solved: 'native', 'placo' for a second opinion on the dynamics, or 'kinematic' for none."""
     solver: str = "compiled"
     """'compiled', or the name of a QP solver such as 'daqp' for the same program in readable Python."""
     fallback: str = "quadprog"

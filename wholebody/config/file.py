@@ -22,7 +22,7 @@ FILE_MAX = 256 * 2**10
 # Every value as its text: no dates, no octal numbers, no objects. The compiled parser is thirty times as fast.
 _Loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
 Locate = Callable[[tuple[str, ...]], str]
-"""Where in a file a setting is, for messages."""
+"""Place of a setting in a file, for messages."""
 
 PUBLISHED = (
     "dt",

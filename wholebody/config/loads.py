@@ -14,11 +14,11 @@ class LoadConfig:
     left: float = 0.0
     """Mass in the left hand until another one is observed [kg]."""
     right: float = 0.0
-    """The same in the right hand [kg]."""
+    """Mass in the right hand [kg]."""
     reserve: float = 0.25
     """Mass that plans leave room for in each hand, as long as its load is not known [kg]."""
     follow: float = 0.03
     """Difference between what is observed and what the program counts on from which it counts on that [kg]."""
     replan: float = 0.15
-    """The same of a plan: from here on, what is being followed is planned anew [kg]; what became lighter by less than
+    """Change of a mass from which the plan that is followed is made anew [kg]; what became lighter by less than
     twice as much has to last for 0.5 s."""

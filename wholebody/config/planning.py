@@ -14,7 +14,8 @@ class PlanningConfig:
     lead_max: float = 0.8
     """Longest lead; a plan that comes too late is asked for again with twice the lead [s]."""
     latency: str = "fixed"
-    """Of a simulated planner: 'fixed' takes `lead` times `factor`, 'measured' the CPU time used times `factor`."""
+    """Latency of a simulated planner: 'fixed' takes `lead` times `factor`, 'measured' the CPU time used times
+    `factor`."""
     factor: float = 1.0
     """How many times longer than that it takes."""
     budget: float = 160.0

@@ -34,7 +34,7 @@ class GainsConfig:
     shoulder: GainConfig = _OF[_SHOULDER]
     """Pitch and roll."""
     elbow: GainConfig = _OF[_ELBOW]
-    """Of the shoulder's yaw, too."""
+    """Gains of the elbow, and of the shoulder's yaw."""
     wrist: GainConfig = _OF[_WRIST]
     fingers: GainConfig = _OF[_FINGERS]
 
@@ -95,6 +95,7 @@ class RobotConfig:
     """Share of the feed-forward torques that motors are sent; the rest is added to their positions, over `kp`. Below 1
     the gains are `position_gains`."""
     position_gains: GainsConfig = LED_BY_POSITION
-    """For a `torque` below 1."""
+    """Gains for a `torque` below 1."""
     stance: StanceConfig = StanceConfig()
-    """Where it begins, and what the plan prefers. The default of 'g1' has its arms a little otherwise."""
+    """Posture in which the robot begins, and which plans prefer. The default of 'g1' has its arms a little
+    otherwise."""

@@ -13,7 +13,7 @@ from wholebody.errors import InputError
 from wholebody.robot.contact_schedule import Contacts
 
 PALM, COM, MOMENTUM, PELVIS, TORSO, HEIGHT, POSTURE = 24, 48, 57, 63, 78, 93, 96
-"""Where the parts of a packed reference begin, after the left palm; `ReferenceMemory` says what they are."""
+"""Indices at which the parts of a packed reference begin, after the left palm; `ReferenceMemory` says what they are."""
 
 
 def row_length(n_joints: int) -> int:

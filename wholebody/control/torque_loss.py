@@ -10,8 +10,8 @@ from wholebody.types import JointCommand, RobotState
 COMPARE_EVERY = 5
 """Ticks after which torques are compared; chosen: every 10 ms is soon enough, and a tick is dear."""
 TIME_CONSTANT, MAKE_UP_RATE = 0.1, 8.0
-"""Of the filter of what is left out [s], and how fast it is made up for [1/s]; chosen: damped at a ratio of 0.6, and
-nearly all of it within 0.5 s."""
+"""Time constant of the filter of what is left out [s], and rate at which it is made up for [1/s]; chosen: damped at
+a ratio of 0.6, and nearly all of it within 0.5 s."""
 LOSS_NONE, SLACK_SHARE = 0.3, 0.05
 """Torque left out that is let be [N m], or share of what is asked for; chosen: what lag and noise of a realistic robot
 make in motion."""

@@ -41,7 +41,7 @@ class EpisodeResult:
         reasons: Time spent per reason code [s].
         first_reasons: When each reason was there first [s], and what was said then.
         palms: Palms at the steps of the chunks: asked, commanded and measured.
-        orientation_free: Whether nothing is asked of the left and the right palm's orientation.
+        orientation_free: Whether the orientation of the left and of the right palm is free.
         time_factor: Time on chunks over chunk time covered.
         contacts: First time at which two bodies of the robot touched, by pair [s].
         scene_contacts: First time at which the robot touched something else, feet on the floor left out [s].

@@ -47,7 +47,7 @@ class EpisodeConfig:
     cameras: Cameras | None = None
     """Called once an observation for its images."""
     begin: RobotState | None = None
-    """Where the robot stands at first; in the stance if None."""
+    """State in which the robot begins; the stance if None."""
 
     def __post_init__(self) -> None:
         require_all(self)

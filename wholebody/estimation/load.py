@@ -16,11 +16,11 @@ from wholebody.robot.state import Robot
 from wholebody.types import RobotState
 
 TIME_CONSTANT = 0.08
-"""Of the filter of the torques [s]; chosen: 95 % of a load is seen after three of them, before an arm that sinks
-under it is far."""
+"""Time constant of the filter of the torques [s]; chosen: 95 % of a load is seen after three of them, before an arm
+that sinks under it is far."""
 FORCE_TIME_CONSTANT = 0.008
-"""Of the filter of torques from which the force on a palm is found [s]; chosen: a touch is to be found within 30 ms,
-and the noise of encoder speeds is 1 N behind it."""
+"""Time constant of the filter of the torques from which the force on a palm is found [s]; chosen: a touch is to be
+found within 30 ms, and the noise of encoder speeds is 1 N behind it."""
 DELAYS_MIN = 4.0
 """Multiple of the delay of states and motors that this time constant is at least [no unit]; derived: at the frequency
 at which a force that is counted on comes back reversed, a sixth of it is then left."""

@@ -25,7 +25,7 @@ PERIOD_MAX = 0.004
 """Longest control period at which motors are watched [s]; chosen: their own loops are faster, and what they see in
 between is not known."""
 TIME_CONSTANT = 0.1
-"""Of the sums by which models are weighed [s]; chosen: a robot that shakes falls in half a second."""
+"""Time constant of the sums by which models are weighed [s]; chosen: a robot that shakes falls in half a second."""
 BLANK = DELAYS + 5
 """Periods that are left out after gains have changed or a state was missed; derived: until no command from before is on
 its way."""

@@ -9,16 +9,16 @@ from wholebody.jit.entry import Entry
 from wholebody.types import RobotState
 
 JUMPS = np.array([0.02, 0.03, 0.05])
-"""What noise may add from one state to the next to the base's position [m], its orientation [rad] and a joint [rad];
-chosen: ten times what the realistic sensors do, and far below what brings the robot down."""
+"""Largest changes by noise from one state to the next of the base's position [m], its orientation [rad] and a joint
+[rad]; chosen: ten times what the realistic sensors do, and far below what brings the robot down."""
 SPEED_JUMPS = np.array([2.0, 5.0, 20.0])
-"""What a blow may change from one control period to the next of the base's speed [m/s], its angular velocity and a
-joint's [rad/s]; chosen, no trial is on record."""
+"""Largest changes by a blow from one control period to the next of the base's speed [m/s], its angular velocity and
+a joint's [rad/s]; chosen, no trial is on record."""
 ACCELERATIONS = np.array([20.0, 100.0, 100.0])
-"""Unknown accelerations of the same, which count for as long as nobody has looked [m/s^2, rad/s^2]; chosen: twice the
-weight, and what a hip motor does to a leg."""
+"""Largest unknown accelerations of base, angular velocity and joint, for the time between the two states [m/s^2,
+rad/s^2]; chosen: twice the weight, and what a hip motor does to a leg."""
 LIGHT = 3.0
-"""How many times faster a finger may become: little mass hangs on it; chosen, no trial is on record."""
+"""Factor on these for fingers, on which little mass hangs; chosen, no trial is on record."""
 
 _follows = Entry(kernel.follows)
 
@@ -41,7 +41,7 @@ class Plausibility:
         Args:
             before: Finite.
             after: Finite.
-            seconds: Time for which nobody has looked [s].
+            seconds: Time from one to the other [s].
         """
         # The compiled code takes what it is given as it lies in memory.
         given = [np.ascontiguousarray(x, dtype=float) for x in (before.q, before.v, after.q, after.v)]

@@ -16,7 +16,7 @@ CARRIED_MAX = 0.5
 """Longest time that a state is carried on [s]; derived: an error grows 6 times meanwhile, at the 3.5/s of a pendulum of
 0.8 m."""
 ROUNDING = 1e-9
-"""Of times that are sums of control periods [s]; chosen: far below a period."""
+"""Rounding of times that are sums of control periods [s]; chosen: far below a period."""
 
 
 class StatePredictor:

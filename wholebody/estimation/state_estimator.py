@@ -28,8 +28,8 @@ PRESSED_SHARE = 0.06
 """Share of the weight below which a foot does not stand, and twice that above which it stands again; chosen: 20 N, what
 dry friction of a leg's joints can feign."""
 GYRO_NOISE, ACC_NOISE = 4.5e-4, 0.02
-"""Of gyro [rad/s per sqrt(Hz)] and accelerometer [m/s^2 per sqrt(Hz)]; chosen: 0.01 rad/s and some 0.4 m/s^2 at 500 Hz,
-of which most is the pelvis shaking, not the sensor."""
+"""Noise of gyro [rad/s per sqrt(Hz)] and accelerometer [m/s^2 per sqrt(Hz)]; chosen: 0.01 rad/s and some 0.4 m/s^2
+at 500 Hz, of which most is the pelvis shaking, not the sensor."""
 GYRO_WALK, ACC_WALK = 1e-4, 1e-3
 """How their biases wander [rad/s, m/s^2 per sqrt(s)]; chosen: as slowly as they warm up."""
 SOLE_WALK, SOLE_FREE = 2e-4, 3.0
@@ -38,12 +38,12 @@ believes a sole that has slid within a second; and wherever the leg says."""
 ACC_UNKNOWN = 1.0
 """What the velocity may do without an accelerometer [m/s per sqrt(s)]; chosen: 3 m/s^2 for a tenth of a second."""
 TILT_NOISE, LEG_NOISE = 2e-3, 1e-3
-"""Of the IMU's vertical [rad] and of a sole's place by the legs [m] at each reading; chosen: 0.1 degrees, of which a
-part stays; a sole that gives."""
+"""Noise of the IMU's vertical [rad] and of a sole's place by the legs [m] at each reading; chosen: 0.1 degrees, of
+which a part stays; a sole that gives."""
 LEVEL_SHARE = 0.7
-"""Of the soles' normal in the vertical on a level floor, the IMU has the rest [no unit]; derived: 0.3 degrees of tilt
-are 3.7 mrad about an axis, encoders that are off by 2 mrad turn the mean of both soles by 2.2, weights go by the
-inverse squares."""
+"""Share of the soles' normal in the vertical on a level floor, the IMU has the rest [no unit]; derived: 0.3 degrees
+of tilt are 3.7 mrad about an axis, encoders that are off by 2 mrad turn the mean of both soles by 2.2, weights go by
+the inverse squares."""
 FIRST = (5e-3, 1e-3, 0.05, 1e-3, 1e-3, 1e-3, 0.01, 0.1)
 """First errors of tilt [rad], yaw [rad], velocity [m/s], place and soles [m], gyro [rad/s] and accelerometer
 [m/s^2]; chosen: offsets of 2 mrad in the legs, 0.3 degrees in the IMU."""

@@ -141,7 +141,7 @@ class AsGiven:
             self._body(self._way.advance(elapsed))
         self._hands(int(self._row(now)))
         command, self.last_tick = self.controller.step(state, PackedReference(self._memory.row), elapsed)
-        self.status = self._said()
+        self.status = self._status()
         return command
 
     def _row(self, times: np.ndarray | float) -> np.ndarray:
@@ -163,7 +163,7 @@ class AsGiven:
         memory.com[:3], memory.height[0], memory.posture[0] = still.com[0, 0], still.height[0, 0], still.q[0, 7:]
         memory.pelvis[:9], memory.torso[:9] = still.pelvis[0].ravel(), still.torso[0].ravel()
 
-    def _said(self) -> StatusReport:
+    def _status(self) -> StatusReport:
         if self.last_tick.level is TickLevel.FAILED:
             return statuses.FAILED
         if self.last_tick.level is TickLevel.NO_HANDS:

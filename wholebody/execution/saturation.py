@@ -15,8 +15,8 @@ from wholebody.robot.state import Robot
 SPENT_SHARE = 0.998
 """Share of the torque that the program may use from which a joint has none left; chosen: above what rounding leaves."""
 TIME_CONSTANT = 0.03
-"""Of the filter of how often that is so [s]; chosen: a motion that spends its torque for some hundredths of a second
-between two knots is not meant."""
+"""Time constant of the filter of how often torque is spent [s]; chosen: a motion that spends its torque for some
+hundredths of a second between two knots is not meant."""
 SPENT_OFTEN = 0.5
 """Share of the time in which a joint has none left from which its hand gives way; chosen: half of it."""
 
@@ -79,7 +79,7 @@ class Saturation:
     def begin_anew(self) -> None:
         """Count the time for which the waist has had none left from zero."""
         self._waist_spent = [0.0] * len(self._waist)
-        """The same of each of its joints [s]."""
+        """Time for which each joint of the waist has been spent [s]."""
 
     def trust(self, tau: np.ndarray, palms: np.ndarray, row: np.ndarray, elapsed: float) -> tuple[float, float]:
         """Factor on the weight of each hand, from `TRUST_MIN` to 1.

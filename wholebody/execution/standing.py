@@ -32,12 +32,14 @@ AGAIN_WITHIN = 1.6
 """Time since the robot last stood off its plan within which it then stands for longer, and longest that it stands
 before it tries to join a chunk [s]; chosen: three doublings of the first wait."""
 FIRST_WAIT = 0.2
-"""That wait the second time [s]; chosen: as long as from one attempt to join a chunk to the next."""
+"""Time to stand before a plan is joined, the second time [s]; chosen: as long as from one attempt to join a chunk to
+the next."""
 GO_BACK = 0.4
 """Time for which the robot goes on towards its stance before it stands for another plan [s]; chosen: it is as fast as
 it gets within 0.2 s, and a plan is asked for twice a second."""
 HOLD_SPEC_ID, HOLD_STEPS = "held", 31
-"""What says that a chunk is none of the policy's, and its steps within a second; chosen: as usual chunks have them."""
+"""Spec id of chunks that the supervisor makes to hold its position, and their steps within a second; chosen: as
+usual chunks have them."""
 FAST = 3.0
 """Speed of the fastest joint up to which a robot that leaves its plan goes back at once if its waist is spent [rad/s];
 chosen: above it, it comes to rest more than 0.2 rad further on."""
@@ -49,7 +51,7 @@ PROJECTIONS = 4
 
 
 class Patience:
-    """How long the robot stands off its plan: at first not at all, then twice as long each time that it comes soon."""
+    """Waiting time before a plan is joined again: 0 at first, then doubled each time that the robot soon leaves one."""
 
     def __init__(self) -> None:
         self._last, self._wait = -inf, 0.0
@@ -196,7 +198,7 @@ def hands_at_rest(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def to_hold(newest: ActionChunk | None, motion: HandMotion, now: float) -> ActionChunk:
-    """What to go on with: the newest chunk, or steps that stay where it ended, or where hands are commanded to be."""
+    """Chunk to go on with: the newest one, or steps that stay where it ended, or where hands are commanded to be."""
     if newest is not None and newest.times[-1] > now:
         return newest
     if newest is None:

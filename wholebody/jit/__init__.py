@@ -1,1 +1,4 @@
-"""How arithmetic is compiled: kernels, their arguments, and the compiler."""
+"""How arithmetic is compiled: kernels, their arguments, and the compiler.
+
+Begin with `wholebody.jit.entry.Entry`, which says what a kernel may be written in.
+"""

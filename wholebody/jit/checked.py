@@ -18,7 +18,8 @@ from wholebody.jit.packed import Packed
 SWITCH = "WHOLEBODY_CHECK_ENTRIES"
 """Environment variable that asks for the comparison, with anything in it; processes that are started inherit it."""
 BOUNDS = "WHOLEBODY_CHECK_BOUNDS"
-"""The same for indices: kernels are compiled so that one outside of its array aborts the process."""
+"""Variable of the environment that asks for checks of indices: kernels are compiled so that one outside of its array
+aborts the process."""
 
 
 def is_asked_for(switch: str = SWITCH) -> bool:

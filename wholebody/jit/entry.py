@@ -33,7 +33,7 @@ from wholebody.jit import objects
 from wholebody.jit.checked import BOUNDS, checked, is_asked_for
 
 PACKAGES = ("wholebody",)
-"""Where kernels may lie."""
+"""Packages that kernels may be in."""
 
 _IMPORT = re.compile(r"^(?:from|import) ([\w.]+)", re.MULTILINE)
 _COMPILING = RLock()

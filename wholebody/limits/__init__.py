@@ -1,1 +1,4 @@
-"""Limits: rows that bound the acceleration, so that a margin, a speed or a distance is kept."""
+"""Limits: rows that bound the acceleration, so that a margin, a speed or a distance is kept.
+
+Begin with `wholebody.limits.base.ProgramLimit`; one file a limit.
+"""

@@ -26,7 +26,7 @@ class Rows:
 
 
 TIME_CONSTANT = 0.02
-"""Of the approach to a bound [s]; chosen: ten ticks of 2 ms."""
+"""Time constant of the approach to a bound [s]; chosen: ten ticks of 2 ms."""
 
 
 class ProgramLimit(Protocol):

@@ -12,11 +12,11 @@ from wholebody.resources import processors
 BLAS_THREADS = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
 """Environment of processes whose small matrices are not to wait for a pool of threads."""
 REAL_TIME_PRIORITY = 40
-"""Of SCHED_FIFO, 1 to 99: above other programs, below the threads of the kernel that serve interrupts (50)."""
+"""Priority of SCHED_FIFO, 1 to 99: above other programs, below the threads of the kernel that serve interrupts (50)."""
 SWITCH_INTERVAL = 2e-4
 """Time that a thread keeps the interpreter lock from the control loop [s]; chosen: a tenth of a period, not 5 ms."""
 NICE = 5
-"""By how much planner, policy and page give way, where there is no real-time priority."""
+"""Niceness by which planner, policy and page give way, where there is no real-time priority."""
 
 
 def wait_until(time: float) -> None:

@@ -45,7 +45,7 @@ LINES_PER_S = 10.0
 """Points of the time lines a second [Hz]; chosen: the curves are sent whole each time."""
 SIDES = ("left", "right")
 GHOST_OPACITY = 0.25
-"""Of the robot where its plan ends, a share; chosen."""
+"""Opacity of the robot where its plan ends, a share; chosen."""
 
 
 class Page:

@@ -37,7 +37,8 @@ BOUNDS: dict[UserCommand, tuple[float, float]] = {
     UserCommand.FRICTION: (0.05, 2.0),
     UserCommand.LATENCY: (0.0, 2.0),
 }
-"""Of the numbers of a wish, in its units; the page is not trusted, since whoever reaches it can send any."""
+"""Bounds of the numbers of a user's command, in its units; the page is not trusted, since whoever reaches it can
+send any."""
 
 
 class Person:

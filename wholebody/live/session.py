@@ -36,7 +36,7 @@ WARM_UP = 1.0
 LOWER_MAX = 12.0
 """Longest time in which the robot is lowered at the end [s]; measured: from reaches it takes 5.3 s at most."""
 START_IN = 0.1
-"""From the decision to let time run until it does [s]; chosen: both processes are there by then."""
+"""Delay from the decision to let time run until it does [s]; chosen: both processes are there by then."""
 
 
 @dataclass(frozen=True)

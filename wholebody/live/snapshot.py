@@ -12,7 +12,7 @@ from wholebody.sim.recorder import Followed
 from wholebody.types import Reason, RobotState, Status, StatusReport
 
 STATUSES, REASONS = tuple(Status), tuple(Reason)
-"""In the order of their numbers on the wire; a reason's number 0 is none."""
+"""Statuses and reasons in the order of their numbers on the wire; a reason's number 0 is none."""
 HANDS = "hands"
 """Name of the source that a person drags."""
 
@@ -29,7 +29,7 @@ class UserCommand(IntEnum):
     FRICTION = 3
     """Coefficient."""
     LATENCY = 4
-    """Of the policy [s]."""
+    """Latency of the policy [s]."""
     SOURCE = 5
     """Which of the sources."""
     PAUSE = 6
@@ -69,7 +69,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, message: np.ndarray, nq: int, nv: int) -> Snapshot:
-        """The glance in a message."""
+        """Snapshot in a message."""
         asked, commanded, planned, numbers, state = np.split(message, np.cumsum([32, 32, nq, 8]))
         status, reason, rate, planning, tick, missed, late, source = numbers.tolist()
         followed = Followed(

@@ -40,7 +40,7 @@ Track = CentroidalTrack | SampledTrajectory
 """What has centre of mass and momentum on the grid."""
 
 _UNITS = np.array([1.0, 1.0, HALF_SOLE, HALF_SOLE, HALF_SOLE])
-"""Of a wrench: forces per weight; a place and a moment per weight [m], half a sole of which counts as much."""
+"""Units of a wrench: forces per weight; a place and a moment per weight [m], half a sole of which counts as much."""
 _EYE, _ZERO = np.eye(5), np.zeros(5)
 
 

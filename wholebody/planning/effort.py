@@ -1,6 +1,6 @@
 """Whether motors give the torques of waist and arms on the whole curve of a plan: the optimiser looks at its knots.
 
-At knots it may relieve a joint that holds too much by accelerating it to and fro, and between them it holds it all.
+At its knots it can relieve a joint by accelerating it to and fro; between the knots the joint carries the full torque.
 """
 
 from __future__ import annotations

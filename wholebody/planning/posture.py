@@ -46,7 +46,7 @@ ROOM_NONE = 0.02
 PALM_SCALES = {"position": 1e-3, "position_give": 0.3, "orientation": 4e-3, "orientation_give": 0.5}
 """Scales of the palms and the errors past which they pull no harder [m, rad]; chosen: finer than a plan's."""
 GENTLE_SCALES = PALM_SCALES | {"position": 0.01, "orientation": 0.04}
-"""The same where the targets are missed [m, rad]; chosen: the bounds are not to be bent."""
+"""Scales of the palms where the targets are missed [m, rad]; chosen: the bounds are not to be bent."""
 FIRM_SCALE = 0.01
 """Factor on the scales of the bounds at the end; chosen: nothing wanted buys `EXCESS_NONE` of them."""
 FREE_SCALE = 1e3

@@ -28,7 +28,7 @@ SPREAD_MIN = 0.3
 """Least second singular value of a mean of rotations [no unit]; measured: scatter of 0.5 rad leaves 0.8, one from all
 there are 0.2."""
 DIFFERENCE_ORDER = 3
-"""Of the differences that are penalised: jerk. Penalising acceleration would flatten what moves."""
+"""Order of the differences that are penalised: jerk. Penalising acceleration would flatten what moves."""
 PENALTIES = 10.0 ** np.linspace(-2.0, 9.0, 45)
 """Penalties that are tried on them [no unit]; chosen: from next to nothing to an arc, for any number of steps."""
 CAUTION = 1.4

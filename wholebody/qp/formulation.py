@@ -39,9 +39,9 @@ class Regularisation:
     """Small costs that make the program strictly convex, and the penalties of the slacks."""
 
     acceleration: float = 1e-6
-    """On |dv|^2 [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
+    """Cost of |dv|^2 [1/(m/s^2)^2, 1/(rad/s^2)^2]."""
     force: float = 1e-5
-    """On |f|^2 [1/N^2]."""
+    """Cost of |f|^2 [1/N^2]."""
     slack_linear: float = 1e6
     """Price of a unit of slack: above the largest multiplier a task can put on a bound."""
     slack_quadratic: float = 1e3

@@ -28,19 +28,19 @@ inconsistent."""
 DAQP_ITERATION_LIMIT = 200
 """daqp can cycle; past this many iterations the next solver is asked."""
 PROXQP_ITERATION_LIMIT = 1000
-"""It needs 4 to 40 on our programs."""
+"""Most iterations of proxqp, which needs 4 to 40 on our programs."""
 PROXQP_ACCURACY = 1e-7
 """Absolute accuracy asked of it [units of the rows]; chosen: polishing does the rest."""
 PROXQP_INFEASIBILITY = 1e-30
-"""In its own terms [no unit]; by trial: its default 1e-4 takes one in fifteen of our feasible programs for infeasible
-at the first iteration."""
+"""Infeasibility tolerance of proxqp in its own terms [no unit]; by trial: its default 1e-4 takes one in fifteen of
+our feasible programs for infeasible at the first iteration."""
 _SETTINGS: dict[str, dict[str, float]] = {
     "quadprog": {},
     "piqp": {"eps_abs": 1e-8, "eps_rel": 1e-9},
     "osqp": {"eps_abs": 1e-5, "eps_rel": 0.0, "max_iter": 20000},
 }
-"""Of the solvers asked through qpsolvers. osqp without its own polishing, which prints to standard output; ours
-follows. A relative accuracy would let its forces of 500 N be wrong where joints of 0.5 rad/s^2 should not be."""
+"""Settings of the solvers asked through qpsolvers. osqp without its own polishing, which prints to standard output;
+ours follows. A relative accuracy would let its forces of 500 N be wrong where joints of 0.5 rad/s^2 should not be."""
 
 _FROM_QPSOLVERS = frozenset(ACCEPTED)
 """Solvers that qpsolvers may have or lack; one that is added to `ACCEPTED` later is there."""

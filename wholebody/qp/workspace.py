@@ -26,7 +26,7 @@ from wholebody.qp.program_inputs import (
 from wholebody.qp.proximity_tables import Fields, changing_shapes, no_tables, proximity_tables
 
 TORQUE_SCALE = 0.1
-"""Of rows of torques, see `_row_scales` [1/(N m)]; chosen, no trial is on record."""
+"""Scale of rows of torques, see `_row_scales` [1/(N m)]; chosen, no trial is on record."""
 BLOCK = 6
 """Rows of a block of an objective."""
 

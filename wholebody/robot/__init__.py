@@ -1,1 +1,4 @@
-"""The robot at one instant: dynamics, frames, support polygon."""
+"""The robot at one instant: dynamics, frames, support polygon.
+
+Begin with `wholebody.robot.state.Robot`.
+"""

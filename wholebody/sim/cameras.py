@@ -62,7 +62,7 @@ arms are as before at 320 x 240."""
 BALL = 0.03
 """Radius of a ball that is shown [m]; chosen: the distance within which a goal is reached."""
 COLOURS = ((0.9, 0.2, 0.15, 1.0), (0.15, 0.4, 0.9, 1.0))
-"""Of the balls, red first: red, green, blue and opacity [no unit]; chosen: far from grey and brown."""
+"""Colours of the balls, red first: red, green, blue and opacity [no unit]; chosen: far from grey and brown."""
 
 
 class DrawingProcess:

@@ -15,7 +15,7 @@ from policy.recorded.chunk_file import KEYS
 from wholebody.types import Reason, Status
 
 VERSION = 1
-"""Of the format."""
+"""Version of the format."""
 FILE_MAX, ARRAY_MAX, TOTAL_MAX = 512 * 2**20, 128 * 2**20, 2**30
 """Largest recording, its largest array, and all that are unpacked together [bytes]: ten minutes of everything."""
 ROWS_MAX, WIDTH_MAX = 2_000_000, 10_000

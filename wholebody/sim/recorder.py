@@ -75,7 +75,7 @@ class Recorder:
         """Forget everything: the next run begins.
 
         Args:
-            orientation_free: Whether nothing is asked of the left and the right palm's orientation in it.
+            orientation_free: Whether the orientation of the left and of the right palm is free in it.
         """
         self._constants["orientation_free"] = np.array(orientation_free, dtype=int)
         self._rows, self._support = {name: [] for name in PERIODS}, None

@@ -20,7 +20,7 @@ from wholebody.sim.sensors import Sensors
 from wholebody.types import RobotState
 
 STREAM = 1
-"""Of the random numbers of a seed: the sensors have the first one."""
+"""Stream of the random numbers of a seed: the sensors have the first one."""
 
 
 @dataclass(frozen=True, kw_only=True)

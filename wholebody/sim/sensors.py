@@ -23,15 +23,15 @@ class SensorConfig:
     imu_bias: float = 0.0
     """Constant tilt error of the base orientation [rad]."""
     imu_noise: float = 0.0
-    """Of the base orientation, per axis [rad]."""
+    """Noise of the base orientation, per axis [rad]."""
     gyro_noise: float = 0.0
-    """Of the base's angular velocity, per axis [rad/s]."""
+    """Noise of the base's angular velocity, per axis [rad/s]."""
     encoder_offset: float = 0.0
     """Standard deviation of the constant offset of each joint [rad]."""
     encoder_noise: float = 0.0
-    """Of each joint reading [rad]."""
+    """Noise of each joint reading [rad]."""
     speed_noise: float = 0.0
-    """Of each joint speed before the filter [rad/s]."""
+    """Noise of each joint speed before the filter [rad/s]."""
     velocity_cutoff: float = 0.0
     """Cut-off of the first-order filter on joint speeds and angular velocity; 0 for none [Hz]."""
     gyro_bias: float = 0.0
@@ -39,7 +39,7 @@ class SensorConfig:
     yaw_drift: float = 0.0
     """Standard deviation of the speed at which the orientation's yaw drifts away [rad/s]."""
     acc_noise: float = 0.0
-    """Of the accelerometer, per axis [m/s^2]."""
+    """Noise of the accelerometer, per axis [m/s^2]."""
     acc_bias: float = 0.0
     """Standard deviation of its constant offset, per axis [m/s^2]."""
     lost: float = 0.0

@@ -32,7 +32,7 @@ GAIN_MIN = 2e-3
 PROMISE_MIN = 1e-3
 """Share of the cost: a step that promises less, on the exact active set, is not taken."""
 PROMISE_MIN_SOFT = 1e-2
-"""The same share in rounds with soft bounds, which need not converge."""
+"""Least share of the cost that a step must promise in rounds with soft bounds, which need not converge."""
 KNOT_GAIN_MIN = 0.03
 """Cost per knot [no unit]: where the first motion was feasible, a step that gains less is the last one."""
 STEP_MAX = 0.4

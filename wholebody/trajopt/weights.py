@@ -58,7 +58,7 @@ BOUNDS = (
     Bound("speed", N_JOINTS, 0.05, 1.0, "rad/s", True),
     Bound("friction", N_FRICTION, 1e-2, 0.3, "share of the weight", False),
 )
-"""In the order of `wholebody.trajopt.layout`, scales and tolerances [unit of each]; chosen as `Bound` says."""
+"""Bounds in the order of `wholebody.trajopt.layout`, scales and tolerances [unit of each]; chosen as `Bound` says."""
 
 
 def weights(c: TrajectoryConfig) -> TrajectoryWeights:

@@ -59,7 +59,7 @@ class ChunkGate:
 
     Args:
         checker: Judges by plans.
-        orientation_free: Whether nothing is asked of the left and the right palm's orientation.
+        orientation_free: Whether the orientation of the left and of the right palm does not matter.
         by_layout: The same by the id of a layout, where chunks of several come.
 
     Attributes:
@@ -76,7 +76,7 @@ class ChunkGate:
         self.begin(orientation_free)
 
     def begin(self, orientation_free: tuple[bool, bool]) -> None:
-        """Another input; what was decided about the one before is forgotten."""
+        """Begin another input, and forget the decisions about the one before."""
         self.orientation_free = orientation_free
         self.decisions: list[Decision] = []
 
@@ -111,7 +111,7 @@ class ChunkGate:
 
 
 def gate_of(config: ControllerConfig, by_layout: Mapping[str, tuple[bool, bool]], scene: str = "floor") -> ChunkGate:
-    """Gate for another process to make: of settings, of the palms with free orientation by layout, of a scene."""
+    """Gate made in another process, from settings, palms with free orientation by layout, and a scene."""
     return ChunkGate(FastChecker(config, scene), by_layout=by_layout)
 
 

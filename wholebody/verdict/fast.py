@@ -102,7 +102,7 @@ class FastChecker:
         run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end)
         run.placed = start == "first"
         begin = self._play(run, policy, duration, None if run.placed else self.judge.stance(), lead)
-        verdict, last = self._told(run, name), last_step(policy, duration, run.result.fps)
+        verdict, last = self._verdict(run, name), last_step(policy, duration, run.result.fps)
         if ask_why and verdict.verdict != "feasible":
             explainer = RunExplainer(
                 self.judge, self.explainer, run, self._play, self._whole(policy, duration, begin, lead)
@@ -170,7 +170,7 @@ class FastChecker:
         run.placed = placed
         run.result.notes += [Note(chunk.t_obs, text) for text in notes]
         run.follow(chunk, begin, chunk.t_obs, np.inf)
-        verdict, last = self._told(run, name), len(chunk) - 1
+        verdict, last = self._verdict(run, name), len(chunk) - 1
         if ask_why and run.planned is not None and verdict.verdict != "feasible":
             whole = Suspect(chunk, begin, chunk.t_obs, run.planned.plan)
             explainer = RunExplainer(self.judge, self.explainer, run, self._play, whole, at_once=True)
@@ -213,7 +213,7 @@ class FastChecker:
 
         return Repairer(self.judge, chunk, begin, holds, lasts)
 
-    def _told(self, run: PlanRun, name: str) -> Verdict:
+    def _verdict(self, run: PlanRun, name: str) -> Verdict:
         """What is told of a run, without reasons."""
         return replace(run.verdict(name, self._settings), odds=self._odds(run))
 

@@ -27,7 +27,7 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     Args:
         chunk: The input's first one, or all of it.
         spec: The robot.
-        free: Whether nothing is asked of the left and the right palm's orientation.
+        free: Whether the orientation of the left and of the right palm is free.
 
     Returns:
         One sentence, or none.

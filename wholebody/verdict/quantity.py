@@ -33,7 +33,7 @@ def quantity(value: float, unit: str) -> str:
 
 
 def size_text(slower: float, moved: float, turned: float, lighter: float = 0.0, force: float = 0.0) -> str:
-    """A change for people: factor on its time, how far palms are led away [m], [rad], less load [kg], a force [N]."""
+    """Text for a change: factor on its time, how far palms are led away [m], [rad], less load [kg], a force [N]."""
     parts = [f"{slower:.2f} times slower"] if slower > 1.0 else []
     parts += [f"with a hand moved by {quantity(moved, 'm')}"] if moved > MOVED_MIN else []
     parts += [f"with a hand turned by {quantity(turned, 'rad')}"] if turned > TURNED_MIN else []

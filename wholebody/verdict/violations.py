@@ -31,7 +31,7 @@ MOVING_REASONS = (
 )  # fmt: skip
 """Reasons for which a hand is commanded elsewhere than it was asked to be."""
 ORDER = tuple(dict.fromkeys((Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *MOVING_REASONS, *Reason)))
-"""Of violations that are equally severe: causes before what came of them."""
+"""Order of violations that are equally severe: causes before what came of them."""
 HAND_REASONS = (*MOVING_REASONS, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED)
 """What hands are away from what they were asked or commanded: what is farthest past its bound comes first."""
 PALMS = ("left palm", "right palm")
@@ -57,7 +57,7 @@ REASON_SEVERITY = {
     Status.STOP: Severity.REPAIR,
     Status.DAMPING: Severity.INFEASIBLE,
 }
-"""Of reasons that the controller had for a while, by the status that goes with them."""
+"""Severity of reasons that the controller had for a while, by the status that goes with them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,8 @@ from policy.suspicion.tool import tool_findings
 
 HANDS = {"left": "lhand", "right": "rhand"}
 _BOTH = {14: 7, 12: 6}
-"""Where the right hand begins in a feature of both, by its width: position and quaternion, or three angles."""
+"""Index at which the right hand begins in a feature of both, by the feature's width: position and quaternion, or
+three angles."""
 _OF_HANDS = re.compile(r"^(action|actions|observation|state)\.(?:.*\.)?(?:(left|right)_)?(eef|ee|eef_pose|ee_pose)$")
 """Features of the poses of one hand, or of both."""
 

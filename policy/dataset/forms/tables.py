@@ -31,7 +31,7 @@ def read_parquet(file: Path, columns: list[str] | None = None) -> pyarrow.Table:
         DatasetError: If it is missing or damaged, has two columns of one name, would unpack to more than `TABLE_MAX`,
             or pyarrow is not installed.
     """
-    with _told(file):
+    with _as_dataset_faults(file):
         stored = _opened(file)
         _require_small(stored, columns, file, TABLE_MAX)
         return stored.read(columns)
@@ -52,7 +52,7 @@ def read_rows(
     """
     rows: list[dict[str, Any]] = []
     for file in files:
-        with _told(file):
+        with _as_dataset_faults(file):
             stored = _opened(file)
             columns = list(filter(wanted, stored.schema_arrow.names))
             most -= _require_small(stored, columns, file, most, OBJECT)
@@ -61,7 +61,7 @@ def read_rows(
 
 
 @contextmanager
-def _told(file: Path) -> Iterator[None]:
+def _as_dataset_faults(file: Path) -> Iterator[None]:
     """Faults of a file, told as those of a dataset."""
     try:
         import pyarrow

@@ -129,11 +129,11 @@ def test_options_that_are_wrong_for_every_input_are_told_once(inside, monkeypatc
     done = Future()
     done.set_result(found)
     with pytest.raises(ValueError, match="no scene 'tabel'"):
-        judging._come("wave", done, quiet=True)
+        judging._wait("wave", done, quiet=True)
 
 
 def test_an_input_whose_process_was_killed_is_a_crash_and_not_a_hang(capsys):
     killed = Future()
     killed.set_exception(BrokenProcessPool())
-    assert judging._come("wave", killed, quiet=True).code == 3
+    assert judging._wait("wave", killed, quiet=True).code == 3
     assert capsys.readouterr().err == f"wholebody: wave: {judging.BROKEN}\n"

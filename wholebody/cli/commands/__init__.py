@@ -1,1 +1,1 @@
-"""One file a command."""
+"""Commands of `wholebody`, one file each."""

@@ -12,10 +12,10 @@ from wholebody.robot.state import Robot
 GAUSS_NEWTON_STEPS = 3
 """Gauss-Newton steps that put a wrist back: in the median of random cases, 26 mm become 1.6, then 0.02, then 0."""
 DAMPING = 1e-4
-"""Of a step, added to ``J J^T`` [m^2, rad^2]; chosen: a straight arm moves little in its singular direction."""
+"""Damping of a step, added to ``J J^T`` [m^2, rad^2]; chosen: a straight arm moves little in its singular direction."""
 RATE_DAMPING = 1e-3
-"""The same of a velocity [m^2, rad^2]; measured: with 1e-4 plans begin faster than joints may be, with 1e-2 palms
-lag behind."""
+"""Damping of a velocity [m^2, rad^2]; measured: with 1e-4 plans begin faster than joints may be, with 1e-2 palms lag
+behind."""
 
 BEGIN_SPEED = 0.55
 """Share of the fastest that plans let a joint be with which an arm begins one; measured: faster ones are past a limit

@@ -11,7 +11,7 @@ import numpy as np
 from policy.observation import Observation
 
 Clocks = Literal["wall", "lockstep"]
-"""Whose time passes: that of the wall, or as much as the program lets pass."""
+"""Clock of the robot: that of the wall, or as much as the program lets pass."""
 
 
 @dataclass(frozen=True)

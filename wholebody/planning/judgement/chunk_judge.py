@@ -45,7 +45,7 @@ class Begin:
     Attributes:
         body: Configuration and velocity.
         hands: What the two hands are commanded to do, rows (2, 40).
-        before: Where it is on a plan: what that would do from then on, configurations (k, nq) one knot apart.
+        before: Rest of the plan that is being followed, configurations (k, nq) one knot apart; None without one.
     """
 
     body: BodyState

@@ -59,7 +59,7 @@ class Sketches:
         Args:
             chunks: Valid ones, in any number, of any lengths.
             begin: Where each is begun, with its first step.
-            free: Whether nothing is asked of the left and the right palm's orientation.
+            free: Whether the orientation of the left and of the right palm is free.
         """
         out, alike = np.zeros((len(chunks), len(KINDS))), {}
         for i, chunk in enumerate(chunks):

@@ -11,7 +11,7 @@ import numpy as np
 from policy.geometry.rotations import rotvec_to_matrix
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
-"""From one side of the body to the other [no unit]; definition."""
+"""Reflection from one side of the body to the other [no unit]; definition."""
 BOX_LOW, BOX_HIGH = np.array([-0.3, -0.35, 0.05]), np.array([0.75, 0.75, 1.75])
 """Box of the points of the left palm that the map knows, in world, and of the right one mirrored [m]; chosen: past the
 reach of the arms ahead, aside and up."""
@@ -58,7 +58,7 @@ class Turn(StrEnum):
 
 
 TURNS = tuple(Turn)
-"""In the order of their numbers in a map."""
+"""Turns in the order of their numbers in a map."""
 PALM_AHEAD = 0.15
 """Distance of a palm from a wrist that turns it [m]; chosen: the wrist's three joints are 0.08 to 0.21 m behind it."""
 HIPS, LEANS, TWISTS = (0.76, 0.6, 0.42), (0.0, 30.0, 55.0), (0.0, 45.0, -45.0)

@@ -30,7 +30,7 @@ from wholebody.planning.reachability.network import NEURONS, Network
 from wholebody.planning.reachability.pairs import BODY, BOX_HIGH, BOX_LOW, LOAD_KNOWN, MIRROR, TURNS, Pairs, Turn
 
 VERSION = 2
-"""Of the file's layout."""
+"""Version of the file's layout."""
 SHIPPED = Path(__file__).with_name("g1_dex3.npz")
 """The map of the default settings."""
 NAMES = ("w1", "b1", "w2", "b2", "w3", "b3")

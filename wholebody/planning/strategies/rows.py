@@ -287,7 +287,7 @@ TURNED = (
     Row(turning_helps, RELAXED_ORIENTATION),
     Row(turning_helps, FREE_ORIENTATION),
 )
-"""Where palms are far off, turning them brings them nearer, and beginning anew rarely does."""
+"""Rows for palms that are far off: turning them brings them nearer, and beginning anew rarely does."""
 
 APART = (
     Row(spends_tolerance, PARTED_FIRM),

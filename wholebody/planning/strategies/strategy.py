@@ -31,9 +31,9 @@ HANDS_LIGHT = {
 """Scales other than the planner's for chunks that cannot be followed [m, rad, m/s]; chosen: hands weigh little beside
 posture and balance, far less than any bound."""
 HANDS_AS_FAR = HANDS_LIGHT | {"position_give": 0.1}
-"""The same for targets out of reach [m, rad, m/s]; chosen: palm errors of up to 0.1 m in full."""
+"""Scales of hands for targets out of reach [m, rad, m/s]; chosen: palm errors of up to 0.1 m in full."""
 HANDS_LEFT_OUT = HANDS_LIGHT | {"position": 10.0, "orientation": 10.0}
-"""The same where no motion follows the hands safely [m, rad, m/s]; chosen: the robot comes to rest."""
+"""Scales of hands where no motion follows them safely [m, rad, m/s]; chosen: the robot comes to rest."""
 
 
 class BeginAt(Enum):
@@ -90,9 +90,9 @@ def _gentle_free(config: PlannerConfig) -> TrajectoryConfig:
 SLOWER = Strategy("slower", lambda c: c.posture, BeginAt.START)
 AS_GIVEN = Strategy("as_given", lambda c: c.posture, BeginAt.PLAN_BEFORE, SLOWER)
 PREVIEW = Strategy("preview", lambda c: c.posture, BeginAt.START)
-"""As given, with hardly any search: enough to tell that a plain chunk can be done."""
+"""A plan as given with hardly any search: enough to tell that a plain chunk can be done."""
 ANEW = Strategy("as_given", lambda c: c.posture, BeginAt.START)
-"""As given again, where beginning with the plan before led to where the search cannot leave."""
+"""A plan as given once more, where beginning with the plan before led to where the search cannot leave."""
 PARTED = Strategy("parted", _relaxed, BeginAt.PLAN_BEFORE, Strategy("parted", _relaxed, BeginAt.START))
 """Towards `HandsApart`, where a chunk has the hands nearer to each other than plans bring them."""
 PARTED_FIRM = Strategy("parted", _firm_relaxed, BeginAt.LAST_ATTEMPT)

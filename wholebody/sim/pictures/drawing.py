@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT, FPS, SHEET_FRAMES = 640, 480, 30, 6
 LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.14, 0.0, 0.64), 2.0, 212.0, -14.0
-"""From the front left, far enough for a robot of 1.3 m that stands or squats [m], [deg]."""
+"""View from the front left, far enough for a robot of 1.3 m that stands or squats [m], [deg]."""
 FURTHEST, HAND = 3.2, 0.15
 """Most distance of the camera, and what is to be seen around a palm [m]; chosen: a hand that is further up or aside is
 cut off, rather than the robot become small."""

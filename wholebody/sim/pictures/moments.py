@@ -12,7 +12,7 @@ from wholebody.sim.record import Record
 from wholebody.types import Status
 
 MOMENTS_APART = 0.25
-"""Of instants closer than this the more important one is shown, with what is to be said of the other [s]."""
+"""Time between instants, below which the more important one is shown, with what is to be said of the other [s]."""
 BRIEF = 0.1
 """A status that lasts less is left out, unless balance is at stake [s]."""
 WAY_SPACING, STANDING = 0.1, 0.001

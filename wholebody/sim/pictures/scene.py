@@ -117,7 +117,7 @@ class Scene:
         reason: Why; None when all is well.
         detail: The supervisor's sentence.
         rate: Speed along the plan, 1 at the chunk's own.
-        orientation_free: Whether nothing is asked of the left and the right palm's orientation.
+        orientation_free: Whether the orientation of the left and of the right palm is free.
     """
 
     time: float

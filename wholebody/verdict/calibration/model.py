@@ -15,14 +15,14 @@ from wholebody.verdict.calibration.scale import Scale
 from wholebody.verdict.calibration.trees import Trees
 
 VERSION = 2
-"""Of the file's layout."""
+"""Version of the file's layout."""
 SHIPPED = Path(__file__).with_name("g1_dex3.npz")
 """Fitted to the default settings."""
 ANSWERS = ("fall_as_given", "followed")
 WORLD = "realistic"
-"""In which the probabilities are; chosen: what a robot with errors as assumed would do."""
+"""World that the probabilities are about; chosen: what a robot with errors as assumed would do."""
 INTERVAL_LEVEL = 0.9
-"""Of the intervals [no unit]; chosen."""
+"""Level of the intervals [no unit]; chosen."""
 QUANTITIES_NAMED = 3
 """Quantities at most by which an unlike chunk is described."""
 _SCALE = ("unit", "mean", "spread", "low", "high")

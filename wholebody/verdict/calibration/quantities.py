@@ -11,7 +11,7 @@ from wholebody.planning.judgement.limits import Limit
 from wholebody.verdict.calibration.rollout import STANDING_WELL, rollouts
 
 SHOULDER = np.array([[0.0, 0.12, 1.1], [0.0, -0.12, 1.1]])
-"""About where the shoulders of the standing robot are, left first [m]; chosen: an origin of distances, no more."""
+"""Shoulders of the standing robot, about, left first [m]; chosen: an origin of distances, no more."""
 WINDOW = 0.05
 """Standard deviation of the Gaussian through which paths are looked at [s]; chosen: what is faster moves no trunk."""
 

@@ -147,7 +147,7 @@ class _Many:
         checker: Judges by plans; it holds the robot where its feet stand.
         chunks: Valid ones.
         begin: Where each is begun.
-        free: Whether nothing is asked of the left and the right palm's orientation.
+        free: Whether the orientation of the left and of the right palm is free.
         end: When the answer is wanted, by `perf_counter` [s].
     """
 

@@ -27,7 +27,7 @@ from wholebody.verdict.verdict import Verdict
 Numbers = ActionChunk | np.ndarray
 """A chunk, or raw actions (H, A) of a layout."""
 Free = tuple[bool, bool]
-"""Whether nothing is asked of the left and the right palm's orientation."""
+"""Whether the orientation of the left and of the right palm is free."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def judge(
         layout: What raw actions are: a name (`wholebody layouts` lists them) or a spec.
         fps: Steps a second of raw actions [Hz]; the layout's if not given.
         scene: What stands around it: a name of `models.scenes`, or a MuJoCo file (.xml).
-        orientation_free: Whether nothing is asked of the left and the right palm's orientation; as the layout says, or
+        orientation_free: Whether the orientation of the left and of the right palm is free; as the layout says, or
             else it is asked for, if not given.
         ask_why: Look for causes where it is not feasible, which takes seconds.
 

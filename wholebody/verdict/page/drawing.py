@@ -16,13 +16,14 @@ from wholebody.sim.pictures.scene import Colour, Show
 from wholebody.verdict.page.reach_layer import box
 
 CAMERA = (1.85, 1.2, 1.3, 0.08, 0.0, 0.7, 0.0, 0.0, 1.0)
-"""Where the page looks from at first, at what, and what is up [m]; chosen: robot and both palms in the picture."""
+"""Camera of the page at first: place, what it looks at, and what is up [m]; chosen: robot and both palms in the
+picture."""
 FIELD_OF_VIEW = 40.0
-"""Of the camera [deg]; chosen: little distortion."""
+"""Field of view of the camera [deg]; chosen: little distortion."""
 GRID, GRID_CELL = 1.5, 0.25
 """Half the edge of the grid on the floor and its cell [m]; chosen."""
 REACH_COLOUR: Colour = (0.20, 0.60, 0.62, 0.18)
-"""Of the border of where palms can be held."""
+"""Colour of the border of where palms can be held."""
 CORNERS = 24
 """Corners of what is round."""
 

@@ -105,7 +105,7 @@ def page(shown: Shown) -> str:
             if line.whose is not None:
                 arrays[f"whose {i} {k}"] = line.whose
     directory, blob = _packed(arrays)
-    about = _told(shown, frames) | {
+    about = _data(shown, frames) | {
         "arrays": directory,
         "tree": tree(model),
         "objects": objects,
@@ -185,7 +185,7 @@ def _legend(ghost: bool, reach: bool) -> list[dict[str, str]]:
     return entries
 
 
-def _told(shown: Shown, frames: Frames) -> dict[str, Any]:
+def _data(shown: Shown, frames: Frames) -> dict[str, Any]:
     """Words of a page."""
     verdict, record = shown.verdict, shown.record
     status = frames.of_column("status").tolist()

@@ -27,7 +27,8 @@ RATES = (
     (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
     (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
 )
-"""Of each row the one that asks for the largest slow-down is a cause; the order of each in time is its place in it."""
+"""Rates of hands in rows, of which the one that asks for the largest slow-down is a cause; the order of each in time
+is its place in it."""
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ class ChunkProgram:
         judge: Holds the robot.
         chunk: A valid chunk.
         begin: Where it is begun; at rest with the hands at its first step if not given.
-        free: Whether nothing is asked of the left and the right palm's orientation.
+        free: Whether the orientation of the left and of the right palm is free.
         now: When it is begun, on the clock of its observation [s]; with its first step if not given.
         twins: Judges of the same robot, loads and feet, with which searches from several starts go on side by side.
     """

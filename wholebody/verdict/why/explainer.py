@@ -76,7 +76,7 @@ class Explainer:
         Args:
             verdict: On the input.
             suspect: The chunk.
-            free: Whether nothing is asked of the left and the right palm's orientation.
+            free: Whether the orientation of the left and of the right palm is free.
             start: Time of the first step of the input [s].
             sound: A change, or a little more, that is feasible when checked; without it, no change is looked for.
             end: Time of the last step of the input since its first one [s].

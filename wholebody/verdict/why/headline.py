@@ -40,7 +40,7 @@ CHANGES = {
     Reason.HANDS_DROPPED: "the hands gave way to balance",
     Reason.QP_FAILED: "the torques were held for a while",
 }
-"""In words, what a violation did to the input."""
+"""Words for what a violation did to the input."""
 LIKELY = 0.5
 """Probability from which a fall is called likely [no unit]; definition."""
 OF_A_HAND = (*MOVING_REASONS, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR)

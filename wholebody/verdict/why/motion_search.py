@@ -109,7 +109,7 @@ class MotionSearch:
         judge: Holds the robot.
         chunk: A valid chunk.
         begin: Where it is begun. now: When, on the clock of its observation [s].
-        free: Whether nothing is asked of the left and the right palm's orientation.
+        free: Whether the orientation of the left and of the right palm is free.
     """
 
     def __init__(self, judge: ChunkJudge, chunk: ActionChunk, begin: Begin, now: float, free: np.ndarray) -> None:

@@ -41,7 +41,7 @@ SAID = {
     Limit.JOINT_SPEED: "{subject} is as fast as it may be ({bound})",
     Limit.FRICTION: "the soles would slide",
 }
-"""What each bound says where it stands in the way."""
+"""Sentence for each bound that forbids a chunk."""
 STRAIGHT = "the {side} arm is straight"
 """What the end of an elbow's range is called."""
 
@@ -92,7 +92,7 @@ def _way(by: Sequence[float]) -> str:
 
 
 def bound_text(one: Margin) -> str:
-    """What a bound says where it stands in the way."""
+    """Sentence for a bound that forbids a chunk."""
     if one.code is Limit.JOINT_POSITION and "elbow" in one.subject and one.bound > 1.0:
         return STRAIGHT.format(side=one.subject.partition("_")[0])
     subject, _, other = one.subject.replace("_joint", "").replace("_link", "").replace("_", " ").partition(" - ")

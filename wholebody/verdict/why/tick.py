@@ -129,7 +129,7 @@ def hard_rows(controller: WholeBodyController, qp: QuadraticProgram, free: np.nd
     Args:
         controller: Its robot is where the program was built.
         qp: The program.
-        free: Whether nothing is asked of the left and the right palm's orientation.
+        free: Whether the orientation of the left and of the right palm is free.
     """
     n = len(qp.g) - qp.n_slack
     A, lower, upper, labels = [qp.A[:, :n]], [qp.b], [qp.b], [f"dynamics.{i}" for i in range(6)]
