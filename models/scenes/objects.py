@@ -7,8 +7,7 @@ from collections.abc import Callable
 import mujoco
 
 from models.places import CRATE_WIDTH
-
-Place = tuple[float, float, float]
+from models.scenes.furniture import Place
 
 OBJECT_BODY = "object"
 """Name of the body (and its geom and, with ``_free`` behind it, its joint)."""
