@@ -142,6 +142,8 @@ class Reason(StrEnum):
     LOWERING = "lowering", Status.HOLD, "the robot goes into its crouch, as it was asked to"
     LOWERED = "lowered", Status.HOLD, "the robot crouches on stiff legs: the last command may be kept, for ever"
     RAISING = "raising", Status.HOLD, "the robot stands up from its crouch, as it was asked to"
+    WALKING = "walking", Status.HOLD, "the robot walks, as it was told to: hands are carried along, chunks wait"
+    WALK_REFUSED = "walk_refused", Status.HOLD, "the robot was told to walk, and does not: what would do is said"
     CHUNK_INVALID = "chunk_invalid", Status.HOLD, "a chunk is malformed, not finite, or comes out of order"
     CHUNK_STALE = "chunk_stale", Status.HOLD, "a chunk was over, or its observation too old, when it came"
     CHUNK_FROM_FUTURE = "chunk_from_future", Status.HOLD, "a chunk's observation is later than the present"

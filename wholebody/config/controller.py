@@ -270,6 +270,8 @@ class ControllerConfig:
     robot: RobotConfig = field(default_factory=RobotConfig)
     loads: LoadConfig = field(default_factory=LoadConfig)
     touch: TouchConfig = field(default_factory=TouchConfig)
+    steps: str = "never"
+    """When the robot may step: 'never', both feet stay; 'reach', where it is told to walk."""
     leak: float = 0.3
     """Time constant with which the desired state forgets its difference from the measured one [s]."""
     friction: float = 0.6

@@ -28,6 +28,7 @@ PUBLISHED = (
     "dt",
     "backend",
     "solver",
+    "steps",
     "friction",
     "planner.posture.torque_share",
     "planner.posture.speed_share",

@@ -23,7 +23,7 @@ from wholebody.control.controller import WholeBodyController
 from wholebody.episode.observation import fingers_of
 from wholebody.episode.run import observe
 from wholebody.estimation.state_estimator import StateEstimator
-from wholebody.execution.plan_follower import compile_follow
+from wholebody.execution.kernels.compiled_follow import compile_follow
 from wholebody.execution.standing import hands_at_rest
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.chunk_planner import ChunkPlanner

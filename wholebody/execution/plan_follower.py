@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -15,16 +14,15 @@ from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReferen
 from wholebody.control.touch import Touch
 from wholebody.execution.ahead.deviation import Deviation
 from wholebody.execution.kernels import plan_follower as kernel
+from wholebody.execution.kernels.compiled_follow import compiled_follow
 from wholebody.execution.saturation import Saturation
-from wholebody.jit.entry import Entry
 from wholebody.planning.plan import ChunkPlan
 from wholebody.planning.trajectory import GRID, BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, HandPath, ReferenceSmoother
-from wholebody.reference.kernels.smoother_memory import HAND, LIMITS
 from wholebody.robot.palms import palm_offsets
 from wholebody.types import RobotState
 
-NO_PATH = np.zeros(0)
+NO_PATH, NO_EDGES = np.zeros(0), np.zeros((0, 3))
 WRIST_WEIGHT = 1.0 / 3.0
 """Weight of the distance of a wrist joint from the plan; chosen: little mass hangs on it."""
 ELAPSED_MAX = 1.0
@@ -241,18 +239,27 @@ class PlanFollower:
         support = self._controller.support
         return np.column_stack([support.normals, support.offsets])
 
-    def stand(self, trajectory: SampledTrajectory, rows: np.ndarray) -> None:
-        """Follow no plan: hold the one row of a trajectory, the hands let go of.
+    def stand(self, trajectory: SampledTrajectory, rows: np.ndarray, *, holds: bool = False) -> None:
+        """Follow no plan: hold the one row of a trajectory.
 
         Args:
             trajectory: One row.
             rows: Where the hands come to rest, (2, 40).
+            holds: Whether the hands are held there, after a walk; otherwise they are let go of.
         """
         self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory), NO_PATH, NO_PATH)
         self._settings[0].moving, self._settings[0].leash[:], self._hands_ahead = 0.0, 0.0, False
         self._smoothing.target[:] = rows
-        self._standing = True
+        self._standing = not holds
+        if holds:
+            self._body = self._body._replace(edges=self._edges())
+            self._body.weights[:], self._clock[0].trust = self._weights, 1.0
         self._saturation.begin_anew()
+
+    def ride(self) -> None:
+        """Keep the hands for a walk that carries them: neither support nor joints say how far the robot is off."""
+        self._body = self._body._replace(edges=NO_EDGES)
+        self._body.weights[:] = 0.0
 
     def reference(self, q: np.ndarray, elapsed: float | None = None, *, allowed: float = 1.0) -> PackedReference:
         """What to follow in this tick, and how far the hands are trusted in it.
@@ -298,20 +305,3 @@ def records(trajectory: SampledTrajectory) -> np.ndarray:
     for name in ("pelvis", "torso"):
         rows[name] = np.concatenate([part.reshape(n, -1) for part in getattr(trajectory, name)], axis=1)
     return rows
-
-
-@cache
-def compiled_follow(n_joints: int) -> tuple[Entry, Entry]:
-    """The compiled `kernel.follow` and `kernel.foresee` for robots with so many joints, compiled when first called."""
-    return Entry(kernel.follow), Entry(kernel.foresee)
-
-
-def compile_follow(n_joints: int) -> None:
-    """Compile both for robots with so many joints, or load them: what their arguments hold does not matter."""
-    vector, matrix, trajectory = np.zeros(1), np.zeros((1, 1)), np.zeros(1, kernel.trajectory_row(n_joints))
-    plan = kernel.Plan(np.zeros(1, kernel.SETTINGS), vector, vector, trajectory, vector, vector)
-    smoothing = kernel.Smoothing(np.zeros(2, HAND), matrix, matrix, np.zeros(2, LIMITS), matrix)
-    body = kernel.Body(matrix, np.zeros((1, 1), dtype=int), vector)
-    clock, (follow, foresee) = np.zeros(1, kernel.CLOCK), compiled_follow(n_joints)
-    follow.compile(plan, clock, smoothing, body, vector, vector, vector, matrix, vector, 0.0, 0.0)
-    foresee.compile(plan, clock, smoothing, 0)

@@ -57,7 +57,7 @@ class PlantedFeet:
         self._take(nominal, self._nominal)
         self._controller.stand_on_floor(nominal)
         if measured.differ(nominal, SAME_PLACE, ANGLE):
-            self._stand_on(measured)
+            self.stand_on(measured)
         return self.contacts
 
     @property
@@ -74,13 +74,13 @@ class PlantedFeet:
         elif self._seen is None or measured.differ(self._seen[1], 0.5 * SAME_PLACE, 0.5 * ANGLE):
             self._seen = state.time, measured
         elif state.time - self._seen[0] >= SETTLED_TIME:
-            self._stand_on(measured)
+            self.stand_on(measured)
         return self.contacts
 
     def _measured(self, state: RobotState) -> Feet:
         return Feet.at(self._spec, self._model, state.q, self._data)
 
-    def _stand_on(self, feet: Feet) -> None:
+    def stand_on(self, feet: Feet) -> None:
         """Stand there from now on, if that is a floor to stand on."""
         self._seen = None
         if feet.floor(self._spec).slope <= SLOPE_MAX:

@@ -22,6 +22,8 @@ class State(Enum):
     LOWERING = "lowering"
     LOWERED = "lowered"
     RAISING = "raising"
+    RISING = "rising"
+    WALKING = "walking"
     FALLEN = "fallen"
     IDLE = "idle"
     PLANNING = "planning"
@@ -40,6 +42,9 @@ class Event(Enum):
     LOWER = "`lower`"
     RAISE = "`raise_`"
     ARRIVED = "the robot has arrived, at rest"
+    WALK_LOW = "`walk_to` or `walk` of a robot that leans or squats"
+    WALK = "`walk_to` or `walk` of a robot that is upright"
+    SETTLED = "both feet stand where they are wanted"
     FELL = "standing is lost"
     ASKED = "a chunk can be planned"
     CLEARED = "the plan comes, and is balanced"
@@ -50,10 +55,13 @@ class Event(Enum):
     CANCELLED = "the robot leaves its plan, is lowered, has fallen or is not seen"
 
 
-OFF_PLAN = frozenset({State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING})
+OFF_PLAN = frozenset({State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING, State.RISING})
 """States in which the reflex says what is followed: no plan is."""
 ENDING = frozenset({State.LOWERING, State.LOWERED, State.RAISING})
 """States in which no chunk is accepted: the robot goes into its crouch, or out of it."""
+
+STEPPING = frozenset({State.WALKING})
+"""States in which a walk says what is followed."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +82,8 @@ class Transition:
 
 
 _ON_A_WAY = (State.HOLDING, State.STANDING, State.RETURNING)
-_UP = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING, State.LOWERING, State.LOWERED, State.RAISING)
+_ON_BOTH_FEET = (*_ON_A_WAY, State.FOLLOWING, State.LOWERING, State.LOWERED, State.RAISING, State.RISING)
+_UP = (*_ON_BOTH_FEET, State.WALKING)
 
 TABLE = (
     Transition((State.NEW, *_UP, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
@@ -85,10 +94,17 @@ TABLE = (
     Transition((State.FOLLOWING,), Event.SPENT, State.RETURNING, "goes towards its stance at once, hands let go of"),
     Transition(_ON_A_WAY, Event.NO_WAY, State.RETURNING, "goes slowly to its stance, if it is not in it"),
     Transition((State.RETURNING,), Event.PLANNED_FROM, State.STANDING, "comes to rest: the plan begins there"),
-    Transition(_UP, Event.LOWER, State.LOWERING, "goes into its crouch; chunks are refused"),
-    Transition(_UP, Event.RAISE, State.RAISING, "goes to its stance; chunks are refused"),
+    Transition(_ON_BOTH_FEET, Event.LOWER, State.LOWERING, "goes into its crouch; chunks are refused"),
+    Transition(_ON_BOTH_FEET, Event.RAISE, State.RAISING, "goes to its stance; chunks are refused"),
     Transition((State.LOWERING,), Event.ARRIVED, State.LOWERED, "stiffens its legs: the last command may be kept"),
     Transition((State.RAISING,), Event.ARRIVED, State.HOLDING, "holds its stance; chunks are taken"),
+    Transition(
+        (State.HOLDING, State.FOLLOWING), Event.WALK_LOW, State.RISING, "goes to its stance first, hands let go of"
+    ),
+    Transition((State.HOLDING, State.FOLLOWING, State.RISING), Event.WALK, State.WALKING, "steps, hands carried along"),
+    Transition(
+        (State.WALKING,), Event.SETTLED, State.HOLDING, "stands there; the chunk, if it is not over, is planned anew"
+    ),
     Transition(_UP, Event.FELL, State.FALLEN, "damps its joints until `reset`"),
     Transition(
         (State.IDLE,), Event.ASKED, State.PLANNING, "computes the plan beside the loop, to begin one lead ahead"

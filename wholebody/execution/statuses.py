@@ -41,6 +41,8 @@ LOWERED = StatusReport(
     Status.HOLD, Reason.LOWERED, "the robot crouches on stiff legs: the last command may be kept; `raise_` ends it"
 )
 RAISING = StatusReport(Status.HOLD, Reason.RAISING, "the robot stands up")
+RISING = StatusReport(Status.HOLD, Reason.WALKING, "the robot goes to its stance, from where it walks")
+WALKING = StatusReport(Status.HOLD, Reason.WALKING, "the robot walks; chunks are planned once it stands")
 NOT_JOINED = StatusReport(
     Status.HOLD,
     Reason.NOT_JOINED,

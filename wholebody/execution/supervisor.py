@@ -18,6 +18,8 @@ from wholebody.execution.background_planner import BackgroundPlanner, Compute, P
 from wholebody.execution.carrying import Carrying
 from wholebody.execution.ending.lowering import Lowering
 from wholebody.execution.ending.stiff_legs import StiffLegs
+from wholebody.execution.feet.commands import Commands
+from wholebody.execution.feet.stepping import Stepping
 from wholebody.execution.gate import Gate, gated, why_not
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
@@ -36,7 +38,7 @@ RETRY = 0.2
 `planning.lead`."""
 
 
-class Supervisor(statuses.Following):
+class Supervisor(Commands):
     """Owns planner and controller; the only thing a runtime talks to.
 
     `accept` takes chunks as they come, `step` answers every control period. Neither raises on bad input: a chunk that
@@ -54,9 +56,6 @@ class Supervisor(statuses.Following):
         handover: The plan on its way, and how many came too late. carrying: What the hands carry.
         monitor: Says which states are used. touch: What the hands touch. motors: How they answer.
     """
-
-    _reflex: standing.Reflex
-    _lowering: Lowering
 
     def __init__(
         self,
@@ -103,6 +102,7 @@ class Supervisor(statuses.Following):
         self._reflex = standing.Reflex(self.controller, self.config, *owned)
         self._ahead = HandsAhead(self._follower, self._smoother, self.planner.hand_limits, self.touch)
         self._lowering = Lowering(self.controller, self._reflex, self._planted, self._states)
+        self._stepping = Stepping(self.controller, self.config, *owned, self._reflex)
         self._states.on(Event.RESET)
         self._last_state = self.monitor.clock.placed(state)
         self._forget(self.monitor.clock.now)
@@ -138,28 +138,6 @@ class Supervisor(statuses.Following):
             return self.take_refusal() or statuses.TRACKING
         return self.take_refusal() or statuses.plan_status(self.plan.report, self.rate)
 
-    @property
-    def lowered(self) -> bool:
-        """Whether the last command may be kept for ever: the robot crouches on stiff legs."""
-        return self.state is State.LOWERED and self._legs.share == 1.0
-
-    def lower(self) -> StatusReport:
-        """Go into a crouch that needs no controller, whatever the robot does now; `lowered` says when it is there."""
-        return self._leave(down=True)
-
-    def raise_(self) -> StatusReport:
-        """Stand up from the crouch, or on the way to it: chunks are taken again once the stance is reached."""
-        return self._leave(down=False)
-
-    def _leave(self, *, down: bool) -> StatusReport:
-        self._following()
-        if self.state is not State.FALLEN:
-            self._lowering.begin(self._last_state, down=down)
-            self.handover.cancel()
-            self.plan = self.chunk = self._newest = self._waiting = self._refused = None
-            self.status = self._reflex.status
-        return self.status
-
     def take_refusal(self) -> StatusReport | None:
         """Why the chunk that was accepted last is not followed after all, said once; None if there is nothing."""
         refusal, self._refusal = self._refusal, None
@@ -168,7 +146,7 @@ class Supervisor(statuses.Following):
     def _try_waiting(self, now: float) -> None:
         """Ask for a plan of the chunk that is waiting, unless it is over or another plan is on its way."""
         chunk = self._waiting
-        if chunk is None or self.handover.busy or now < self._retry:
+        if chunk is None or self.handover.busy or now < self._retry or self._stepping.coming:
             return
         self._waiting = None
         if chunk.times[-1] > now:
@@ -272,22 +250,31 @@ class Supervisor(statuses.Following):
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
-        led = not (blind or self._lowering.active)
+        stepping = self._stepping
+        if stepping.look(state, now, blind):
+            self._stood()
+        led = not (blind or self._lowering.active or stepping.coming)
         if not led:
             self.handover.cancel()
         self._exchange(now)
-        self.carrying.look(state, follower.row, elapsed, self.monitor.age, not self._reflex.active)
+        follows = not (self._reflex.active or stepping.active)
+        self.carrying.look(state, follower.row, elapsed, self.monitor.age, follows)
         self.motors.look(self.monitor.fresh, measured)
         if led:
             self._keep_planning()
         self._reflex.advance(elapsed)
         self._lowering.look(state)
         self._last_state, self._now = state, max(now, self._now)
-        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind else 1.0)
+        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind or stepping.active else 1.0)
+        if stepping.active:
+            reference, self.contacts = stepping.reference(state, elapsed), stepping.contacts
         command, self.last_tick = self.controller.step(state, reference, elapsed)
-        seen = self._seen(self.last_tick, self._reflex.status if self._reflex.active else None)
+        off_plan = self._reflex.status if self._reflex.active else stepping.status if stepping.active else None
+        seen = self._seen(self.last_tick, off_plan)
         self.status = fault or (seen if self._lowering.active else self.touch.status(seen))
-        self.controller.command = self._legs.stiffened(command, blind or self._lowering.stays, elapsed)
+        self.controller.command = self._legs.stiffened(
+            command, (blind and not stepping.active) or self._lowering.stays, elapsed
+        )
         return self.controller.command
 
     def _keep_planning(self) -> None:

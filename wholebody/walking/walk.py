@@ -96,7 +96,7 @@ class Walk:
 
     def advance(self, seen: WalkReadings, dt: float) -> None:
         """Go on by a period [s]."""
-        if self.state in (Phase.SWING, Phase.LAND):
+        if self.state in (Phase.SWING, Phase.LAND) or (self.state is Phase.SETTLE and self._comes_to_rest()):
             self.guide.advance(dt)
         if self._over(seen):
             self._enter(self._following(), seen)
@@ -112,6 +112,10 @@ class Walk:
             self.swing = self.swing.advance(
                 goal, self._floor, self.gait.lift, min(self._elapsed / total, 1.0), self._left, dt
             )
+
+    def _comes_to_rest(self) -> bool:
+        """Whether the base stops while the robot settles, as its last step counted on."""
+        return not self.guide.rests and self.guide.foresee([self._left])[0][1]
 
     def _over(self, seen: WalkReadings) -> bool:
         """Whether the state ends now."""

@@ -10,7 +10,7 @@ import pytest
 from models import g1
 from policy.scripted.library import scripted_policy
 from tests.studies import spent_waist
-from wholebody.config import PlanningConfig
+from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.episode.run import observe
 from wholebody.errors import PlanningError
 from wholebody.execution.ending.crouch import crouch
@@ -23,7 +23,9 @@ from wholebody.types import Reason, Status
 
 SPEC = g1()
 LEAD = PlanningConfig().lead
-UP = next(row.states for row in TABLE if row.event is Event.FELL)
+CONFIG = ControllerConfig(steps="reach")
+UP, ON_BOTH_FEET = (next(row.states for row in TABLE if row.event is one) for one in (Event.FELL, Event.LOWER))
+GOAL = (0.1, 0.0, 0.0)
 
 
 class Loop:
@@ -82,6 +84,8 @@ class Loop:
             State.LOWERED: [self.supervisor.lower, lambda: self.step(self.is_in(State.LOWERED))],
             State.LOWERING: [self.supervisor.lower],
             State.RAISING: [self.supervisor.raise_],
+            State.RISING: [self.squat, self.walk],
+            State.WALKING: [self.walk],
             State.PLANNING: [self.accept],
             State.READY: [self.accept, lambda: self.step(lambda: self.planning is State.READY)],
         }
@@ -89,13 +93,23 @@ class Loop:
         ways[State.RETURNING] = [*ways[State.STANDING], lambda: self.step(self.is_in(State.RETURNING))]
         ways[State.FALLEN] = [lambda: self.to(State.HOLDING), self.fall]
         if state is State.NEW:
-            self.supervisor = Supervisor(SPEC)
+            self.supervisor = Supervisor(SPEC, CONFIG)
             return
         self.put(crouch(SPEC, self.supervisor.robot.model, self.feet()) if state is State.LOWERED else None)
         for one in ways.get(state, []):
             one()
         if state in UP:
             assert self.supervisor.state is state
+
+    def walk(self):
+        assert self.supervisor.walk_to(GOAL).reason is Reason.WALKING
+
+    def squat(self):
+        """Crouch; a plan is followed still, where one was."""
+        following = self.supervisor.state is State.FOLLOWING
+        self.put(crouch(SPEC, self.supervisor.robot.model, self.feet()))
+        if following:
+            self.supervisor._states.on(Event.TAKEN_OVER)
 
     def feet(self):
         self.put()
@@ -177,6 +191,26 @@ def arrived(loop):
     loop.step(lambda: loop.supervisor.lowered == down, longest=3.0)
 
 
+def walk_low(loop):
+    loop.squat()
+    loop.walk()
+    assert "goes to its stance" in loop.supervisor.status.detail
+
+
+def walk(loop):
+    if loop.supervisor.state is State.RISING:
+        loop.step(loop.is_in(State.WALKING), longest=8.0)
+    else:
+        loop.walk()
+    assert loop.supervisor.plan is None
+    assert loop.planning is State.IDLE
+
+
+def settled(loop):
+    loop.step(loop.is_in(State.HOLDING), longest=5.0)
+    assert abs(loop.supervisor.base[0] - GOAL[0]) < 0.03
+
+
 def fell(loop):
     loop.fall()
     assert loop.supervisor.status.status is Status.DAMPING
@@ -224,14 +258,14 @@ def cancelled(loop):
 
 
 SHOWN = {one.__name__.removesuffix("_"): one for one in (
-    reset, taken_over, lost, spent, no_way, planned_from, lower, raise_, arrived, fell,
+    reset, taken_over, lost, spent, no_way, planned_from, lower, raise_, arrived, walk_low, walk, settled, fell,
     asked, cleared, refused, late, due, missed, cancelled,
 )}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def parts():
-    return Supervisor(SPEC), MujocoPlant(SPEC)
+    return Supervisor(SPEC, CONFIG), MujocoPlant(SPEC)
 
 
 @pytest.fixture
@@ -263,9 +297,9 @@ def test_what_the_table_does_not_have_moves_nothing():
 
 
 def names(row: Transition) -> str:
-    return "any" if len(row.states) > len(UP) else "any but fallen" if row.states == UP else ", ".join(
-        one.value for one in row.states
-    )  # fmt: skip
+    groups = {UP: "any but fallen", ON_BOTH_FEET: "any but fallen or walking"}
+    said = ", ".join(one.value for one in row.states)
+    return "any" if len(row.states) > len(UP) else groups.get(row.states, said)
 
 
 def drawn() -> str:
@@ -273,7 +307,7 @@ def drawn() -> str:
     arrows = [
         f"    {one.value} --> {row.next.value}: {row.event.name.lower().replace('_', ' ')}"
         for row in TABLE
-        for one in (row.states if row.states != UP and State.NEW not in row.states else ())
+        for one in (row.states if row.states not in (UP, ON_BOTH_FEET) and State.NEW not in row.states else ())
     ]
     rows = [f"| {names(row)} | {row.event.value} | {row.next.value} | {row.does} |" for row in TABLE]
     table = ["| State | Event | Next | What is done |", "|---|---|---|---|", *rows]

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from cmath import exp
+from collections.abc import Sequence
 from math import atan2
 
 import numpy as np
 import pinocchio as pin
 
-from models.pinocchio_model import frame_id, stance_q
+from models.pinocchio_model import frame_id
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PALM, PackedReference, ReferenceMemory, row_length
 from wholebody.control.weights import WALKING, Weights
 from wholebody.errors import InputError
+from wholebody.execution.feet.carried import about_z, carry
 from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
 from wholebody.walking.gait import Gait, Phase
-from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
 from wholebody.walking.swing import Course, Swing
@@ -30,14 +30,15 @@ curvature and half of a centimetre for what is not known."""
 
 
 class Walker:
-    """Leads a controller through the steps of a walk, palms with the base that it follows.
+    """Leads a controller through the steps of a walk, palms and trunk with the base that it follows.
 
     Args:
-        controller: The native one, after its `reset`.
+        controller: The native one.
         gait: Times and lengths; the defaults if not given.
 
     Attributes:
         walk: The gait; None before `begin`.
+        base: Where its base was at `begin`: what is planned for a stand is planned about that.
     """
 
     def __init__(self, controller: WholeBodyController, gait: Gait | None = None) -> None:
@@ -51,27 +52,31 @@ class Walker:
         half = 0.5 * np.ptp(spec.feet[0].points[:, :2], axis=0)
         narrow = 0.5 * min(np.ptp(spec.feet[0].points[i, 1]) for i in ([0, 1], [2, 3]))
         self._sole = Sole(half[0] - EDGE[0], narrow - EDGE[1])
-        self._memory = ReferenceMemory(np.zeros(row_length(robot.n_joints)))
-        self._stance = stance_q(spec, self._model)
+        self._memory, self._planned = (ReferenceMemory(np.zeros(row_length(robot.n_joints))) for _ in range(2))
+        self.base = Place(0j, 0.0)
         self.walk: Walk | None = None
 
-    def begin(self, state: RobotState) -> None:
+    def begin(self, state: RobotState, weights: Weights = WALKING) -> None:
         """Stand as measured, palms and trunk where they are; steps are made from the next `reference` on."""
+        self.walk = None
         seen = self._look(state)
         self.walk = Walk(seen, self._sole, self.gait)
-        self._base = self.walk.guide.place
+        self.base = self.walk.guide.place
         self._height = Course(float(self._com[2]))
-        robot, spec = self.controller.robot, self.controller.spec
-        poses = [self._data.oMf[frame_id(self._model, tool.palm_frame)] for tool in spec.tools]
-        self._palms = [(T.rotation.copy(), T.translation.copy()) for T in poses]
-        turn = _about_z(-self._base.heading)
-        bodies = (spec.base_body, spec.torso_body)
-        self._trunk = [turn @ self._data.oMf[frame_id(self._model, body)].rotation for body in bodies]
+        spec = self.controller.spec
+        for tool, palm in zip(spec.tools, self._planned.palms, strict=True):
+            T = self._data.oMf[frame_id(self._model, tool.palm_frame)]
+            palm[:] = 0.0
+            palm[:9], palm[9:12] = T.rotation.ravel(), T.translation
+        for body, row in ((spec.base_body, self._planned.pelvis), (spec.torso_body, self._planned.torso)):
+            row[:] = 0.0
+            row[:9] = self._data.oMf[frame_id(self._model, body)].rotation.ravel()
+        self._planned.posture[:] = 0.0
+        self._planned.posture[0] = state.q[7:]
         self._below = float(self._com[2]) - state.q[2]
-        self._posture = state.q[7:].copy()
-        robot.update(state.q, state.v)
+        self.controller.robot.update(state.q, state.v)
         self._feet = self.controller.contacts.feet
-        self.controller.weigh(WALKING)
+        self.controller.weigh(weights)
 
     @property
     def stands(self) -> bool:
@@ -87,12 +92,14 @@ class Walker:
         """Weigh as a robot that stands."""
         self.controller.weigh(Weights.standing(self.controller.config))
 
-    def reference(self, state: RobotState, elapsed: float) -> PackedReference:
+    def reference(self, state: RobotState, elapsed: float, planned: np.ndarray | None = None) -> PackedReference:
         """What the controller follows in a tick.
 
         Args:
             state: As measured.
             elapsed: Since the last tick [s].
+            planned: A packed reference planned for a stand on `base`, whose palms, trunk and posture are carried along;
+                those of `begin` if not given.
         """
         walk, gait = self.walk, self.gait
         seen = self._look(state)
@@ -102,7 +109,7 @@ class Walker:
             self._feet = self._placed(seen)
         low = walk.state in (Phase.SHIFT, Phase.SWING, Phase.LAND)
         floor = min(seen.heights) if walk.swing is None else seen.heights[walk.stance]
-        aim = floor + gait.height if low else float(self._height_standing(floor))
+        aim = floor + gait.height if low else self._standing_height
         self._height = self._height.towards(Course(aim), max(walk.left, 0.3) if not low else 0.4, elapsed)
         row, memory = self._memory.row, self._memory
         row[:] = 0.0
@@ -112,16 +119,19 @@ class Walker:
         memory.com[6:8] = push.real, push.imag
         memory.com[2], memory.com[5], memory.com[8] = self._height.x, self._height.v, self._height.a
         memory.height[:] = self._height.x - self._below, self._height.v, self._height.a
-        self._lead_trunk(walk.guide)
-        self._lead_palms(walk.guide)
-        memory.posture[0] = self._posture
+        if planned is not None:
+            self._planned.row[:] = planned
+        carry(self._planned, self.base, walk.guide, memory)
         swing = np.zeros((2, PALM)) if walk.swing is not None else None
         if swing is not None:
             self._lead_foot(swing[1 - walk.stance], walk.swing, 1 - walk.stance)
         return PackedReference(row, Contacts(self._feet, walk.load), swing)
 
-    def _height_standing(self, floor: float) -> float:
-        return self._standing_height
+    def feet(self, state: RobotState) -> Feet:
+        """Both feet as measured, flat on a level floor."""
+        seen = self._look(state)
+        heights = 2 * [sum(seen.heights) / 2.0]
+        return self._flat(seen.soles, heights)
 
     def _look(self, state: RobotState) -> WalkReadings:
         model, data = self._model, self._data
@@ -143,36 +153,19 @@ class Walker:
 
     def _placed(self, seen: WalkReadings) -> Feet:
         """Both feet where the walk has them: a foot that is up where it is to land."""
+        return self._flat(self.walk.soles, 2 * [seen.heights[self.walk.stance]])
+
+    def _flat(self, soles: Sequence[Place], heights: Sequence[float]) -> Feet:
+        """Feet whose level soles are there, their middles at these heights [m]."""
         poses = []
-        for foot, sole in enumerate(self.walk.soles):
-            R = _about_z(sole.heading)
-            point = np.array([sole.point.real, sole.point.imag, seen.heights[self.walk.stance]])
-            poses.append(pin.SE3(R, point - R @ self._middles[foot]))
+        for sole, height, middle in zip(soles, heights, self._middles, strict=True):
+            R = about_z(sole.heading)
+            poses.append(pin.SE3(R, np.array([sole.point.real, sole.point.imag, height]) - R @ middle))
         return Feet.of(poses)
-
-    def _lead_trunk(self, guide: Guide) -> None:
-        turn = _about_z(guide.place.heading)
-        for part, R in zip((self._memory.pelvis, self._memory.torso), self._trunk, strict=True):
-            part[:9] = (turn @ R).ravel()
-            part[11], part[14] = guide.velocity.turn, guide.change[1]
-
-    def _lead_palms(self, guide: Guide) -> None:
-        """Palms go with the base, with its velocity and acceleration."""
-        base, (velocity, acceleration) = self._base, guide.motion()
-        angle, rate, change = guide.place.heading - base.heading, guide.velocity.turn, guide.change[1]
-        turn = _about_z(angle)
-        for row, (R, point) in zip(self._memory.palms, self._palms, strict=True):
-            arm = (complex(*point[:2]) - base.point) * exp(1j * angle)
-            place = guide.place.point + arm
-            v = velocity + 1j * rate * arm
-            a = acceleration + (1j * change - rate * rate) * arm
-            row[:9], row[9:12] = (turn @ R).ravel(), (place.real, place.imag, point[2])
-            row[12:14], row[17] = (v.real, v.imag), rate
-            row[18:20], row[23] = (a.real, a.imag), change
 
     def _lead_foot(self, row: np.ndarray, swing: Swing, foot: int) -> None:
         """Pose, twist and acceleration of the foot's frame for its sole's."""
-        R, middle = _about_z(swing.heading.x), self._middles[foot]
+        R, middle = about_z(swing.heading.x), self._middles[foot]
         back = -(R @ middle)
         arm = complex(*back[:2])
         rate, change = swing.heading.v, swing.heading.a
@@ -182,10 +175,3 @@ class Walker:
         row[:9], row[9:12] = R.ravel(), (place.real, place.imag, swing.height.x + back[2])
         row[12:15], row[17] = (v.real, v.imag, swing.height.v), rate
         row[18:21], row[23] = (a.real, a.imag, swing.height.a), change
-
-
-def _about_z(angle: float) -> np.ndarray:
-    """Rotation about the vertical, shape (3, 3)."""
-    turn = exp(1j * angle)
-    c, s = turn.real, turn.imag
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,0 +1,113 @@
+"""What a supervisor is told beside chunks: to walk, to crouch and to stand up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wholebody.execution import standing, statuses
+from wholebody.execution.ending.lowering import Lowering
+from wholebody.execution.ending.stiff_legs import StiffLegs
+from wholebody.execution.feet.stepping import Stepping
+from wholebody.execution.handover import Handover
+from wholebody.execution.planted_feet import PlantedFeet
+from wholebody.execution.standing import Reflex
+from wholebody.execution.states import State
+from wholebody.robot.contact_schedule import ContactSchedule
+from wholebody.types import StatusReport
+from wholebody.walking.places import Place, Velocity
+
+
+class Commands(statuses.Following):
+    """The part of a supervisor that is led; plans wait meanwhile, and are made anew once the robot stands."""
+
+    handover: Handover
+    contacts: ContactSchedule
+    _stepping: Stepping
+    _planted: PlantedFeet
+    _lowering: Lowering
+    _reflex: Reflex
+    _legs: StiffLegs
+    _retry: float
+
+    @property
+    def lowered(self) -> bool:
+        """Whether the last command may be kept for ever: the robot crouches on stiff legs."""
+        return self.state is State.LOWERED and self._legs.share == 1.0
+
+    def lower(self) -> StatusReport:
+        """Go into a crouch that needs no controller, whatever the robot does now; `lowered` says when it is there.
+
+        One that walks comes to a stand first.
+        """
+        return self._leave(down=True)
+
+    def raise_(self) -> StatusReport:
+        """Stand up from the crouch, or on the way to it: chunks are taken again once the stance is reached."""
+        return self._leave(down=False)
+
+    def _leave(self, *, down: bool) -> StatusReport:
+        self._following()
+        if self._stepping.active:
+            self._stepping.stop()
+            self._stepping.then = down
+        elif self.state is not State.FALLEN:
+            self._lowering.begin(self._last_state, down=down)
+            self.handover.cancel()
+            self.plan = self.chunk = self._newest = self._waiting = self._refused = None
+            self.status = self._reflex.status
+        return self.status
+
+    @property
+    def base(self) -> tuple[float, float, float]:
+        """Where the robot stands, midway between its soles, or its walk has it: x, y [m] and heading [rad]."""
+        self._following()
+        here = self._stepping.base
+        return here.point.real, here.point.imag, here.heading
+
+    def walk_to(self, base: Sequence[float]) -> StatusReport:
+        """Walk to a base, hands where they are about the robot: x, y [m] and heading [rad] midway between the soles.
+
+        The chunk that was followed is brought to rest; it, or a newer one, is planned again once the robot stands
+        there. Told again, the newest goal counts.
+
+        Returns:
+            ``walking``, or ``walk_refused`` with the reason: then nothing changes.
+
+        Raises:
+            StateError: Before the first `reset`.
+        """
+        self._following()
+        return self._walk(self._stepping.refusal() or self._stepping.goal(base))
+
+    def walk(self, velocity: Sequence[float]) -> StatusReport:
+        """Walk with a velocity of the base: ahead, to the left [m/s] and about the vertical [rad/s], in its own axes.
+
+        It is followed for `stepping.LASTS`, and longer if it is told again; then the robot comes to a stand. One that
+        is too fast is followed slower, in the same direction. Otherwise as `walk_to`.
+        """
+        self._following()
+        return self._walk(self._stepping.refusal() or self._stepping.velocity(velocity))
+
+    def _walk(self, wanted: Place | Velocity | StatusReport) -> StatusReport:
+        if isinstance(wanted, StatusReport):
+            return wanted
+        stepped = self._stepping.coming
+        report = self._stepping.walk(wanted, self._last_state, self._now)
+        if not self._stepping.coming:
+            return self.status
+        if not stepped:
+            self.handover.cancel()
+            self.plan = None
+        self.status = report
+        return report
+
+    def _stood(self) -> None:
+        """Go on from where a walk has come to a stand: a chunk that is not over is planned anew, or hands are held."""
+        self.contacts, down = self._planted.contacts, self._stepping.then
+        newest = self._newest if self._newest is not None and self._newest.times[-1] > self._now else None
+        self._waiting, self._retry = standing.to_hold(newest, self._smoother.motion, self._now), self._now
+        if self._newest is not newest:
+            self._newest = self.chunk = None
+        if down is not None:
+            self._stepping.then = None
+            self._leave(down=down)

@@ -1,0 +1,243 @@
+"""Steps of a supervised robot: a walk leads it while there is one, what was planned for a stand is carried along."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from wholebody.config import ControllerConfig
+from wholebody.control.base import Controller
+from wholebody.control.controller import WholeBodyController
+from wholebody.control.reference_packet import COM, PackedReference
+from wholebody.errors import ConfigError
+from wholebody.execution import standing, statuses
+from wholebody.execution.feet.carried import hands_carried
+from wholebody.execution.feet.walker import Walker
+from wholebody.execution.plan_follower import PlanFollower
+from wholebody.execution.planted_feet import PlantedFeet
+from wholebody.execution.standing import Reflex
+from wholebody.execution.states import STEPPING, Event, Machine, State
+from wholebody.reference import ReferenceSmoother
+from wholebody.robot.contact_schedule import ContactSchedule
+from wholebody.types import Reason, RobotState, StatusReport
+from wholebody.walking.footsteps import CLOSED
+from wholebody.walking.places import Place, Velocity
+
+STEPS = ("never", "reach")
+"""What `steps` may be."""
+FASTEST = (-0.25, 0.4, 0.15, 0.5)
+"""Speeds back, ahead and aside [m/s] and about the vertical [rad/s] beyond which none is followed; measured: those at
+which `python -m tests.studies.walks speeds` stands."""
+LASTS = 1.0
+"""Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
+FURTHEST = 10.0
+"""Distance of a goal up to which the robot walks there [m]; chosen: by then an estimated state has drifted."""
+UPRIGHT = 0.6
+"""Distance of a joint of legs or waist from the stance up to which a walk begins at once [rad]; chosen: further off,
+the robot leans or squats, and a walk would have to lift what was planned for that."""
+
+
+class Stepping:
+    """Decides when a walk leads the robot, and hands over from plan to walk and back.
+
+    Args:
+        controller: Of the robot.
+        config: Its configuration.
+        follower: Has led it so far, and keeps the hands.
+        smoother: Of the hands.
+        planted: Has the stance on its feet.
+        states: What the robot follows.
+        reflex: Goes to the stance.
+
+    Attributes:
+        contacts: Which feet stand where, while a walk leads it.
+        status: What a person sees of it then.
+        then: Whether the robot is to be lowered once it stands, or raised; None if neither.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        config: ControllerConfig,
+        follower: PlanFollower,
+        smoother: ReferenceSmoother,
+        planted: PlantedFeet,
+        states: Machine,
+        reflex: Reflex,
+    ) -> None:
+        self._controller, self._config = controller, config
+        self._follower, self._smoother, self._planted, self._states = follower, smoother, planted, states
+        self._reflex, self._walker = reflex, walker_for(controller, config)
+        self._wanted: Place | Velocity = Velocity()
+        self._until = -inf
+        robot, limbs = controller.robot, controller.spec.limbs
+        below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])
+        self._below = np.flatnonzero(np.isin(robot.motor_to_pin, below))
+        self.contacts, self.then, self.status = planted.contacts, None, statuses.WALKING
+        if self._walker is not None:
+            self._walker.end()  # whatever the episode before was about
+
+    @property
+    def active(self) -> bool:
+        """Whether a walk leads the robot."""
+        return self._states.now in STEPPING
+
+    @property
+    def coming(self) -> bool:
+        """Whether it does, or will once the robot has stood up: plans wait."""
+        return self.active or self._states.now is State.RISING
+
+    def refusal(self) -> StatusReport | None:
+        """Why no walk can be begun or changed now; None if one can."""
+        if self._walker is None:
+            return _refused(f"`steps` is '{self._config.steps}'; with `steps: reach` the robot walks")
+        if self.then is not None or self._states.now not in (State.HOLDING, State.FOLLOWING, *STEPPING, State.RISING):
+            return _refused(f"the robot is {self._states.now.value}: it walks once it stands and holds, or follows")
+        return None
+
+    def goal(self, base: Sequence[float]) -> Place | StatusReport:
+        """A goal in world: x, y [m] and heading [rad]; or why it is none."""
+        given = np.asarray(base, dtype=float)
+        if given.shape != (3,) or not np.isfinite(given).all():
+            return _refused(f"base is {base}; finite x, y [m] and heading [rad] in world are expected")
+        x, y, heading = given.tolist()
+        goal, here = Place(complex(x, y), heading), self.base
+        if (way := abs(goal.point - here.point)) > FURTHEST:
+            return _refused(f"the base is {way:.1f} m away; the robot walks {FURTHEST:g} m at most")
+        return goal
+
+    @property
+    def base(self) -> Place:
+        """Where the robot stands: midway between its soles; while it walks, the base that it follows."""
+        if self.active and self._walker is not None:
+            return self._walker.walk.guide.place
+        return base_on(self._controller, self._planted)
+
+    def velocity(self, velocity: Sequence[float]) -> Velocity | StatusReport:
+        """A velocity ahead, to the left [m/s] and about the vertical [rad/s], within `FASTEST`; or why it is none."""
+        given = np.asarray(velocity, dtype=float)
+        if given.shape != (3,) or not np.isfinite(given).all():
+            return _refused(f"velocity is {velocity}; finite speeds ahead, left [m/s] and turning [rad/s] are expected")
+        x, y, turn = given.tolist()
+        back, ahead, aside, fast = FASTEST
+        share = max(x / ahead, x / back, abs(y) / aside, abs(turn) / fast, 1.0)
+        return Velocity(complex(x, y) / share, turn / share)
+
+    def walk(self, wanted: Place | Velocity, state: RobotState, now: float) -> StatusReport:
+        """Go to a goal, or follow a velocity, from the present state on, now [s]."""
+        self._wanted = wanted
+        self._until = now + LASTS if isinstance(wanted, Velocity) else inf
+        if self.active:
+            self._tell()
+        elif not self._is_there(wanted) and not self.coming:
+            self._begin(state)
+        return self.status
+
+    def _is_there(self, wanted: Place | Velocity) -> bool:
+        if isinstance(wanted, Velocity):
+            return wanted.is_rest
+        here = self.base
+        return abs(wanted.point - here.point) <= CLOSED[0] and abs(here.turn_to(wanted)) <= CLOSED[1]
+
+    def _begin(self, state: RobotState) -> None:
+        """Walk; a robot that leans or squats goes to its stance first."""
+        off = np.abs(state.q[7:] - self._planted.stance[7:])[self._below].max()
+        if off > UPRIGHT and self._states.now is not State.RISING:
+            self._states.on(Event.WALK_LOW)
+            self.status = statuses.RISING
+            self._reflex.go_to(state, self._planted.stance, self.status)
+            return
+        if self._states.now is State.RISING:
+            self._reflex.end()
+            self._hold(state, standing.hands_at_rest(self._controller.robot, state.q))
+        self._states.on(Event.WALK)
+        self.status = statuses.WALKING
+        self._walker.begin(state)
+        self._follower.ride()
+        self._tell()
+
+    def _tell(self) -> None:
+        """Hand what is wanted to the walk."""
+        guide, wanted = self._walker.walk.guide, self._wanted
+        guide.follow(wanted) if isinstance(wanted, Velocity) else guide.go_to(wanted)
+        aim = f"to ({wanted.point.real:.2f}, {wanted.point.imag:.2f})" if isinstance(wanted, Place) else "as it is led"
+        self.status = replace(statuses.WALKING, detail=f"the robot walks {aim}; chunks are planned once it stands")
+
+    def stop(self) -> None:
+        """Come to a stand, within three steps."""
+        self._wanted, self._until = Velocity(), -inf
+        if self.active:
+            self._tell()
+
+    def look(self, state: RobotState, now: float, blind: bool) -> bool:
+        """Notice what a state, now [s], means for a walk; whether it has just come to a stand."""
+        if self._states.now is State.RISING:
+            if self._reflex.has_arrived:
+                self._begin(state)
+            return False
+        if not self.active:
+            return False
+        if (blind or now > self._until) and self._wanted != Velocity():
+            self.stop()
+        if self._walker.stands:
+            self._settle(state)
+            return True
+        return False
+
+    def reference(self, state: RobotState, elapsed: float) -> PackedReference:
+        """What the controller follows in a tick, after the follower, which then has the palms as they are commanded."""
+        led = self._walker.reference(state, elapsed, self._follower.row)
+        self._follower.row[:COM] = led.row[:COM]
+        if led.contacts is not None and not led.contacts.same(self.contacts.contacts[0]):
+            self.contacts = ContactSchedule((led.contacts,))
+        return led
+
+    def _settle(self, state: RobotState) -> None:
+        """Stand where the feet are, the hands where the walk has taken them."""
+        walker = self._walker
+        walker.end()
+        self._planted.stand_on(walker.feet(state))
+        rows = hands_carried(self._smoother.motion.rows, walker.base, walker.walk.guide.place)
+        self._hold(state, rows)
+        self._states.on(Event.SETTLED)
+
+    def _hold(self, state: RobotState, rows: np.ndarray) -> None:
+        """Stand where the robot comes to rest, hands as in rows (2, 40)."""
+        robot, support = self._controller.robot, self._controller.support
+        robot.update(state.q, state.v)
+        self._smoother.reset(rows)
+        q = standing.resting_posture(state.q, state.v, self._config.body.posture_kd)
+        margin = self._config.planner.posture.com_margin
+        self._follower.stand(standing.standing_trajectory(robot, q, support, margin), rows, holds=True)
+
+
+def walker_for(controller: Controller, config: ControllerConfig) -> Walker | None:
+    """Who leads a robot that may step; None for one that never does.
+
+    Raises:
+        ConfigError: If `steps` is unknown, or the other settings do not walk.
+    """
+    if config.steps not in STEPS:
+        raise ConfigError(f"steps is '{config.steps}'; it must be one of {', '.join(STEPS)}", setting="steps")
+    if config.steps == "never":
+        return None
+    if not isinstance(controller, WholeBodyController) or config.robot.torque < 1.0:
+        raise ConfigError(
+            f"steps is '{config.steps}', and only the native backend with robot.torque 1 steps; set `steps: never`",
+            setting="steps",
+        )
+    return Walker(controller)
+
+
+def base_on(controller: Controller, planted: PlantedFeet) -> Place:
+    """Base midway between the soles of feet that stand."""
+    floor = planted.feet.floor(controller.spec)
+    x, y, _ = planted.feet.R[:, :, 0].sum(axis=0).tolist()
+    return Place(complex(*floor.point[:2]), float(np.arctan2(y, x)))
+
+
+def _refused(detail: str) -> StatusReport:
+    return statuses.refused(Reason.WALK_REFUSED, detail)
