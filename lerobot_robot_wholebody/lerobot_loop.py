@@ -82,7 +82,7 @@ class Loops:
 
 
 class Executed:
-    """A dataset whose frames get the action that was done for the one that was asked for, as soon as it is seen.
+    """A dataset whose frames are written with the executed action instead of the requested one.
 
     Args:
         dataset: Of LeRobot.
@@ -97,12 +97,12 @@ class Executed:
         return getattr(self._dataset, name)
 
     def add_frame(self, frame: dict[str, Any]) -> None:
-        """Add the frame before with what was done since; this one waits."""
+        """Add the frame before with the action executed since; this frame waits for its own."""
         self._add()
         self._waiting = frame
 
     def finish(self) -> None:
-        """Add the last frame, with what was done up to now."""
+        """Add the last frame, with the action executed up to now."""
         if self._waiting is not None:
             self._robot.get_observation()
             self._add()

@@ -14,7 +14,7 @@ from wholebody.sim.cameras import DrawingProcess
 
 
 class Cameras:
-    """Cameras of a robot; none of them costs nothing.
+    """Cameras of a robot; a robot without cameras starts no process.
 
     Args:
         scene: Around the robot.

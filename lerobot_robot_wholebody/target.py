@@ -52,7 +52,7 @@ class Numbers:
         return np.array([palm_of(T @ anchor.poses[hand], side, self) for hand, side in hands])
 
     def executed(self, observation: Observation) -> dict[str, float]:
-        """Numbers of the action that a robot has done: those of its wrists and fingers, by name."""
+        """Executed action: numbers of the measured wrists and fingers, by name."""
         numbers = state_numbers(self.aligned, observation, self.anchor(observation))
         return dict(zip(self.action_names, numbers.tolist(), strict=True))
 

@@ -232,7 +232,7 @@ class WholebodyExpert(Teleoperator):
         self._rest = self.last = Hands(numbers.palms(seen), R, (seen.q_lhand.copy(), seen.q_rhand.copy()))
 
     def _set_off(self, robot: WholebodyG1) -> None:
-        """Begin what is done in this phase."""
+        """Begin the motion of this phase."""
         self._phase, self._began = robot.phases, robot.now()
         if robot.phase == "reset":
             self._way = _Points(self._rng, self.last, self._rest)

@@ -179,7 +179,7 @@ class WholebodyG1(Robot):
         return self.observation
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Say where wrists and fingers are to be now; what is not said stays as it was said last.
+        """Set the targets of wrists and fingers; a number that is left out keeps its last target.
 
         Numbers that are only observed are left aside, since LeRobot's way back to the first position says them too.
 

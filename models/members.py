@@ -132,7 +132,7 @@ class Stance:
 
 
 def frozen(values: Sequence) -> np.ndarray:
-    """Numbers as an array that nobody can change."""
+    """Numbers as a read-only array."""
     array = np.array(values, dtype=float)
     array.flags.writeable = False
     return array

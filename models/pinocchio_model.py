@@ -84,7 +84,7 @@ def _read_shapes(urdf: Path, model: pin.Model) -> pin.GeometryModel:
 
 @lru_cache(maxsize=2)
 def _stored_shapes(stored: Path) -> pin.GeometryModel:
-    """Shapes from a file, read once; copies have pairs of their own, and the hulls, which nobody changes, in common.
+    """Shapes from a file, read once; copies have their own pairs and share the hulls, which are read-only.
 
     Raises:
         RuntimeError: If the file is damaged.

@@ -195,7 +195,7 @@ def _locked(patterns: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def without(stance: Stance, fixed: tuple[str, ...], *, hands: bool) -> Stance:
-    """A stance of the whole G1 as that of one that lacks some joints."""
+    """Stance of a G1 that lacks some joints, from the stance of the whole one."""
     groups = GROUPS | HAND_GROUPS if hands else GROUPS
     names = (name for group in groups.values() for name in group)
     kept = zip(names, stance.joint_positions, strict=True)

@@ -18,7 +18,7 @@ class OutputError(OSError):
 
 @contextmanager
 def whole(path: str | Path) -> Iterator[Path]:
-    """A path to write to that becomes another one at the end; where writing fails, what was there before stays.
+    """Temporary path that replaces the target at the end; where writing fails, the old file stays.
 
     Raises:
         OutputError: If it cannot be written.

@@ -17,7 +17,7 @@ _LEVEL = 1e-6
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A MuJoCo file as it was read; whoever reads it has looked at what is in it.
+    """A MuJoCo file as text, whose contents its reader has checked.
 
     Attributes:
         name: What to call it in messages.

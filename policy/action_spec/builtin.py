@@ -180,5 +180,5 @@ def as_spec(spec: ActionSpec | str, robot: RobotSpec | None = None) -> ActionSpe
 @overload
 def as_spec(spec: None, robot: RobotSpec | None = None) -> None: ...
 def as_spec(spec: ActionSpec | str | None, robot: RobotSpec | None = None) -> ActionSpec | None:
-    """A layout that may be given by its built-in name, then of that robot."""
+    """Layout by its built-in name, for that robot, or a layout unchanged."""
     return builtin(spec, robot) if isinstance(spec, str) else spec

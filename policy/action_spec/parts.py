@@ -63,7 +63,7 @@ def stack(*parts: dict) -> tuple[Slot, ...]:
 
 
 def grasp(side: str, is_open: float, closed: float) -> dict:
-    """A closing number that is given by what it is open and closed."""
+    """Closing number of a hand, with the values that stand for open and closed."""
     return scalar(f"{side}_grasp", CLOSING, closing=(is_open, closed))
 
 

@@ -162,7 +162,7 @@ def _require(settings: DatasetSettings) -> None:
 
 
 def _corrected(legs: RecordedLegs | None, states: Source) -> RecordedLegs | None:
-    """Legs whose numbers are read as those of the states that they are in."""
+    """Legs read with the corrections of the states that they belong to."""
     if legs is None or legs.feature != STATE or not states.whole:
         return legs
     return dataclasses.replace(legs, correct=states.correct)
@@ -174,7 +174,7 @@ def provenance(key: str, settings: DatasetSettings) -> str:
 
 
 class _Work:
-    """What is gathered over the episodes."""
+    """Statistics and notes gathered over the episodes."""
 
     def __init__(
         self, dataset: Dataset, sources: Mapping[str, Source], conversions: Mapping[str, Conversion],

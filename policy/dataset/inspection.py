@@ -96,7 +96,7 @@ def _joints_of(spec: ActionSpec, actions: np.ndarray) -> tuple[tuple[str, ...], 
 
 
 def _hinted(spec: ActionSpec, names: Sequence[str]) -> list[str]:
-    """Joints that are a hint beside the wrists, which are what is followed."""
+    """Joints that are only a hint, beside wrists that are followed."""
     return [name for name in names if name and "_hand_" not in name] if spec.slot("left_wrist_position") else []
 
 

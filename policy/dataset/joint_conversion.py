@@ -106,7 +106,7 @@ class JointConversion:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What is written of the source into ``meta/conversion.json``."""
+        """Description of the source for ``meta/conversion.json``."""
         source = self.source
         names = {"joints": list(source.names), "left_out": source.left_out, "names_in_source": list(source.given)}
         return names | {"unit_in_source": source.unit}

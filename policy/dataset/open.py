@@ -102,7 +102,7 @@ def selected(dataset: Dataset, numbers: tuple[int, ...] | None) -> Dataset:
 
 
 def check_info(folder: Path, info: Mapping[str, Any]) -> None:
-    """Refuse a ``meta/info.json`` that does not say what is where.
+    """Refuse a ``meta/info.json`` that does not say where its files are.
 
     Raises:
         DatasetError: Saying what is wrong.

@@ -42,7 +42,7 @@ class Sound:
     notes: list[str] = field(default_factory=list)
 
     def every(self, act: Callable[[Episode], object]) -> None:
-        """Act on every episode, and go on without those of which it is refused.
+        """Act on every episode, and drop the episodes for which that is refused.
 
         Raises:
             PolicyError: The first refusal of all, if no episode is left.

@@ -140,7 +140,7 @@ class Executor:
         self._fail(now, code, detail)
 
     def hasten(self) -> None:
-        """Ask for the next chunk as soon as no other is being asked for: what the policy is to do has changed."""
+        """Ask for the next chunk as soon as no other request is under way: the task has changed."""
         self._hastened = True
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Who runs a policy: a thread of its own. A simulation of one is in `policy.executor.simulated`."""
+"""A worker runs a policy: in a thread, or as simulated in `policy.executor.simulated`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bare array of numpy (``.npy``) as raw actions: what its numbers are is said by whoever plays it."""
+"""A bare array of numpy (``.npy``) as raw actions; its layout is given by the caller."""
 
 from __future__ import annotations
 

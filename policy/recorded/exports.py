@@ -1,4 +1,4 @@
-"""Exports of other tools that are not read, and the line that makes of each what is: no pickle is opened."""
+"""Exports of other tools that are not read, each with the command that converts it; no pickle is opened."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HUMAN = ("poses", "trans")
 
 
 def advice(path: str | Path) -> str:
-    """What makes an input of a file or folder of another tool; empty where it is none that is known."""
+    """Command that converts a file or folder of another tool; empty if the tool is unknown."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in PICKLES:

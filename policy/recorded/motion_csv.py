@@ -137,7 +137,7 @@ def named_rate(path: str | Path) -> float | None:
 
 
 def rate_note(motion: Motion, path: str | Path) -> str:
-    """What is said of a frame rate that was read from a file's name, or else assumed, and what else it may be."""
+    """Note on a frame rate that was read from a file's name or assumed, with other likely rates."""
     if named_rate(path) == motion.fps:
         return f"frame rate by the file's name: {motion.fps:g} Hz; if that is another, say --fps"
     speed = np.abs(np.diff(motion.q_body, axis=0)).max(axis=0, initial=0.0)
@@ -209,7 +209,7 @@ def motion_chunk(motion: Motion, *, fps: float = CHUNK_FPS) -> ActionChunk:
 
 
 def _of_feet(motion: Motion) -> tuple[str, ...]:
-    """What is said of a motion whose pelvis goes where no pelvis goes over feet that stay."""
+    """Note on a motion whose pelvis moves further than feet that stay allow."""
     R, p = motion.T_world_base[:, :3, :3], motion.T_world_base[:, :2, 3]
     away = float(np.linalg.norm(p - p[0], axis=1).max())
     yaw = np.unwrap(np.arctan2(R[:, 1, 0], R[:, 0, 0]))

@@ -144,7 +144,7 @@ def _texts(arrays: Mapping[str, np.ndarray], key: str) -> list[str]:
 def _body(
     arrays: Mapping[str, np.ndarray], kind: _Kind, robot: RobotSpec, path: Path
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Joints (n, m) in motor order, and what is said of them."""
+    """Joints (n, m) in motor order, and notes on them."""
     values, body = _numbers(arrays, kind.joints, path), robot.body_joints
     if values.ndim == 3 and values.shape[2] == 1:  # PHC's last axis of one
         values = values[:, :, 0]

@@ -43,7 +43,7 @@ BY_NAMES = "by_names"
 
 @dataclass(frozen=True)
 class WizardInput:
-    """What is looked at.
+    """Numbers to be identified.
 
     Attributes:
         source: Where it is from.
@@ -117,7 +117,7 @@ def fits(numbers: WizardInput) -> list[Fit]:
 
 
 def _variants(spec: ActionSpec, numbers: WizardInput) -> list[ActionSpec]:
-    """A layout changed as what is found about the numbers says, by one thing each."""
+    """Variants of a layout, each with one change that the findings suggest."""
     if numbers.values is None:
         return []
     codes = {one.check for one in action_findings(spec, numbers.values, Anchor.nominal(), spec.fps)}

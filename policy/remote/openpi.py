@@ -95,7 +95,7 @@ class KeyMap:
         return dataclasses.replace(LIBERO, images=images, **fixed)
 
     def request(self, state: np.ndarray, images: Mapping[str, np.ndarray], prompt: str) -> dict[str, Any]:
-        """What is sent.
+        """Request to the server.
 
         Raises:
             ObservationError: If a camera is missing.

@@ -1,4 +1,4 @@
-"""The closed loop of a standing robot, linearised at its motors: what bandwidth and delay of them it stands."""
+"""The closed loop of a standing robot, linearised at its motors: the bandwidth and delay at which it is stable."""
 
 from __future__ import annotations
 

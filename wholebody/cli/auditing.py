@@ -27,7 +27,7 @@ MAPPINGS = "datasets.json"
 
 @dataclass(frozen=True)
 class Audited:
-    """What is audited, and how."""
+    """Options of an audit."""
 
     episodes: Annotated[str, Option(help="Episodes of dataset folders, such as 0-3,7; all if empty.")] = ""
     fps: Fps = None

@@ -1,4 +1,4 @@
-"""Faults of ours, told from bad input: one sentence, where to report it, and an exit code of their own."""
+"""Faults of this package, as distinct from bad input: one sentence, where to report it, an exit code of their own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CrashError(Exception):
 
 @contextmanager
 def ours() -> Iterator[None]:
-    """Whatever fails in here is a fault of ours, a ValueError of numpy too: input and options were checked before.
+    """Report any failure inside as a fault of this package: input and options were checked before.
 
     Raises:
         OutputError: If a file cannot be written.

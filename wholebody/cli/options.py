@@ -193,7 +193,7 @@ class Asking:
     )
     gate: Annotated[
         bool,
-        Option("--gate", help="Judge each chunk by its plan; hold what cannot be done nearly as given."),
+        Option("--gate", help="Judge each chunk by its plan; reject what cannot be done nearly as given."),
     ] = False
     as_given: Annotated[
         bool, Option("--as-given", help="Follow chunks as they are: no plan, no filter, the stance as posture.")

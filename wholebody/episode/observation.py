@@ -1,4 +1,4 @@
-"""What a policy is told of the robot."""
+"""Observations: what a policy is shown of the robot."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Round:
 
 
 class StillPostures:
-    """Memory for K postures, and what is done on it.
+    """Search for K postures at rest, on memory that is kept.
 
     Args:
         body: The robot, whose centre of mass keeps to the innermost edges. config: Bounds and margins.

@@ -139,7 +139,7 @@ def join_duration(error: np.ndarray, limits: HandLimits, halvings: int = 0) -> f
 
 
 def _excursion(error: np.ndarray, duration: float) -> float:
-    """Largest ratio of a correction to what is called no difference."""
+    """Largest ratio of a correction to `NO_DIFFERENCE`."""
     return max(_excursions(error, duration))
 
 

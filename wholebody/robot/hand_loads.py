@@ -20,7 +20,7 @@ LOAD_MAX = 5.0
 
 @dataclass(frozen=True)
 class Loads:
-    """What is counted on in the left and right hand.
+    """Masses counted on in the left and right hand.
 
     Attributes:
         masses: [kg]

@@ -47,7 +47,7 @@ class Robot:
 
     @cached_property
     def scratch(self) -> pin.Data:
-        """Memory for passing computations in the control loop's thread: whoever uses it overwrites it. One is 5 MB."""
+        """Pinocchio data for passing computations in the control loop's thread, shared and overwritten; 5 MB."""
         return self.model.createData()
 
     def frame_id(self, name: str) -> int:

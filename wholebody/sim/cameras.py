@@ -205,7 +205,7 @@ def _draw(scene: str, joints: list[str], sizes: Mapping[str, Sequence[int]], mar
 
 
 def _model(scene: str, joints: list[str], sizes: Mapping[str, Sequence[int]], marks: int) -> mujoco.MjModel:
-    """What is drawn: robot and scene with no more triangles than pictures show, cameras and balls."""
+    """Model that is drawn: robot and scene with fewer triangles, cameras and balls."""
     from models.mujoco_model import build_mujoco
     from models.robots import robot_with
     from wholebody.sim.scene_file import scene_of

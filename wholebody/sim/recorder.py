@@ -157,7 +157,7 @@ class Recorder:
         return {**rows, **self._constants, **texts, "support": self._support.vertices}
 
     def record(self) -> Record:
-        """What was collected so far."""
+        """Columns collected so far."""
         return Record(self.arrays())
 
     def save(self, path: str | Path) -> None:

@@ -143,7 +143,7 @@ class TrajectoryOptimizer:
         return KnotTrajectory(qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost)
 
     def plan_with_less(self, enforced: np.ndarray, seed: np.ndarray | None, *arguments: Any) -> KnotTrajectory:
-        """`plan` with some bounds left out, for whoever asks which of them stands in the way.
+        """Plan with a subset of the bounds, to find which one is binding.
 
         Args:
             enforced: As in `TrajectoryProblem`.

@@ -29,7 +29,7 @@ record."""
 
 
 class TrajectoryProblem:
-    """Memory for plans of K knots, and what is done on it.
+    """Problem of plans of K knots, on memory that is kept.
 
     Args:
         body: The robot. config: Time between knots, and the distance from which on a pair of bodies counts.

@@ -222,7 +222,7 @@ class KnotScratch(NamedTuple):
 
 
 def new_knot_scratch() -> KnotScratch:
-    """Room for what is computed at one knot."""
+    """Scratch memory of one knot."""
     n, nb = N_BODY, N_BODY - 5
     return KnotScratch(
         feet=np.zeros((LOWER, 12)),

@@ -214,7 +214,7 @@ class FastChecker:
         return Repairer(self.judge, chunk, begin, holds, lasts)
 
     def _verdict(self, run: PlanRun, name: str) -> Verdict:
-        """What is told of a run, without reasons."""
+        """Verdict on a run, without causes."""
         return replace(run.verdict(name, self._settings), odds=self._odds(run))
 
     def _odds(self, run: PlanRun) -> Odds | None:

@@ -78,7 +78,7 @@ class Repairer:
         self._scattered = scattered and in_range(scattered)
 
     def holds(self, chunk: ActionChunk) -> bool:
-        """Whether a chunk is feasible as it is, by one plan for all of it."""
+        """Whether a chunk is feasible unchanged, by one plan for all of it."""
         return self._holds(chunk, self._begin or self._first_pose(chunk))
 
     def lasts(self, chunk: ActionChunk) -> bool:

@@ -218,7 +218,7 @@ def too_hard(verdict: Verdict, force: Margin) -> Verdict:
 
 
 def _with(verdict: Verdict, code: Reason, severity: Severity, one: Margin) -> Verdict:
-    """A verdict with one more violation, which is that of a margin."""
+    """Verdict with one more violation, made of a margin."""
     more = Violation(
         code=code, severity=severity, subject=one.subject, time=one.time, step=one.step, value=one.value,
         bound=one.bound, unit=one.unit,

@@ -92,7 +92,7 @@ class Violation:
 
 
 def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
-    """All of an episode, the worst first: the severest, of hands what is most past its bound, else in `ORDER`."""
+    """Violations of an episode, worst first: by severity, then of hands by how far past the bound, else in `ORDER`."""
     found = [
         *_ends(result),
         *_moved(result, bounds),
@@ -253,7 +253,7 @@ def _notes(result: EpisodeResult) -> Iterator[Violation]:
 
 
 def _reasons(result: EpisodeResult, known: set[Reason]) -> Iterator[Violation]:
-    """Reasons that the controller had and nothing above tells: how long, first when, and what was said then.
+    """Reasons of the controller that no other violation covers: for how long, when first, with which detail.
 
     Before the first chunk there is nothing to follow, and after the last one nothing is starved of anything.
     """

@@ -15,7 +15,7 @@ CONFIDENCE = 0.95
 
 
 def binomial_interval(held: int, n: int, level: float = CONFIDENCE) -> tuple[float, float]:
-    """Shares between which that of all worlds lies with at least a level of confidence.
+    """Clopper-Pearson confidence interval of the share of all worlds in which an input holds.
 
     Args:
         held: In how many worlds an input held.

@@ -29,7 +29,7 @@ def commanded_and_measured(
         read_as: What the user says that the numbers are instead of what they are called.
 
     Returns:
-        No names where one of them is no joints, or has a number that is not finite, which is told where it is used.
+        Names are empty where either is not joints or not finite, which is reported where the numbers are used.
     """
     try:
         found = []

@@ -12,7 +12,7 @@ from policy.errors import DatasetError
 
 
 def in_order(rows: list[dict[str, Any]], where: Path) -> list[dict[str, Any]]:
-    """What is said of each episode, by its number.
+    """Entry of each episode, by its number.
 
     Raises:
         DatasetError: If a number or length is none, or the numbers are not those from 0 on.

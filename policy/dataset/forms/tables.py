@@ -62,7 +62,7 @@ def read_rows(
 
 @contextmanager
 def _as_dataset_faults(file: Path) -> Iterator[None]:
-    """Faults of a file, told as those of a dataset."""
+    """Raise faults of a file as faults of its dataset."""
     try:
         import pyarrow
     except ImportError as error:

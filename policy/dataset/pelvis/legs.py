@@ -109,7 +109,7 @@ def state_of(spec: ActionSpec, legs: RecordedLegs | None) -> ActionSpec:
 
 
 def pelvis_taken(spec: ActionSpec, legs: RecordedLegs | None) -> dict[str, str]:
-    """What is taken for the pelvis of a row that is written in a layout, in words."""
+    """Sentence about the pelvis that is assumed for rows written in a layout."""
     if in_own_pelvis(spec):
         return {"pelvis": OWN}
     return {"pelvis": STANDS if legs is None else BY_LEGS}

@@ -65,7 +65,7 @@ class WristConversion:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What is written of the source into ``meta/conversion.json``."""
+        """Description of the source for ``meta/conversion.json``."""
         return {"layout_in_source": called(self.source)}
 
     def forward(self, rows: np.ndarray, anchors: Sequence[Anchor] | None) -> np.ndarray:

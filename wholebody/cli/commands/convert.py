@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class DatasetOptions:
-    """What a dataset does not say itself, and what is written of it."""
+    """Options for what a dataset does not say itself, and for what is written."""
 
     waist: Annotated[
         tuple[float, float, float], Option(help="Datasets: waist yaw, roll, pitch where not recorded [rad].")

@@ -25,7 +25,7 @@ class Layouts:
 
 @dataclass(frozen=True)
 class Allowances:
-    """What is accepted that would be an error."""
+    """Errors that the user accepts."""
 
     allow_narrow: Annotated[bool, Option(help="Accept numbers that hardly moved in training.")] = False
     allow_random_weights: Annotated[bool, Option(help="Go on without weights, for timing.")] = False

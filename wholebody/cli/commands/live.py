@@ -33,7 +33,7 @@ class StatusLine:
 
 @dataclass(frozen=True)
 class Around:
-    """What is around the robot and its policy."""
+    """Scene, robot, settings and gate of a run on the wall clock."""
 
     scene: Annotated[str, Option(help="Around the robot: floor, table, ... or a MuJoCo file.")] = "floor"
     robot: RobotModel = ""
@@ -42,7 +42,7 @@ class Around:
     replace_every: Annotated[int, Option(help="Steps of a chunk after which the next one is asked for.")] = 25
     gate: Annotated[
         bool,
-        Option("--gate", help="Judge each chunk by its plan; hold what cannot be done nearly as given."),
+        Option("--gate", help="Judge each chunk by its plan; reject what cannot be done nearly as given."),
     ] = False
 
 

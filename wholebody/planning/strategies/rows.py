@@ -53,7 +53,7 @@ class Overlap(Enum):
 
 @dataclass(frozen=True)
 class Asked:
-    """What is known of a chunk before anything is tried, by slowdown where it is a function.
+    """Facts about a chunk before anything is tried, functions of the slowdown where they depend on it.
 
     Attributes:
         implausible: Whether what it means is a guess: then it is followed as if out of reach.
@@ -229,7 +229,7 @@ def nearer(search: Search, new: Attempt) -> Attempt:
 
 
 def cheaper(search: Search, new: Attempt) -> Attempt:
-    """The safe one, and of two alike that of less cost."""
+    """Safe one of two attempts, or the cheaper one if both are or neither is."""
     return min(search.now, new, key=lambda one: (not one.is_safe(search.config), one.knots.cost))
 
 

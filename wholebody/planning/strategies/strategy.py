@@ -61,7 +61,7 @@ class Strategy:
     slower: Strategy | None = None
 
     def at(self, slowdown: float) -> Strategy:
-        """What is tried at a speed."""
+        """Strategy that is tried at a slowdown."""
         return self if slowdown == 1.0 or self.slower is None else self.slower
 
 

@@ -26,7 +26,7 @@ SWATCH, LEGEND_GAP = 20, 18
 
 
 def captioned(image: np.ndarray, scene: Scene, why: str = "") -> np.ndarray:
-    """A picture below what there is to say about it.
+    """Picture with its caption above.
 
     Args:
         image: Shape (height, width, 3), uint8.

@@ -1,4 +1,4 @@
-"""What there is to see at one instant, in words and in marks: what draws it, MuJoCo or a page, decides nothing.
+"""The scene of one instant in words and marks; MuJoCo or a page only draw it.
 
 A picture has the robot and the scene's objects as they are, and over them the marks of `Scene.marks`: where the palms
 are asked and commanded to be, the error between asked and reached, the support polygon, and how the robot stands on it.

@@ -47,7 +47,7 @@ class EpisodeRepairer:
         self._checker, self._policy, self._start = checker, policy, start
 
     def holds(self, episode: ActionChunk) -> bool:
-        """Whether an episode is feasible as it is."""
+        """Whether an episode is feasible unchanged."""
         played = ReplayPolicy(episode, name=self._policy.name, spec=self._policy.spec, horizon=self._policy.horizon)
         return self._checker.check(played, played.name, played.duration, start=self._start).verdict == "feasible"
 

@@ -23,7 +23,7 @@ FOLDER = "repaired"
 def repair_of(
     repairer: EpisodeRepairer, policy: ReplayPolicy, name: str, factor: float | None, folder: Path
 ) -> EpisodeRepair | None:
-    """Write what an input becomes, as numbers of its own layout, if it is feasible then; None if nothing helps.
+    """Write the repaired input in its own layout if that is feasible; None if nothing helps.
 
     Args:
         repairer: Of the input.

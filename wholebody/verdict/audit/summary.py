@@ -25,7 +25,7 @@ HEADINGS = ("", "input", "what speaks against it", "moved by", "length", "slower
 
 
 def ranked(outcomes: Sequence[AuditOutcome]) -> list[AuditOutcome]:
-    """What could not be judged first, then falls, then what is moved most."""
+    """Outcomes ranked: not judged first, then falls, then by how far palms are moved."""
 
     def rank(one: AuditOutcome) -> tuple:
         verdict = one.verdict or {"fell": False, "moved_max_m": 0.0, "violations": []}
@@ -81,7 +81,7 @@ def _row(one: AuditOutcome) -> str:
 
 
 def _notes(verdict: dict) -> list[str]:
-    """What is to be known of an input that speaks neither for nor against it, such as swapped hands."""
+    """Notes on an input that do not affect its verdict, such as swapped hands."""
     notes = dict.fromkeys(v["subject"] or v["code"] for v in verdict["violations"] if v["severity"] == "note")
     return [note[:NOTE_MAX] for note in notes][:NOTES_NAMED]
 

@@ -23,7 +23,7 @@ LOADING = 300.0
 
 @dataclass
 class _Worker:
-    """A process, and what it is at.
+    """A process and its present input.
 
     Attributes:
         process, pipe: Of it.
@@ -121,7 +121,7 @@ def _end(worker: _Worker) -> None:
 
 
 def _work(make: Callable[[], Judging], pipe: Connection) -> None:
-    """Judge what comes, in a process of its own, until nothing comes any more."""
+    """Judge inputs in a process of its own until the pipe ends."""
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_IGN)
     end_with_parent()
@@ -134,7 +134,7 @@ def _work(make: Callable[[], Judging], pipe: Connection) -> None:
 
 
 def outcome_or_fault(judging: Judging, name: str) -> AuditOutcome | str:
-    """An outcome, or what is wrong with the options, which is so for every input."""
+    """Outcome of an input, or the fault of the options, which holds for every input."""
     try:
         return judging(name)
     except (InputError, ValueError) as error:

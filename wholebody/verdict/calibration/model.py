@@ -116,7 +116,7 @@ class Calibration:
     def odds(
         self, found: Sequence[tuple[float, Mapping[str, float]]], other: Sequence[str] = (), world: str = WORLD
     ) -> Odds | None:
-        """What is likely of an input; None where no chunk was judged.
+        """Odds of an input; None where no chunk was judged.
 
         Args:
             found: When each chunk begins [s], and its quantities.

@@ -1,4 +1,4 @@
-"""What is likely to become of a chunk."""
+"""Probabilities of a fall and of being followed."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ HEADINGS = ("", "input", "why", "moved by", "palms at most", "time factor")
 
 
 def ranked(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Falls first, then what cannot be done, then what is changed most."""
+    """Verdicts ranked: falls first, then infeasible ones, then by how much is changed."""
     return sorted(verdicts, key=lambda v: (RANK.index(v.verdict), not v.fell, -v.moved_max_m, -v.time_factor, v.name))
 
 

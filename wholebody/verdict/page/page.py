@@ -171,7 +171,7 @@ def _css(colour: tuple[float, ...]) -> str:
 
 
 def _legend(ghost: bool, reach: bool) -> list[dict[str, str]]:
-    """What can be hidden: name, words and colour; hidden at first is what is ``off``."""
+    """Layers that can be hidden: name, words and colour; ``off`` marks those hidden at first."""
     shows: list[tuple[str, str, Colour]] = [(show.name.lower(), show.legend, show.colour) for show in Show]
     shows = [(name, words, (0.90, 0.10, 0.45, 1.0) if name == "pressure" else colour) for name, words, colour in shows]
     shows.append(("measured", "reached", (0.50, 0.53, 0.56, 1.0)))
