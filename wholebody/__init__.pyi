@@ -37,7 +37,7 @@ from wholebody.planning.reachability.reach_map import ReachabilityMap as Reachab
 from wholebody.planning.reachability.reach_map import reachability as reachability
 from wholebody.planning.reachability.standing_place import StandingPlace as StandingPlace
 from wholebody.planning.reachability.standing_place import stand_for as stand_for
-from wholebody.planning.still_postures import Constraint as Constraint
+from wholebody.planning.still_postures import PostureLimit as PostureLimit
 from wholebody.robot.state import Robot as Robot
 from wholebody.sim.plant import MujocoPlant as MujocoPlant
 from wholebody.sim.robot_errors import REALISTIC_ROBOT as REALISTIC_ROBOT

@@ -30,7 +30,7 @@ from wholebody.planning.still_postures import (  # fmt: skip
     EXCESS_NONE,
     ORIENTATION_REACHED,
     POSITION_REACHED,
-    Constraint,
+    PostureLimit,
     RandomPostures,
     Round,
     StillPostures,
@@ -80,10 +80,10 @@ class Solution:
     joints: dict[str, float]
     q: np.ndarray
     torques: dict[str, float]
-    margins: dict[Constraint, float]
+    margins: dict[PostureLimit, float]
     position_error: tuple[float, float]
     orientation_error: tuple[float, float]
-    reasons: tuple[Constraint, ...]
+    reasons: tuple[PostureLimit, ...]
 
     def __str__(self) -> str:
         """A line for the targets, one for each reason, one for the least room to each bound, one for the torques."""
@@ -261,7 +261,7 @@ class PostureSolver:
             margins=margins,
             position_error=tuple(position.tolist()),
             orientation_error=tuple(orientation.tolist()),
-            reasons=reasons or (() if reached else (Constraint.NOT_FOUND,)),
+            reasons=reasons or (() if reached else (PostureLimit.NOT_FOUND,)),
         )
 
 

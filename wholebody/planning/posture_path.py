@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from policy.chunk import ActionChunk
 from wholebody.config import TrajectoryConfig
-from wholebody.planning.still_postures import EXCESS_NONE, Constraint, StillPostures, scattered
+from wholebody.planning.still_postures import EXCESS_NONE, PostureLimit, StillPostures, scattered
 from wholebody.trajopt.robot_tables import RobotTables
 
 CURVES, DETOUR = 200, 0.6
@@ -34,7 +34,7 @@ class PosturePath:
     clear: bool
     chunk: ActionChunk
     q: np.ndarray
-    margins: dict[Constraint, float]
+    margins: dict[PostureLimit, float]
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Way:
 
     q: np.ndarray
     T_palms: np.ndarray
-    margins: dict[Constraint, float]
+    margins: dict[PostureLimit, float]
     clear: bool
 
 

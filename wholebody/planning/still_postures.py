@@ -44,8 +44,8 @@ and arms; measured: of 240 pairs of palms near the border, 183 held by some sear
 random postures are taken instead of the nearest."""
 
 
-class Constraint(StrEnum):
-    """A constraint of a still posture; margins are by these.
+class PostureLimit(StrEnum):
+    """A kind of bound on a still posture; margins are by these.
 
     Attributes:
         unit: Of its margin.
@@ -55,11 +55,11 @@ class Constraint(StrEnum):
     unit: str
     sentence: str
 
-    def __new__(cls, code: str, unit: str, sentence: str) -> Constraint:
+    def __new__(cls, code: str, unit: str, sentence: str) -> PostureLimit:
         """A member with its unit and sentence."""
-        constraint = str.__new__(cls, code)
-        constraint._value_, constraint.unit, constraint.sentence = code, unit, sentence
-        return constraint
+        limit = str.__new__(cls, code)
+        limit._value_, limit.unit, limit.sentence = code, unit, sentence
+        return limit
 
     TILT = "tilt", "rad", "torso or pelvis are tilted as far as they may"
     PELVIS_HEIGHT = "pelvis_height", "m", "the pelvis is as low as it may be"
@@ -97,17 +97,17 @@ class StillPostures:
         self._problem = TrajectoryProblem(body, config, K)
         stop = COM_EDGE + len(body.tables.normals)
         self._spans = {
-            Constraint.TILT: slice(TILT, BASE_HEIGHT),
-            Constraint.PELVIS_HEIGHT: slice(BASE_HEIGHT, POSITION),
-            Constraint.JOINT_POSITION: slice(POSITION, STATIC),
-            Constraint.WAIST_TORQUE: slice(STATIC, DISTANCE),
-            Constraint.DISTANCE: slice(DISTANCE, COM_EDGE),
-            Constraint.BALANCE: slice(COM_EDGE, stop),
+            PostureLimit.TILT: slice(TILT, BASE_HEIGHT),
+            PostureLimit.PELVIS_HEIGHT: slice(BASE_HEIGHT, POSITION),
+            PostureLimit.JOINT_POSITION: slice(POSITION, STATIC),
+            PostureLimit.WAIST_TORQUE: slice(STATIC, DISTANCE),
+            PostureLimit.DISTANCE: slice(DISTANCE, COM_EDGE),
+            PostureLimit.BALANCE: slice(COM_EDGE, stop),
         }
         every = tolerances(stop - COM_EDGE)
         self._tolerances = every[:stop]
         self.tolerance = {name: float(every[span.start]) for name, span in self._spans.items()}
-        self.tolerance[Constraint.ARM_TORQUE] = float(every[stop + 1 + WAIST])
+        self.tolerance[PostureLimit.ARM_TORQUE] = float(every[stop + 1 + WAIST])
 
     @property
     def q(self) -> np.ndarray:
@@ -130,14 +130,14 @@ class StillPostures:
         shares = self._problem.now.violation[:, :n] / self._tolerances
         return np.where(self.enforced[:n] > 0.0, shares, -1.0).max(axis=1)
 
-    def margins(self, k: int) -> dict[Constraint, float]:
+    def margins(self, k: int) -> dict[PostureLimit, float]:
         """Least room of a posture to the bounds of each kind, negative where exceeded."""
         excess = self._problem.now.violation[k]
         margins = {name: -float(excess[span].max()) for name, span in self._spans.items()}
         share = np.abs(self.torques(k)[WAIST:]) / self.body.tables.tau_max[WAIST:]
-        return margins | {Constraint.ARM_TORQUE: 1.0 - float(share.max())}
+        return margins | {PostureLimit.ARM_TORQUE: 1.0 - float(share.max())}
 
-    def shares(self, k: int) -> dict[Constraint, float]:
+    def shares(self, k: int) -> dict[PostureLimit, float]:
         """Excess over the bounds of each kind, in terms of its tolerance, negative where there is room."""
         return {name: -room / self.tolerance[name] for name, room in self.margins(k).items()}
 

@@ -5,7 +5,7 @@ import numpy as np
 from models import g1
 from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.planning.posture import PostureSolver
-from wholebody.planning.still_postures import Constraint
+from wholebody.planning.still_postures import PostureLimit
 
 SPEC = g1()
 PALM = np.array(SPEC.tools[0].palm_offset)
@@ -27,6 +27,6 @@ def test_a_told_load_is_held_in_another_posture_or_it_is_said_what_is_in_the_way
     assert bare.reached
     assert light.reached
     assert np.abs(light.q - bare.q).max() > 0.01
-    assert light.margins[Constraint.WAIST_TORQUE] > -0.01
+    assert light.margins[PostureLimit.WAIST_TORQUE] > -0.01
     assert abs(light.torques["left_shoulder_pitch_joint"]) > abs(bare.torques["left_shoulder_pitch_joint"]) + 1.0
     assert not heavy.reached

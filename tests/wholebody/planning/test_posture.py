@@ -14,7 +14,7 @@ from wholebody.config import ControllerConfig
 from wholebody.errors import InputError
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.posture import PostureSolver
-from wholebody.planning.still_postures import Constraint
+from wholebody.planning.still_postures import PostureLimit
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import RobotState
 
@@ -78,8 +78,8 @@ def test_torques_and_joints_are_by_name_and_those_of_the_configuration(cases, so
     gravity = pin.computeGeneralizedGravity(cases.model, cases.data, found.q)
     for name, torque in found.torques.items():
         assert torque == pytest.approx(gravity[cases.model.joints[cases.model.getJointId(name)].idx_v], abs=1e-6)
-    assert found.margins[Constraint.BALANCE] == pytest.approx(cases.edges(found.q), abs=1e-6)
-    assert set(found.margins) == set(Constraint) - {Constraint.NOT_FOUND}
+    assert found.margins[PostureLimit.BALANCE] == pytest.approx(cases.edges(found.q), abs=1e-6)
+    assert set(found.margins) == set(PostureLimit) - {PostureLimit.NOT_FOUND}
 
 
 @pytest.mark.parametrize("offset", [(2.0, 0.0, 0.0), (0.0, 0.0, -1.5), (-0.5, 0.0, 0.0), (100.0, 0.0, 0.0)])
@@ -96,7 +96,7 @@ def test_both_hands_in_one_place_are_refused_by_the_distance_between_them(cases,
     left, _ = stance_wrists(cases)
     between = moved(left, [0.1, -left[1, 3], 0.1])
     found = solver.solve(between, between)
-    assert Constraint.DISTANCE in found.reasons
+    assert PostureLimit.DISTANCE in found.reasons
     assert cases.keeps_bounds(found.q)
 
 
@@ -112,7 +112,7 @@ def test_a_wider_margin_asked_for_is_the_one_kept(cases):
     posture = replace(CONFIG.planner.posture, com_margin=0.06)
     config = replace(CONFIG, planner=replace(CONFIG.planner, posture=posture))
     found = wholebody.solve(*stance_wrists(cases), config=config)
-    assert found.margins[Constraint.BALANCE] < wholebody.solve(*stance_wrists(cases)).margins[Constraint.BALANCE]
+    assert found.margins[PostureLimit.BALANCE] < wholebody.solve(*stance_wrists(cases)).margins[PostureLimit.BALANCE]
 
 
 def test_a_solution_says_in_words_what_it_is_and_what_is_in_the_way(cases, solver):
@@ -120,7 +120,7 @@ def test_a_solution_says_in_words_what_it_is_and_what_is_in_the_way(cases, solve
     assert str(solver.solve(left, right)).startswith("reached: left wrist 0.0 mm and 0.0 deg off")
     text = str(solver.solve(moved(left, (0.0, 0.0, -1.5)), right))
     assert "not reached" in text
-    assert any(f"because {constraint.sentence}" in text for constraint in Constraint)
+    assert any(f"because {limit.sentence}" in text for limit in PostureLimit)
     assert "N m" in text
 
 
@@ -138,7 +138,7 @@ def test_every_step_on_the_way_to_a_posture_is_balanced_and_the_last_one_is_the_
         for k in range(0, 91, 9):
             for T, wanted in zip(cases.wrist_poses(path.q[k]), wrists_of(path.chunk, k), strict=True):
                 np.testing.assert_allclose(T, wanted, atol=1e-9)
-        assert path.margins[Constraint.BALANCE] == pytest.approx(min(cases.edges(q) for q in path.q), abs=1e-6)
+        assert path.margins[PostureLimit.BALANCE] == pytest.approx(min(cases.edges(q) for q in path.q), abs=1e-6)
 
 
 def wrists_of(chunk, k):
