@@ -11,7 +11,7 @@ from wholebody.resources import processors
 
 
 class Lending[Thing]:
-    """Makes what is asked for, lends it to one thread at a time, and keeps it for the next one.
+    """Makes things on request, lends each to one thread at a time, and keeps it for the next one.
 
     There are no more of them than processors, for whatever settings: a thread waits until one is given back, and what
     lies idle for other settings makes room.

@@ -1,4 +1,4 @@
-"""Judges an input of an audit, in a process of its own: the answer of ``check``, and how much slower would do."""
+"""Judges an input of an audit in a process of its own: the answer of ``check``, and the slow-down that would do."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class _Sentences(logging.Formatter):
-    """Our own messages begin as errors do; those of others name their source."""
+    """Format of log messages: ours begin as errors do, messages of libraries name their source."""
 
     def format(self, record: logging.LogRecord) -> str:
         name = record.name.partition(".")[0]

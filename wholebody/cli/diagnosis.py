@@ -35,7 +35,7 @@ DRY_TASK = "pick up the object"
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is to be known about a checkpoint.
+    """Findings about a checkpoint.
 
     Attributes:
         checkpoint: Its folder.

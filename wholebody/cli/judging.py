@@ -75,7 +75,7 @@ class InputJudge:
         self.fast = cache(lambda scene: make_fast_checker(simulation, scene, quiet, alone=judging.fast))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
-        """What is to be judged, an episode each of a dataset, or the answer about what cannot be read."""
+        """Inputs to judge, one per episode of a dataset, or the answer about an input that cannot be read."""
         for name in inputs:
             try:
                 yield from expanded(name, self.given.episodes)
@@ -165,7 +165,7 @@ class InputJudge:
         return self.simulation.scene or SCENE_OF.get(name, "floor")
 
     def _failed(self, name: str, error: Exception) -> Answer:
-        """Say what is wrong with an input; what is wrong with the options is raised again."""
+        """Report the fault of an input; a fault of the options is raised again."""
         from models.spec import RobotSpecError
         from policy.errors import PolicyError
         from wholebody.errors import WholebodyError
@@ -215,7 +215,7 @@ def answers(judge: InputJudge, inputs: Iterable[str], jobs: int) -> Iterator[Ans
 
 
 def _one_by_one(judge: InputJudge, names: Sequence[str | Answer]) -> Iterator[Answer]:
-    """Answers in this process; how many there are of them is said while one is simulated, or they are planned."""
+    """Answers computed in this process, with their number shown as progress."""
     count = 0
 
     def line(seconds: float) -> str:
@@ -259,7 +259,7 @@ def _wait(name: str, future: Future[Answer], quiet: bool, title: str = "") -> An
 
 
 def _begin(given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, pages: Pages | None) -> None:
-    """Make, in a process of its own, the judge of all its inputs."""
+    """Make the judge of this process, for all of its inputs."""
     global _judge  # noqa: PLW0603 - a process has one
     # Ctrl-C reaches every process of a terminal; the first one says what there is to say.
     signal(SIGINT, SIG_DFL)

@@ -86,7 +86,7 @@ RealTimeChunking = Annotated[
 
 @dataclass(frozen=True)
 class Input:
-    """What is read, and how much of it."""
+    """Options for reading inputs, and how much of them."""
 
     duration: Annotated[float, Option(help="Seconds to run; 0: the whole input.")] = 0.0
     fps: Fps = None

@@ -31,7 +31,7 @@ class HullPairs(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What is said of m pairs at K placements, and where the search for each ended; `distance` of far ones is inf."""
+    """Distances of m pairs at K placements, with the end of the search for each; `distance` of far ones is inf."""
 
     distance: np.ndarray  # (K, m); -inf where shapes touch, and another algorithm has to say how deep
     rows: np.ndarray  # (K, m, 9) normal from the first to the second, and the nearest points

@@ -127,7 +127,7 @@ class Controller(ABC):
         return self.balance.support
 
     def set_down(self, q: np.ndarray, v: np.ndarray) -> None:
-        """The feet stay from now on where they are at a configuration (nq,); torques are those of gravity and ``v``."""
+        """Keep the feet from now on where a configuration (nq,) has them; torques hold gravity and ``v``."""
         robot, self.command = self.robot, None
         robot.update(q, v)
         self.tau = robot.nle[6:].copy()

@@ -41,7 +41,7 @@ class Gains:
 
 
 class GainSchedule:
-    """Gains for motors by how they answer: those of the configuration for motors that are quick.
+    """Gains by the response of the motors; quick motors have the gains of the configuration.
 
     Two loops go through a motor: its own position loop, which its lag limits, and the tasks of the program, which the
     delay of commands limits, too. Feedback of the program is even over the whole body; that of position loops is not:

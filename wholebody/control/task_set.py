@@ -42,7 +42,7 @@ def make_tasks(spec: RobotSpec, config: ControllerConfig, robot: Robot) -> BodyT
 
 
 def _foot_up(frame: str, config: ControllerConfig) -> FootTask:
-    """A foot that is up has to be where it is to land as a hand at its target: gains and weights are those of hands."""
+    """Task of a foot that is up: gains and weights are those of a hand, which has to meet its target likewise."""
     hand = config.hand
     weights = {"position_weight": hand.position_weight, "orientation_weight": hand.orientation_weight}
     return FootTask(frame, kp=hand.kp, kd=hand.kd, **weights)

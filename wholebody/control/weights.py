@@ -15,7 +15,7 @@ from wholebody.tasks.body_tasks import BodyTasks
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """Weights of the tasks of a body; those of hands and fingers are their own.
+    """Weights of the tasks of a body; hands and fingers have other settings.
 
     Attributes:
         com: Centre of mass per world axis [1/(m/s^2)^2].

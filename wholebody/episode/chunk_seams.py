@@ -74,7 +74,7 @@ class SeamMeter:
 
 
 def commanded_chunk(supervisor: ChunkExecutor, t_obs: float, steps: int, fps: float) -> ActionChunk | None:
-    """What is commanded from a time on, slowed and bent as it was planned, as a chunk.
+    """Chunk that is commanded from a time on, slowed and bent as planned.
 
     Args:
         supervisor: After its last `step`.

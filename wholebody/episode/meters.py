@@ -21,7 +21,7 @@ from wholebody.types import Reason, RobotState, Status, StatusReport
 
 
 class Meters:
-    """What is measured in an episode."""
+    """Measurements of an episode."""
 
     def __init__(self, supervisor: ChunkExecutor, plant: Plant, executor: Executor, start: float) -> None:
         free = executor.policy.spec.orientation_free
@@ -47,7 +47,7 @@ class Meters:
             executor.refused(answer.reason, answer.detail)
 
     def commanded(self, supervisor: ChunkExecutor, state: RobotState) -> None:
-        """Take note of what is commanded in a true state."""
+        """Note the command in a true state."""
         if supervisor.plan_report is not self._plan:
             self._plan = supervisor.plan_report
             self._taken_over(supervisor, state.time)
@@ -77,7 +77,7 @@ class Meters:
         _count(self.result, supervisor, plant, state)
 
     def finish(self, supervisor: ChunkExecutor) -> EpisodeResult:
-        """The result with what was collected along the way."""
+        """Result of the episode, with all that was measured."""
         result, limits = self.result, self._limits
         result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
         result.palms = self._tracking_error.result()

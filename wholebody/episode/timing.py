@@ -47,7 +47,7 @@ class Timing:
 
 
 def timing(result: EpisodeResult) -> Timing:
-    """The numbers of an episode; those of an empty one are zero."""
+    """Timing of an episode; all zero if no chunk came."""
     report, seams = result.execution, result.seams
     if report is None:
         return Timing()

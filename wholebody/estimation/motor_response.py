@@ -167,7 +167,7 @@ class MotorObserver:
 
 
 def _memory(n: int, models: int, groups: int) -> Packed:
-    """What is kept of ``n`` joints, so many models and groups of joints.
+    """Memory for ``n`` joints, a number of models and groups of joints.
 
     ``step`` and ``given`` are the filters, ``of_joint`` and ``of_motor`` the weights of a group's joints in Pinocchio's
     and in motor order, ``kp`` and ``kd`` gains, Pinocchio order. ``commanded`` and ``own`` are states of filters,

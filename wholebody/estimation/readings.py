@@ -45,7 +45,7 @@ class Estimator(Protocol):
     settling: float
 
     def expect(self, contacts: ContactSchedule | None) -> None:
-        """Count on which feet stand when, on the clock of the readings; without a schedule on both, or what is felt."""
+        """Take the schedule of standing feet, on the clock of the readings; None: both stand, or as they feel."""
 
     def reset(self) -> None:
         """Forget the past."""

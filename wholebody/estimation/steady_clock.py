@@ -69,7 +69,7 @@ class SteadyClock:
         return replace(chunk, t_obs=self.steady(chunk.t_obs)) if self.shift else chunk
 
     def advance(self, stamp: float, now: float | None) -> tuple[float, Fault | None]:
-        """Time that has passed since the last call [s], and what is wrong with the clock.
+        """Time that has passed since the last call [s], and the fault of the clock.
 
         Args:
             stamp: Of the newest state [s]; may be any number.
@@ -99,7 +99,7 @@ class SteadyClock:
         return replace(state, time=state.time - self._offset) if self._offset else state
 
     def place(self, state: RobotState) -> tuple[RobotState, Fault | None]:
-        """A state with its time on the steady scale, and what is wrong with that time.
+        """A state with its time on the steady scale, and the fault of that time.
 
         A stamp that is no number is left to who looks at the rest of the state.
         """
@@ -126,7 +126,7 @@ class SteadyClock:
         return placed, (Reason.CLOCK_STEPPED, text)
 
     def fault(self, time: float, now: float) -> Fault | None:
-        """What is wrong with a state of a time, at a present time, both on the steady scale [s]."""
+        """Fault of a state's time at a present time, both on the steady scale [s]."""
         age = now - time
         if age < -FUTURE:
             return Reason.STATE_FROM_FUTURE, f"a state is stamped {-age:.3f} s ahead of the present; {FUTURE} s may be"

@@ -157,7 +157,7 @@ class AsGiven:
                 self._memory.posture[order][self._fingers[i]] = row[first : first + n]
 
     def _body(self, still: SampledTrajectory) -> None:
-        """What is asked of the body: to be at rest in a row."""
+        """Body reference at rest, from one row."""
         memory = self._memory
         memory.row[COM:] = 0.0
         memory.com[:3], memory.height[0], memory.posture[0] = still.com[0, 0], still.height[0, 0], still.q[0, 7:]

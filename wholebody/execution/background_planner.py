@@ -94,13 +94,13 @@ class BackgroundPlanner(Protocol):
     measured: bool
 
     def submit(self, request: PlanRequest) -> None:
-        """Begin to plan; what was asked for before is not wanted any more."""
+        """Begin to plan; an earlier request is cancelled."""
 
     def poll(self, now: float) -> PlanAnswer | None:
         """The answer to the last request, once, if it is there at this time [s]."""
 
     def close(self) -> None:
-        """End; what is being planned is not wanted any more."""
+        """End; the plan under way is cancelled."""
 
 
 class SimulatedPlanner:
@@ -158,7 +158,7 @@ class ThreadPlanner:
         self._thread.start()
 
     def submit(self, request: PlanRequest) -> None:
-        """Hand a request to the thread, which begins as soon as it is done with the one before."""
+        """Hand a request to the thread, which begins once the request before is done."""
         self._wanted = request
         self._requests.put(request)
 
@@ -172,7 +172,7 @@ class ThreadPlanner:
         return answer
 
     def close(self) -> None:
-        """Let the thread end after what it is doing."""
+        """Let the thread end after its present plan."""
         self._wanted = None
         self._requests.put(None)
 

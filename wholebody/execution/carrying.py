@@ -62,7 +62,7 @@ class Carrying:
         """Time of the last state [s]; when what is followed is to be planned anew [s]."""
 
     def reset(self) -> None:
-        """Count on what is told, until something is observed; nothing is touched."""
+        """Count on the configured loads until others are observed; nothing is touched."""
         self.touch.reset()
         if self.observer is not None:
             self.observer.reset()
@@ -123,7 +123,7 @@ class Carrying:
 
     @property
     def changed(self) -> bool:
-        """Whether what is being followed is to be planned anew: loads are others, or something holds a hand back."""
+        """Whether the plan that is followed has to be made anew: loads changed, or something holds a hand back."""
         return self._now >= self._due or self.touch.changed
 
     def planned(self) -> Loads:

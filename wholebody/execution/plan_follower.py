@@ -146,7 +146,7 @@ class PlanFollower:
         return Foreseen(float(now.s), rate, BodyState(planned, v), hands)
 
     def distance(self, q: np.ndarray, planned: np.ndarray | None = None) -> float:
-        """How far a configuration (nq,) is from another one, or from what was planned for the last tick [rad].
+        """Distance of a configuration (nq,) from another one, or from the plan of the last tick [rad].
 
         That of the furthest joint; wrists count less, fingers not at all.
         """

@@ -174,7 +174,7 @@ class Reflex:
         return trajectory
 
     def _sinks(self, state: RobotState) -> bool:
-        """Whether what is above the waist, at rest, asks for more torque of it than plans may."""
+        """Whether the upper body at rest asks for more torque of the waist than plans may."""
         robot = self._controller.robot
         gravity = pin.computeGeneralizedGravity(robot.model, robot.scratch, state.q)[6:][self._waist]
         return bool((np.abs(gravity) > self._share * self._controller.effort_max[self._waist]).any())

@@ -128,7 +128,7 @@ class StateMonitor:
         tick: TickReport | None,
         fault: tuple[Reason, str] | None = None,
     ) -> tuple[RobotState, StatusReport | None]:
-        """The state to go on with, and what is wrong with the measured one.
+        """The state to go on with, and the fault of the measured one.
 
         Args:
             state: As measured; older than the present time by what is to be predicted.
@@ -183,7 +183,7 @@ class StateMonitor:
         return jumped if self._is_jump(state) else None
 
     def _is_jump(self, state: RobotState) -> bool:
-        """Whether a state is impossible after what is known: it is bridged until several in a row agree."""
+        """Whether a state cannot follow from the ones before: it is bridged until several in a row agree."""
         follows, newest, self._newest = self._plausibility.follows, self._newest, state
         last = self._measured if self.bridged == 0.0 else self._predictor.carried(self._measured, state.time)
         period = state.time - newest.time

@@ -94,7 +94,7 @@ class Person:
         loop.executor.reset(loop.task)
 
     def look(self, now: float) -> None:
-        """Show the page an instant if it is time [s], and do what is wanted; waits only in a pause."""
+        """Show the page an instant if it is time [s], and obey the user's commands; waits only in a pause."""
         if self._page is None:
             return
         paused = self._obey()
@@ -108,7 +108,7 @@ class Person:
             self._pause()
 
     def _obey(self) -> bool:
-        """Do what is wanted; whether that is a pause."""
+        """Obey the user's commands; True if one of them is a pause."""
         paused = False
         for wish, numbers in self._page.wishes():
             if wish is UserCommand.PAUSE:
@@ -118,7 +118,7 @@ class Person:
         return paused
 
     def _do(self, wish: UserCommand, numbers: np.ndarray) -> None:
-        """Do what is wanted, within its bounds; what is no number is not done."""
+        """Obey one command within its bounds; NaN is ignored."""
         if not np.isfinite(numbers).all():
             return
         numbers = np.clip(numbers, *BOUNDS.get(wish, (0.0, len(self._sources) - 1.0)))
@@ -137,7 +137,7 @@ class Person:
             self._robot.order(Order(wish.name.lower(), tuple(numbers.tolist()), body))
 
     def _drag(self, targets: np.ndarray) -> None:
-        """Take the palms to where they are held, whatever ran before; a pose that is none is not gone to."""
+        """Take the palms to where the user drags them, whatever ran before; an invalid pose is ignored."""
         if rotation_residual(targets[:, :3, :3]).max() > ROTATION_TOLERANCE:
             return
         hands = next(i for i, policy in enumerate(self._sources) if isinstance(policy, DraggedHands))
@@ -146,7 +146,7 @@ class Person:
         self._sources[hands].targets, self._dragged = targets, True
 
     def _pause(self) -> None:
-        """Let the world stand until it is to go on; for the robot no time passes."""
+        """Pause the world until the user goes on; for the robot no time passes."""
         begin = monotonic()
         self._robot.order(Order("pause"))
         while self._still_paused():

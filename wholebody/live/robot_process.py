@@ -50,7 +50,7 @@ class World:
 
 @dataclass(frozen=True)
 class WorldView:
-    """What there is to see of the world but the robot's configuration.
+    """View of the world apart from the robot's configuration.
 
     Attributes:
         pressure: Centre of pressure of the soles (2,) [m]; None in the air.
@@ -228,7 +228,7 @@ class _Simulation:
             wire.send(self._page, load, pressure, self._plant.objects())
 
     def _obeyed(self) -> bool:
-        """Do what was ordered; whether that is to end."""
+        """Obey an order; True if it is to end."""
         while self._paused or self._orders.poll(0.0):
             order = self._orders.recv()
             if order.what == "end":

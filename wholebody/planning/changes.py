@@ -18,7 +18,7 @@ policy."""
 
 @dataclass(frozen=True)
 class PlanChange:
-    """What was changed in a chunk for one reason.
+    """Change of a chunk for one reason.
 
     Attributes:
         moved: How far a hand is elsewhere for it at each knot, shape (K,), [m].

@@ -42,7 +42,7 @@ class Effort:
         return torque
 
     def strain(self, track: CentroidalTrack, slowdown: float, begun: float) -> float:
-        """Largest torque along a plan, as a share of what its motor gives; infinite of what is not a number.
+        """Largest torque along a plan as a share of its motor's limit; inf if not finite.
 
         Args:
             track: Where the plan goes.

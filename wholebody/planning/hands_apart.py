@@ -155,7 +155,7 @@ class HandsApart:
         self._last: tuple[np.ndarray | None, ...] = (None, None, None)
 
     def parted(self, T_palms: np.ndarray, q_fingers: np.ndarray) -> np.ndarray | None:
-        """The palm poses nearest to those asked for at which hands keep their distance; what was asked last is known.
+        """Palm poses nearest to those asked for at which hands keep their distance; the last answer is kept.
 
         Each knot is looked at from the move of the one before it, and from that of the one after it: where hands cross,
         one of them comes from the side on which they part.

@@ -125,7 +125,7 @@ class StillPostures:
         return self._problem.now.palms
 
     def excess(self) -> np.ndarray:
-        """Largest excess over a bound, that of the arms' torques left out, in terms of its tolerance, shape (K,)."""
+        """Largest excess over a bound in terms of its tolerance, arms' torques left out, shape (K,)."""
         n = len(self._tolerances)
         shares = self._problem.now.violation[:, :n] / self._tolerances
         return np.where(self.enforced[:n] > 0.0, shares, -1.0).max(axis=1)

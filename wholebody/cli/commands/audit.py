@@ -125,7 +125,7 @@ def _summary(found: Sequence[AuditOutcome], folder: Path) -> Iterable[str]:
 
 
 def _noticed(found: Sequence[AuditOutcome]) -> Iterable[str]:
-    """What was odd about inputs, the commonest first: notes that differ in their numbers only are one."""
+    """Notes on inputs, commonest first; notes that differ in their numbers only are counted as one."""
     notes: dict[str, list[str]] = {}
     for one in found:
         subjects = (x["subject"] for x in (one.verdict or {}).get("violations", ()) if x["code"] == "chunk_note")

@@ -38,7 +38,7 @@ def crouch(spec: RobotSpec, model: pin.Model, feet: Feet) -> np.ndarray:
 
 
 def _joints(model: pin.Model, part: str) -> list[int]:
-    """Where in a configuration the left and the right joint of that name are."""
+    """Indices of the left and the right joint of that name in a configuration."""
     names = [f"{side}_{part}_joint" for side in ("left", "right")]
     if missing := [name for name in names if not model.existJointName(name)]:
         raise InputError(

@@ -149,7 +149,7 @@ class Memory(Kind):
 
 @dataclass(frozen=True)
 class Fixed(Kind):
-    """What is known when a kernel is compiled and is no number: a function, a module, None."""
+    """A value known when a kernel is compiled that is not a number: a function, a module, None."""
 
     value: object
 
@@ -178,7 +178,7 @@ def kind_of(argument: object) -> Kind:
 
 
 def entry_of(dtype: np.dtype) -> Stored | Element:
-    """What an array of this dtype holds.
+    """Kind of the entries of an array of this dtype.
 
     Raises:
         KernelError: If kernels read no such entries.

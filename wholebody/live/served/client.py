@@ -80,7 +80,7 @@ class ServedRobot:
         return seen
 
     def see(self) -> Seen:
-        """What there is to see now.
+        """Present view of robot and world.
 
         Raises:
             SimulationError: If the robot's processes ended.

@@ -138,7 +138,7 @@ class InLockstep:
         self._executor.hasten()
 
     def seen(self) -> Seen:
-        """What there is to see now."""
+        """Present view of robot and world."""
         return seen_by(self._loop, self._robot.plant.objects(), self._robot.fall is not None)
 
     def close(self) -> dict[str, object]:

@@ -70,7 +70,7 @@ class PlaceBodies:
 
 @dataclass(frozen=True)
 class Ask:
-    """Wanted: what there is to see now."""
+    """Request for the present view of robot and world."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class End:
 
 @dataclass(frozen=True)
 class Seen:
-    """What there is to see of robot and world.
+    """View of robot and world.
 
     Attributes:
         observation: State of the robot; its time is the robot's own.

@@ -28,7 +28,7 @@ class ServedLoop(Protocol):
         ...
 
     def seen(self) -> Seen:
-        """What there is to see now."""
+        """Present view of robot and world."""
         ...
 
     def reset(self) -> None:

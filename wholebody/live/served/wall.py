@@ -74,7 +74,7 @@ class OnTheWall:
             self._session.loop.executor.hasten()
 
     def seen(self) -> Seen:
-        """What there is to see now."""
+        """Present view of robot and world."""
         loop = self._session.loop
         if (view := wire.newest(self._robot.view)) is not None:
             self._objects = WorldView.of(view).objects

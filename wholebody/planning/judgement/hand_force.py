@@ -43,7 +43,7 @@ class HandForce:
     def of(
         self, chunk: ActionChunk, plan: ChunkPlan, support: SupportPolygon, loads: tuple[float, float]
     ) -> Margin | None:
-        """The least room that a plan leaves to the forces that its chunk tells; None if they are none.
+        """Least room that a plan leaves to the forces of its chunk; None without forces.
 
         Args:
             chunk: Tells forces on hands.

@@ -68,7 +68,7 @@ class Samples:
         return self.missed == 0.0
 
     def add(self, pairs: Pairs, missed: np.ndarray, spent: float) -> None:
-        """Keep what was found, and the CPU time that it took [s]."""
+        """Keep new samples, and the CPU time that they took [s]."""
         self.pairs, self.missed = Pairs.of([self.pairs, pairs]), np.concatenate([self.missed, missed])
         self.spent += spent
         kept = self._path.with_suffix(".part.npz")
@@ -109,7 +109,7 @@ def compute(
     tell: Callable[[str], None],
     at_once: int = PAIRS_A_ROUND,
 ) -> Network:
-    """A network fitted to what is found in a CPU time, that of runs before it counted in.
+    """Network fitted to the samples that a CPU time allows, earlier runs included.
 
     Args:
         spec: The robot.
@@ -154,7 +154,7 @@ def pupil(teachers: list[Network], n: int) -> Network:
 
 
 def _near_the_border(network: Network, n: int, generator: np.random.Generator) -> Pairs:
-    """Pairs drawn with a chance that is the greater the less the network is sure of them."""
+    """Pairs drawn with a probability that grows with the network's uncertainty."""
     pool = draw_often_asked(POOL * n, generator)
     likelihood = likely(logits(network, pool))
     unsure = likelihood * (1.0 - likelihood)

@@ -90,7 +90,7 @@ BODY = _shoulders(), _palms_ahead()
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of palms, n of them.
+    """n pairs of palms.
 
     Attributes:
         points: Palm points in world, left and right, shape (n, 2, 3), [m].

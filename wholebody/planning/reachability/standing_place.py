@@ -154,7 +154,7 @@ def _turns(palms: np.ndarray, headings: np.ndarray) -> np.ndarray:
 
 
 def _costs(bases: np.ndarray, rooms: np.ndarray, palms: np.ndarray, here: np.ndarray) -> np.ndarray:
-    """Steps to each base (n, 3), and less than one for what is left open, shape (n,)."""
+    """Cost of each base (n, 3): steps, plus less than one step for the other terms, shape (n,)."""
     way = np.hypot(bases[:, 0] - here[0], bases[:, 1] - here[1])
     turn = np.abs(_wrapped(bases[:, 2] - here[2]))
     fingers = palms[:, :2, 0].sum(axis=0)
