@@ -98,18 +98,20 @@ class Reason(StrEnum):
         reason._value_, reason.status, reason.sentence = code, status, sentence
         return reason
 
+    @classmethod
+    def _missing_(cls, value: object) -> Reason | None:
+        """Reason that a code of an older version, as a recording has it, is called today."""
+        return RENAMED[value].code if isinstance(value, str) and value in RENAMED else None
+
     # Violations of a verdict, from what ends a motion to what only marks it.
     FALL = "fall", None, "a body other than the feet is on the floor, the pelvis tilted or low, or the joints damped"
     REFUSED = "refused", None, "a chunk was not executed: its reason code, how often, and the first one's sentence"
     OUT_OF_REACH = "out_of_reach", Status.SLOWED, "how far the target of a hand was moved to where the plan gets"
-    MOVED = "moved", None, "how far a palm was commanded from where it was asked to be, for no reason of its own"
-    TURNED = "turned", None, "how far a palm was commanded turned away from what was asked"
+    PALM_MOVED = "palm_moved", None, "how far a palm was commanded from what was asked, for no reason of its own"
     HAND_FORCE = "hand_force", None, "a hand is told to push harder than balance, its arm or its limit allow"
-    NOT_FOLLOWED = "not_followed", None, "a palm left where it was commanded to be"
     TOO_FAST_FOR_BALANCE = "too_fast_for_balance", Status.SLOWED, "how many times slower a chunk was planned"
     FAR_START = "far_start", Status.SLOWED, "a chunk begins far from the hands, which go there within their limits"
     START_OFFSET = "start_offset", None, "the first step is a little off the hands, which go there within their limits"
-    TRACKING_ERROR = "tracking_error", None, "a palm was not where it was asked to be at the time of the step"
     FINGER_LIMIT = "finger_limit", None, "a finger was asked past its range: the end of the range is commanded"
     BALANCE_EDGE = "balance_edge", None, "the centre of pressure came to the edge of the soles"
     TORQUE_LIMIT = "torque_limit", None, "a motor was asked for more than its effort limit for over 0.05 s in all"
@@ -126,7 +128,7 @@ class Reason(StrEnum):
     INTO_FLOOR = "into_floor", Status.SLOWED, "targets below the floor were lifted"
     NOISY_CHUNK = "noisy_chunk", Status.SLOWED, "steps scatter: the curve through them is followed"
     TOUCHING = "touching", Status.SLOWED, "a hand touches something: it pushes no harder than balance allows"
-    TRACKING = "tracking", Status.SLOWED, "the robot lags behind its plan, which waits for it"
+    PALM_MISSED = "palm_missed", Status.SLOWED, "the robot is off its command, late, or so slow that its plan waits"
 
     # There is nothing to follow, or it cannot be used.
     NO_CHUNK = "no_chunk", Status.HOLD, "no chunk has come yet: the stance is held"
@@ -259,3 +261,37 @@ def _check_array(name: str, value: np.ndarray, size: int) -> None:
     if not isfinite(value.dot(value)) and not np.isfinite(value).all():
         i = int(np.flatnonzero(~np.isfinite(value))[0])
         raise InputError(f"{name}[{i}] is {value[i]}; every entry must be finite", field=name, index=i)
+
+
+class PalmCause(StrEnum):
+    """Why a palm was not where it was asked to be: what violations of one code differ in.
+
+    Attributes:
+        code: Reason code of violations with it.
+        sentence: What it says; ``docs/verdict.md`` has the same one.
+    """
+
+    code: Reason
+    sentence: str
+
+    def __new__(cls, name: str, code: Reason, sentence: str) -> PalmCause:
+        """A member with its reason code and sentence."""
+        cause = str.__new__(cls, name)
+        cause._value_, cause.code, cause.sentence = name, code, sentence
+        return cause
+
+    POSITION = "position", Reason.PALM_MOVED, "it was commanded elsewhere"
+    ORIENTATION = "orientation", Reason.PALM_MOVED, "it was commanded turned away"
+    LOST = "lost", Reason.PALM_MISSED, "it left where it was commanded to be"
+    LATE = "late", Reason.PALM_MISSED, "it was not where it was asked to be at the time of the step"
+    WAITING = "waiting", Reason.PALM_MISSED, "the robot lags behind its plan, which waits for it"
+
+
+RENAMED = {
+    "moved": PalmCause.POSITION,
+    "turned": PalmCause.ORIENTATION,
+    "not_followed": PalmCause.LOST,
+    "tracking_error": PalmCause.LATE,
+    "tracking": PalmCause.WAITING,
+}
+"""Reason codes before version 2 of the verdict's JSON, and what violations that had them have as their cause."""

@@ -11,7 +11,7 @@ import typer
 from wholebody.cli.main import app
 from wholebody.config import ControllerConfig
 from wholebody.resources import verdict_schema
-from wholebody.types import Reason
+from wholebody.types import RENAMED, PalmCause, Reason
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = ("models", "policy", "wholebody", "tests", "benchmarks", "examples")
@@ -94,14 +94,22 @@ def test_every_answer_is_explained():
 
 
 def test_the_tables_of_reason_codes_say_what_the_enum_says():
-    text = (ROOT / "docs" / "verdict.md").read_text().partition("## Reason codes")[2]
+    text = (ROOT / "docs" / "verdict.md").read_text().partition("## Reason codes")[2].partition("| Cause |")[0]
     rows = re.findall(r"^\| `(\w+)` \| (?:`(\w+)`|–) \| (.+?) \|", text, re.MULTILINE)
     assert rows == [(reason, reason.status.value if reason.status else "", reason.sentence) for reason in Reason]
 
 
-def test_the_schema_knows_every_reason_code_as_a_violation():
-    codes = json.loads(verdict_schema().read_text())["$defs"]["violation"]["properties"]["code"]["enum"]
-    assert codes == list(Reason)
+def test_the_schema_knows_every_reason_code_as_a_violation_and_every_cause():
+    known = json.loads(verdict_schema().read_text())["$defs"]["violation"]["properties"]
+    assert known["code"]["enum"] == list(Reason)
+    assert known["cause"]["enum"] == [None, *PalmCause]
+
+
+def test_the_tables_of_causes_and_of_old_codes_say_what_the_enums_say():
+    text = (ROOT / "docs" / "verdict.md").read_text()
+    rows = re.findall(r"^\| `(palm_\w+)` \| `(\w+)` \| (.+?) \| (.+?) \| `(\w+)` \|$", text, re.MULTILINE)
+    old = {cause: code for code, cause in RENAMED.items()}
+    assert [(*row[:3], row[4]) for row in rows] == [(one.code, one, one.sentence, old[one]) for one in PalmCause]
 
 
 def test_every_code_of_the_executor_is_a_reason():

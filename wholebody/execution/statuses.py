@@ -84,7 +84,7 @@ def plan_status(report: PlanReport, rate: float, s: float | None = None) -> Stat
     if reason is not None:
         return StatusReport(Status.SLOWED, reason, report.changes[reason].detail)
     if rate < RATE_SAID:
-        return StatusReport(Status.SLOWED, Reason.TRACKING, f"slowed to {rate:.2f} of chunk speed")
+        return StatusReport(Status.SLOWED, Reason.PALM_MISSED, f"slowed to {rate:.2f} of chunk speed")
     return TRACKING
 
 

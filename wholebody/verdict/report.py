@@ -5,30 +5,31 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 
 from wholebody.planning.judgement.limits import Margin
-from wholebody.types import Reason
+from wholebody.types import PalmCause, Reason
 from wholebody.verdict.calibration.odds import Chance, Odds
 from wholebody.verdict.causes import Tick
 from wholebody.verdict.quantity import quantity, size_text
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.violations import MOVING_REASONS, Severity, Violation
+from wholebody.verdict.violations import ELSEWHERE, Severity, Violation
 from wholebody.verdict.why.sentence import change_text
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
-    **dict.fromkeys((*MOVING_REASONS, Reason.MOVED), _MOVED),
-    Reason.TURNED: "{subject} commanded {value} from how it was asked to be turned (bound {bound})",
-    Reason.NOT_FOLLOWED: "{subject} {value} from where it was commanded to be (bound {bound})",
+    **dict.fromkeys(ELSEWHERE, _MOVED),
+    PalmCause.ORIENTATION: "{subject} commanded {value} from how it was asked to be turned (bound {bound})",
+    PalmCause.LOST: "{subject} {value} from where it was commanded to be (bound {bound})",
     Reason.TOO_FAST_FOR_BALANCE: "{subject} {value} (bound {bound})",
-    Reason.TRACKING: "{subject} {value} (bound {bound})",
+    PalmCause.WAITING: "{subject} {value} (bound {bound})",
     Reason.FAR_START: "{subject} {value} from where the hands were (bound {bound})",
     Reason.START_OFFSET: "{subject} {value} from where the hands were (bound {bound})",
-    Reason.TRACKING_ERROR: "{subject} {value} from where it was asked to be (bound {bound})",
+    PalmCause.LATE: "{subject} {value} from where it was asked to be (bound {bound})",
     Reason.FINGER_LIMIT: "{subject} asked to be at {value} (bound {bound})",
     Reason.BALANCE_EDGE: "{subject} {value} inside the soles (bound {bound})",
     Reason.TORQUE_LIMIT: "{subject} asked for {value} (bound {bound})",
@@ -97,11 +98,13 @@ def lines(verdict: Verdict) -> list[str]:
 def _violation_lines(violations: Sequence[Violation]) -> list[str]:
     """A line each, and for each cause one of what came of it, once a code."""
     text = []
-    for cause in (one for one in violations if one.came_of is None):
+    for k, cause in enumerate(violations):
+        if cause.came_of is not None:
+            continue
         text.append(f"  {violation_line(cause)}")
-        counts = Counter(one.code for one in violations if one.came_of is cause.code)
-        if counts and cause is next(one for one in violations if one.code is cause.code):
-            came = (f"{code} {n} times" if n > 1 else code for code, n in counts.items())
+        counts = Counter(map(_name, takewhile(lambda one: one.came_of is not None, violations[k + 1 :])))
+        if counts:
+            came = (f"{name} {n} times" if n > 1 else name for name, n in counts.items())
             text.append(f"    of which came {', '.join(came)}")
     return text
 
@@ -200,14 +203,19 @@ def violation_line(violation: Violation) -> str:
     if violation.step is not None:
         when += f" (step {violation.step})"
     if violation.unit == "s":
-        return f"{violation.code}: {violation.subject}, for {quantity(violation.value, 's')}{when}"
-    if violation.code not in PHRASES:
-        return f"{violation.code}: {violation.subject}{when}"
+        return f"{_name(violation)}: {violation.subject}, for {quantity(violation.value, 's')}{when}"
+    if violation.kind not in PHRASES:
+        return f"{_name(violation)}: {violation.subject}{when}"
     value, bound = (quantity(number, violation.unit) for number in (violation.value, violation.bound))
-    phrase = PHRASES[violation.code].format(subject=violation.subject, value=value, bound=bound)
+    phrase = PHRASES[violation.kind].format(subject=violation.subject, value=value, bound=bound)
     if violation.bound == 0.0 and violation.severity is Severity.NOTE:
         phrase = phrase.removesuffix(f" (bound {bound})")  # nothing is exceeded, it is told all the same
-    return f"{violation.code}: {phrase}{when}"
+    return f"{_name(violation)}: {phrase}{when}"
+
+
+def _name(violation: Violation) -> str:
+    """Code of a violation, and its cause where it has one."""
+    return violation.code if violation.cause is None else f"{violation.code} ({violation.cause})"
 
 
 HEADINGS = ("motion", "fell", "demandable", "within 20 mm", "RMS mm", "max mm", "time factor", "seconds in")

@@ -35,6 +35,8 @@ ANSWERS: dict[Severity, Answer] = {
 """The answer by the worst violation; without any, feasible."""
 WITHIN_20_MM = 0.02
 """Palm error of `Verdict.within_20mm` [m]; definition."""
+SCHEMA = 2
+"""Version of a verdict as JSON; docs/verdict.md says what each one changed."""
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
 
@@ -139,7 +141,7 @@ class Verdict:
         for one in plain["would_do"]:
             del one["chunk"]
         derived = {"violations": [asdict(v) | {"margin": v.margin} for v in self.violations], "headline": self.headline}
-        return plain | derived
+        return {"schema": SCHEMA} | plain | derived
 
 
 def with_why(verdict: Verdict, asked: Verdict) -> Verdict:

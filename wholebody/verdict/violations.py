@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from wholebody.config.verdict import VerdictConfig
 from wholebody.episode.approach import approach_steps
 from wholebody.episode.result import EpisodeResult
 from wholebody.sim.limit_monitor import LimitExcess
-from wholebody.types import Reason, Status
+from wholebody.types import PalmCause, Reason, Status
 
 SLOWDOWN_FEASIBLE = 1.01
 """Time factor up to which a motion counts as unslowed; chosen, no trial is on record."""
@@ -30,10 +31,15 @@ MOVING_REASONS = (
     Reason.OUT_OF_REACH, Reason.INTO_FLOOR, Reason.NOISY_CHUNK, Reason.STEPS_JUMP, Reason.POSTURE_INFEASIBLE,
 )  # fmt: skip
 """Reasons for which a hand is commanded elsewhere than it was asked to be."""
-ORDER = tuple(dict.fromkeys((Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *MOVING_REASONS, *Reason)))
-"""Order of violations that are equally severe: causes before what came of them."""
-HAND_REASONS = (*MOVING_REASONS, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED)
+ELSEWHERE = (*MOVING_REASONS, PalmCause.POSITION)
+"""Kinds of violations in which a hand is commanded elsewhere than it was asked to be."""
+HAND_REASONS = (*ELSEWHERE, PalmCause.ORIENTATION, PalmCause.LOST)
 """What hands are away from what they were asked or commanded: what is farthest past its bound comes first."""
+FIRST = (Reason.FALL, Reason.REFUSED, Reason.NO_CHUNK, *ELSEWHERE, PalmCause.ORIENTATION, Reason.HAND_FORCE)
+THEN = PalmCause.LOST, Reason.TOO_FAST_FOR_BALANCE, Reason.FAR_START, Reason.START_OFFSET, PalmCause.LATE
+REST = (PalmCause.WAITING if reason is Reason.PALM_MISSED else reason for reason in Reason)
+ORDER = tuple(dict.fromkeys((*FIRST, *THEN, *REST)))
+"""Order of the kinds of violations that are equally severe: causes before what came of them."""
 PALMS = ("left palm", "right palm")
 
 
@@ -73,6 +79,7 @@ class Violation:
         value, bound: In SI units.
         unit: ``m``, ``rad``, ``N m``, ``s`` or empty.
         came_of: Code of the violation that it is a consequence of; None where it is none.
+        cause: Why a palm was not where it was asked to be; None of what is about no palm.
     """
 
     code: Reason
@@ -84,6 +91,12 @@ class Violation:
     bound: float = 0.0
     unit: str = ""
     came_of: Reason | None = None
+    cause: PalmCause | None = None
+
+    @property
+    def kind(self) -> Reason | PalmCause:
+        """What it is told and ordered by: its cause, where it has one, or else its code."""
+        return self.cause or self.code
 
     @property
     def margin(self) -> float:
@@ -103,16 +116,16 @@ def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
         *_contacts(result),
         *_notes(result),
     ]
-    codes = {violation.code for violation in found} | {refusal.reason for refusal in result.refusals}
-    found += _reasons(result, codes)
+    kinds = {violation.kind for violation in found} | {refusal.reason for refusal in result.refusals}
+    found += _reasons(result, kinds)
     found.sort(key=_rank)
     return [_with_step(violation, result) for violation in found]
 
 
 def _rank(one: Violation) -> tuple[int, int, float, int]:
     """Where a violation is listed: distances and angles are compared by what share of their bound they are."""
-    severity, place = list(reversed(Severity)).index(one.severity), ORDER.index(one.code)
-    if one.code not in HAND_REASONS or one.bound <= 0.0:
+    severity, place = list(reversed(Severity)).index(one.severity), ORDER.index(one.kind)
+    if one.kind not in HAND_REASONS or one.bound <= 0.0:
         return severity, place, 0.0, place
     return severity, min(map(ORDER.index, HAND_REASONS)), -one.value / one.bound, place
 
@@ -145,23 +158,26 @@ def _starved(result: EpisodeResult) -> Iterator[Violation]:
 def _moved(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
     """Palms commanded elsewhere than asked, or turned away, at the steps' own times: the worst of each reason."""
     palms, first = result.palms, approach_steps(result, bounds)
-    why = [reason if reason in MOVING_REASONS else Reason.MOVED for reason in palms.reasons]
+    why = [reason if reason in MOVING_REASONS else PalmCause.POSITION for reason in palms.reasons]
     limits = bounds.palm_feasible, bounds.palm_repair
-    for code in (*MOVING_REASONS, Reason.MOVED):
-        at = np.array([k for k in range(first, len(why)) if why[k] is code], dtype=int)
+    for kind in ELSEWHERE:
+        at = np.array([k for k in range(first, len(why)) if why[k] is kind], dtype=int)
         if at.size:
-            worst = _worst(code, palms.moved[at], palms.times[at], limits, "m")
-            yield from () if code is Reason.MOVED and worst.severity is Severity.NOTE else (worst,)
+            worst = _worst(kind, palms.moved[at], palms.times[at], limits, "m")
+            yield from () if worst.cause and worst.severity is Severity.NOTE else (worst,)
     turns = np.where(result.orientation_free, 0.0, palms.moved_turns)[first:]
     if turns.size:
-        worst = _worst(Reason.TURNED, turns, palms.times[first:], (bounds.turn_feasible, bounds.turn_repair), "rad")
+        limits = bounds.turn_feasible, bounds.turn_repair
+        worst = _worst(PalmCause.ORIENTATION, turns, palms.times[first:], limits, "rad")
         yield from () if worst.severity is Severity.NOTE else (worst,)
 
 
-def _worst(code: Reason, values: np.ndarray, times: np.ndarray, limits: tuple[float, float], unit: str) -> Violation:
+def _worst(
+    kind: Reason | PalmCause, values: np.ndarray, times: np.ndarray, limits: tuple[float, float], unit: str
+) -> Violation:
     """The largest of values (n, 2), with what it makes of the answer by the bounds of feasible and of repair."""
     if not values.size:
-        return Violation(code=code, severity=Severity.NOTE, subject=PALMS[0], unit=unit)
+        return Violation(**_named(kind), severity=Severity.NOTE, subject=PALMS[0], unit=unit)
     step, side = np.unravel_index(values.argmax(), values.shape)
     value, (feasible, repair) = float(values.max()), limits
     if not value <= repair:
@@ -171,21 +187,26 @@ def _worst(code: Reason, values: np.ndarray, times: np.ndarray, limits: tuple[fl
     else:
         severity, bound = Severity.NOTE, 0.0
     settings = {"subject": PALMS[int(side)], "time": float(times[step]), "value": value, "bound": bound}
-    return Violation(code=code, severity=severity, **settings, unit=unit)
+    return Violation(**_named(kind), severity=severity, **settings, unit=unit)
+
+
+def _named(kind: Reason | PalmCause) -> dict[str, Any]:
+    """Code and cause of a violation of a kind."""
+    return {"code": kind.code, "cause": kind} if isinstance(kind, PalmCause) else {"code": kind}
 
 
 def _lost(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
     """Palms measured elsewhere than commanded, and than asked."""
     palms, first, free = result.palms, approach_steps(result, bounds), result.orientation_free
     lag_turns, turns = (np.where(free, 0.0, x) for x in (palms.lag_turns, palms.turns))
-    followed, asked = (Reason.NOT_FOLLOWED, Severity.INFEASIBLE, 0), (Reason.TRACKING_ERROR, Severity.REPAIR, first)
-    for (code, severity, k), values, bound, unit in (
+    followed, asked = (PalmCause.LOST, Severity.INFEASIBLE, 0), (PalmCause.LATE, Severity.REPAIR, first)
+    for (cause, severity, k), values, bound, unit in (
         (followed, palms.lags, bounds.palm_repair, "m"),
         (followed, lag_turns, bounds.turn_repair, "rad"),
         (asked, palms.errors, bounds.palm_feasible, "m"),
         (asked, turns, bounds.turn_feasible, "rad"),
     ):
-        worst = _worst(code, values[k:], palms.times[k:], (bound, bound), unit)
+        worst = _worst(cause, values[k:], palms.times[k:], (bound, bound), unit)
         if worst.severity is Severity.INFEASIBLE:
             yield replace(worst, severity=severity)
 
@@ -195,9 +216,9 @@ def _slowed(result: EpisodeResult) -> Iterator[Violation]:
         settings = {"subject": "slow-down factor", "time": result.slowed_time, "value": result.slowdown, "bound": 1.0}
         yield Violation(code=Reason.TOO_FAST_FOR_BALANCE, severity=Severity.REPAIR, **settings)
     elif result.time_factor > SLOWDOWN_FEASIBLE:
-        time, _ = result.first_reasons.get(Reason.TRACKING, (None, ""))
+        time, _ = result.first_reasons.get(Reason.PALM_MISSED, (None, ""))
         settings = {"subject": "time factor", "time": time, "value": result.time_factor, "bound": SLOWDOWN_FEASIBLE}
-        yield Violation(code=Reason.TRACKING, severity=Severity.REPAIR, **settings)
+        yield Violation(**_named(PalmCause.WAITING), severity=Severity.REPAIR, **settings)
 
 
 def _start(result: EpisodeResult, bounds: VerdictConfig) -> Iterator[Violation]:
@@ -252,19 +273,20 @@ def _notes(result: EpisodeResult) -> Iterator[Violation]:
         yield Violation(code=code, severity=severity, subject=subject, time=note.time)
 
 
-def _reasons(result: EpisodeResult, known: set[Reason]) -> Iterator[Violation]:
+def _reasons(result: EpisodeResult, known: set[Reason | PalmCause]) -> Iterator[Violation]:
     """Reasons of the controller that no other violation covers: for how long, when first, with which detail.
 
     Before the first chunk there is nothing to follow, and after the last one nothing is starved of anything.
     """
     for reason, seconds in result.reasons.items():
-        if reason in known or reason in (Reason.NO_CHUNK, Reason.STARVED):
+        kind = PalmCause.WAITING if reason is Reason.PALM_MISSED else reason
+        if kind in known or reason in (Reason.NO_CHUNK, Reason.STARVED):
             continue
         time, detail = result.first_reasons.get(reason, (None, reason.sentence))
         # What is said of a slowed status is about the whole plan.
-        detail = reason.sentence if reason.status is Status.SLOWED else detail
+        detail = kind.sentence if reason.status is Status.SLOWED else detail
         severity = REASON_SEVERITY[reason.status]
-        yield Violation(code=reason, severity=severity, subject=detail, time=time, value=seconds, unit="s")
+        yield Violation(**_named(kind), severity=severity, subject=detail, time=time, value=seconds, unit="s")
 
 
 def _first_of_each[T](pairs: Iterable[tuple[str, T]]) -> Iterator[tuple[T, str]]:

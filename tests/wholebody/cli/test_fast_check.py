@@ -95,7 +95,7 @@ def test_a_check_as_given_follows_no_plan(inside, tmp_path):
     done = inside("check", "--as-given", file, "--hold", "0", "--json", "-")
     (verdict,) = json.loads(done.stdout)
     assert (done.returncode, verdict["follow"], verdict["moved_max_m"] < 1e-4) == (1, "as_given", True)
-    assert verdict["violations"][0]["code"] in ("not_followed", "fall")
+    assert verdict["violations"][0]["code"] in ("palm_missed", "fall")
 
 
 def test_many_files_say_how_many_are_judged(inside, tmp_path, monkeypatch):

@@ -179,7 +179,7 @@ def test_6_where_a_filter_moved_the_hands_visibly_it_is_said_and_nowhere_else():
     assert [plan_status(report, 1.0, s).reason for s in steps] == [None, jump, None, None, None]
     assert [report.moved_at(s) for s in steps] == [noise, jump, jump, None, noise]
     assert plan_status(report, 1.0).reason is jump
-    assert plan_status(report, 0.9, 0.4).reason is Reason.TRACKING
+    assert plan_status(report, 0.9, 0.4).reason is Reason.PALM_MISSED
 
 
 def test_the_largest_of_several_steps_counts_at_the_knot_that_is_nearest_to_them():

@@ -6,15 +6,15 @@ import jsonschema
 import pytest
 
 from wholebody.resources import verdict_schema
-from wholebody.types import Reason
+from wholebody.types import PalmCause, Reason
 from wholebody.verdict.consequences import FALLING, folded
 from wholebody.verdict.report import lines, to_json
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity, Violation
 
 
-def one(code, severity, time, subject=""):
-    return Violation(code=code, severity=severity, subject=subject, time=time)
+def one(code, severity, time, subject="", cause=None):
+    return Violation(code=code, cause=cause, severity=severity, subject=subject, time=time)
 
 
 FALL = one(Reason.FALL, Severity.INFEASIBLE, 2.0, "pelvis on the floor")
@@ -49,8 +49,8 @@ def test_hands_that_are_dropped_after_a_chunk_was_not_joined_are_a_consequence_o
 
 def test_what_is_worse_than_what_it_followed_on_is_no_mere_consequence():
     slow = one(Reason.TOO_FAST_FOR_BALANCE, Severity.NOTE, 0.0)
-    late = one(Reason.TRACKING_ERROR, Severity.REPAIR, 1.0)
-    assert came_of([late, slow]) == [(Reason.TRACKING_ERROR, None), (Reason.TOO_FAST_FOR_BALANCE, None)]
+    late = one(Reason.PALM_MISSED, Severity.REPAIR, 1.0, cause=PalmCause.LATE)
+    assert came_of([late, slow]) == [(Reason.PALM_MISSED, None), (Reason.TOO_FAST_FOR_BALANCE, None)]
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -17,7 +17,7 @@ from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import lissajous, reach, wave
 from policy.scripted.policy import minimum_jerk
 from wholebody.episode.run import EpisodeConfig
-from wholebody.types import Reason
+from wholebody.types import PalmCause, Reason
 from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.report import lines
@@ -51,14 +51,14 @@ def replay(file):
 def judged(checker, policy, duration=None):
     source = getattr(policy, "policy", policy)
     verdict, result = checker.check(policy, "input", source.duration if duration is None else duration)
-    return verdict, {violation.code: violation for violation in reversed(verdict.violations)}, result
+    return verdict, {violation.kind: violation for violation in reversed(verdict.violations)}, result
 
 
 def test_1_a_single_step_three_metres_away_is_infeasible(checker):
     """It was "done as given", with no chunk executed: an input of one step is over as soon as it begins."""
     verdict, found, result = judged(checker, replay(chunk_file(1, jump=(3.0, 0.0, 0.0))))
     assert verdict.verdict == "infeasible"
-    assert found[Reason.MOVED].value > 2.9
+    assert found[PalmCause.POSITION].value > 2.9
     assert found[Reason.FAR_START].value == pytest.approx(3.0, abs=0.01)
     assert len(result.execution.deliveries) == 1
 
@@ -140,7 +140,7 @@ def test_3_a_hand_that_cannot_turn_as_asked_is_infeasible_unless_that_is_free(ch
     assert verdict.verdict == answer
     assert verdict.max_m < 0.02
     assert verdict.moved_turn_max_rad > 1.0
-    assert (Reason.TURNED in found) != free
+    assert (PalmCause.ORIENTATION in found) != free
 
 
 @pytest.mark.parametrize("angle", [5.0, 1e4])

@@ -41,7 +41,7 @@ def result(*, errors=0.001, lags=0.001, moved=0.001, reasons=(None,) * 10, **cha
 
 
 def codes(verdict):
-    return [violation.code for violation in verdict.violations]
+    return [violation.kind for violation in verdict.violations]
 
 
 def test_what_is_followed_as_given_is_feasible():
@@ -59,11 +59,11 @@ def test_what_is_followed_as_given_is_feasible():
     [
         ({"slowdown": 1.5, "slowed_time": 2.0}, "too_fast_for_balance"),
         ({"moved": 0.03, "reasons": (Reason.OUT_OF_REACH,) * 10}, "out_of_reach"),
-        ({"moved": 0.03}, "moved"),
-        ({"moved_turns": np.deg2rad(20.0)}, "turned"),
-        ({"errors": 0.03}, "tracking_error"),
-        ({"turns": np.deg2rad(20.0)}, "tracking_error"),
-        ({"time_factor": 1.2}, "tracking"),
+        ({"moved": 0.03}, "position"),
+        ({"moved_turns": np.deg2rad(20.0)}, "orientation"),
+        ({"errors": 0.03}, "late"),
+        ({"turns": np.deg2rad(20.0)}, "late"),
+        ({"time_factor": 1.2}, "waiting"),
         ({"reasons": (Reason.HANDS_DROPPED,) * 10}, "hands_dropped"),
         ({"fingers": {"left_hand_thumb_0_joint": LimitExcess(1.1, 0.2, 5.0, 1.05)}}, "finger_limit"),
         ({"start_jump": (0.4, 0.0)}, "far_start"),
@@ -85,10 +85,10 @@ def test_what_is_executed_with_changes_is_feasible_after_repair(changes, code):
         ({"fall": Fall(2.5, "pelvis at 0.19 m")}, "fall"),
         ({"refusals": [Refusal(1.0, "chunk_invalid", "T_world_lhand has NaN at step 7")]}, "refused"),
         ({"moved": 0.3, "errors": 0.3, "reasons": (Reason.INTO_FLOOR,) * 10}, "into_floor"),
-        ({"moved": 0.3, "errors": 0.3}, "moved"),
-        ({"moved_turns": 1.5, "turns": 1.5}, "turned"),
-        ({"lags": 0.1, "errors": 0.1}, "not_followed"),
-        ({"lag_turns": 1.5, "turns": 1.5}, "not_followed"),
+        ({"moved": 0.3, "errors": 0.3}, "position"),
+        ({"moved_turns": 1.5, "turns": 1.5}, "orientation"),
+        ({"lags": 0.1, "errors": 0.1}, "lost"),
+        ({"lag_turns": 1.5, "turns": 1.5}, "lost"),
     ],
 )
 def test_what_falls_is_refused_lost_or_becomes_another_motion_is_infeasible(changes, code):
@@ -126,7 +126,7 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
         },
     }
     verdict = verdict_of("motion", result(**everything))
-    assert codes(verdict) == ["fall", "tracking_error", "torque_limit", "torque_limit", "out_of_reach"]
+    assert codes(verdict) == ["fall", "late", "torque_limit", "torque_limit", "out_of_reach"]
     assert [one.came_of for one in verdict.violations] == [None, "fall", "fall", "fall", None]
     assert verdict.violations[2].subject == "waist_pitch_joint"
     assert verdict.violations[4].step == 6
@@ -134,11 +134,11 @@ def test_the_worst_comes_first_with_subject_time_step_value_bound_and_unit():
     assert text[:4] == [
         "INFEASIBLE  motion: the robot falls, pelvis at 0.19 m at step 9 (1.30 s)",
         "  fall: pelvis at 0.19 m at 1.30 s (step 9)",
-        "    of which came tracking_error, torque_limit 2 times",
+        "    of which came palm_missed (late), torque_limit 2 times",
         "  out_of_reach: right palm commanded 120 mm from where it was asked to be (bound 50 mm) at 1.20 s (step 6)",
     ]
     assert [violation_line(one) for one in verdict.violations[1:3]] == [
-        "tracking_error: left palm 200 mm from where it was asked to be (bound 20 mm) at 1.00 s (step 0)",
+        "palm_missed (late): left palm 200 mm from where it was asked to be (bound 20 mm) at 1.00 s (step 0)",
         "torque_limit: waist_pitch_joint asked for 48 N m (bound 35 N m) at 1.10 s (step 3)",
     ]
 
@@ -148,7 +148,7 @@ def test_of_hands_what_is_farthest_past_its_own_bound_is_listed_first_and_told()
     moved[2], moved[7] = 0.12, 0.34
     why = [Reason.OUT_OF_REACH] * 5 + [Reason.INTO_FLOOR] * 5
     verdict = verdict_of("motion", result(moved=moved, reasons=why, moved_turns=np.deg2rad(100.0)))
-    assert codes(verdict) == ["into_floor", "turned", "out_of_reach"]
+    assert codes(verdict) == ["into_floor", "orientation", "out_of_reach"]
     assert "left palm at step 7 (1.23 s) led away by 340 mm (bound 50 mm), below the floor" in lines(verdict)[0]
     assert codes(verdict_of("motion", result(moved=moved, reasons=why, fall=Fall(9.0, "x"))))[:2] == [
         "fall",
@@ -224,7 +224,7 @@ def test_2_every_reason_that_the_controller_had_is_a_violation():
     found = result()
     found.reasons, found.first_reasons = seconds, first
     verdict = verdict_of("motion", found)
-    assert set(codes(verdict)) == set(seconds) - {Reason.NO_CHUNK, Reason.STARVED}
+    assert {one.code for one in verdict.violations} == set(seconds) - {Reason.NO_CHUNK, Reason.STARVED}
     assert verdict.verdict == "infeasible", "standing is lost"
     assert "  hands_dropped: balance needs everything: hands give way, for 0.5 s at 2.00 s (step 30)" in lines(verdict)
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))

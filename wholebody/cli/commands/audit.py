@@ -60,6 +60,7 @@ def audit(
     """
     from wholebody.verdict.audit import audit as audits
     from wholebody.verdict.audit import on_ray, workers
+    from wholebody.verdict.verdict import SCHEMA
 
     if not 0 <= jobs <= JOBS_MAX:
         raise ValueError(f"-j is {jobs}; 0 to {JOBS_MAX} inputs can be judged side by side")
@@ -73,7 +74,7 @@ def audit(
         raise ValueError("there is nothing to audit")
     if audited.episodes and not any(is_dataset(name) for name in inputs):
         raise ValueError(f"--episodes {audited.episodes} chooses those of datasets, and no input is one")
-    asked = asdict(audited) | {"config": audited.config.read_text() if audited.config else ""}
+    asked = asdict(audited) | {"schema": SCHEMA, "config": audited.config.read_text() if audited.config else ""}
     asked["assume_spec"] = layout.to_json() if (layout := layout_named(audited.assume_spec, _robot(audited))) else ""
     asked.pop("episodes")
     # Arithmetic of an input has one thread; there are as many processes as cores.

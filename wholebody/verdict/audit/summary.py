@@ -43,10 +43,10 @@ def write_summary(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> None:
     answers, motion = Counter(one.answer for one in outcomes), sum(one.motion_s for one in outcomes)
     counts = ", ".join(f"{answers[name]} {name.replace('_', ' ')}" for name in RANK if answers[name])
     codes = Counter(
-        v["code"]
+        kind
         for one in outcomes
         if one.verdict
-        for v in {v["code"]: v for v in one.verdict["violations"] if v["severity"] != "note"}.values()
+        for kind in {_kind(v) for v in one.verdict["violations"] if v["severity"] != "note"}
     )
     bars = "".join(_bar(code, count, len(outcomes)) for code, count in codes.most_common())
     rows = "\n".join(map(_row, ranked(outcomes)[:ROWS_MAX]))
@@ -58,6 +58,11 @@ def write_summary(folder: str | Path, outcomes: Sequence[AuditOutcome]) -> None:
         f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{left}"
     )
     write_text(Path(folder) / PAGE, listing("wholebody audit", body), errors="backslashreplace")
+
+
+def _kind(violation: dict) -> str:
+    cause = violation.get("cause")
+    return violation["code"] if cause is None else f"{violation['code']} ({cause})"
 
 
 def _bar(code: str, count: int, total: int) -> str:

@@ -21,7 +21,7 @@ CHANCES = ("fall_as_given", "followed")
 """Probabilities that are columns of `EPISODES`, each with the ends of its interval."""
 OF_VIOLATION = (
     *(("code", "string"), ("severity", "string"), ("subject", "string"), ("time", "double"), ("step", "int64")),
-    *(("value", "double"), ("bound", "double"), ("unit", "string"), ("margin", "double")),
+    *(("value", "double"), ("bound", "double"), ("unit", "string"), ("margin", "double"), ("cause", "string")),
 )
 """Columns of `VIOLATIONS` behind the input's, with their types."""
 

@@ -21,7 +21,7 @@ from wholebody.errors import InputError
 from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.planning.judgement.sketch import CHUNKS_AT_ONCE, KINDS, rooms
 from wholebody.planning.reachability.reach_map import ODDS_SURE
-from wholebody.types import RobotState
+from wholebody.types import PalmCause, RobotState
 from wholebody.verdict.fast import FastChecker, checkers
 from wholebody.verdict.given.own_numbers import Free, Numbers, as_given_chunk, stands_in
 from wholebody.verdict.verdict import Verdict
@@ -237,7 +237,7 @@ def score(verdict: Verdict, bounds: VerdictConfig) -> float:
     """
     if verdict.verdict == "feasible":
         return 0.0
-    lost = [one.value for one in verdict.violations if one.unit == "m" and one.code.name == "NOT_FOLLOWED"]
+    lost = [one.value for one in verdict.violations if one.unit == "m" and one.cause is PalmCause.LOST]
     moved = max(verdict.moved_max_m, *lost, 0.0) / bounds.palm_repair
     size = max(moved, verdict.moved_turn_max_rad / bounds.turn_repair, verdict.time_factor - 1.0)
     if verdict.verdict == "feasible_after_repair":

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Protocol
 
 from wholebody.planning.judgement.limits import OF_NUMBERS, Margin
-from wholebody.types import Reason
+from wholebody.types import PalmCause, Reason
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.causes import Why, WouldDo
 from wholebody.verdict.quantity import quantity
-from wholebody.verdict.violations import MOVING_REASONS, Severity, Violation
+from wholebody.verdict.violations import ELSEWHERE, Severity, Violation
 from wholebody.verdict.why.sentence import bound_text, change_text
 
 ANOTHER = "which is another motion"
@@ -19,18 +19,18 @@ WHY_NOT = {
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
     Reason.NO_CHUNK: "nothing of it was executed",
-    **dict.fromkeys((*MOVING_REASONS, Reason.MOVED), f"a hand is moved by {{value}}, {ANOTHER}"),
+    **dict.fromkeys(ELSEWHERE, f"a hand is moved by {{value}}, {ANOTHER}"),
     Reason.INTO_FLOOR: "a hand would go into the floor, and is moved by {value}",
-    Reason.TURNED: "a hand is turned by {value}, which is another motion",
-    Reason.NOT_FOLLOWED: "the hands lose the motion",
+    PalmCause.ORIENTATION: "a hand is turned by {value}, which is another motion",
+    PalmCause.LOST: "the hands lose the motion",
 }
 CHANGES = {
     Reason.TOO_FAST_FOR_BALANCE: "slowed down",
-    Reason.TRACKING: "slowed down",
-    **dict.fromkeys((*MOVING_REASONS, Reason.MOVED), "a hand moved"),
-    Reason.TURNED: "a hand turned",
+    PalmCause.WAITING: "slowed down",
+    **dict.fromkeys(ELSEWHERE, "a hand moved"),
+    PalmCause.ORIENTATION: "a hand turned",
     Reason.FAR_START: "it begins elsewhere",
-    Reason.TRACKING_ERROR: "not everywhere on time",
+    PalmCause.LATE: "not everywhere on time",
     Reason.STARVED: "it waited for chunks",
     Reason.SCENE_CONTACT: "into what stands there",
     Reason.CHANGED_NUMBERS: "some numbers clipped or not followed",
@@ -43,7 +43,7 @@ CHANGES = {
 """Words for what a violation did to the input."""
 LIKELY = 0.5
 """Probability from which a fall is called likely [no unit]; definition."""
-OF_A_HAND = (*MOVING_REASONS, Reason.MOVED, Reason.TURNED, Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR)
+OF_A_HAND = (*ELSEWHERE, PalmCause.ORIENTATION, PalmCause.LOST, PalmCause.LATE)
 """Violations whose subject is a palm, and whose bound is a distance or an angle of it."""
 BECAUSE = {
     Reason.OUT_OF_REACH: "out of reach",
@@ -105,11 +105,11 @@ def summary(verdict: Judged) -> str:
         return "done as given"
     worst = _worst(verdict)
     if verdict.verdict == "infeasible":
-        parts = (WHY_NOT[one.code].format(value=quantity(one.value, one.unit)) for one in worst if one.code in WHY_NOT)
+        parts = (WHY_NOT[one.kind].format(value=quantity(one.value, one.unit)) for one in worst if one.kind in WHY_NOT)
         return next(parts, "it cannot be done")
     if all(one.code is Reason.HANDS_ONLY for one in worst):
         return "the hands do it as given, from where the robot stands"
-    parts = dict.fromkeys(CHANGES[one.code] for one in worst if one.code in CHANGES)
+    parts = dict.fromkeys(CHANGES[one.kind] for one in worst if one.kind in CHANGES)
     return "done, but " + (", ".join(parts) or "not as given")
 
 
@@ -138,7 +138,7 @@ def _detail(verdict: Judged) -> str:
             return f"because {verdict.causes[0].text}"
         if (number := _number(verdict.margins)) is not None and worst[0].code is not Reason.INTO_FLOOR:
             return f"because {number}"
-    first = worst[0] if verdict.verdict == "infeasible" else next((x for x in worst if x.code in OF_A_HAND), worst[0])
+    first = worst[0] if verdict.verdict == "infeasible" else next((x for x in worst if x.kind in OF_A_HAND), worst[0])
     return _violation(first)
 
 
@@ -155,12 +155,12 @@ def _number(margins: list[Margin]) -> str | None:
 def _violation(one: Violation) -> str:
     when = "" if one.step is None else f" at step {one.step}"
     when += "" if one.time is None else f" ({one.time:.2f} s)"
-    if one.code in OF_A_HAND:
+    if one.kind in OF_A_HAND:
         why = f", {BECAUSE[one.code]}" if one.code in BECAUSE else ""
-        away = "off by" if one.code in (Reason.NOT_FOLLOWED, Reason.TRACKING_ERROR) else "led away by"
+        away = "off by" if one.code is Reason.PALM_MISSED else "led away by"
         away = "turned away by" if one.unit == "rad" else away
         value, bound = quantity(one.value, one.unit), quantity(one.bound, one.unit)
-        another = f", {ANOTHER}" if one.severity is Severity.INFEASIBLE and one.code is not Reason.NOT_FOLLOWED else ""
+        another = f", {ANOTHER}" if one.severity is Severity.INFEASIBLE and one.cause is not PalmCause.LOST else ""
         return f"{one.subject}{when} {away} {value} (bound {bound}){why}{another}"
     if one.code is Reason.TOO_FAST_FOR_BALANCE:
         return f"{quantity(one.value, one.unit)} times slower"

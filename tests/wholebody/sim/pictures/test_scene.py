@@ -108,12 +108,24 @@ def test_every_status_has_a_colour():
 
 
 def test_a_recording_tells_the_same():
-    record = made_record(3, detail=np.array([0, 1, 1]), reason=np.array(["", "tracking", ""]))
+    record = made_record(3, detail=np.array([0, 1, 1]), reason=np.array(["", "palm_missed", ""]))
     record["status"][1], record["T_world_palms_measured"][1, 0, 0, 3] = "slowed", 0.03
     record["T_world_palms_asked"][0], record["pressure"][2] = np.nan, np.nan
     first, second, third = (scene_at(record, row) for row in range(3))
     assert first.asked is None
-    assert (second.time, second.status, second.reason, second.detail) == (0.002, Status.SLOWED, Reason.TRACKING, "said")
+    assert (second.time, second.status, second.reason, second.detail) == (
+        0.002,
+        Status.SLOWED,
+        Reason.PALM_MISSED,
+        "said",
+    )
     assert second.errors == pytest.approx([0.03, 0.0])
     assert second.balance_margin == pytest.approx(0.1)
     assert third.pressure is None
+
+
+def test_a_reason_code_of_an_older_recording_is_read_as_what_it_is_called_today():
+    record = made_record(1, reason=np.array(["tracking"]))
+    assert scene_at(record, 0).reason is Reason.PALM_MISSED
+    with pytest.raises(ValueError, match="followed"):
+        Reason("followed")
