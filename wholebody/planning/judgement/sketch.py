@@ -1,14 +1,14 @@
 """Many chunks at once, roughly: how far palms stay from where each asks them to be, all in one call of the kernels.
 
 Each chunk is a row of configurations a fifth of a second apart, found by inverse kinematics from row to row within the
-bounds of a configuration, distances aside. It takes half a millisecond a chunk, and is no plan: what it says is how
-likely one is.
+bounds of a configuration, distances aside; at some of them bodies are then kept apart, too. It takes a millisecond a
+chunk, and is no plan: what it says is how likely one is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, replace
+from dataclasses import astuple, dataclass, replace
 from itertools import batched
 
 import numpy as np
@@ -19,15 +19,16 @@ from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.planning.judgement.limits import Limit
 from wholebody.planning.limit_projection import DEMAND
-from wholebody.planning.reachability.pairs import BOX_HIGH, BOX_LOW, LOAD_KNOWN, MIRROR, TURNS, Pairs, Turn
-from wholebody.planning.reachability.reach_map import ODDS_SURE, ReachabilityMap
+from wholebody.planning.reachability.pairs import HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
+from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap
 from wholebody.robot.palms import palm_points, palm_poses
 from wholebody.trajopt.problem import TrajectoryProblem
 
 ROW_SPACING = 0.2
 """Time from one row to the next [s]; chosen: three knots of a plan."""
-PASSES = 2
-"""Steps of inverse kinematics at a row [no unit]; measured: palms of what can be done are within millimetres then."""
+PASSES, APART = 3, 2
+"""Steps of inverse kinematics at a row, and after those at one where bodies are kept apart, too [no unit]; measured:
+with 2 steps 0.91 of pairs of an infeasible chunk and another one are in their order, with 3 and 2 it is 0.99."""
 CHUNKS_AT_ONCE = 16
 """Chunks of one call [no unit]; chosen: 20 MB of memory, and rows enough that calls take no time."""
 JOIN_SPEED, JOIN_TIME = 1.0, 0.2
@@ -41,6 +42,32 @@ KINDS = (
 """What a sketch tells of a chunk, in this order, each in terms of the most that is done as given."""
 
 
+@dataclass(frozen=True)
+class Reached:
+    """Palms as chunks ask for them, and as near to that as the robot gets; n chunks, r rows.
+
+    Attributes:
+        steps: Which step of a chunk each row is, shape (r,).
+        joined: Whether hands that begin elsewhere are thought to have joined by then, shape (n, r).
+        wanted, palms: Poses of the palm points in world, shape (n, r, 2, 4, 4).
+        excess: Over each bound of a configuration, in the order of `wholebody.trajopt.layout`, positive where one is
+            exceeded for the palms, shape (n, r, n_inequalities), unit of each.
+    """
+
+    steps: np.ndarray
+    joined: np.ndarray
+    wanted: np.ndarray
+    palms: np.ndarray
+    excess: np.ndarray
+
+    def off(self, free: tuple[bool, bool]) -> tuple[np.ndarray, np.ndarray]:
+        """How far palms stay off [m] and turned away [rad], shapes (n, r, 2); 0 before they have joined."""
+        away = self.joined[..., None] * np.linalg.norm(self.palms[..., :3, 3] - self.wanted[..., :3, 3], axis=-1)
+        turned = self.joined[..., None] * angle_between(self.palms[..., :3, :3], self.wanted[..., :3, :3])
+        turned[..., list(free)] = 0.0
+        return away, turned
+
+
 class Sketches:
     """Sketches of chunks that begin alike.
 
@@ -51,7 +78,9 @@ class Sketches:
 
     def __init__(self, planner: ChunkPlanner, moved: float, turned: float) -> None:
         self._planner, self._scale = planner, (moved, turned)
-        self._kept: tuple[tuple, TrajectoryProblem] | None = None
+        # Palms turn sooner than they are moved, as in plans of what cannot be done as given.
+        self._posture = replace(planner.config.posture, orientation=planner.config.orientation_relaxed)
+        self._kept: dict[bool, tuple[tuple, TrajectoryProblem]] = {}
 
     def of(self, chunks: Sequence[ActionChunk], begin: Begin, free: tuple[bool, bool]) -> np.ndarray:
         """What each chunk lacks, shape (n, len(`KINDS`)), whatever the other chunks are.
@@ -59,38 +88,58 @@ class Sketches:
         Args:
             chunks: Valid ones, in any number, of any lengths.
             begin: Where each is begun, with its first step.
-            free: Whether the orientation of the left and of the right palm is free.
+            free: Whether nothing is asked of the left and the right palm's orientation.
         """
         out, alike = np.zeros((len(chunks), len(KINDS))), {}
         for i, chunk in enumerate(chunks):
             alike.setdefault((chunk.fps, len(chunk)), []).append(i)
-        for numbers in alike.values():
+        for (fps, _), numbers in alike.items():
             for some in batched(numbers, CHUNKS_AT_ONCE):
-                out[list(some)] = self._of_alike([chunks[i] for i in some], begin, free)
+                T = np.stack([np.stack([chunks[i].T_world_lhand, chunks[i].T_world_rhand], axis=1) for i in some])
+                T = palm_poses(T, self._planner.offsets)
+                away, turned = self.reached(T, fps, begin).off(free)
+                worst = [values.reshape(len(some), -1).max(axis=1) for values in (away, turned)]
+                lacks = [value / most for value, most in zip(worst, self._scale, strict=True)]
+                out[list(some)] = np.stack([*lacks, *self._rates(T, fps)], axis=1)
         return out
 
-    def _of_alike(self, chunks: Sequence[ActionChunk], begin: Begin, free: tuple[bool, bool]) -> np.ndarray:
-        """Sketches of at most `CHUNKS_AT_ONCE` chunks of as many steps at one rate."""
-        planner, n, H, fps = self._planner, len(chunks), len(chunks[0]), chunks[0].fps
-        T = np.stack([np.stack([one.T_world_lhand, one.T_world_rhand], axis=1) for one in chunks])
-        T, stride = palm_poses(T, planner.offsets), max(round(ROW_SPACING * fps), 1)
+    def reached(self, T_palms: np.ndarray, fps: float, begin: Begin, every: float | None = None) -> Reached:
+        """Where the robot gets with its palms, at the middle and the last row, or at all rows some time apart.
+
+        Args:
+            T_palms: Poses of the palm points in world that at most `CHUNKS_AT_ONCE` chunks ask for, shape (n, H, 2, 4, 4).
+            fps: Steps a second [Hz].
+            begin: Where each chunk is begun, with its first step.
+            every: Time from one row to the next [s]; `ROW_SPACING`, and two rows are told of, if not given.
+        """
+        (n, H), stride = T_palms.shape[:2], max(round((every or ROW_SPACING) * fps), 1)
         steps = np.unique(np.append(np.arange(stride, H, stride), H - 1))
-        rows, body = 1 + len(steps), planner.optimizer.body
-        begins, wanted, joined = self._asked(T, steps, fps, begin)
-        problem = self._problem(len(begins), stride / fps)
-        problem.enforced[:] = 1.0
-        fingers = np.tile(begin.body.q[body.fingers], (len(begins), 1))
-        problem.begin(wanted, fingers, np.zeros_like(body.rates_of(begin.body.v)))
-        problem.now.q[:] = body.body_of(begin.body.q)
-        problem.set_weights(planner.config.posture, 1.0)
+        begins, wanted, joined = self._asked(T_palms, steps, fps, begin)
+        problem = self._problem(len(begins), stride / fps, first=True)
+        self._begin(problem, wanted, begin)
+        problem.now.q[:] = self._planner.optimizer.body.body_of(begin.body.q)
         problem.follow_rows(begins, PASSES)
-        own = slice(1, 1 + n * rows)
-        palms, wanted, counts = problem.palms()[own], wanted[own], joined[own, None]
-        off = counts * np.linalg.norm(palms[:, :, :3, 3] - wanted[:, :, :3, 3], axis=2) / self._scale[0]
-        turned = counts * angle_between(palms[:, :, :3, :3], wanted[:, :, :3, :3]) / self._scale[1]
-        turned[:, list(free)] = 0.0
-        worst = [values.reshape(n, -1).max(axis=1) for values in (off, turned)]
-        return np.stack([*worst, *self._rates(T, fps)], axis=1)
+        rows = np.arange(len(steps)) if every else np.unique([len(steps) // 2, len(steps) - 1])
+        chosen = (2 + np.arange(n)[:, None] * (1 + len(steps)) + rows).ravel()
+        near = self._problem(len(chosen), stride / fps, first=False)
+        self._begin(near, wanted[chosen], begin)
+        near.now.q[:] = problem.now.q[chosen]
+        for _ in range(APART):
+            near.evaluate_still()
+            for k in range(len(chosen)):
+                near.still_step(k)
+        shaped = [
+            values.reshape(n, len(rows), *values.shape[1:])
+            for values in (joined[chosen], wanted[chosen], near.palms().copy(), near.now.violation.copy())
+        ]
+        return Reached(steps[rows], *shaped)
+
+    def _begin(self, problem: TrajectoryProblem, wanted: np.ndarray, begin: Begin) -> None:
+        """Ask for palms (K, 2, 4, 4), with all bounds."""
+        body, config = self._planner.optimizer.body, self._posture
+        fingers = np.tile(begin.body.q[body.fingers], (len(wanted), 1))
+        problem.begin(wanted, fingers, np.zeros_like(body.rates_of(begin.body.v)))
+        problem.set_weights(config, 1.0)
 
     def _asked(self, T: np.ndarray, steps: np.ndarray, fps: float, begin: Begin) -> tuple[np.ndarray, ...]:
         """Rows that begin a motion (K,), palms of each (K, 2, 4, 4), and whether the palms have to be there (K,).
@@ -122,14 +171,13 @@ class Sketches:
                 out.append(values.max(axis=1, initial=0.0) * fps ** (order + 1) / (share * bound))
         return out
 
-    def _problem(self, K: int, dt: float) -> TrajectoryProblem:
-        """Memory for so many rows, kept for the next time."""
-        planner = self._planner
-        key = K, dt, len(planner.optimizer.body.tables.normals)
-        if self._kept is None or self._kept[0] != key:
-            posture = replace(planner.config.posture, dt=dt)
-            self._kept = key, TrajectoryProblem(planner.optimizer.body, posture, K)
-        return self._kept[1]
+    def _problem(self, K: int, dt: float, *, first: bool) -> TrajectoryProblem:
+        """Memory for so many rows, kept for the next time; another one for the first steps than for the others."""
+        body = self._planner.optimizer.body
+        key = K, dt, len(body.tables.normals)
+        if first not in self._kept or self._kept[first][0] != key:
+            self._kept[first] = key, TrajectoryProblem(body, replace(self._posture, dt=dt), K)
+        return self._kept[first][1]
 
 
 def rooms(
@@ -144,7 +192,7 @@ def rooms(
         loads: Masses in the left and right hand [kg].
 
     Returns:
-        Logarithms of odds, `ODDS_SURE` at most; of palms outside the box that it knows, those where they leave it.
+        Logarithms of odds, `SURE` at most; of palms outside the box that it knows, those where they leave it.
     """
     T = np.empty((len(chunks), MAPPED, 2, 4, 4))
     for one, chunk in zip(T, chunks, strict=True):
@@ -152,8 +200,8 @@ def rooms(
         one[:, 0], one[:, 1] = chunk.T_world_lhand[steps], chunk.T_world_rhand[steps]
     points = palm_points(T, offsets).reshape(-1, 2, 3)
     for side, mirror in enumerate((np.eye(3), MIRROR)):
-        points[:, side] = np.clip(points[:, side] @ mirror, BOX_LOW, BOX_HIGH) @ mirror
+        points[:, side] = np.clip(points[:, side] @ mirror, LOW, HIGH) @ mirror
     n = len(points)
     carried = np.tile(np.minimum(loads, LOAD_KNOWN), (n, 1))
     pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), carried)
-    return np.minimum(known.rooms(pairs), ODDS_SURE).reshape(len(chunks), MAPPED).min(axis=1)
+    return np.minimum(known.rooms(pairs), SURE).reshape(len(chunks), MAPPED).min(axis=1)

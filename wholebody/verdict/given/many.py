@@ -28,9 +28,9 @@ from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.explainer import TRY_WORK, holds_as_given
 from wholebody.verdict.why.headline import summary
 
-LACKS, SCORES = (0.0, 1.0, 2.0, 3.2, 4.2, 5.5, 7.6, 10.0, 14.0), (0.005, 0.01, 0.06, 0.1, 0.3, 0.6, 1.0, 1.5, 2.0)
+LACKS, SCORES = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.5, 5.0, 7.0, 13.4), (0.001, 0.03, 0.26, 0.6, 0.85, 1.1, 1.6, 2.3, 3.2, 4.0)
 """What a sketch lacks most, in terms of the most that is done as given, and the score of it [no unit]; measured:
-isotonic regression of the scores of verdicts, of 720 chunks of 45 sets of `tests.support.sampled_chunks`."""
+isotonic regression of the scores of verdicts, of 960 chunks of 60 sets of `tests.support.sampled_chunks`."""
 STEEP = 0.125
 """Score for each more that a sketch lacks [no unit]; derived: the last two of those."""
 CUT = 4.0
