@@ -21,6 +21,7 @@ NEED_LEROBOT = [
     "policy/dataset/*",
     "policy/recorded/test_dataset_replay.py",
     "project/test_readme_commands.py",
+    "wholebody/guide/*",
     "wholebody/cli/test_audit_dataset.py",
     "wholebody/cli/test_dataset.py",
     "wholebody/cli/test_lerobot_doctor.py",

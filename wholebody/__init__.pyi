@@ -24,6 +24,8 @@ from wholebody.estimation.state_estimator import StateEstimator as StateEstimato
 from wholebody.execution.background_planner import ThreadPlanner as ThreadPlanner
 from wholebody.execution.planner_process import PlannerProcess as PlannerProcess
 from wholebody.execution.supervisor import Supervisor as Supervisor
+from wholebody.guide.denoising import guided as guided
+from wholebody.guide.guide import Guide as Guide
 from wholebody.live.loop import ControlLoop as ControlLoop
 from wholebody.live.robot_link import RobotLink as RobotLink
 from wholebody.live.robot_process import RobotProcess as RobotProcess

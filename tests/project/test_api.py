@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "api.md").read_text()
 ELSEWHERE = {
     "LeRobotPolicy": "tests/policy/lerobot/test_policy_contract.py",
+    "guided": "tests/wholebody/guide/test_denoising.py",
     "warm_up": "tests/wholebody/episode/test_warm_up.py",
 }
 """Names whose lines need torch or take long, and what runs them."""

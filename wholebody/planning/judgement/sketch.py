@@ -15,14 +15,17 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between, matrix_to_rotvec
+from wholebody.config import TrajectoryConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.chunk_judge import Begin
 from wholebody.planning.judgement.limits import Limit
 from wholebody.planning.limit_projection import DEMAND
-from wholebody.planning.reachability.pairs import HIGH, LOAD_KNOWN, LOW, MIRROR, TURNS, Pairs, Turn
-from wholebody.planning.reachability.reach_map import SURE, ReachabilityMap
+from wholebody.planning.reachability.pairs import BOX_HIGH, BOX_LOW, LOAD_KNOWN, MIRROR, TURNS, Pairs, Turn
+from wholebody.planning.reachability.reach_map import ODDS_SURE, ReachabilityMap
 from wholebody.robot.palms import palm_points, palm_poses
+from wholebody.trajopt.layout import COM_EDGE
 from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.weights import tolerances
 
 ROW_SPACING = 0.2
 """Time from one row to the next [s]; chosen: three knots of a plan."""
@@ -50,8 +53,8 @@ class Reached:
         steps: Which step of a chunk each row is, shape (r,).
         joined: Whether hands that begin elsewhere are thought to have joined by then, shape (n, r).
         wanted, palms: Poses of the palm points in world, shape (n, r, 2, 4, 4).
-        excess: Over each bound of a configuration, in the order of `wholebody.trajopt.layout`, positive where one is
-            exceeded for the palms, shape (n, r, n_inequalities), unit of each.
+        excess: Over the bounds of a configuration, in the order of `wholebody.trajopt.layout` up to the edges of the
+            support and in terms of their tolerances, positive where one is exceeded for the palms, shape (n, r, m).
     """
 
     steps: np.ndarray
@@ -74,12 +77,16 @@ class Sketches:
     Args:
         planner: Holds robot, bounds, loads and where the feet stand.
         moved, turned: How far a palm may be off, and turned away [m], [rad].
+        posture: What inverse kinematics weigh; as plans that turn palms first, if not given.
     """
 
-    def __init__(self, planner: ChunkPlanner, moved: float, turned: float) -> None:
+    def __init__(
+        self, planner: ChunkPlanner, moved: float, turned: float, posture: TrajectoryConfig | None = None
+    ) -> None:
         self._planner, self._scale = planner, (moved, turned)
         # Palms turn sooner than they are moved, as in plans of what cannot be done as given.
-        self._posture = replace(planner.config.posture, orientation=planner.config.orientation_relaxed)
+        relaxed = replace(planner.config.posture, orientation=planner.config.orientation_relaxed)
+        self._posture = posture or relaxed
         self._kept: dict[bool, tuple[tuple, TrajectoryProblem]] = {}
 
     def of(self, chunks: Sequence[ActionChunk], begin: Begin, free: tuple[bool, bool]) -> np.ndarray:
@@ -88,7 +95,7 @@ class Sketches:
         Args:
             chunks: Valid ones, in any number, of any lengths.
             begin: Where each is begun, with its first step.
-            free: Whether nothing is asked of the left and the right palm's orientation.
+            free: Whether the orientation of the left and of the right palm is free.
         """
         out, alike = np.zeros((len(chunks), len(KINDS))), {}
         for i, chunk in enumerate(chunks):
@@ -107,7 +114,8 @@ class Sketches:
         """Where the robot gets with its palms, at the middle and the last row, or at all rows some time apart.
 
         Args:
-            T_palms: Poses of the palm points in world that at most `CHUNKS_AT_ONCE` chunks ask for, shape (n, H, 2, 4, 4).
+            T_palms: Poses of the palm points in world that chunks ask for, at most `CHUNKS_AT_ONCE` of them, shape
+                (n, H, 2, 4, 4).
             fps: Steps a second [Hz].
             begin: Where each chunk is begun, with its first step.
             every: Time from one row to the next [s]; `ROW_SPACING`, and two rows are told of, if not given.
@@ -128,10 +136,10 @@ class Sketches:
             near.evaluate_still()
             for k in range(len(chosen)):
                 near.still_step(k)
-        shaped = [
-            values.reshape(n, len(rows), *values.shape[1:])
-            for values in (joined[chosen], wanted[chosen], near.palms().copy(), near.now.violation.copy())
-        ]
+        n_edges = len(self._planner.optimizer.body.tables.normals)
+        palms, m = near.palms().copy(), COM_EDGE + n_edges
+        excess = near.now.violation[:, :m] / tolerances(n_edges)[:m]
+        shaped = [x.reshape(n, len(rows), *x.shape[1:]) for x in (joined[chosen], wanted[chosen], palms, excess)]
         return Reached(steps[rows], *shaped)
 
     def _begin(self, problem: TrajectoryProblem, wanted: np.ndarray, begin: Begin) -> None:
@@ -192,7 +200,7 @@ def rooms(
         loads: Masses in the left and right hand [kg].
 
     Returns:
-        Logarithms of odds, `SURE` at most; of palms outside the box that it knows, those where they leave it.
+        Logarithms of odds, `ODDS_SURE` at most; of palms outside the box that it knows, those where they leave it.
     """
     T = np.empty((len(chunks), MAPPED, 2, 4, 4))
     for one, chunk in zip(T, chunks, strict=True):
@@ -200,8 +208,8 @@ def rooms(
         one[:, 0], one[:, 1] = chunk.T_world_lhand[steps], chunk.T_world_rhand[steps]
     points = palm_points(T, offsets).reshape(-1, 2, 3)
     for side, mirror in enumerate((np.eye(3), MIRROR)):
-        points[:, side] = np.clip(points[:, side] @ mirror, LOW, HIGH) @ mirror
+        points[:, side] = np.clip(points[:, side] @ mirror, BOX_LOW, BOX_HIGH) @ mirror
     n = len(points)
     carried = np.tile(np.minimum(loads, LOAD_KNOWN), (n, 1))
     pairs = Pairs(points, np.full(n, TURNS.index(Turn.ANY)), carried)
-    return np.minimum(known.rooms(pairs), SURE).reshape(len(chunks), MAPPED).min(axis=1)
+    return np.minimum(known.rooms(pairs), ODDS_SURE).reshape(len(chunks), MAPPED).min(axis=1)

@@ -28,7 +28,10 @@ from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.explainer import TRY_WORK, holds_as_given
 from wholebody.verdict.why.headline import summary
 
-LACKS, SCORES = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.5, 5.0, 7.0, 13.4), (0.001, 0.03, 0.26, 0.6, 0.85, 1.1, 1.6, 2.3, 3.2, 4.0)
+LACKS, SCORES = zip(
+    (0.0, 0.001), (0.5, 0.03), (1.0, 0.26), (1.5, 0.6), (2.0, 0.85), (2.5, 1.1), (3.5, 1.6), (5.0, 2.3), (7.0, 3.2),
+    (13.4, 4.0), strict=True,
+)  # fmt: skip
 """What a sketch lacks most, in terms of the most that is done as given, and the score of it [no unit]; measured:
 isotonic regression of the scores of verdicts, of 960 chunks of 60 sets of `tests.support.sampled_chunks`."""
 STEEP = 0.125

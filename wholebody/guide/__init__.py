@@ -1,0 +1,1 @@
+"""Costs of action chunks with gradients, for policies that are guided or trained by what the robot can do."""
