@@ -39,7 +39,7 @@ def guided(policy: LeRobotPolicy, guide: Guide, *, strength: float = 1.0, since:
     """
     model = getattr(policy.checkpoint.network, "model", None)
     denoise = getattr(model, "denoise_step", None)
-    if denoise is None or not hasattr(policy.checkpoint.network.config, "max_action_dim"):
+    if model is None or denoise is None or not hasattr(policy.checkpoint.network.config, "max_action_dim"):
         raise InputError(f"'{policy.checkpoint.network.config.type}' does not denoise step by step; pi0 and pi05 do")
     if policy.spec.hash != guide.spec.hash:
         raise InputError(
