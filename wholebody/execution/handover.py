@@ -21,6 +21,14 @@ WAIT = 0.1
 is on record."""
 RATE_MIN = 0.05
 """Share of its speed along a plan below which that is as good as at rest; chosen, no trial is on record."""
+QUICK = 5
+"""Plans in a row, each there in half of the lead, before that is halved; chosen: at one or two a second they see every
+part of a motion that repeats itself. A single one says little: the next may take three times as long, and is cut short.
+"""
+NEAR = 0.02
+"""Distance of a palm from the chunk up to which a plan that was cut short takes over from another one [m]; chosen: what
+is further off is another place.
+"""
 ROUNDING = 1e-6
 """Difference of two parameters that is rounding [s]; chosen: far below a tick."""
 
@@ -63,7 +71,7 @@ class Handover:
 
     def reset(self) -> None:
         """Begin an episode."""
-        self.lead, self.late, self.planning_time = self._config.lead, 0, 0.0
+        self.lead, self.late, self.planning_time, self._quick = self._config.lead, 0, 0.0, 0
         self.cancel()
 
     def cancel(self) -> None:
@@ -72,11 +80,17 @@ class Handover:
         self._asked: PlanRequest | None = None
         self._ready: tuple[PlanRequest, ChunkPlan] | None = None
         self._dropped: ActionChunk | None = None
+        self._outrun = False
 
     @property
     def busy(self) -> bool:
         """Whether a plan is being computed or waits for its time."""
         return self._states.now is not State.IDLE
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether plans have come late, so that they are asked for earlier than the configuration has it."""
+        return self.lead > self._config.lead
 
     @property
     def cpu_limit(self) -> float:
@@ -98,7 +112,8 @@ class Handover:
     def collect(self, now: float, followed: float) -> PlanAnswer | None:
         """What has come of the request, to be settled. A plan that is too late is dropped and doubles the lead.
 
-        So does one that would have been another with more time; it is dropped if it is not safe.
+        So does one that would have been another with more time; it is dropped if it is not safe, or leads the palms
+        elsewhere while there is a plan to go on with.
 
         Args:
             now: Present time [s].
@@ -111,20 +126,34 @@ class Handover:
         self._asked, self.planning_time = None, answer.took
         late, plan = followed > request.due + 0.5 * self._dt, answer.plan
         short = plan is not None and plan.report.timed_out and self.lead < self._config.lead_max
-        unsafe = plan is not None and not plan.report.safe
+        bad = plan is not None and not plan.report.safe
+        if short and request.before is not None:
+            bad = bad or plan.report.tracking_error.max() > NEAR
+        self._quick = 0 if late or short or now - request.asked >= 0.5 * self.lead else self._quick + 1
         if late or short:
             self.lead = min(2.0 * max(self.lead, self._dt), self._config.lead_max)
-        if late or (short and unsafe):
+        if late or (short and bad):
             self._states.on(Event.LATE)
             self.late += 1
             self._dropped = request.chunk
             return None
-        if not short and now - request.asked < 0.5 * self.lead:
-            self.lead = max(0.5 * self.lead, self._config.lead)
+        if self._quick == QUICK:
+            self.lead, self._quick = max(0.5 * self.lead, self._config.lead), 0
         return answer
 
-    def settle(self, request: PlanRequest, plan: ChunkPlan | None) -> None:
-        """Keep the plan of a request that was collected until it is due; None where it is not to be followed."""
+    def settle(
+        self, request: PlanRequest, plan: ChunkPlan | None, newer: ActionChunk | None = None, now: float = 0.0
+    ) -> None:
+        """Keep the plan of a request that was collected until it is due; None where it is not to be followed.
+
+        Where plans come late, one that would be over before another could follow it is left for that of a newer chunk,
+        once in a row: asked for now [s] instead of when the first one is due, it is there before its chunk is over, and
+        so are all later ones.
+        """
+        ends = float(request.chunk.times[-1])
+        over = self.is_slow and newer is not None and ends < request.due + self.lead
+        self._outrun = over and float(newer.times[-1]) > max(ends, now + self.lead) and not self._outrun
+        plan = None if self._outrun else plan
         self._states.on(Event.REFUSED if plan is None else Event.CLEARED)
         self._ready = None if plan is None else (request, plan)
 

@@ -25,6 +25,8 @@ from wholebody.types import RobotState
 NO_PATH, NO_EDGES = np.zeros(0), np.zeros((0, 3))
 WRIST_WEIGHT = 1.0 / 3.0
 """Weight of the distance of a wrist joint from the plan; chosen: little mass hangs on it."""
+SHARE_MIN = 0.05
+"""Least share of its speed to which a chunk is stretched; chosen: as good as at rest."""
 ELAPSED_MAX = 1.0
 """Longest time that is followed in one tick [s]; what lies further back is left out; chosen, no trial is on record."""
 
@@ -86,7 +88,7 @@ class PlanFollower:
             settings[name] = getattr(safety, name)
         clock.rate = clock.share = clock.trust = 1.0
         self.row = np.zeros(row_length(robot.n_joints))
-        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory), NO_PATH, NO_PATH)
+        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, kernel.records(trajectory), NO_PATH, NO_PATH)
         offsets = palm_offsets(spec)
         self._smoothing = kernel.Smoothing(smoother.state, np.array(rest), np.array(rest), smoother.limits, offsets)
         for motion, offset, part in zip(smoother.motion.rows, offsets, self._palm_rows(), strict=True):
@@ -100,7 +102,7 @@ class PlanFollower:
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
         compiled = kernel.follow, kernel.foresee
         self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
-        self._dt, self._standing, self._hands_ahead = config.dt, False, False
+        self._dt, self._standing, self._hands_ahead, self._stretched = config.dt, False, False, 1.0
 
     @property
     def s(self) -> float:
@@ -122,6 +124,16 @@ class PlanFollower:
         """Whether the trunk sinks: a joint of the waist has had no torque left for long, the body is off its plan."""
         return self.trust < 1.0 and self._saturation.sinks
 
+    @property
+    def waits(self) -> bool:
+        """Whether the chunk is followed more slowly for the next plan to be there before it is over."""
+        return self._stretched < 1.0
+
+    def stretch(self, seconds: float) -> None:
+        """Follow the rest of the chunk so slowly that it lasts for so long [s]; one that is over goes on to rest."""
+        left, asked = self._settings[0].last_step - self.s, self._settings[0].plan_rate * seconds
+        self._stretched = float(max(left / asked, SHARE_MIN)) if 0.0 < left < asked else 1.0
+
     def foreseen(self, ticks: int, state: RobotState | None = None) -> Foreseen:
         """What will be followed so many control periods from now; 0 for now.
 
@@ -131,6 +143,7 @@ class PlanFollower:
                 along other paths, with arms that follow them.
         """
         clock, smoothing = self._clock.copy(), self._smoothing
+        clock["share"] = np.minimum(clock["share"], self._stretched)
         smoothing = smoothing._replace(state=smoothing.state.copy(), target=smoothing.target.copy())
         self._foresee(self._plan, clock, smoothing, ticks)
         settings, now, rows = self._settings[0], clock[0], self._plan.trajectory
@@ -197,14 +210,14 @@ class PlanFollower:
             beyond: How far past its start it is taken over [s].
             speed_fraction: Of its speed at which it is taken over, 0 to 1.
         """
-        left, right = plan.paths
-        self._plan = kernel.Plan(self._settings, left.flat, right.flat, records(plan.trajectory), NO_PATH, NO_PATH)
+        (left, right), rows = plan.paths, kernel.records(plan.trajectory)
+        self._plan = kernel.Plan(self._settings, left.flat, right.flat, rows, NO_PATH, NO_PATH)
         settings, clock = self._settings[0], self._clock[0]
         settings.moving, settings.plan_rate, settings.grid_start = 1.0, plan.rate, plan.trajectory.start
         settings.last_step = last
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
-        settings.leash[:], self._hands_ahead = 0.0, False
+        settings.leash[:], self._hands_ahead, self._stretched = 0.0, False, 1.0
         self._count_arms(1.0)
         if self._standing:
             self._saturation.begin_anew()
@@ -247,7 +260,7 @@ class PlanFollower:
             rows: Where the hands come to rest, (2, 40).
             holds: Whether the hands are held there, after a walk; otherwise they are let go of.
         """
-        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, records(trajectory), NO_PATH, NO_PATH)
+        self._plan = kernel.Plan(self._settings, NO_PATH, NO_PATH, kernel.records(trajectory), NO_PATH, NO_PATH)
         self._settings[0].moving, self._settings[0].leash[:], self._hands_ahead = 0.0, 0.0, False
         self._smoothing.target[:] = rows
         self._standing = not holds
@@ -279,7 +292,7 @@ class PlanFollower:
         left, right = self._saturation.trust(controller.tau, palms, self.row, float(elapsed))
         self._follow(
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity, palms, self.row,
-            float(elapsed), float(allowed),
+            float(elapsed), min(allowed, self._stretched),
         )  # fmt: skip
         most = kernel.TRUST_MIN if self._standing else self.trust
         if self._saturation.waist_is_spent:
@@ -291,17 +304,3 @@ class PlanFollower:
 def _weights(spec: RobotSpec) -> np.ndarray:
     """Weight of each joint's distance from the plan, by the mass that it moves, shape (n_joints,), motor order."""
     return np.where(spec.is_finger, 0.0, np.where(spec.parts("wrist"), WRIST_WEIGHT, 1.0))
-
-
-def records(trajectory: SampledTrajectory) -> np.ndarray:
-    """A trajectory as `kernel.follow` reads it: all that belongs to a point of the grid side by side."""
-    n, n_joints = trajectory.ddq.shape
-    rows = np.zeros(n, kernel.trajectory_row(n_joints))
-    for name in ("q", "v", "ddq"):
-        rows[name] = getattr(trajectory, name)
-    for name in ("com", "momentum"):
-        rows[name] = getattr(trajectory, name).transpose(1, 0, 2)
-    rows["height"] = trajectory.height.T
-    for name in ("pelvis", "torso"):
-        rows[name] = np.concatenate([part.reshape(n, -1) for part in getattr(trajectory, name)], axis=1)
-    return rows

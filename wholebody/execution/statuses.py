@@ -72,19 +72,21 @@ def chunk_fault(chunk: ActionChunk, after: ActionChunk | None, now: float, robot
     return None
 
 
-def plan_status(report: PlanReport, rate: float, s: float | None = None) -> StatusReport:
+def plan_status(report: PlanReport, rate: float, s: float | None = None, *, waits: bool = False) -> StatusReport:
     """Status while a plan is followed.
 
     Args:
         report: Of the plan.
         rate: Speed along the chunk, 1 being its own.
         s: Where it is followed [s]: the status is of what a person sees there. If not given, it is of the whole chunk.
+        waits: Whether it is slow for the next plan, which would come after its chunk is over.
     """
     reason = next(iter(report.changes), None) if s is None else report.seen_at(s)
     if reason is not None:
         return StatusReport(Status.SLOWED, reason, report.changes[reason].detail)
     if rate < RATE_SAID:
-        return StatusReport(Status.SLOWED, Reason.PALM_MISSED, f"slowed to {rate:.2f} of chunk speed")
+        why = ", for the next plan comes late" if waits else ""
+        return StatusReport(Status.SLOWED, Reason.PALM_MISSED, f"slowed to {rate:.2f} of chunk speed{why}")
     return TRACKING
 
 
@@ -116,7 +118,7 @@ class Following:
             return self._refused or NO_CHUNK
         if self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
             return self._refused or STARVED
-        return self._refused or plan_status(self.plan.report, self.rate, self._follower.s)
+        return self._refused or plan_status(self.plan.report, self.rate, self._follower.s, waits=self._follower.waits)
 
     def _following(self) -> PlanFollower:
         """The follower of this episode; a `StateError` before the first one."""

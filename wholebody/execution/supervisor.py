@@ -155,10 +155,12 @@ class Supervisor(Commands):
             self._go_back()
 
     def _ask(self, chunk: ActionChunk) -> None:
-        """Have a chunk planned from where the robot will be on its plan once the lead is over."""
-        self._retry, ticks = self._now + RETRY, self.handover.ticks
+        """Have a chunk planned from where the robot will be once the lead is over; its plan is to last until then."""
+        self._retry, ticks, follower = self._now + RETRY, self.handover.ticks, self._follower
         state, due = self._last_state, self._now + ticks * self.config.dt
-        start = self._reflex.foreseen(state, ticks) if self._reflex.active else self._follower.foreseen(ticks, state)
+        late = self.handover.is_slow and self.plan is not None and chunk is not self.chunk
+        follower.stretch(due - self._now if late else 0.0)
+        start = self._reflex.foreseen(state, ticks) if self._reflex.active else follower.foreseen(ticks, state)
         # On its plan, the robot only asks whether there is a quicker one by now.
         ahead = self.plan is not None and self._follower.s < self.plan.end
         changed = self.carrying.changed or self.motors.weaker
@@ -173,9 +175,8 @@ class Supervisor(Commands):
         """Judge a plan that has come, and take one over that is due; a chunk whose plan came too late waits again."""
         handover, follower, late = self.handover, self._follower, self.handover.late
         if (answer := handover.collect(now, self._now)) is not None:
-            handover.settle(answer.request, self._cleared(answer))
-        taken = handover.take(self._now, None if self.plan is None else follower.s, follower.rate)
-        if taken is not None:
+            handover.settle(answer.request, self._cleared(answer), self._waiting, self._now)
+        if (taken := handover.take(self._now, None if self.plan is None else follower.s, follower.rate)) is not None:
             self._take_over(taken)
         if (dropped := handover.take_dropped()) is not None:
             self._waiting, self._retry = self._waiting or dropped, self._now

@@ -11,7 +11,7 @@ from wholebody.config import ControllerConfig, PlanningConfig, SafetyConfig
 from wholebody.episode.run import observe
 from wholebody.errors import PlanningError
 from wholebody.execution.background_planner import PlanAnswer, PlanRequest
-from wholebody.execution.handover import Handover, ends_at_rest
+from wholebody.execution.handover import QUICK, Handover, ends_at_rest
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Status
@@ -237,3 +237,88 @@ def test_a_plan_that_lacked_time_is_given_twice_the_lead_the_next_time_and_dropp
     assert handover.lead == 2.0 * LEAD
     assert handover.cpu_limit == 2.0 * LEAD
     assert (handover.take_dropped() is supervisor.chunk) == (not safe)
+
+
+def asked(supervisor, config, *, before=None, asked=1.0, lead=LEAD):
+    """A handover whose planner answers with the plan that the supervisor follows, and its request."""
+    handover = Handover(Slow(), config, 0.002)
+    handover.lead = lead
+    start = supervisor._follower.foreseen(round(lead / 0.002))
+    handover.ask(PlanRequest(supervisor.chunk, asked, asked + lead, start, before))
+    return handover
+
+
+def answered(handover, plan, now):
+    """What becomes of it when its plan comes."""
+    handover._planner.answer = PlanAnswer(handover._planner.request, plan)
+    return handover.collect(now, now)
+
+
+@pytest.fixture
+def following(supervisor, plant):
+    """A supervisor that follows a plan."""
+    state = begin(supervisor, plant)
+    supervisor.accept(wave(supervisor, state), state.time)
+    run(supervisor, plant, state, LEAD + 0.004)
+    return supervisor
+
+
+@pytest.mark.parametrize("before", [None, np.zeros((3, 50))])
+def test_a_plan_that_lacked_time_and_leads_elsewhere_takes_over_from_none_but_a_robot_at_rest(following, before):
+    report = following.plan.report
+    off = replace(report, timed_out=True, tracking_error=np.full_like(report.tracking_error, 0.05))
+    handover = asked(following, PlanningConfig(latency="measured"), before=before)
+    answer = answered(handover, replace(following.plan, report=off), 1.04)
+    assert (answer is None) == (before is not None)
+    assert handover.lead == 2.0 * LEAD
+
+
+def test_the_lead_comes_down_only_after_several_quick_plans_in_a_row(following):
+    handover, now, leads = asked(following, PlanningConfig(), lead=4.0 * LEAD), 1.0, []
+    for took in (0.1, 0.1, 0.6, *[0.1] * 12):
+        handover.ask(PlanRequest(following.chunk, now, now + handover.lead, following._follower.foreseen(50)))
+        assert answered(handover, following.plan, now + took * handover.lead) is not None
+        leads.append(handover.lead / LEAD)
+        now += 1.0
+    assert leads[: 2 + QUICK] == [4.0] * (2 + QUICK)
+    assert leads[2 + QUICK] == 2.0
+    assert leads[-1] == 1.0
+
+
+def test_a_plan_that_would_be_over_before_the_next_one_is_left_for_that_of_a_newer_chunk_once(following):
+    chunk = following.chunk
+    newer = replace(chunk, seq=chunk.seq + 1, t_obs=chunk.t_obs + 0.8)
+    handover = asked(following, PlanningConfig(), lead=0.8, asked=float(chunk.times[-1]) - 1.0)
+    request, early = handover._planner.request, float(chunk.times[-1]) - 0.6
+    cases = (
+        (None, early, True, "there is no newer chunk"),
+        (newer, float(newer.times[-1]), True, "the newer one would be over, too"),
+        (newer, early, False, ""),
+        (newer, early, True, "twice in a row, and none would ever be followed"),
+    )
+    for one, now, kept, why in cases:
+        if handover.busy:
+            handover.cancel()
+        handover.ask(request)
+        handover.settle(request, following.plan, one, now)
+        assert handover.busy == kept, why
+
+
+def test_a_chunk_that_would_be_over_before_the_next_plan_is_followed_more_slowly_until_then(supervisor, plant):
+    state = begin(supervisor, plant)
+    chunk = wave(supervisor, state)
+    supervisor.accept(chunk, state.time)
+    state = run(supervisor, plant, state, float(chunk.times[-1]) - state.time - 0.4)
+    rate, follower = supervisor.rate, supervisor._follower
+    assert rate > 0.98
+    supervisor.handover.lead = 0.8
+    supervisor.accept(replace(wave(supervisor, state, seq=1), t_obs=state.time), state.time)
+    supervisor.handover._planner._done = state.time + 0.8
+    foreseen = supervisor.handover._asked.start
+    state = run(supervisor, plant, state, 0.798)
+    assert 0.3 < supervisor.rate < 0.7
+    assert follower.s == pytest.approx(foreseen.s, abs=0.005), "as it was foreseen"
+    assert supervisor.status.status is Status.SLOWED
+    assert "next plan comes late" in supervisor.status.detail
+    run(supervisor, plant, state, 0.5)
+    assert supervisor.rate > 0.98

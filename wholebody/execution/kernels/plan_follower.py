@@ -14,6 +14,7 @@ import numpy as np
 from wholebody.control.reference_packet import COM, HEIGHT, MOMENTUM, PALM, PELVIS, POSTURE, TORSO
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.jit.record import record
+from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference.kernels.path import path_row
 from wholebody.reference.kernels.path_clock import advanced, scale
 from wholebody.reference.kernels.smoother import smoother_step
@@ -52,6 +53,20 @@ def trajectory_row(n_joints: int) -> np.dtype:
         ("q", 7 + n_joints), ("v", 6 + n_joints), ("ddq", n_joints), ("com", (3, 3)), ("momentum", (2, 3)),
         ("height", 3), ("pelvis", 15), ("torso", 15),
     )  # fmt: skip
+
+
+def records(trajectory: SampledTrajectory) -> np.ndarray:
+    """A trajectory as `kernel.follow` reads it: all that belongs to a point of the grid side by side."""
+    n, n_joints = trajectory.ddq.shape
+    rows = np.zeros(n, trajectory_row(n_joints))
+    for name in ("q", "v", "ddq"):
+        rows[name] = getattr(trajectory, name)
+    for name in ("com", "momentum"):
+        rows[name] = getattr(trajectory, name).transpose(1, 0, 2)
+    rows["height"] = trajectory.height.T
+    for name in ("pelvis", "torso"):
+        rows[name] = np.concatenate([part.reshape(n, -1) for part in getattr(trajectory, name)], axis=1)
+    return rows
 
 
 class Plan(NamedTuple):
