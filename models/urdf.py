@@ -12,7 +12,7 @@ import json
 import re
 import xml.etree.ElementTree as ET
 from copy import deepcopy
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
 from itertools import combinations
 from pathlib import Path
@@ -39,6 +39,14 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
     Raises:
         RobotSpecError: If a mesh is missing or the cache cannot be written.
     """
+    asked = spec, visuals, cache_dir(), spec.urdf.stat().st_mtime_ns
+    if not _light_urdf(*asked).is_file():  # somebody has emptied the cache since
+        _light_urdf.cache_clear()
+    return _light_urdf(*asked)
+
+
+@lru_cache(maxsize=8)
+def _light_urdf(spec: RobotSpec, visuals: bool, cached: Path, _changed: int) -> Path:
     source, root = spec.urdf.read_bytes(), read_urdf(spec)
     changed = _leave_out(spec, root) | _round_soles(spec, root)
     hulls = {mesh: hull_file(_mesh_path(spec, mesh)) for mesh in _collision_meshes(spec, root)}
@@ -48,7 +56,7 @@ def light_urdf(spec: RobotSpec, *, visuals: bool = False) -> Path:
     described += [spec.locked] if spec.locked else []
     described += [spec.without_collision, [foot.contact_points for foot in spec.feet]] if changed else []
     digest.update(json.dumps(described).encode())
-    folder = cache_dir() / "urdf" / f"{spec.name}{'_visual' if visuals else ''}-{digest.hexdigest()[:16]}"
+    folder = cached / "urdf" / f"{spec.name}{'_visual' if visuals else ''}-{digest.hexdigest()[:16]}"
     path = folder / "robot.urdf"
     if path.is_file():
         return path

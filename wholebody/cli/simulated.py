@@ -103,9 +103,12 @@ def make_fast_checker(options: Simulation, scene: str, quiet: bool = False, *, a
 def settings_of(options: Simulation) -> ControllerConfig:
     """Settings of the file, for the robot and the planning time asked for."""
     from wholebody.config import ControllerConfig
-    from wholebody.config.file import load_config
 
-    settings = load_config(options.config) if options.config else ControllerConfig()
+    settings = ControllerConfig()
+    if options.config:
+        from wholebody.config.file import load_config  # brings the parser of YAML
+
+        settings = load_config(options.config)
     robot = replace(settings.robot, model=options.robot or settings.robot.model)
     changed = {"planning": planning(settings.planning, options), "loads": loads(settings.loads, options)}
     return replace(settings, robot=robot, **changed)

@@ -123,8 +123,7 @@ def _is_ours(module: str) -> bool:
 
 def _sources(function: Callable) -> bytes:
     """What changes with the source of any kernel below a function, of what its module imports, and of this package."""
-    here = Path(__file__).parent
-    sources = {str(path.relative_to(here)): _source(path)[0] for path in here.rglob("*.py")}
+    sources = dict(_own_sources())
     waiting = [kernel.__module__ for kernel in kernels_of(function)]
     while waiting:
         name = waiting.pop()
@@ -133,6 +132,13 @@ def _sources(function: Callable) -> bytes:
             sources[name], imported = _source(Path(file))
             waiting += imported
     return sha256(b"".join(name.encode() + sources[name] for name in sorted(sources))).digest()
+
+
+@cache
+def _own_sources() -> dict[str, bytes]:
+    """What is in the files of this package, by where they are in it; read once."""
+    here = Path(__file__).parent
+    return {str(path.relative_to(here)): _source(path)[0] for path in here.rglob("*.py")}
 
 
 @cache

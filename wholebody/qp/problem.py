@@ -38,29 +38,6 @@ class QuadraticProgram:
     labels: tuple[str, ...] = ()
     n_slack: int = 0
 
-    def check_finite(self) -> None:
-        """Refuse data that a solver would silently drop.
-
-        A NaN row makes daqp, proxqp, quadprog and piqp report success with that limit gone, so it is caught here.
-
-        Raises:
-            InputError: Naming the first block (and row label) that is not finite or crossed.
-        """
-        for name in ("H", "g", "A", "b", "C"):
-            if not np.isfinite(getattr(self, name)).all():
-                raise InputError(f"the QP has a non-finite entry in {name}{self._owner(name)}")
-        for name in ("lower", "upper", "x_min", "x_max"):
-            if np.isnan(getattr(self, name)).any():
-                raise InputError(f"the QP has NaN in {name}{self._owner(name)}")
-
-    def _owner(self, block: str) -> str:
-        rows = getattr(self, block)
-        if block not in ("C", "lower", "upper") or not self.labels:
-            return ""
-        bad = ~np.isfinite(rows) if block == "C" else np.isnan(rows)
-        row = int(np.flatnonzero(bad.any(axis=1) if bad.ndim == 2 else bad)[0])
-        return f" (row {row}: {self.labels[row]})"
-
 
 def check_further(owner: str, *arrays: np.ndarray) -> None:
     """Refuse arrays of a further task or limit that are not finite: an `InputError` that names the owner."""

@@ -58,7 +58,7 @@ def solve(qp: QuadraticProgram, solver: str = "daqp") -> QPSolution:
     """Solve a program with one named solver and judge the answer.
 
     Args:
-        qp: The program; its data must be finite, which `QuadraticProgram.check_finite` finds out.
+        qp: The program; its data must be finite: a NaN row makes solvers report success with that limit gone.
         solver: One of `available()`.
 
     Returns:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -34,9 +34,9 @@ from wholebody.verdict.input_steps import far_from_stance, last_step, within
 from wholebody.verdict.plan_run import PlanRun, Suspect
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
-from wholebody.verdict.why.chunk_program import STARTS
-from wholebody.verdict.why.explainer import Explainer
-from wholebody.verdict.why.of_run import RunExplainer
+
+if TYPE_CHECKING:
+    from wholebody.verdict.why.explainer import Explainer
 
 REPLACE_EVERY = 25
 """Steps of a chunk after which the next one is asked for, as in an episode."""
@@ -77,6 +77,9 @@ class FastChecker:
     @cached_property
     def explainer(self) -> Explainer:
         """What looks for causes."""
+        from wholebody.verdict.why.chunk_program import STARTS
+        from wholebody.verdict.why.explainer import Explainer
+
         return Explainer(self.judge, [self._judge() for _ in range(min(len(processors()), STARTS) - 1)])
 
     def check(
@@ -104,6 +107,8 @@ class FastChecker:
         begin = self._play(run, policy, duration, None if run.placed else self.judge.stance(), lead)
         verdict, last = self._verdict(run, name), last_step(policy, duration, run.result.fps)
         if ask_why and verdict.verdict != "feasible":
+            from wholebody.verdict.why.of_run import RunExplainer
+
             explainer = RunExplainer(
                 self.judge, self.explainer, run, self._play, self._whole(policy, duration, begin, lead)
             )
@@ -172,6 +177,8 @@ class FastChecker:
         run.follow(chunk, begin, chunk.t_obs, np.inf)
         verdict, last = self._verdict(run, name), len(chunk) - 1
         if ask_why and run.planned is not None and verdict.verdict != "feasible":
+            from wholebody.verdict.why.of_run import RunExplainer
+
             whole = Suspect(chunk, begin, chunk.t_obs, run.planned.plan)
             explainer = RunExplainer(self.judge, self.explainer, run, self._play, whole, at_once=True)
             verdict = explainer.explained(verdict, last / run.result.fps)
