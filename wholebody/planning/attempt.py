@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,13 @@ from wholebody.reference import HandPath
 from wholebody.reference.cubic import CubicBSpline
 from wholebody.trajopt.layout import LOWER, WAIST
 from wholebody.trajopt.optimizer import KnotTrajectory
+
+
+class Modes(NamedTuple):
+    """Ways of one plan: hands led to where what they carry can be held, torques bounded between knots too."""
+
+    holding: bool
+    quick: bool
 
 
 @dataclass(frozen=True)

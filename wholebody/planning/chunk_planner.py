@@ -6,7 +6,7 @@ Slow down along the chunk first, shift the body second (the trajectory), bend th
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from math import inf
 
 import numpy as np
@@ -15,7 +15,7 @@ import pinocchio as pin
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
-from wholebody.planning.attempt import Attempt, Targets
+from wholebody.planning.attempt import Attempt, Modes, Targets
 from wholebody.planning.changes import PlanChange, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.effort import Effort
@@ -67,11 +67,10 @@ class ChunkPlanner:
     """
 
     def __init__(self, spec: RobotSpec, robot: Robot, config: ControllerConfig) -> None:
-        self._settings, self._loads, self._loaded, self._holding, self._quick = config, (0.0, 0.0), False, False, False
+        self._settings, self._loads, self._loaded = config, (0.0, 0.0), False
         self.spec, self.config, self._budget, self.model = spec, config.planner, config.planning.budget, robot.model
         self.optimizer = TrajectoryOptimizer(spec, self.config.posture, config.friction, config.force_min)
         self._friction, self._holdable = config.friction, None
-        self._last_held: tuple[Targets, HoldablePath] | None = None
         self._apart = HandsApart(HandHulls(spec, self.optimizer.body))
         self.balance = ContactFeasibility(self.optimizer.body, config.friction)
         self.effort = Effort(self.optimizer.body)
@@ -125,39 +124,36 @@ class ChunkPlanner:
             quick: Take the first safe motion near the chunk at its own speed; torques are bounded between knots too.
             hold: Lead hands to where a still robot holds what they carry, if they cannot be where the chunk has them.
         """
-        self._holding, self._quick = hold and self._loaded, quick
-        prepared, budget = self._prepared(chunk), Budget(self._budget, SEARCH_SHARE * cpu_limit)
-        targets, attempt = self._attempts(prepared, now, start, commanded, before, budget)
-        chosen = self._preview(targets(1.0), start) if quick and not prepared.implausible else None
-        chosen = chosen or choice.best(
-            self.config, attempt, budget, self._asked(targets, start.q, budget, implausible=prepared.implausible)
-        )
+        modes, prepared = Modes(hold and self._loaded, quick), self._prepared(chunk)
+        budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
+        targets, attempt, asked = self._search(prepared, now, start, commanded, before, budget, modes)
+        chosen = self._preview(targets(1.0), start, modes) if quick and not prepared.implausible else None
+        chosen = chosen or choice.best(self.config, attempt, budget, asked)
         return self._as_followed(chosen, prepared, now, commanded, budget)
 
     def as_given(
         self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, work: float = inf
     ) -> ChunkPlan | None:
         """What `plan` answers, where that is quick and an attempt follows the chunk within some work; else None."""
-        prepared, budget = self._prepared(chunk), Budget(min(self._budget, work))
-        self._holding, self._quick = self._loaded, True
+        modes, prepared, budget = Modes(self._loaded, True), self._prepared(chunk), Budget(min(self._budget, work))
         if prepared.implausible:
             return None
-        targets, attempt = self._attempts(prepared, now, start, commanded, None, budget)
-        chosen = self._preview(targets(1.0), start)
-        chosen = chosen or choice.as_given(self.config, attempt, budget, self._asked(targets, start.q, budget))
+        targets, attempt, asked = self._search(prepared, now, start, commanded, None, budget, modes)
+        chosen = self._preview(targets(1.0), start, modes)
+        chosen = chosen or choice.as_given(self.config, attempt, budget, asked)
         return chosen and self._as_followed(chosen, prepared, now, commanded, budget)
 
     def previews(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, far: float) -> bool:
         """Whether a preview follows the chunk, no step of which is changed by more than ``far`` [m] before it."""
-        self._holding, self._quick, prepared = self._loaded, True, self._prepared(chunk)
+        modes, prepared = Modes(self._loaded, True), self._prepared(chunk)
         targets = self.targets(prepared, now, commanded, 1.0)
         changed = np.append(prepared.lift + prepared.moved + targets.projected, prepared.turned)
-        return bool(changed.max() <= far) and self._preview(targets, start) is not None
+        return bool(changed.max() <= far) and self._preview(targets, start, modes) is not None
 
     def _prepared(self, chunk: ActionChunk) -> PreparedChunk:
         return prepare(chunk, self.hand_limits, self.optimizer.body.footing.floor.rise)
 
-    def _attempts(
+    def _search(
         self,
         prepared: PreparedChunk,
         now: float,
@@ -165,18 +161,31 @@ class ChunkPlanner:
         commanded: HandMotion,
         before: np.ndarray | None,
         budget: Budget,
-    ) -> tuple[Callable[[float], Targets], Try]:
-        """What a prepared chunk asks for at a speed, and what plans it by a strategy; arguments as in `plan`."""
+        modes: Modes,
+    ) -> tuple[Callable[[float], Targets], Try, Asked]:
+        """What a prepared chunk asks for at a speed, what plans it by a strategy, and what strategies are chosen by."""
 
         @cache
         def targets(slowdown: float) -> Targets:
             return self.targets(prepared, now, commanded, slowdown)
 
+        @lru_cache(maxsize=1)
+        def held(slowdown: float) -> HoldablePath:
+            return self._held(targets(slowdown), start.q, budget)
+
+        @cache
+        def overlap(slowdown: float) -> Overlap:
+            return self._overlap(targets(slowdown))
+
+        def lacking(slowdown: float) -> float:
+            return held(slowdown).off if modes.holding else 0.0
+
         def attempt(strategy: Strategy, slowdown: float, last: np.ndarray | None) -> Attempt:
             first = {BeginAt.PLAN_BEFORE: before, BeginAt.LAST_ATTEMPT: last, BeginAt.START: None}[strategy.begin]
-            return self._attempt(targets(slowdown), start, strategy, first, budget)
+            path = held(slowdown) if strategy is HOLDABLE else None
+            return self._attempt(targets(slowdown), start, strategy, first, budget, modes, path)
 
-        return targets, attempt
+        return targets, attempt, Asked(prepared.implausible, overlap, lacking)
 
     def _as_followed(
         self, chosen: Attempt, prepared: PreparedChunk, now: float, commanded: HandMotion, budget: Budget
@@ -189,11 +198,11 @@ class ChunkPlanner:
         steps, contacts = chosen.targets.steps, self.optimizer.body.footing.contacts
         return ChunkPlan(paths, chosen.trajectory, float(steps[0]), float(steps[-1]), report, chosen.knots, contacts)
 
-    def _preview(self, targets: Targets, start: BodyState) -> Attempt | None:
+    def _preview(self, targets: Targets, start: BodyState, modes: Modes) -> Attempt | None:
         """Postures from knot to knot and a step from there, if that is safe and nearer than what is left to the QP."""
         if targets.projected.max() > JUMP or self._surely_out_of_reach(targets):
             return None
-        one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK))
+        one = self._attempt(targets, start, PREVIEW, None, Budget(PREVIEW_WORK), modes)
         near = one.tracking_error <= self.config.clamp_tolerance and one.arms_spent <= ARMS_SPENT_MAX
         return one if near and one.is_safe(self.config) else None
 
@@ -241,16 +250,19 @@ class ChunkPlanner:
         return Targets(slowdown, paths, projected, steps, T_palms, np.hstack(fingers), own)
 
     def _attempt(
-        self, targets: Targets, start: BodyState, strategy: Strategy, first: np.ndarray | None, budget: Budget
+        self,
+        targets: Targets,
+        start: BodyState,
+        strategy: Strategy,
+        first: np.ndarray | None,
+        budget: Budget,
+        modes: Modes,
+        held: HoldablePath | None = None,
     ) -> Attempt:
-        """The targets planned for by one strategy.
-
-        ``first`` are configurations (k, nq) from the second knot on that its search begins with.
-        """
+        """The targets planned for by one strategy, its search begun with configurations ``first`` (k, nq) if given."""
         slowdown, steps, T_palms, body = targets.slowdown, targets.steps, targets.T_palms, self.optimizer.body
         warm_start, wanted = None if first is None else self._continued(first, T_palms), T_palms
-        if strategy is HOLDABLE:
-            held = self._held(targets, start.q, budget)
+        if held is not None:
             wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
         if strategy.name == PARTED.name:
             wanted = self._apart.parted(T_palms, targets.q_fingers)
@@ -268,21 +280,9 @@ class ChunkPlanner:
             drift=self.balance.capture_point_drift(centroidal, slowdown),
             deficit=self.balance.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
-            strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]) if self._quick else 0.0,
-            arms_spent=arms_spent(body, body.body_of(knots.q[-KNOTS_AT_REST:])) if self._holding else 0.0,
+            strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]) if modes.quick else 0.0,
+            arms_spent=arms_spent(body, body.body_of(knots.q[-KNOTS_AT_REST:])) if modes.holding else 0.0,
         )
-
-    def _asked(
-        self, targets: Callable[[float], Targets], q: np.ndarray, budget: Budget, *, implausible: bool = False
-    ) -> Asked:
-        @cache
-        def overlap(slowdown: float) -> Overlap:
-            return self._overlap(targets(slowdown))
-
-        def lacking(slowdown: float) -> float:
-            return self._held(targets(slowdown), q, budget).off if self._holding else 0.0
-
-        return Asked(implausible, overlap, lacking)
 
     def _overlap(self, targets: Targets) -> Overlap:
         T_palms, fingers, n = targets.T_palms, targets.q_fingers, targets.asked
@@ -290,13 +290,10 @@ class ChunkPlanner:
         return Overlap.NONE if self._apart.parted(T_palms, fingers) is None else near
 
     def _held(self, targets: Targets, q: np.ndarray, budget: Budget) -> HoldablePath:
-        """Where a still robot holds what the hands carry, seen from a configuration (nq,); that asked for last."""
-        if self._last_held is None or self._last_held[0] is not targets:
-            body = self.optimizer.body
-            self._holdable = self._holdable or HoldablePlaces(body, self.config.posture)
-            held = self._holdable.near(targets.T_palms, targets.q_fingers, body.body_of(q), budget)
-            self._last_held = targets, held
-        return self._last_held[1]
+        """Where a still robot holds what the hands carry, seen from a configuration (nq,)."""
+        body = self.optimizer.body
+        self._holdable = self._holdable or HoldablePlaces(body, self.config.posture)
+        return self._holdable.near(targets.T_palms, targets.q_fingers, body.body_of(q), budget)
 
     def _begun_held(self, held: HoldablePath, q: np.ndarray) -> np.ndarray:
         """Blend from a configuration (nq,) over to postures that hold the load, for the second to the last knot."""

@@ -1,6 +1,5 @@
 """Strategy: the program at the stance, looked at without a solver, then solved by every solver and judged by ours."""
 
-
 import numpy as np
 import pytest
 
