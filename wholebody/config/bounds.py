@@ -1,13 +1,13 @@
-"""Bounds of every setting: by the unit in its description, and closer ones by name where physics or time ask for it."""
+"""Bounds of every setting: by the unit of its type, and closer ones by name where physics or time ask for it."""
 
 from __future__ import annotations
 
 import ast
 import inspect
-import re
 from dataclasses import fields, is_dataclass
 from functools import cache
 from itertools import pairwise
+from typing import get_type_hints
 
 from models.unitree_g1 import ARM
 from wholebody.config import ControllerConfig
@@ -103,36 +103,38 @@ OF_RUN: dict[str, tuple[float, float, str]] = {
     "seed": (0, 2**63 - 1, ""),
 }
 """Bounds and units of what a simulated run can be told: times, loads, errors of sensors."""
-_SCALES = re.compile(r"Scale of|off the|off upright|Waist torques|Acceleration of the soles|^Accelerations|Speeds")
-_UNIT = re.compile(r"\[([^\]]+)\]")
 _ENTRIES_MAX = 16
 """Most entries of a list."""
 
 
-def bounds_of(path: str, meaning: str) -> Bounds:
+def bounds_of(path: str, owner: type) -> Bounds:
     """Least and largest value of a setting.
 
     Args:
         path: Its full name, as in ``safety.balance_gain``.
-        meaning: Its description, with the unit in brackets.
+        owner: Class that it is a field of.
     """
     name = path.rpartition(".")[2]
     if path in OF_NAME:
         return OF_NAME[path]
     if name in OF_LAST_NAME:
         return OF_LAST_NAME[name]
-    unit = unit_of(meaning)
     if "weight" in name:
         return OF_WEIGHTS
-    if path.startswith("planner.") and _SCALES.search(meaning):
+    if "scale" in _annotations(owner, name):
         return OF_SCALE
-    return OF_UNIT[unit.partition(",")[0]]
+    return OF_UNIT[unit_of(owner, name).partition(",")[0]]
 
 
-def unit_of(meaning: str) -> str:
-    """Unit in a description, empty for a number without one."""
-    found = _UNIT.search(meaning)
-    return found[1] if found else ""
+def unit_of(owner: type, name: str) -> str:
+    """Unit of a field, which its type is annotated with; empty for a number without one."""
+    return next(iter(_annotations(owner, name)), "")
+
+
+@cache
+def _annotations(owner: type, name: str) -> tuple[str, ...]:
+    """Unit of a field, and ``scale`` if it is one that is divided by; nothing for a number without a unit."""
+    return getattr(get_type_hints(owner, include_extras=True)[name], "__metadata__", ())
 
 
 def require_bounds(path: str, value: object, owner: type, where: str) -> None:
@@ -151,11 +153,10 @@ def require_bounds(path: str, value: object, owner: type, where: str) -> None:
     if isinstance(value, tuple) and not 1 <= len(value) <= _ENTRIES_MAX:
         text = f"{where}: {path} has {len(value)} numbers; 1 to {_ENTRIES_MAX} are expected"
         raise ConfigError(text, setting=path)
-    meaning = meanings(owner).get(path.rpartition(".")[2], "")
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int | float):
             continue
-        (least, most), unit = bounds_of(path, meaning), unit_of(meaning)
+        (least, most), unit = bounds_of(path, owner), unit_of(owner, path.rpartition(".")[2])
         if not least <= number <= most:
             sentence = f"{least:g} to {most:g}{f' {unit}' if unit else ''} is expected"
             raise ConfigError(f"{where}: {path} is {number:.6g}; {sentence}", setting=path)
@@ -212,10 +213,12 @@ def _check(owner: object, path: tuple[str, ...], where: str) -> None:
 
 @cache
 def meanings(owner: type) -> dict[str, str]:
-    """The text below each field of a configuration class."""
+    """The text below each field of a configuration class, and its unit."""
     (definition,) = ast.parse(inspect.getsource(owner)).body
     found = {}
     for field, text in pairwise(definition.body):
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
-            found[field.target.id] = str(text.value.value)
+            name, meaning = field.target.id, str(text.value.value)
+            unit = unit_of(owner, name)
+            found[name] = f"{meaning.removesuffix('.')} [{unit}]." if unit else meaning
     return found

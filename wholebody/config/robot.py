@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from models.unitree_g1 import ARM, GAINS, STANCE_DEX3
 
@@ -14,10 +15,10 @@ _ARM = dict(zip(ARM, STANCE_DEX3["arm"], strict=True))
 class GainConfig:
     """Gains of the position loop of a motor."""
 
-    kp: float
-    """Stiffness [N m/rad]."""
-    kd: float
-    """Damping [N m s/rad]."""
+    kp: Annotated[float, "N m/rad"]
+    """Stiffness."""
+    kd: Annotated[float, "N m s/rad"]
+    """Damping."""
 
 
 _OF = {pattern: GainConfig(kp=kp, kd=kd) for pattern, (kp, kd) in GAINS.items()}
@@ -53,24 +54,24 @@ class StanceConfig:
     Hips and ankles follow: soles flat, pelvis upright, the centre of mass over the middle of the soles.
     """
 
-    knee: float = STANCE_DEX3["leg"][3]
-    """[rad]"""
-    feet_apart: float = 0.238
-    """Distance between the middles of the soles [m]."""
-    shoulder_pitch: float = _ARM["shoulder_pitch"]
-    """[rad]"""
-    shoulder_roll: float = _ARM["shoulder_roll"]
-    """[rad]"""
-    shoulder_yaw: float = _ARM["shoulder_yaw"]
-    """[rad]"""
-    elbow: float = _ARM["elbow"]
-    """Zero is a forearm at right angles [rad]."""
-    wrist_roll: float = _ARM["wrist_roll"]
-    """[rad]"""
-    wrist_pitch: float = _ARM["wrist_pitch"]
-    """[rad]"""
-    wrist_yaw: float = _ARM["wrist_yaw"]
-    """[rad]"""
+    knee: Annotated[float, "rad"] = STANCE_DEX3["leg"][3]
+    """Angle of the knees."""
+    feet_apart: Annotated[float, "m"] = 0.238
+    """Distance between the middles of the soles."""
+    shoulder_pitch: Annotated[float, "rad"] = _ARM["shoulder_pitch"]
+    """Angle of the shoulder pitch joints."""
+    shoulder_roll: Annotated[float, "rad"] = _ARM["shoulder_roll"]
+    """Angle of the shoulder roll joints, of the left."""
+    shoulder_yaw: Annotated[float, "rad"] = _ARM["shoulder_yaw"]
+    """Angle of the shoulder yaw joints, of the left."""
+    elbow: Annotated[float, "rad"] = _ARM["elbow"]
+    """Zero is a forearm at right angles."""
+    wrist_roll: Annotated[float, "rad"] = _ARM["wrist_roll"]
+    """Angle of the wrist roll joints, of the left."""
+    wrist_pitch: Annotated[float, "rad"] = _ARM["wrist_pitch"]
+    """Angle of the wrist pitch joints."""
+    wrist_yaw: Annotated[float, "rad"] = _ARM["wrist_yaw"]
+    """Angle of the wrist yaw joints, of the left."""
 
     @property
     def arm(self) -> tuple[float, ...]:
@@ -88,8 +89,8 @@ class RobotConfig:
     body: str = "29dof"
     """Joints that this G1 has: '29dof', '27dof' (no waist roll and pitch), 'locked_waist' (no waist), or '23dof' (no
     waist roll and pitch, no wrist pitch and yaw). The others are fixed at zero."""
-    linkage_effort: float = 35.0
-    """Torque limit of ankles and waist roll and pitch: 35 in the URDF, 50 in Unitree's MJCF [N m]."""
+    linkage_effort: Annotated[float, "N m"] = 35.0
+    """Torque limit of ankles and waist roll and pitch: 35 in the URDF, 50 in Unitree's MJCF."""
     gains: GainsConfig = GainsConfig()
     torque: float = 1.0
     """Share of the feed-forward torques that motors are sent; the rest is added to their positions, over `kp`. Below 1

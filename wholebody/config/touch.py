@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,13 +13,13 @@ class TouchConfig:
     The defaults are chosen: they hold in every row of ``python -m tests.studies.touch``.
     """
 
-    force_found: float = 9.0
-    """Force on a palm that no known mass accounts for, from which the hand counts as touching [N]."""
-    force_max: float = 60.0
-    """Largest force with which a hand pushes, whatever balance allows [N]."""
+    force_found: Annotated[float, "N"] = 9.0
+    """Force on a palm that no known mass accounts for, from which the hand counts as touching."""
+    force_max: Annotated[float, "N"] = 60.0
+    """Largest force with which a hand pushes, whatever balance allows."""
     tipping_share: float = 0.65
     """Share of the force that would tip the robot, at that place and in that direction, with which a hand pushes."""
-    stiffness: float = 600.0
-    """Of a hand that touches [N/m]."""
-    mass: float = 2.0
-    """That a hand that touches seems to have [kg]: about that of an arm."""
+    stiffness: Annotated[float, "N/m"] = 600.0
+    """Of a hand that touches."""
+    mass: Annotated[float, "kg"] = 2.0
+    """That a hand that touches seems to have: about that of an arm."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import radians
+from typing import Annotated
 
 from wholebody.errors import ConfigError
 
@@ -12,14 +13,14 @@ from wholebody.errors import ConfigError
 class VerdictConfig:
     """How far palms may be from the chunk as given, each step at its own time, after the approach."""
 
-    palm_feasible: float = 0.02
-    """Distance up to which a step counts as done as given [m]."""
-    palm_repair: float = 0.05
-    """Distance up to which it counts as repaired; further away it is another motion [m]."""
-    turn_feasible: float = radians(10.0)
-    """Angle up to which a palm counts as turned as given; nothing is asked of an orientation that is free [rad]."""
-    turn_repair: float = radians(25.0)
-    """Angle up to which it counts as repaired [rad]."""
+    palm_feasible: Annotated[float, "m"] = 0.02
+    """Distance up to which a step counts as done as given."""
+    palm_repair: Annotated[float, "m"] = 0.05
+    """Distance up to which it counts as repaired; further away it is another motion."""
+    turn_feasible: Annotated[float, "rad"] = radians(10.0)
+    """Angle up to which a palm counts as turned as given; nothing is asked of an orientation that is free."""
+    turn_repair: Annotated[float, "rad"] = radians(25.0)
+    """Angle up to which it counts as repaired."""
 
     def __post_init__(self) -> None:
         for kind, unit in (("palm", "m"), ("turn", "rad")):

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from wholebody.config import ControllerConfig, HandConfig
-from wholebody.config.bounds import bounds_of, check_config, meanings, unit_of
+from wholebody.config.bounds import bounds_of, check_config, unit_of
 from wholebody.config.file import config_from, dump_config, load_config
 from wholebody.errors import ConfigError
 from wholebody.resources import configs_folder
@@ -130,15 +130,14 @@ NUMBERS = [
 
 @pytest.mark.parametrize(("owner", "path", "value"), NUMBERS, ids=[path for _, path, _ in NUMBERS])
 def test_b2_every_setting_has_bounds_that_hold_its_default_and_are_in_the_message(owner, path, value):
-    meaning = meanings(owner)[path.rpartition(".")[2]]
-    least, most = bounds_of(path, meaning)
+    least, most = bounds_of(path, owner)
     assert all(least <= number <= most for number in (value if isinstance(value, tuple) else (value,)))
     changes = (1e300,) * len(value) if isinstance(value, tuple) else 1e300
     for name in reversed(path.split(".")):
         changes = {name: list(changes) if isinstance(changes, tuple) else changes}
     with pytest.raises(ConfigError, match=re.escape(f"{path} is 1e+300; {least:g} to {most:g}")) as refusal:
         config_from(changes)
-    assert unit_of(meaning) in str(refusal.value)
+    assert unit_of(owner, path.rpartition(".")[2]) in str(refusal.value)
 
 
 @pytest.mark.parametrize(
