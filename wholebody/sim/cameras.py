@@ -56,9 +56,6 @@ MOUNTS = {
     "right_wrist": Mount("right_wrist_yaw_link", (0.03, 0.0, 0.09), 0.7, 58.0),
 }
 """Cameras by name [m, rad, deg]; the wrists' are chosen."""
-CELLS = 1 / 30
-"""Vertices closer together than this share of a mesh's length become one [no unit]; by trial: looked at, fingers and
-arms are as before at 320 x 240."""
 BALL = 0.03
 """Radius of a ball that is shown [m]; chosen: the distance within which a goal is reached."""
 COLOURS = ((0.9, 0.2, 0.15, 1.0), (0.15, 0.4, 0.9, 1.0))
@@ -208,12 +205,13 @@ def _model(scene: str, joints: list[str], sizes: Mapping[str, Sequence[int]], ma
     """Model that is drawn: robot and scene with fewer triangles, cameras and balls."""
     from models.mujoco_model import build_mujoco
     from models.robots import robot_with
+    from wholebody.sim.pictures.meshes import coarser
     from wholebody.sim.scene_file import scene_of
 
     def build() -> mujoco.MjSpec:
         return build_mujoco(robot_with(joints), scene=scene_of(scene), visuals=True)
 
-    mj = _coarser(lit(build()), build().compile())
+    mj = coarser(lit(build()), build().compile())
     for name in sizes:
         _add_camera(mj, name)
     for number in range(marks):
@@ -229,28 +227,6 @@ def _add_ball(mj: mujoco.MjSpec, number: int) -> None:
 
     ball, colour = mj.worldbody.add_body(name=f"mark_{number}", mocap=True), COLOURS[number % len(COLOURS)]
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[BALL, 0.0, 0.0], rgba=colour, contype=0, conaffinity=0)
-
-
-def _coarser(mj: mujoco.MjSpec, model: mujoco.MjModel) -> mujoco.MjSpec:
-    """Robot with large meshes made coarser, as they are in the compiled model."""
-    import mujoco
-
-    from wholebody.sim.pictures.meshes import simplified
-
-    R = np.empty(9)
-    for mesh in mj.meshes:
-        number = model.mesh(mesh.name).id
-        first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
-        face, faces = model.mesh_faceadr[number], model.mesh_facenum[number]
-        # MuJoCo has turned and moved them to the mesh's axes of inertia.
-        mujoco.mju_quat2Mat(R, model.mesh_quat[number])
-        vertices = model.mesh_vert[first : first + count] @ R.reshape(3, 3).T + model.mesh_pos[number]
-        cell = CELLS * float(np.ptp(vertices, axis=0).max())
-        points, triangles = simplified(vertices, model.mesh_face[face : face + faces], cell)
-        if len(triangles) < 0.5 * faces:
-            mesh.file, mesh.scale = "", [1.0, 1.0, 1.0]
-            mesh.uservert, mesh.userface = points.ravel().tolist(), triangles.ravel().tolist()
-    return mj
 
 
 if __name__ == "__main__":

@@ -23,6 +23,8 @@ from wholebody.sim.record import Record, read_record
 if TYPE_CHECKING:
     import mujoco
 
+    from models.spec import RobotSpec
+
 WIDTH, HEIGHT, FPS, SHEET_FRAMES = 640, 480, 30, 6
 LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.14, 0.0, 0.64), 2.0, 212.0, -14.0
 """View from the front left, far enough for a robot of 1.3 m that stands or squats [m], [deg]."""
@@ -73,14 +75,12 @@ class Painter:
 
         from models.conversion import Conversion
         from models.moving_bodies import moving_joints
-        from models.mujoco_model import build_mujoco
         from models.pinocchio_model import load_pinocchio
         from models.robots import robot_with
-        from wholebody.sim.scene_file import scene_of
 
         spec = robot_with(record["joint_names"].tolist())
         pin_model = load_pinocchio(spec)
-        self._model = bright(lit(build_mujoco(spec, scene=scene_of(str(record["scene"])), visuals=True))).compile()
+        self._model = drawn_model(spec, str(record["scene"]))
         self._data, self._rest = mujoco.MjData(self._model), np.zeros(pin_model.nv)
         self._conversion = Conversion(spec, pin_model, self._model)
         self._moving = moving_joints(self._model)
@@ -124,6 +124,18 @@ class Painter:
                 copy = _new_geom(drawn, geom.type, geom.size, R @ geom.pos + p, R @ geom.mat, mark.show.colour)
                 if copy is not None:
                     copy.dataid, copy.matid = geom.dataid, -1
+
+
+def drawn_model(spec: RobotSpec, scene: str) -> mujoco.MjModel:
+    """Model that is drawn: robot and scene with light, and with fewer triangles than their meshes have."""
+    from models.mujoco_model import build_mujoco
+    from wholebody.sim.pictures.meshes import coarser
+    from wholebody.sim.scene_file import scene_of
+
+    def build() -> mujoco.MjSpec:
+        return build_mujoco(spec, scene=scene_of(scene), visuals=True)
+
+    return coarser(bright(lit(build())), build().compile()).compile()
 
 
 def view(record: Record, fovy: float) -> tuple[np.ndarray, float]:
