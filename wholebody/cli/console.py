@@ -61,10 +61,10 @@ def check_places(
     json_to: str, video: Path | None = None, sheet: Path | None = None, record: Path | None = None
 ) -> None:
     """Refuse outputs that cannot be written before minutes of simulation, not after."""
-    for path, ending in ((video, ".mp4"), (sheet, ".png"), (record, ".npz")):
-        if path is not None and path.suffix != ending:
-            raise ValueError(f"cannot write '{path}': its name must end in {ending}")
-    if video is not None:
+    for path, endings in ((video, (".mp4", ".gif")), (sheet, (".png",)), (record, (".npz",))):
+        if path is not None and path.suffix not in endings:
+            raise ValueError(f"cannot write '{path}': its name must end in {' or '.join(endings)}")
+    if video is not None and video.suffix == ".mp4":
         require_extra("video", "imageio_ffmpeg", "--video")
     for path in (video, sheet, record, Path(json_to) if json_to not in ("", "-") else None):
         if path is not None:

@@ -241,7 +241,7 @@ class Sampling(Network):
 class Pictures:
     """What a run is recorded and drawn to."""
 
-    video: Annotated[Path | None, Option(help="Write a video (.mp4) of the run; extra `video`.")] = None
+    video: Annotated[Path | None, Option(help="Write a video of the run (.mp4, extra `video`; or .gif, small).")] = None
     sheet: Annotated[Path | None, Option(help="Write six frames, where something happens, as a picture (.png).")] = None
     record: Annotated[Path | None, Option(help="Write every control period (.npz), for wholebody plot.")] = None
 

@@ -146,7 +146,7 @@ def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judge
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("run", "wave", "--video", "x.gif"), "must end in .mp4"),
+        (("run", "wave", "--video", "x.avi"), "must end in .mp4 or .gif"),
         (("run", "wave", "--sheet", "none/x.png"), "there is no folder"),
         (("run", "wave", "--duration", "-1"), "--duration"),
         (("run", "--motions", "."), "no .csv files"),

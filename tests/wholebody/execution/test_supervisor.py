@@ -218,6 +218,18 @@ def test_a_robot_that_lies_down_is_only_damped(loop):
     assert (supervisor.status.status, supervisor.status.reason) == (Status.DAMPING, "standing_lost")
     assert not command.kp.any()
     assert (command.kd > 0.0).all()
+    # Somebody lifts it into its stance within a second: it is damped until it is told to begin again.
+    speed = state.q[2] - q[2]
+    for k in range(CONSISTENT, 600):
+        lifted, v = q.copy(), np.zeros_like(state.v)
+        lifted[2] += speed * min(0.002 * k, 1.0)
+        v[2] = speed * (k < 500)
+        command = supervisor.step(RobotState(state.time + 0.002 * k, lifted, v))
+    assert not supervisor.monitor.standing_lost
+    assert (supervisor.status.status, command.kp.any()) == (Status.DAMPING, False)
+    up = replace(state, time=state.time + 2.0)
+    supervisor.reset(up)
+    assert supervisor.step(up).kp.all()
 
 
 def test_a_reach_arrives_and_stands(loop):

@@ -21,6 +21,7 @@ from wholebody.errors import InputError
 from wholebody.planning.posture import STARTS_MAX, PostureSolver
 from wholebody.planning.reachability.compute import Samples, compute, logits, search
 from wholebody.planning.reachability.pairs import MIRROR, PALM_AT_REST, TURNS, Pairs, Turn, draw
+from wholebody.planning.reachability.picture import outline
 from wholebody.planning.reachability.reach_map import ODDS_SURE, SHIPPED, ReachabilityMap, basis, reachability
 from wholebody.verdict.fast import FastChecker
 
@@ -197,3 +198,12 @@ def test_a_picture_of_the_map_is_drawn_by_the_command(tmp_path):
     done = CliRunner().invoke(app, ["reachability", "--sheet", str(tmp_path / "map.png")])
     assert done.exit_code == 0, done.output
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_behind_the_map_is_the_robot_in_its_stance():
+    points = np.concatenate(outline(g1()))
+    low, high = points.min(axis=0), points.max(axis=0)
+    assert 0.0 < low[2] < 0.05  # soles are balls, which have no corners
+    assert 1.2 < high[2] < 1.4
+    assert high[1] == pytest.approx(-low[1], abs=0.02)
+    assert 0.3 < high[0] < 0.45  # fingers, ahead of the forearms

@@ -85,6 +85,9 @@ def test_its_time_lines_have_the_worst_of_every_margin_with_its_bound(made):
     errors = 1e3 * np.nanmax(record.palm_errors()[:, 0])
     assert np.nanmax(arrays["line 0 0"]) == pytest.approx(errors, rel=1e-5)
     assert about["panels"][0]["bounds"][0][0] == pytest.approx(1e3 * record["palm_bounds"][0])
+    # A palm that is far off is drawn where it is, not at the edge of the plot.
+    assert about["panels"][0]["knee"] == pytest.approx(1e3 * record["palm_bounds"][1])
+    assert about["panels"][0]["most"] is None
     least = arrays[f"line {at['balance']} 1"].min()
     assert least == pytest.approx(1e3 * record["capture_margin"].min(), rel=1e-4)
     for panel in about["panels"]:

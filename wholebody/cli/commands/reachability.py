@@ -62,5 +62,5 @@ def reachability(
     if sheet is not None:
         from wholebody.planning.reachability.picture import draw
 
-        draw(found, sheet)
+        draw(found, describe(settings.robot), sheet)
         say(f"wrote {sheet}", to_errors=True)

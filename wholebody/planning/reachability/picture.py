@@ -6,9 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
+from models.pinocchio_model import load_collision, load_pinocchio, stance_q
+from models.spec import RobotSpec
+from wholebody.collision.shapes import hull_corners
 from wholebody.errors import require_extra
 from wholebody.planning.reachability.pairs import BOX_HIGH, BOX_LOW, MIRROR, PALM_AT_REST, TURNS, Pairs, Turn
+from wholebody.robot.support_polygon import convex_polygon
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,11 +28,12 @@ FINE = 0.02
 """Distance of two points [m]; chosen: one or two pixels."""
 
 
-def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
+def draw(reach_map: ReachabilityMap, spec: RobotSpec, output: str | Path) -> None:
     """Write a picture (.png).
 
     Args:
         reach_map: The map.
+        spec: The robot, whose outline in its stance is behind the borders.
         output: The file.
 
     Raises:
@@ -38,10 +44,13 @@ def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(15.0, 6.8), layout="constrained")
-    axes = figure.subplots(2, len(TURNS), sharex=True, sharey="row")
+    axes, bodies = figure.subplots(2, len(TURNS), sharex=True, sharey="row"), outline(spec)
     for (side, above), turn in zip(axes.T, TURNS, strict=True):
         title = turn.sentence.replace(", ", ",\n")
         side.set_title(f"{turn}: {title}", fontsize=10)
+        for ax, seen in ((side, [0, 2]), (above, [0, 1])):
+            for points in bodies:
+                ax.fill(*convex_polygon(points[:, seen]).vertices.T, color="0.75", linewidth=0.0, zorder=0)
         for i, mass in enumerate(PAYLOADS):
             x, z, room = _from_the_side(reach_map, turn, mass)
             colour = colormaps["viridis"](0.4 * i)
@@ -60,6 +69,19 @@ def draw(reach_map: ReachabilityMap, output: str | Path) -> None:
     for row in axes:
         row[-1].legend(*row[0].get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     figure.savefig(output, dpi=110)
+
+
+def outline(spec: RobotSpec) -> list[np.ndarray]:
+    """Corners of the hulls of a robot in its stance, a body each, shape (n, 3), in world [m]."""
+    model = load_pinocchio(spec)
+    geometry, data, found = load_collision(spec, model), model.createData(), []
+    pin.forwardKinematics(model, data, stance_q(spec, model))
+    for item in geometry.geometryObjects:
+        corners = hull_corners(item.geometry)
+        if corners is not None:
+            T = data.oMi[item.parentJoint] * item.placement
+            found.append(corners @ T.rotation.T + T.translation)
+    return found
 
 
 def _line(axes: Axes, x: np.ndarray, y: np.ndarray, room: np.ndarray, colour: tuple, name: str) -> None:

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from models.spec import RobotSpec
 
 WIDTH, HEIGHT, FPS, SHEET_FRAMES = 640, 480, 30, 6
+GIF_WIDTH, GIF_FPS, GIF_COLOURS = 400, 8, 128
+"""Width [px], pictures a second [Hz] and colours of an animation; chosen: ten seconds in half a megabyte."""
 LOOK_AT, DISTANCE, AZIMUTH, ELEVATION = (0.14, 0.0, 0.64), 2.0, 212.0, -14.0
 """View from the front left, far enough for a robot of 1.3 m that stands or squats [m], [deg]."""
 FURTHEST, HAND = 3.2, 0.15
@@ -34,7 +36,7 @@ cut off, rather than the robot become small."""
 
 
 def main(recording: Path, output: Path) -> None:
-    """Draw a sheet (.png) or a video."""
+    """Draw a sheet (.png), an animation (.gif) or a video."""
     import imageio.v2 as iio
 
     record = read_record(recording, SCENE_COLUMNS)
@@ -45,13 +47,31 @@ def main(recording: Path, output: Path) -> None:
         half = SHEET_FRAMES // 2
         iio.imwrite(output, np.vstack([np.hstack(tiles[:half]), np.hstack(tiles[half:]), legend(half * WIDTH)]))
         return
-    time = record["time"]
-    times = np.arange(time[0], time[-1] + 1e-9, 1.0 / FPS)
+    time, fps = record["time"], GIF_FPS if output.suffix == ".gif" else FPS
+    times = np.arange(time[0], time[-1] + 1e-9, 1.0 / fps)
     rows = np.searchsorted(time, times - 1e-9).clip(0, len(record) - 1)
     colours = legend(WIDTH)
+    if output.suffix == ".gif":
+        _write_gif(output, list(frames(record, rows)), colours)
+        return
     with iio.get_writer(output, fps=FPS, codec="libx264", macro_block_size=16) as writer:
         for frame in frames(record, rows):
             writer.append_data(np.vstack([frame, colours]))
+
+
+def _write_gif(output: Path, pictures: list[np.ndarray], colours: np.ndarray) -> None:
+    """Write pictures above a legend as an animation of some colours, which browsers show without being asked."""
+    from PIL import Image
+
+    # The legend many times over: its colours are to be among those.
+    palette = Image.fromarray(np.vstack([pictures[len(pictures) // 2], *[colours] * 8])).quantize(GIF_COLOURS)
+    first, *rest = (
+        Image.fromarray(whole)
+        .resize((GIF_WIDTH, GIF_WIDTH * len(whole) // WIDTH), Image.Resampling.LANCZOS)
+        .quantize(palette=palette, dither=Image.Dither.NONE)
+        for whole in (np.vstack([one, colours]) for one in pictures)
+    )
+    first.save(output, save_all=True, append_images=rest, duration=round(1e3 / GIF_FPS), loop=0)
 
 
 def frames(record: Record, rows: Sequence[int], why: Sequence[str] = ()) -> Iterator[np.ndarray]:

@@ -28,7 +28,7 @@ Progress = Callable[[int, int], None]
 def render(
     recording: str | Path, output: str | Path, *, timeout: float = 120.0, progress: Progress | None = None
 ) -> None:
-    """Draw a recording as a video (.mp4) or as a sheet of six frames (.png); broken off, it leaves no file.
+    """Draw a recording as a video (.mp4, .gif) or as a sheet of six frames (.png); broken off, it leaves no file.
 
     Args:
         recording: File written by `wholebody.sim.recorder.Recorder.save`.
@@ -64,8 +64,11 @@ def check_output(output: str | Path) -> None:
     Raises:
         InputError: With the endings that would do, or the extra that a video needs.
     """
-    if Path(output).suffix not in (".mp4", ".png"):
-        raise InputError(f"cannot render to '{output}': the ending must be .mp4 (video) or .png (sheet of six frames)")
+    if Path(output).suffix not in (".mp4", ".gif", ".png"):
+        raise InputError(
+            f"cannot render to '{output}': the ending must be .mp4 (video), .gif (small video) or .png (sheet of six "
+            "frames)"
+        )
     if Path(output).suffix == ".mp4":
         require_extra("video", "imageio_ffmpeg", "a video")
 

@@ -194,8 +194,12 @@ const drawn = about.panels.map((panel, i) => {
   return { panel, lines, canvas, cursor, values };
 });
 
+// Beyond the knee of a panel its scale is logarithmic: the bounds can be read, and so can a fall.
+const bent = (panel) => (value) => panel.knee !== null && value > panel.knee ? panel.knee * (1 + Math.log(value / panel.knee)) : value;
+
 function scale({ panel, lines }) {
-  const all = lines.flatMap((line) => Array.from(line.values).filter(Number.isFinite)), bounds = panel.bounds.map((bound) => bound[0]);
+  const bend = bent(panel), bounds = panel.bounds.map((bound) => bend(bound[0]));
+  const all = lines.flatMap((line) => Array.from(line.values).filter(Number.isFinite).map(bend));
   let low = Math.min(0, ...bounds), high = Math.max(...bounds, 1e-6);
   for (const value of all) { low = Math.min(low, value); high = Math.max(high, value); }
   if (!panel.above) low = Math.max(low, 0);
@@ -209,7 +213,7 @@ function paint(one) {
   const { panel, lines, canvas } = one, ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
   canvas.width = width * ratio; canvas.height = height * ratio;
   const c = canvas.getContext("2d"), style = getComputedStyle(document.documentElement), tint = (name) => style.getPropertyValue(name);
-  const [low, high] = scale(one), foot = height - 14, x = (t) => width * (t - first) / Math.max(last - first, 1e-9), y = (v) => foot - foot * (clamp(v, low, high) - low) / (high - low);
+  const bend = bent(panel), [low, high] = scale(one), foot = height - 14, x = (t) => width * (t - first) / Math.max(last - first, 1e-9), y = (v) => foot - foot * (clamp(bend(v), low, high) - low) / (high - low);
   c.scale(ratio, ratio); c.font = "10px system-ui, sans-serif";
   c.fillStyle = tint("--soft");
   const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600].find((s) => (last - first) / s <= width / 55) || 1200;
@@ -218,14 +222,17 @@ function paint(one) {
     c.fillText(`${+t.toFixed(1)}`, Math.min(x(t) + 2, width - 22), height - 3);
   }
   const rough = (high - low) / 3, ten = 10 ** Math.floor(Math.log10(rough)), rise = [1, 2, 5, 10].map((s) => s * ten).find((s) => s >= rough);
-  for (let v = Math.ceil(low / rise) * rise; v <= high; v += rise) {
+  const marks = [];
+  for (let v = Math.ceil(low / rise) * rise; v <= (panel.knee === null ? high : Math.min(high, panel.knee)); v += rise) marks.push(v);
+  if (panel.knee !== null) for (let ten = 10 ** Math.floor(Math.log10(panel.knee)); bend(ten) <= high; ten *= 10) marks.push(...[1, 2, 5].map((s) => s * ten).filter((v) => v > 1.3 * panel.knee && bend(v) <= high));
+  for (const v of marks) {
     c.globalAlpha = 0.25; c.fillRect(0, y(v), width, 1); c.globalAlpha = 1;
     c.fillText(`${+v.toPrecision(6)}`, 2, Math.max(y(v) - 2, 9));
   }
   for (const one of about.violations) if (one.time !== null && one.severity !== "note") { c.fillStyle = tint(one.severity === "repair" ? "--repair" : "--bad"); c.globalAlpha = 0.5; c.fillRect(x(one.time) - 1, 0, 2, foot); c.globalAlpha = 1; }
   c.lineWidth = 1; c.setLineDash([4, 3]);
   panel.bounds.forEach(([value, name], k) => {
-    if (value > high) return;
+    if (bend(value) > high) return;
     c.strokeStyle = c.fillStyle = tint("--bad");
     c.beginPath(); c.moveTo(0, y(value)); c.lineTo(width, y(value)); c.stroke();
     c.globalAlpha = 0.9; c.textAlign = k % 2 ? "left" : "right";

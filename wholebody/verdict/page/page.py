@@ -162,7 +162,7 @@ def _panel(panel: Panel) -> dict[str, Any]:
     ]
     return {
         "title": panel.title, "unit": panel.unit, "lines": curves, "bounds": panel.bounds, "most": panel.most,
-        "above": panel.above,
+        "knee": panel.knee, "above": panel.above,
     }  # fmt: skip
 
 

@@ -54,6 +54,7 @@ class Panel:
         lines: Curves.
         bounds: Value and name of each bound.
         most: Where the scale ends at the latest, None where the values end it.
+        knee: Value from which on the scale is logarithmic, None where it is linear.
         above: Whether values above the bounds are the good ones.
     """
 
@@ -62,6 +63,7 @@ class Panel:
     lines: tuple[Line, ...]
     bounds: tuple[tuple[float, str], ...] = field(default=())
     most: float | None = None
+    knee: float | None = None
     above: bool = False
 
 
@@ -77,7 +79,7 @@ def _palms(frames: Frames) -> Iterator[Panel]:
     bounds = (float(feasible), "as given up to here"), (float(repair), "repaired up to here")
     lines = [_side(side, frames.most(errors[:, i]), "measured") for i, side in enumerate(SIDES)]
     lines += [_side(side, frames.most(moved[:, i]), "commanded", dashed=True) for i, side in enumerate(SIDES)]
-    yield Panel("palms, from where they are asked to be", "mm", tuple(lines), bounds, most=1.5 * float(repair))
+    yield Panel("palms, from where they are asked to be", "mm", tuple(lines), bounds, knee=float(repair))
     free = record["orientation_free"].astype(bool)
     if free.all():
         return
@@ -85,7 +87,7 @@ def _palms(frames: Frames) -> Iterator[Panel]:
     feasible, repair = np.degrees(record["turn_bounds"])
     bounds = (float(feasible), "as given up to here"), (float(repair), "repaired up to here")
     lines = [_side(side, frames.most(turns[:, i]), "measured") for i, side in enumerate(SIDES) if not free[i]]
-    yield Panel("palms, from how they are asked to be turned", "°", tuple(lines), bounds, most=1.5 * float(repair))
+    yield Panel("palms, from how they are asked to be turned", "°", tuple(lines), bounds, knee=float(repair))
 
 
 def _side(side: str, values: np.ndarray, what: str, *, dashed: bool = False) -> Line:

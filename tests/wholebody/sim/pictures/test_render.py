@@ -13,7 +13,7 @@ from tests.support.recordings import made_record, plant_recording, save
 from wholebody.errors import InputError, RenderError
 from wholebody.sim.pictures import render as rendering
 from wholebody.sim.pictures.caption import CAPTION, captioned, legend
-from wholebody.sim.pictures.drawing import DISTANCE, FURTHEST, HEIGHT, LOOK_AT, WIDTH, view
+from wholebody.sim.pictures.drawing import DISTANCE, FURTHEST, GIF_WIDTH, HEIGHT, LOOK_AT, WIDTH, view
 from wholebody.sim.pictures.render import render
 from wholebody.sim.pictures.scene import scene_at
 
@@ -79,6 +79,15 @@ def test_a_video_is_drawn_or_the_missing_libraries_are_named(recording, tmp_path
         assert frame.shape[0] % 16 == 0
 
 
+def test_an_animation_is_small(recording, tmp_path):
+    output = tmp_path / "run.gif"
+    if drawn(recording, output):
+        pictures = iio.imread(output, index=None)
+        assert pictures.shape[2] == GIF_WIDTH
+        assert output.stat().st_size < 60_000 * len(pictures)
+        assert pictures[0].std() > 20.0  # not one colour
+
+
 def test_a_caption_says_when_what_and_why_above_the_picture():
     image, scene = np.full((HEIGHT, WIDTH, 3), 128, dtype=np.uint8), scene_at(made_record(3), 0)
     plain, chosen = captioned(image, scene), captioned(image, scene, "end; " + 20 * "smallest balance margin: 3 mm; ")
@@ -136,7 +145,7 @@ def test_ctrl_c_ends_the_process_that_draws(recording, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["run.gif", "run"])
+@pytest.mark.parametrize("name", ["run.avi", "run"])
 def test_an_unknown_ending_is_refused_with_those_that_work(recording, tmp_path, name):
     with pytest.raises(InputError, match=r"\.mp4"):
         render(recording, tmp_path / name)
