@@ -74,6 +74,13 @@ def test_stamps_that_step_are_refused_until_five_agree(clock, step):
     assert passed == pytest.approx(50 * DT)
 
 
+def test_states_that_come_later_and_later_are_used_until_they_are_a_tenth_of_a_second_old(clock):
+    """Literal, not `AGE_MAX`: ten times as much would leave a robot a second without eyes."""
+    reasons = [run(clock, 1, stamp=-0.0005 * k)[0][0] for k in range(300)]
+    assert reasons[:200] == [None] * 200
+    assert reasons[202] == Reason.STATE_STALE
+
+
 @pytest.mark.parametrize("step", [-0.7, 0.7])
 def test_one_wrong_stamp_is_refused_and_the_next_state_is_used(clock, step):
     run(clock, 10)
