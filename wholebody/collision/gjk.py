@@ -44,7 +44,7 @@ TOUCHING = 1e-8
 
 
 def support_vertex(x: float, y: float, z: float, at: int, vertices: Matrix, start: Indices, neighbours: Indices) -> int:
-    """Vertex furthest along a direction, climbed to from vertex ``at`` over the edges of the hull."""
+    """Vertex (n, 3) furthest along a direction, climbed to from vertex ``at`` over the edges of the hull."""
     best = x * vertices[at, 0] + y * vertices[at, 1] + z * vertices[at, 2]
     while True:
         here = at
@@ -58,7 +58,7 @@ def support_vertex(x: float, y: float, z: float, at: int, vertices: Matrix, star
 
 
 def support_cylinder(x: float, y: float, z: float, row: Vector) -> tuple[float, float, float]:
-    """Point of a cylinder furthest along a direction."""
+    """Point of a cylinder, ``row`` (8,) of ``rounds``, furthest along a direction."""
     a, b, c = row[AXIS], row[AXIS + 1], row[AXIS + 2]
     along = x * a + y * b + z * c
     u, v, w = x - along * a, y - along * b, z - along * c
@@ -85,7 +85,7 @@ def difference(point: Vector, move: Vector, w: Vector) -> None:
 
 
 def begin(shapes: tuple[Indices, Vector, Indices, Vector], vertices: Matrix, point: Vector, hints: Indices) -> None:
-    """Any point of the difference: the middle of the round shapes, the vertices of the last climb of the hulls."""
+    """Any point (6,) of the difference: middles of round shapes, vertices of the last climb, hints (2,), of hulls."""
     first, rounds_a, second, rounds_b = shapes
     for k in range(3):
         point[k] = rounds_a[k] if first[KIND] != HULL else vertices[hints[0], k]
@@ -96,7 +96,7 @@ def furthest(
     x: float, y: float, z: float, shape: Indices, row: Vector, at: int, side: int,
     hulls: tuple[Matrix, Indices, Indices], point: Vector
 ) -> int:  # fmt: skip
-    """Write the support point of a shape along a direction into half of ``point``; the vertex it is, if any."""
+    """Write the support point of a shape along a direction into half of ``point`` (6,); the vertex it is, if any."""
     vertices, start, neighbours = hulls
     if shape[KIND] == CYLINDER:
         point[side], point[side + 1], point[side + 2] = support_cylinder(x, y, z, row)

@@ -91,7 +91,7 @@ def tetrahedron(W: Matrix, weights: Vector, trial: Vector) -> bool:
 
 
 def nearest_of(W: Matrix, n: int, weights: Vector, trial: Vector) -> bool:
-    """Weights of the ``n`` points of a simplex in its point nearest to the origin; False if the origin is inside."""
+    """Weights (4,) of ``n`` points W (4, 3) in their simplex' point nearest to the origin; False if that is inside."""
     if n == 1:
         weights[0] = 1.0
     elif n == 2:
@@ -104,7 +104,7 @@ def nearest_of(W: Matrix, n: int, weights: Vector, trial: Vector) -> bool:
 
 
 def keep(W: Matrix, simplex: Matrix, n: int, weights: Vector) -> int:
-    """Drop the points without a weight; the number of those that are left."""
+    """Drop the points (4, 6) without a weight (4,); the number of those that are left."""
     kept = 0
     for i in range(n):
         if weights[i] > 0.0:

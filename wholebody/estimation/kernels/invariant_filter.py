@@ -91,7 +91,7 @@ def lever(memory: Packed, part: int) -> tuple[float, float, float]:
 
 
 def mix(P: Matrix, B: Matrix, R: Matrix, g: Vector, dt: float) -> None:
-    """``P = F P``; places before speeds before turns, so that each still finds what it depends on as it was."""
+    """``P = F P`` (SIZE, SIZE); places before speeds before turns: each still finds what it depends on as it was."""
     for r in range(SOLE, GYRO):
         less(P, r, GYRO, B[r, 0], B[r, 1], B[r, 2])
     for k in range(3):
@@ -110,7 +110,7 @@ def mix(P: Matrix, B: Matrix, R: Matrix, g: Vector, dt: float) -> None:
 
 
 def less(P: Matrix, r: int, bias: int, x: float, y: float, z: float) -> None:
-    """Row ``r`` of P less a mixture of the three rows of a bias."""
+    """Row ``r`` of P (SIZE, SIZE) less a mixture of the three rows of a bias."""
     for c in range(SIZE):
         P[r, c] -= x * P[bias, c] + y * P[bias + 1, c] + z * P[bias + 2, c]
 

@@ -86,7 +86,7 @@ def carry(memory: Packed, body: int, place: Vector, force: Vector) -> None:
 
 
 def solve6(A: Matrix, b: Vector) -> bool:
-    """Solve ``A x = b`` in place by elimination with row exchanges; the answer is in ``b``, False if there is none."""
+    """Solve ``A x = b``, A (6, 6), in place by elimination with row exchanges, x in ``b``; False if there is none."""
     n = b.shape[0]
     for c in range(n):
         best = c

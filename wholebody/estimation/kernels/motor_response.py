@@ -68,7 +68,7 @@ def weigh_delays(late: Vector, p: float, y: float, keep: float, xx: Vector, xy: 
 
 
 def advance(step: Matrix, given: Vector, state: Vector, value: float) -> float:
-    """Output of a filter of second order after a period: ``state' = step state + given value``."""
+    """Output of a filter of second order after a period: ``state' = step state + given value``, step (2, 2)."""
     y = step[0, 0] * state[0] + step[0, 1] * state[1] + given[0] * value
     state[1] = step[1, 0] * state[0] + step[1, 1] * state[1] + given[1] * value
     state[0] = y

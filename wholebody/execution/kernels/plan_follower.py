@@ -185,7 +185,7 @@ def leashed(lead: Vector, leash: Vector, target: Vector) -> None:
 
 
 def tracking_share(settings: np.record, row: Vector, palms: Matrix) -> float:
-    """Share of the planned speed that the palms' errors at the last tick allow, 0 to 1."""
+    """Share of the planned speed that the errors of the palms (2, 3) at the last tick allow, 0 to 1."""
     error = 0.0
     for i in range(2):
         total = 0.0

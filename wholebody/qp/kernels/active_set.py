@@ -71,7 +71,7 @@ def append(m: Vector, d: float, count: int, nu: int, Q: Matrix, R: Matrix, rhs: 
 def remove(
     at: int, count: int, nu: int, Q: Matrix, R: Matrix, rhs: Vector, lam: Vector, rows: Indices, sides: Vector
 ) -> None:
-    """Take row ``at`` out of the working set of ``count`` rows; the others move up."""
+    """Take row ``at`` out of the working set of ``count`` rows, Q (nu + 1, nu); the others move up."""
     for k in range(at, count - 1):
         rows[k], sides[k], rhs[k], lam[k] = rows[k + 1], sides[k + 1], rhs[k + 1], lam[k + 1]
         for i in range(k + 2):
@@ -89,7 +89,7 @@ def remove(
 
 
 def multipliers(count: int, R: Matrix, rhs: Vector, y: Vector, wanted: Vector) -> None:
-    """``y = R'^-1 rhs`` and the multipliers ``-R^-1 y`` of the working set."""
+    """``y = R'^-1 rhs`` (count,) and the multipliers ``-R^-1 y`` of the working set."""
     for k in range(count):
         total = rhs[k]
         for i in range(k):
@@ -153,7 +153,7 @@ def exchange(count: int, R: Matrix, lam: Vector, coefficients: Vector) -> tuple[
 
 
 def point_of(count: int, nu: int, Q: Matrix, y: Vector, u: Vector) -> None:
-    """``u = Q y``."""
+    """``u = Q y``, u (nu,), y (count,)."""
     for j in range(nu):
         u[j] = 0.0
     for k in range(count):

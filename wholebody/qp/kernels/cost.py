@@ -41,7 +41,7 @@ def has_weight(weight: Vector) -> bool:
 
 
 def reduce_row(row: Vector, bound: Indices, free: Indices, Z: Matrix, out: Vector) -> None:
-    """``out = row Z_full``: a row over ``v`` in the reduced variables."""
+    """``out = row Z_full``: a row (nv,) over ``v`` in the reduced variables."""
     nr = Z.shape[1]
     for r in range(nr):
         out[r] = 0.0
@@ -192,7 +192,7 @@ def add_posture(tick: Packed, penalty: float) -> None:
 
 
 def factor(H: Matrix, U: Matrix, g: Vector, y: Vector) -> bool:
-    """Upper Cholesky factor ``U`` of H and the minimiser ``y = -H^-1 g``; False if H is not positive definite."""
+    """Upper Cholesky factor ``U`` of H (n, n) and minimiser ``y = -H^-1 g``; False if H is not positive definite."""
     n = g.shape[0]
     for i in range(n):
         y[i] = -g[i]

@@ -32,7 +32,7 @@ def add_scaled(a: Vector, factor: float, b: Vector, n: int) -> None:
 
 
 def cholesky(H: Matrix, n: int) -> bool:
-    """Upper factor ``U`` with ``U' U = H``, in place in the upper triangle; False if H is not positive definite."""
+    """Upper factor ``U``, ``U' U = H`` (n, n), in place in the upper triangle; False if H is not positive definite."""
     for i in range(n):
         row, m, k = H[i, i:], n - i, 0
         while k + 4 <= i:
@@ -55,7 +55,7 @@ def cholesky(H: Matrix, n: int) -> bool:
 
 
 def solve_transposed(U: Matrix, b: Vector, n: int) -> None:
-    """``U' x = b`` in place, U upper triangular."""
+    """``U' x = b`` (n,) in place, U (n, n) upper triangular."""
     for k in range(n):
         c = b[k] / U[k, k]
         b[k] = c
@@ -66,7 +66,7 @@ def solve_transposed(U: Matrix, b: Vector, n: int) -> None:
 
 
 def solve_upper(U: Matrix, b: Vector, n: int) -> None:
-    """``U x = b`` in place, U upper triangular."""
+    """``U x = b`` (n,) in place, U (n, n) upper triangular."""
     for k in range(n - 1, -1, -1):
         b[k] = (b[k] - dot(U[k, k + 1 :], b[k + 1 :], n - k - 1)) / U[k, k]
 

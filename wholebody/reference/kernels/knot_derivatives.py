@@ -61,7 +61,7 @@ def spline_row(times: Vector, limited: np.ndarray, k: int) -> tuple[float, float
 
 
 def right_side(times: Vector, y: Matrix, limited: np.ndarray, k: int, c: int) -> float:
-    """Right side of the system at a knot, for one channel."""
+    """Right side of the system at knot ``k``, for channel ``c`` of y (H, C)."""
     last = times.shape[0] - 1
     if k in (0, last):
         return 0.0 if limited[k] else end_side(times, y, k, c)
@@ -92,5 +92,5 @@ def end_steps(times: Vector, k: int) -> tuple[float, float]:
 
 
 def secant(times: Vector, y: Matrix, k: int, c: int) -> float:
-    """Slope of the line from knot ``k`` to the next."""
+    """Slope of the line from knot ``k`` to the next, of channel ``c`` of y (H, C)."""
     return (y[k + 1, c] - y[k, c]) / (times[k + 1] - times[k])

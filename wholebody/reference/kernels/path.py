@@ -66,7 +66,7 @@ def rotation_part(
     x: tuple[float, float, float], y: tuple[float, float, float], z: tuple[float, float, float],
     w: tuple[float, float, float], row: Vector
 ) -> None:  # fmt: skip
-    """Unit quaternion, angular velocity and acceleration of a quaternion of any length and its derivatives.
+    """Unit quaternion, angular velocity and acceleration, into ``row`` (40,), of a quaternion and its derivatives.
 
     The formulas are those of `wholebody.reference.rotation.angular_rates`. Each component comes with its two
     derivatives.

@@ -77,7 +77,7 @@ def quat_exp(x: float, y: float, z: float, out: Vector) -> None:
 
 
 def quat_error(q: Vector, r: Vector, error: Vector) -> None:
-    """Write the rotation vector [rad], at most pi long, that turns ``r`` into ``q`` in world axes."""
+    """Write the rotation vector (3,) [rad], at most pi long, that turns ``r`` into ``q`` (4,), xyzw, in world axes."""
     x = -q[3] * r[0] + q[0] * r[3] - q[1] * r[2] + q[2] * r[1]
     y = -q[3] * r[1] + q[0] * r[2] + q[1] * r[3] - q[2] * r[0]
     z = -q[3] * r[2] - q[0] * r[1] + q[1] * r[0] + q[2] * r[3]

@@ -47,7 +47,7 @@ def move_frames(V: Matrix, A: Matrix, body: Indices, FP: Matrix, FV: Matrix, FA:
 
 
 def frame_columns(S: Matrix, parent: Indices, body: int, x: Vector, J: Matrix, row: int) -> None:
-    """Fill rows ``row`` to ``row + 5`` of J with the Jacobian of a frame at offset ``x``; other columns stay zero."""
+    """Fill rows ``row`` to ``row + 5`` of J (m, nv) with the Jacobian of a frame at ``x``, where it is not zero."""
     k = body
     while k > 0:
         fill_column(S[5 + k], 5 + k, x, J, row)

@@ -47,7 +47,7 @@ def body_force(n: Vector, V: Vector, A: Vector, gravity: Vector, h: Vector, forc
 
 
 def mass_matrix(parent: Indices, S: Matrix, inertia: Matrix, armature: Vector, M: Matrix, F: Matrix) -> None:
-    """Full symmetric mass matrix from the inertias of the subtrees; entries of unrelated joints are left at zero."""
+    """Full symmetric mass matrix (nv, nv) from the inertias of the subtrees; entries of unrelated joints stay zero."""
     n = parent.shape[0]
     for i in range(n - 1, 0, -1):
         column = 5 + i

@@ -16,7 +16,7 @@ from wholebody.robot.kernels.rotation import rotate
 
 
 def dot6(a: Vector, b: Vector) -> float:
-    """Scalar product of a twist and a force."""
+    """Scalar product of a twist (6,) and a force (6,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
@@ -26,7 +26,7 @@ def cross(a: Vector, b: Vector, out: Vector) -> None:
 
 
 def cross_motion(v: Vector, s: Vector, out: Vector) -> None:
-    """``out = v x s``, the spatial cross product of two twists."""
+    """``out = v x s`` (6,), the spatial cross product of two twists."""
     a, b, c, x, y, z = v[3], v[4], v[5], v[0], v[1], v[2]
     out[0] = b * s[2] - c * s[1] + y * s[5] - z * s[4]
     out[1] = c * s[0] - a * s[2] + z * s[3] - x * s[5]
@@ -37,7 +37,7 @@ def cross_motion(v: Vector, s: Vector, out: Vector) -> None:
 
 
 def add_cross_force(v: Vector, f: Vector, out: Vector) -> None:
-    """``out += v x* f``, the spatial cross product of a twist and a force."""
+    """``out += v x* f`` (6,), the spatial cross product of a twist and a force."""
     a, b, c, x, y, z = v[3], v[4], v[5], v[0], v[1], v[2]
     out[0] += b * f[2] - c * f[1]
     out[1] += c * f[0] - a * f[2]

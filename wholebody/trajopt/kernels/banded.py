@@ -137,7 +137,7 @@ def solve(K: int, panels: np.ndarray, y: Matrix) -> None:
 
 
 def solve_panel(U: Matrix, y: Vector) -> None:
-    """``y = U^-1 y`` for the own block of a panel."""
+    """``y = U^-1 y`` (N_FREE,) for the own block of a panel U (N_BLOCK, N_PANEL)."""
     for i in range(N_FREE - 1, -1, -1):
         y[i] *= U[i, i]
         for j in range(i):

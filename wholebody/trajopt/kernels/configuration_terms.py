@@ -34,7 +34,7 @@ from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 def composite_inertias(
     robot: Tables, R: np.ndarray, p: Matrix, S: Matrix, inertia: Matrix, I_composite: Matrix, F: Matrix
 ) -> None:
-    """Inertias of the bodies, of each with all that hangs on it, and the forces ``F`` for unit accelerations."""
+    """Inertias (30, 10) of the bodies, of each with all that hangs on it, and forces ``F`` for unit accelerations."""
     n = inertia.shape[0]
     for i in range(n):
         body_inertia(robot.bodies[i], R[i], p[i], inertia[i])

@@ -58,7 +58,7 @@ def cost(m: KnotMotion, weights: TrajectoryWeights, penalties: Vector, moving: i
 
 
 def configuration_cost(r: Vector, weights: TrajectoryWeights) -> float:
-    """Cost of the squares that depend on one configuration."""
+    """Cost of the squares r (N_POSITION,) that depend on one configuration."""
     total = 0.0
     for h in range(4):
         x, y, z = r[3 * h], r[3 * h + 1], r[3 * h + 2]
@@ -147,7 +147,7 @@ def add_configuration(
 def add_dense(
     k: int, m: KnotMotion, weights: TrajectoryWeights, H: np.ndarray, g: Matrix, work: AssemblyScratch
 ) -> None:
-    """Zero-moment point and waist torques: rows that depend on everything."""
+    """Rows (2 + WAIST, N_PANEL) that depend on everything: zero-moment point and waist torques."""
     B, slope = work.dense, g
     for i in range(2 + WAIST):
         row = i if i < 2 else TAU + i - 2

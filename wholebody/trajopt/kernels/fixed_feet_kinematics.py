@@ -107,7 +107,7 @@ def reflect_free(v: Vector, first: int, X: Matrix, sums: Vector) -> None:
 
 
 def integrate_base(q: Vector, u: Vector, w: Vector) -> None:
-    """Move the base by the twist ``[u; w]`` in its own axes, as Pinocchio's ``integrate``."""
+    """Move the base of q (nq,) by the twist ``[u; w]`` in its own axes, as Pinocchio's ``integrate``."""
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     square = angle * angle
     if angle < 1e-4:

@@ -88,7 +88,7 @@ def times_D(D: Vector, x: float, y: float, z: float, out: Vector, at: int) -> No
 
 
 def add_B(h: Vector, D: Vector, t: Vector, out: Vector) -> None:
-    """Add ``B t`` to a force."""
+    """Add ``B t`` to a force (6,), B by momentum h (6,) and D (6,) of `coriolis_moments`."""
     a, b, c = t[3], t[4], t[5]
     out[0] -= 2.0 * (h[1] * c - h[2] * b)
     out[1] -= 2.0 * (h[2] * a - h[0] * c)

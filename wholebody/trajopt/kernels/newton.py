@@ -114,7 +114,7 @@ def list_exceeded(k: int, start: int, stop: int, violation: Vector, change: Vect
 def newton(
     first: int, robot: Tables, m: KnotMotion, dt: float, penalties: Vector, s: System, work: AssemblyScratch
 ) -> None:
-    """Hessian and minus the gradient with the bounds that are exceeded, from panel ``first + 1`` on."""
+    """Hessian and minus the gradient (K + 2 panels) with the bounds that are exceeded, from panel ``first + 1`` on."""
     K = m.q.shape[0]
     for k in range(first + 1, K + 2):
         for i in range(N_FREE):
@@ -128,7 +128,7 @@ def newton(
 
 
 def line_search(K: int, m: KnotMotion, penalties: Vector, s: System) -> float:
-    """Where between 0 and 1 the cost along the direction is least."""
+    """Step, 0 to 1, at which the cost along ``direction`` (K + 2, N_FREE) is least."""
     slope, curvature = 0.0, 0.0
     for k in range(2, K + 1):
         for i in range(N_FREE):

@@ -56,7 +56,7 @@ def place_fingers(robot: Tables, angles: Vector, R: np.ndarray, p: Matrix) -> No
 
 
 def centres(shapes: Shapes, R: np.ndarray, p: Matrix, out: Matrix) -> None:
-    """Middles of the boxes around the shapes, from the base."""
+    """Middles (n, 3) of the boxes around the shapes, from the base [m]."""
     for s in range(out.shape[0]):
         b, c = shapes.shapes[s, BODY], shapes.centre[s]
         for a in range(3):

@@ -107,7 +107,7 @@ def add_row(weight: float, value: float, row: Vector, U: Matrix) -> None:
 
 
 def take_step(m: KnotMotion, z: Matrix, lower: Vector, other: KnotMotion) -> None:
-    """Write the configurations after a step of the whole motion into another motion."""
+    """Write the configurations after a step z (K + 2, N_FREE) of the whole motion into another motion."""
     for k in range(m.q.shape[0]):
         for j in range(m.q.shape[1]):
             other.q[k, j] = m.q[k, j]
@@ -116,7 +116,7 @@ def take_step(m: KnotMotion, z: Matrix, lower: Vector, other: KnotMotion) -> Non
 
 
 def shift(free: Matrix, x: Vector, q: Vector, lower: Vector) -> None:
-    """Move a configuration by a step of the free directions."""
+    """Move a configuration q (36,) by a step x (N_FREE,) of the free directions."""
     for j in range(LOWER):
         lower[j] = 0.0
     for r in range(FREE_LOWER):

@@ -86,7 +86,7 @@ def weights(tick: Packed) -> None:
 
 
 def carry(tick: Packed, h: Vector, c: int) -> None:
-    """Add the forces ``G' h`` of the points of contact ``c`` to the load of the foot and of all that it hangs on."""
+    """Add the forces ``G' h`` of the points of contact ``c`` to the load (nb, 6) of foot and all that it hangs on."""
     P, parent, load = tick.points, tick.parent, tick.force
     each = P.shape[0] // tick.n_contacts
     for i in range(each * c, each * (c + 1)):
