@@ -2,7 +2,8 @@
 
 ``python -m tests.studies.streams reach`` prints the time to reach a target 0.42 m away by the time between two chunks,
 ``mixed --seeds 0 20`` a line a stream of a minute of hostile, calm, late, lost and doubled chunks, ``targets`` how far
-off and how late the palms are that are told one step at a time, and how far they drift in a minute of rest. With
+off and how late the palms are that are told one step at a time, and how far they drift in a minute of rest, ``hostile``
+who falls by single targets that jump, are out of reach or too fast. With
 ``--out FILE`` lines are appended to a file, and what the file has already is left out.
 """
 
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from models import g1
 from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
-from tests.support.one_step_targets import follow
+from tests.support.one_step_targets import follow, hostile_targets
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
@@ -61,14 +62,22 @@ def targets(robot: tuple[Supervisor, MujocoPlant], _: range, done: set[str]) -> 
             yield {"case": case, **rounded, **drift, "fell": result.fall is not None}
 
 
-PARTS = {"reach": reach, "mixed": mixed, "targets": targets}
+def hostile(robot: tuple[Supervisor, MujocoPlant], seeds: range, done: set[str]) -> Iterator[dict]:
+    """What became of single targets that are hostile, between swings, for 20 s each."""
+    for seed in seeds:
+        if str(seed) not in done:
+            fall, fast = hostile_targets(*robot, seed)
+            yield {"case": str(seed), "fell": fall is not None, "fast_s": round(fast, 2), "said": str(fall)}
+
+
+PARTS = {"reach": reach, "mixed": mixed, "targets": targets, "hostile": hostile}
 
 
 def summary(part: str, lines: list[dict]) -> str:
     """The last line."""
     if part == "reach":
         return f"slowest {max(line['reached_s'] for line in lines):.2f} s of {len(lines)}"
-    if part == "targets":
+    if part in ("targets", "hostile"):
         return f"{sum(line['fell'] for line in lines)} of {len(lines)} fell"
     falls, missed, calm = (sum(line[key] for line in lines) for key in ("fell", "missed", "calm"))
     return f"{falls} of {len(lines)} fell; {missed} of {calm} calm targets not within {1e3 * THERE:.0f} mm after 3 s"

@@ -195,6 +195,10 @@ class PlanFollower:
         rows = self._palm_rows()
         return make_transform(rows[:, :9].reshape(2, 3, 3), rows[:, 9:12])
 
+    def off(self) -> float:
+        """Distance of the further palm from where it was commanded in the last tick [m]."""
+        return float(np.linalg.norm(self._controller.palm_positions() - self._palm_rows()[:, 9:12], axis=1).max())
+
     @property
     def near_edge(self) -> bool:
         """Whether the capture point is so near to the edge of the support that the plan has to wait."""
@@ -218,7 +222,7 @@ class PlanFollower:
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
         settings.leash[:], self._hands_ahead, self._stretched = 0.0, False, 1.0
-        self._count_arms(1.0)
+        self._body.weights[:] = self._weights
         if self._standing:
             self._saturation.begin_anew()
         self._standing, self._body = False, self._body._replace(edges=self._edges())
@@ -240,6 +244,16 @@ class PlanFollower:
         self._plan = self._plan._replace(lead_left=left.flat, lead_right=right.flat)
         settings = self._settings[0]
         settings.ahead, settings.leash[:], self._hands_ahead = ahead, leash, True
+
+    def wait(self, row: SampledTrajectory, share: float) -> None:
+        """Lead the body to one row instead of along the plan, until the next one; joints count with a share there.
+
+        Hands are led at their own speed then, whatever that of the plan.
+        """
+        clock = self._clock[0]
+        self._settings[0].plan_rate, clock.rate = 1.0, max(clock.rate, clock.share)
+        self._plan = self._plan._replace(trajectory=kernel.records(row))
+        self._body.weights[:] = share * self._weights
 
     def let_go(self, paths: tuple[HandPath, ...]) -> None:
         """Lead the hands by the plan again, along its paths as joined to what they do now."""

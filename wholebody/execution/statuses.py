@@ -116,6 +116,8 @@ class Following:
             return worst
         if self.plan is None or self.chunk is None:
             return self._refused or NO_CHUNK
+        if self._ahead.is_there:
+            return TRACKING
         if self._follower.s > self.plan.end or self._now > self._chunk_end + 0.5:
             return self._refused or STARVED
         return self._refused or plan_status(self.plan.report, self.rate, self._follower.s, waits=self._follower.waits)

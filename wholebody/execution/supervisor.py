@@ -14,6 +14,7 @@ from wholebody.config import ControllerConfig
 from wholebody.control.motor_watch import MotorWatch
 from wholebody.execution import standing, statuses
 from wholebody.execution.ahead.hands_ahead import HandsAhead
+from wholebody.execution.ahead.ready import ReadyBody
 from wholebody.execution.background_planner import BackgroundPlanner, Compute, PlanAnswer, PlanRequest, SimulatedPlanner
 from wholebody.execution.carrying import Carrying
 from wholebody.execution.ending.lowering import Lowering
@@ -100,7 +101,8 @@ class Supervisor(Commands):
         self._follower = PlanFollower(self.controller, self.config, trajectory, self._smoother, rows, touch=self.touch)
         owned = self._follower, self._smoother, self._planted, self._states
         self._reflex = standing.Reflex(self.controller, self.config, *owned)
-        self._ahead = HandsAhead(self._follower, self._smoother, self.planner.hand_limits, self.touch)
+        ready = ReadyBody(self.controller, self._planted)
+        self._ahead = HandsAhead(self._follower, self._smoother, self.planner.hand_limits, self.touch, ready)
         self._lowering = Lowering(self.controller, self._reflex, self._planted, self._states)
         self._stepping = Stepping(self.controller, self.config, *owned, self._reflex)
         self._states.on(Event.RESET)
@@ -130,8 +132,8 @@ class Supervisor(Commands):
         if (fault := statuses.chunk_fault(chunk, self._newest, now, self.spec)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
-        if self.handover.busy and not self._gated:
-            self._ahead.offer(chunk, self.plan, self._now)
+        if not self._gated:
+            self._ahead.offer(chunk, self.plan, self._now, waits=self.handover.busy)
         self._waiting, self._retry = chunk, self._now
         self._try_waiting(self._now)
         if self.handover.busy or self.plan is None:
@@ -158,7 +160,7 @@ class Supervisor(Commands):
         """Have a chunk planned from where the robot will be once the lead is over; its plan is to last until then."""
         self._retry, ticks, follower = self._now + RETRY, self.handover.ticks, self._follower
         state, due = self._last_state, self._now + ticks * self.config.dt
-        late = self.handover.is_slow and self.plan is not None and chunk is not self.chunk
+        late = self.handover.is_slow and self.plan is not None and chunk is not self.chunk and not self._ahead.fast
         follower.stretch(due - self._now if late else 0.0)
         start = self._reflex.foreseen(state, ticks) if self._reflex.active else follower.foreseen(ticks, state)
         # On its plan, the robot only asks whether there is a quicker one by now.
@@ -221,6 +223,7 @@ class Supervisor(Commands):
     def _stand(self) -> None:
         """Follow no plan: stand, until there is one from there."""
         self.handover.cancel()
+        self._ahead.end(None)
         self.plan, self._waiting = None, self._waiting or self._newest
         self._retry = self._now + self._reflex.stand(self._last_state, self._now)
 
@@ -264,6 +267,7 @@ class Supervisor(Commands):
         if led:
             self._keep_planning()
         self._reflex.advance(elapsed)
+        self._ahead.advance(elapsed)
         self._lowering.look(state)
         self._last_state, self._now = state, max(now, self._now)
         reference = follower.reference(state.q, elapsed, allowed=0.0 if blind or stepping.active else 1.0)
@@ -284,7 +288,7 @@ class Supervisor(Commands):
         if (self.carrying.changed or self.motors.weaker) and not self.handover.busy:
             self._waiting = self._waiting or standing.to_hold(self._newest, self._smoother.motion, self._now)
         lost = follower.trust <= TRUST_MIN or (follower.trust < 1.0 and follower.near_edge)
-        if self.plan is not None and (lost or follower.sinks):
+        if self.plan is not None and (lost or follower.sinks or self._ahead.is_lost):
             self._stand()
         elif self.plan is not None and follower.trust < 1.0 and not self.handover.busy:
             self._waiting = self._waiting or self._newest

@@ -4,7 +4,7 @@ import pytest
 
 from models import g1
 from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
-from tests.support.one_step_targets import follow
+from tests.support.one_step_targets import follow, led_away
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
@@ -27,11 +27,19 @@ def test_a_stream_of_hostile_and_calm_chunks_late_lost_and_doubled_leaves_the_ro
     assert min(result.lost, result.late, result.doubled) > 0, str(result)
 
 
-@pytest.mark.parametrize(("name", "seconds"), [("reach", 4.0), ("wave", 5.0)])
+@pytest.mark.parametrize(("name", "seconds"), [("reach", 4.0), ("wave", 5.0), ("lissajous", 8.0)])
 def test_targets_that_are_told_one_at_a_time_are_followed_within_millimetres_and_at_once(robot, name, seconds):
-    """The wave was followed within 30 mm where hands waited for its plans."""
+    """The wave was followed within 30 mm where hands waited for its plans, the lissajous within 72 along them."""
     followed = follow(*robot, name, seconds)
     assert followed.fall is None
     assert followed.rms <= 5e-3
     assert followed.shift <= 0.04
-    assert name == "wave" or followed.drift <= 1e-3, "the reach has ended and is held"
+    assert name != "reach" or followed.drift <= 1e-3, "the reach has ended and is held"
+
+
+def test_fast_hands_that_leave_the_reach_do_not_draw_the_body_after_them(robot):
+    """Hands that were led on, a third of a metre out of reach from where it waits, drew it over its toes in 2 s."""
+    fall, fast = led_away(*robot)
+    assert fall is None
+    assert fast[:-500].any(), "the body waited for fast hands"
+    assert not fast[-500:].any(), "a plan leads them again"

@@ -14,9 +14,11 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from wholebody.control.touch import Touch
+from wholebody.execution.ahead.fast_stream import LAG, FastStream
+from wholebody.execution.ahead.ready import ReadyBody
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.planning.plan import ChunkPlan
-from wholebody.planning.preparation import prepare
+from wholebody.planning.preparation import PreparedChunk, prepare
 from wholebody.reference import HandLimits, HandMotion, HandPath, ReferenceSmoother
 
 LEASH = (0.15, 0.6)
@@ -32,40 +34,133 @@ CHANGE = 3.0
 """How many times as much the leash is shortened as the plan moved the hand; chosen: 5 cm are a no."""
 
 
+FREE = (10.0, 7.0)
+"""Leash of fast hands [m, rad]; definition: none."""
+BODY_SHARE = 0.4
+"""Share with which a joint's distance from where the body waits counts; measured: fast hands take it up to 0.31 rad
+away."""
+FAST_LIMITS = {"speed": 0.6, "acceleration": 0.6, "jerk": 4.0}
+"""Share of each of the limits on the positions of fast hands; measured: with less jerk they lag behind, and 1.5 m/s and
+12 m/s^2 are a third more than a lissajous of 0.15 m asks for."""
+FORESEEN = 0.1
+"""How far ahead fast hands have to be in reach from where the body waits [s]; chosen: a plan is as far away."""
+ASTRAY = 0.08
+"""Error of a palm at which fast hands are led by the next plan again [m]; derived: where a plan is held,
+`safety.error_stop`."""
+ASTRAY_TIME = 0.1
+"""Time for which a palm is so far off after which the robot stands off its plan [s]; chosen: a target is out of reach
+from where the body waits, and the body would be drawn after it."""
+
+
 class HandsAhead:
-    """Decides whether the hands are led along the newest chunk, or by the plan.
+    """Decides whether the hands are led along the newest chunk, or by the plan, and who leads the body.
 
     Args:
         follower: Follows the plan.
         smoother: Of the hands.
         limits: Of the left and the right hand.
         touch: Says whether hands touch something: then the plan leads them, which knows what they met.
+        ready: Where the body waits for fast hands.
+
+    Attributes:
+        fast: Whether hands are led as single targets say, and the body waits for them.
     """
 
     def __init__(
-        self, follower: PlanFollower, smoother: ReferenceSmoother, limits: tuple[HandLimits, ...], touch: Touch
+        self,
+        follower: PlanFollower,
+        smoother: ReferenceSmoother,
+        limits: tuple[HandLimits, ...],
+        touch: Touch,
+        ready: ReadyBody,
     ) -> None:
         self._follower, self._smoother, self._limits, self._touch = follower, smoother, limits, touch
+        self._ready, self._stream, self.fast, self._astray = ready, FastStream(limits), False, 0.0
+        self._usual = smoother.limits.copy()
         self._paths: tuple[HandPath, ...] | None = None
         self._t_obs, self._ahead = -inf, 0.0
         self._own: tuple[HandPath, ...] = ()
 
-    def offer(self, chunk: ActionChunk, plan: ChunkPlan | None, now: float) -> None:
-        """Take a chunk whose plan has to wait, now [s], and the plan that is followed, if one is."""
-        streams, self._t_obs = chunk.t_obs - self._t_obs <= STREAM_GAP, chunk.t_obs
-        if plan is not None:
-            self._paths = self._joined(chunk, now - chunk.t_obs) if streams else None
+    def offer(self, chunk: ActionChunk, plan: ChunkPlan | None, now: float, *, waits: bool) -> None:
+        """Take a chunk, now [s], the plan that is followed, if one is, and whether the chunk's own plan has to wait."""
+        self._stream.add(chunk)
+        if self.fast and not self._follower.leads:
+            self._slow_down()
+        fast = self._stream.is_fast(now) or self.fast
+        if plan is None or not (waits or fast):
+            self._t_obs = chunk.t_obs if waits else self._t_obs
+            return
+        prepared = prepare(chunk, self._limits)
+        paths = self._stream.paths(prepared) if fast else None
+        if paths is not None and self._are_fast(paths, chunk, now):
+            self._t_obs, self._paths = chunk.t_obs, paths
+            self._look(plan, now)
+        elif waits and not self.fast:
+            streams, self._t_obs = chunk.t_obs - self._t_obs <= STREAM_GAP, chunk.t_obs
+            self._paths = self._joined(prepared, now - chunk.t_obs) if streams else None
             self._look(plan, now)
 
     def begin(self, chunk: ActionChunk, plan: ChunkPlan, now: float) -> None:
         """Go on beside a plan that has taken over, now [s], where its chunk is not the newest one itself."""
         self._own = plan.paths
-        if chunk.t_obs >= self._t_obs:
-            self._paths = None
+        near = self._ready.reaches(self._smoother.motion.p) and self._follower.off() < ASTRAY
+        if self.fast and self._stream.is_fast(now) and not self._touch.active and near:
+            self._follower.wait(self._ready.row, BODY_SHARE)
+        else:
+            self._slow_down()
+            if chunk.t_obs >= self._t_obs:
+                self._paths = None
         self._look(plan, now)
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether fast hands have been far from where they are led for `ASTRAY_TIME`."""
+        return self.fast and self._follower.leads and self._astray > ASTRAY_TIME
+
+    @property
+    def is_there(self) -> bool:
+        """Whether fast hands are where single targets have them, whatever a plan of these would have to change."""
+        return self.fast and self._follower.leads and self._follower.off() <= LEASH_MIN
+
+    def advance(self, elapsed: float) -> None:
+        """Let the body go on to where it waits for fast hands, for so long [s]."""
+        if not self.fast or not self._follower.leads:
+            return
+        self._astray = self._astray + elapsed if self._follower.off() > ASTRAY else 0.0
+        if not self._ready.is_over:
+            self._follower.wait(self._ready.advance(elapsed), BODY_SHARE)
+
+    def _are_fast(self, paths: tuple[HandPath, ...], chunk: ActionChunk, now: float) -> bool:
+        """Whether fast hands are to be led along paths; from now on [s], if they were not before."""
+        there = np.array([now - chunk.t_obs + t for t in (-LAG, FORESEEN)])
+        p, now_there = np.stack([path.sample(there).p for path in paths], axis=1), self._smoother.motion.p
+        near = float(np.linalg.norm(p[0] - now_there, axis=1).max()) <= LEASH[0]
+        if self.fast:
+            return near and self._ready.reaches(p[1])
+        if not near or not self._stream.is_fast(now) or self._touch.active or self._follower.trust < 1.0:
+            return False
+        self.fast, self._astray = self._ready.begin(now_there) and self._ready.reaches(p[1]), 0.0
+        if self.fast:
+            for name, factor in FAST_LIMITS.items():
+                self._smoother.limits[name][:, 0] *= factor
+            self._follower.wait(self._ready.row, BODY_SHARE)
+        return self.fast
+
+    def _slow_down(self) -> None:
+        """Leave hands and body to plans."""
+        if self.fast:
+            self._smoother.limits[:] = self._usual
+            self.fast, self._paths, self._astray = False, None, 0.0
+
     def end(self, plan: ChunkPlan | None) -> None:
-        """Leave the hands to the plan that is followed, if one is: no motion leads on from where they are led."""
+        """Leave the hands to the plan that is followed, as no motion leads on from where they are; to none if None.
+
+        Fast hands go on: they follow what was said, not a plan of it.
+        """
+        if plan is None:
+            self._slow_down()
+        if self.fast and self._follower.leads:
+            return
         self._paths = None
         if plan is not None:
             self._look(plan, 0.0)
@@ -78,7 +173,10 @@ class HandsAhead:
 
     def _look(self, plan: ChunkPlan, now: float) -> None:
         follower = self._follower
-        if self._paths is not None and plan.rate >= 1.0 and not self._touch.active:
+        if self.fast:
+            self._ahead = now - self._t_obs - follower.s - LAG
+            follower.lead(self._paths, self._ahead, FREE)
+        elif self._paths is not None and plan.rate >= 1.0 and not self._touch.active:
             self._ahead = now - self._t_obs - follower.s
             way = max(LEASH[0] - CHANGE * plan.report.moved_by(follower.s), LEASH_MIN)
             follower.lead(self._paths, self._ahead, (way, LEASH[1]))
@@ -86,9 +184,8 @@ class HandsAhead:
             self._own = self._continued(plan.paths, follower.s)
             follower.let_go(self._own)
 
-    def _joined(self, chunk: ActionChunk, s: float) -> tuple[HandPath, ...] | None:
+    def _joined(self, prepared: PreparedChunk, s: float) -> tuple[HandPath, ...] | None:
         """The chunk's own paths from ``s`` on; None for one that jumps, or is not taken as given."""
-        prepared = prepare(chunk, self._limits)
         if prepared.lift.any() or prepared.smoothed:
             return None
         chunk = prepared.chunk

@@ -17,19 +17,21 @@ ANKLE_HALVINGS = 40
 """Halvings of the range of the ankles; chosen: all that a number has."""
 
 
-def crouch(spec: RobotSpec, model: pin.Model, feet: Feet) -> np.ndarray:
+def crouch(
+    spec: RobotSpec, model: pin.Model, feet: Feet, knee: float = KNEE, lean: float = LEAN, shoulder: float = SHOULDER
+) -> np.ndarray:
     """The crouch with the soles on these feet, shape (nq,); an `InputError` for a robot whose crouch is not known."""
     q, data = stance_q(spec, model), model.createData()
     nominal = Feet.at(spec, model, q, data)
     middle = nominal.floor(spec).point[0]
     parts = {part: _joints(model, part) for part in ("knee", "hip_pitch", "ankle_pitch", "shoulder_pitch")}
-    q[parts["knee"]] = KNEE
-    q[parts["shoulder_pitch"]] += SHOULDER
-    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, LEAN, 0.0)).coeffs()
+    q[parts["knee"]] = knee
+    q[parts["shoulder_pitch"]] += shoulder
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, lean, 0.0)).coeffs()
     low, high = float(model.lowerPositionLimit[parts["ankle_pitch"]].max()), 0.0
     for _ in range(ANKLE_HALVINGS):
         ankle = 0.5 * (low + high)
-        q[parts["ankle_pitch"]], q[parts["hip_pitch"]] = ankle, -(KNEE + ankle + LEAN)
+        q[parts["ankle_pitch"]], q[parts["hip_pitch"]] = ankle, -(knee + ankle + lean)
         q[:3] += (nominal.p - Feet.at(spec, model, q, data).p).mean(axis=0)
         # The shins lean less where the centre of mass is too far ahead.
         ahead = pin.centerOfMass(model, data, q)[0] > middle
