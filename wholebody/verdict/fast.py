@@ -152,7 +152,7 @@ class FastChecker:
         if state is None:
             self.judge.stand_on(None)
             return
-        feet = Feet.at(self.spec, self.judge.robot.model, state.q)
+        feet = Feet.at(self.spec, self.judge.robot.model, state.q, self.judge.robot.scratch)
         self.judge.stand_on(taken_to_stand(self.spec, self.judge.contacts, feet))
 
     def of_chunk(

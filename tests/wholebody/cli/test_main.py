@@ -138,7 +138,7 @@ def test_of_several_inputs_the_largest_exit_code_counts_and_the_others_are_judge
     assert answer.stderr.startswith(f"wholebody: {broken}: ")
     assert answer.stdout.startswith("INFEASIBLE  ")
     assert "far_start: first step " in answer.stdout
-    assert "\n  moved: " in answer.stdout
+    assert "\n  palm_moved (position): " in answer.stdout
     (verdict,) = json.loads(output.read_text())
     assert verdict["verdict"] == "infeasible"
 
