@@ -87,6 +87,22 @@ def reach(x: float = 0.45, z: float = 0.60, *, y: float = 0.16, robot: RobotSpec
     return waypoint_policy("reach", points, orientation_free=True, robot=robot)
 
 
+def walk_reach(
+    x: float = 0.90, z: float = 0.75, *, y: float = 0.16, aside: float = 0.0, robot: RobotSpec | None = None
+) -> ScriptedPolicy:
+    """Both palms out of reach, to (x, aside ± y, z), within 1.5 s by the script, which then waits: one who may walks.
+
+    Args:
+        x: Ahead of the sole midpoint [m].
+        z: Above the floor [m].
+        y: To either side of the middle of both [m].
+        aside: That middle, to the left [m].
+        robot: Whose hands; the G1's with Dex3 hands if None.
+    """
+    left, right = np.array([x, aside + y, z]), np.array([x, aside - y, z])
+    return waypoint_policy("walk_reach", [Waypoint(1.5, left, right), Waypoint(12.0)], robot=robot)
+
+
 def two_hand_lift(
     *, x: float = 0.35, z: float = 0.75, width: float = 0.30, lift: float = 0.25, robot: RobotSpec | None = None
 ) -> ScriptedPolicy:
@@ -247,6 +263,7 @@ def _home(robot: RobotSpec | None) -> tuple[np.ndarray, np.ndarray]:
 SCRIPTS: dict[str, Callable[..., ScriptedPolicy]] = {
     "lissajous": lissajous,
     "reach": reach,
+    "walk_reach": walk_reach,
     "two_hand_lift": two_hand_lift,
     "pick_low": lambda **settings: pick("low", **settings),
     "pick_high": lambda **settings: pick("high", **settings),

@@ -34,9 +34,13 @@ SCENE_OF = {
     "hand_over": "table_flask",
 }
 """Scenes of scripted policies that need more than the floor."""
+STEPS_OF = {"walk_reach": "reach"}
+"""When the robot may step in scripted policies that need it; a settings file that says so stands above."""
 
 
-def make_checker(options: Simulation, scene: str, quiet: bool = False, follow: Follow = "planned") -> Checker:
+def make_checker(
+    options: Simulation, scene: str, quiet: bool = False, follow: Follow = "planned", steps: str = "never"
+) -> Checker:
     """What runs policies in a scene and judges them; says that it takes a while unless quiet.
 
     Raises:
@@ -48,6 +52,8 @@ def make_checker(options: Simulation, scene: str, quiet: bool = False, follow: F
     from wholebody.verdict.check import Checker
 
     settings = settings_of(options)
+    if steps != "never" and options.config is None:
+        settings = replace(settings, steps=steps)
     require_run("seed", options.robot_seed, "--robot-seed")
     if scene.lower().endswith(".xml"):
         complain(f"{scene}: {UNSEEN}")

@@ -13,9 +13,10 @@ from typing import Protocol
 import numpy as np
 
 from policy.chunk import ActionChunk
-from wholebody.config import PlanningConfig
+from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.errors import ConfigError, PlanningError
 from wholebody.estimation.prediction import ROUNDING
+from wholebody.execution.feet.elsewhere import StandElsewhereError, require_reach
 from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
@@ -39,6 +40,7 @@ class PlanRequest:
         loads: What the hands carry.
         contacts: Which feet stand where; both, where the stance has them, if not given.
         surfaces: What the left and the right hand have met, and are not led further into.
+        walks: Settings of a robot that may walk to where the chunk is in reach; None for one that stays.
         torques: Shares of the model's torques that motors have, motor order, shape (n_joints,); all if not given.
     """
 
@@ -53,12 +55,14 @@ class PlanRequest:
     contacts: ContactSchedule | None = None
     surfaces: tuple[Surface | None, Surface | None] = (None, None)
     torques: np.ndarray | None = None
+    walks: ControllerConfig | None = None
 
     def plan_with(self, planner: ChunkPlanner) -> ChunkPlan:
         """The plan, computed now.
 
         Raises:
-            InputError, PlanningError: If there is none, or one whose numbers are not finite.
+            InputError, PlanningError: If there is none, or one whose numbers are not finite; a `StandElsewhereError`
+                where the robot is to walk first.
         """
         start, chunk = self.start, kept_out(self.chunk, self.surfaces, planner.offsets)
         if self.contacts is not None:
@@ -67,6 +71,8 @@ class PlanRequest:
         plan = planner.plan(chunk, self.due, start.body, start.hands, self.before, self.cpu_limit, hold=True)
         if not plan.is_finite:
             raise PlanningError("the plan has numbers that are not finite")
+        if self.walks is not None:
+            require_reach(chunk, plan, planner.spec, self.walks)
         return plan
 
 
@@ -78,6 +84,11 @@ class PlanAnswer:
     plan: ChunkPlan | None = None
     error: Exception | None = None
     took: float = 0.0
+
+    @property
+    def base(self) -> tuple[float, float, float] | None:
+        """Where the robot is to stand for the chunk instead; None if here, or nowhere."""
+        return self.error.base if isinstance(self.error, StandElsewhereError) else None
 
 
 Compute = Callable[[PlanRequest], ChunkPlan]

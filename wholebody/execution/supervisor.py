@@ -20,6 +20,7 @@ from wholebody.execution.carrying import Carrying
 from wholebody.execution.ending.lowering import Lowering
 from wholebody.execution.ending.stiff_legs import StiffLegs
 from wholebody.execution.feet.commands import Commands
+from wholebody.execution.feet.elsewhere import ends
 from wholebody.execution.feet.stepping import Stepping
 from wholebody.execution.gate import Gate, gated, why_not
 from wholebody.execution.handover import Handover, Takeover, ends_at_rest
@@ -170,6 +171,7 @@ class Supervisor(Commands):
         before = None if self.plan is None else self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
         self.contacts, loads, torques = self._planted.planned(state), self.carrying.planned(), self.motors.planned()
         wanted = PlanRequest(chunk, self._now, due, start, before, again, contacts=self.contacts)
+        wanted = replace(wanted, walks=self.config if self._stepping.may_walk_for(chunk) else None)
         self.handover.ask(replace(wanted, loads=loads, surfaces=self.touch.met(), torques=torques))
         self._exchange(self._now)
 
@@ -188,6 +190,11 @@ class Supervisor(Commands):
     def _cleared(self, answer: PlanAnswer) -> ChunkPlan | None:
         """The plan that has come, to be followed in its time; None where it is not, and its chunk is refused."""
         request, plan, chunk = answer.request, answer.plan, answer.request.chunk
+        if answer.base is not None:
+            self.walk_to(answer.base)
+            return None
+        if request.walks is not None and plan is not None and Reason.OUT_OF_REACH in plan.report.changes:
+            self._stepping.beyond = ends(chunk)
         if plan is None:
             self._refuse_planned(chunk, why_not(answer))
             if self._reflex.active:

@@ -11,8 +11,8 @@ from wholebody.walking.places import Place, Velocity, moved
 ACCELERATION = (0.3, 0.8)
 """Largest acceleration of the base along its way [m/s^2] and about the vertical [rad/s^2]; chosen: from rest to 0.4 m/s
 in two steps."""
-FASTEST = Velocity(0.25 + 0j, 0.3)
-"""Speeds along its way and about the vertical on the way to a goal [m/s, rad/s]; chosen: a step of 0.18 m."""
+FASTEST = Velocity(0.35 + 0j, 0.45)
+"""Speeds along its way and about the vertical on the way to a goal [m/s, rad/s]; chosen: a step of 0.25 m."""
 BRAKE = 0.7
 """Share of the acceleration with which the base comes to rest at a goal [no unit]; chosen: the rest follows."""
 THERE = (5e-4, 1e-3)

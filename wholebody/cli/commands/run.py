@@ -30,6 +30,7 @@ from wholebody.cli.options import (
 )
 from wholebody.cli.simulated import (
     SCENE_OF,
+    STEPS_OF,
     cameras_of,
     check_settings,
     check_times,
@@ -65,7 +66,7 @@ def run(
     policies = [opened(name, given, robot, **choices) for name in names]
     executors = [make_executor(policy, asking) for policy in policies]
     scene, verdicts = simulation.scene or SCENE_OF.get(source, "floor"), []
-    checker = make_checker(simulation, scene, quiet, follow)
+    checker = make_checker(simulation, scene, quiet, follow, STEPS_OF.get(source, "never"))
     recorder = checker.recorder() if pictures.wanted() else None
     show = print_nothing if quiet else table_printer(names) if motions else print_verdict
     with JsonVerdicts(json_to) as written:

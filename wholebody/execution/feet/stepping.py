@@ -8,6 +8,7 @@ from math import inf
 
 import numpy as np
 
+from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.controller import WholeBodyController
@@ -15,6 +16,7 @@ from wholebody.control.reference_packet import COM, PackedReference
 from wholebody.errors import ConfigError
 from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import hands_carried
+from wholebody.execution.feet.elsewhere import base_of, ends
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
@@ -35,6 +37,9 @@ LASTS = 1.0
 """Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
 FURTHEST = 10.0
 """Distance of a goal up to which the robot walks there [m]; chosen: by then an estimated state has drifted."""
+NEAR = 0.05
+"""Difference of two ends of chunks, place [m] or axes [no unit], up to which what was found for one holds for the
+other; chosen: a search among standing places takes a second."""
 UPRIGHT = 0.6
 """Distance of a joint of legs or waist from the stance up to which a walk begins at once [rad]; chosen: further off,
 the robot leans or squats, and a walk would have to lift what was planned for that."""
@@ -55,6 +60,7 @@ class Stepping:
     Attributes:
         contacts: Which feet stand where, while a walk leads it.
         status: What a person sees of it then.
+        beyond: Ends of a chunk that was out of reach from everywhere, shape (2, 4, 4), or None.
         then: Whether the robot is to be lowered once it stands, or raised; None if neither.
     """
 
@@ -73,6 +79,7 @@ class Stepping:
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
         self._until = -inf
+        self.beyond: np.ndarray | None = None
         robot, limbs = controller.robot, controller.spec.limbs
         below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])
         self._below = np.flatnonzero(np.isin(robot.motor_to_pin, below))
@@ -89,6 +96,12 @@ class Stepping:
     def coming(self) -> bool:
         """Whether it does, or will once the robot has stood up: plans wait."""
         return self.active or self._states.now is State.RISING
+
+    def may_walk_for(self, chunk: ActionChunk) -> bool:
+        """Whether the robot walks where a chunk is in reach, unless one that ends as it does is so from nowhere."""
+        if self._walker is None or chunk.spec_id == standing.HOLD_SPEC_ID or self.refusal() is not None:
+            return False
+        return self.beyond is None or bool(np.abs(ends(chunk) - self.beyond).max() > NEAR)
 
     def refusal(self) -> StatusReport | None:
         """Why no walk can be begun or changed now; None if one can."""
@@ -114,7 +127,8 @@ class Stepping:
         """Where the robot stands: midway between its soles; while it walks, the base that it follows."""
         if self.active and self._walker is not None:
             return self._walker.walk.guide.place
-        return base_on(self._controller, self._planted)
+        x, y, heading = base_of(self._planted.feet, self._controller.spec)
+        return Place(complex(x, y), heading)
 
     def velocity(self, velocity: Sequence[float]) -> Velocity | StatusReport:
         """A velocity ahead, to the left [m/s] and about the vertical [rad/s], within `FASTEST`; or why it is none."""
@@ -230,13 +244,6 @@ def walker_for(controller: Controller, config: ControllerConfig) -> Walker | Non
             setting="steps",
         )
     return Walker(controller)
-
-
-def base_on(controller: Controller, planted: PlantedFeet) -> Place:
-    """Base midway between the soles of feet that stand."""
-    floor = planted.feet.floor(controller.spec)
-    x, y, _ = planted.feet.R[:, :, 0].sum(axis=0).tolist()
-    return Place(complex(*floor.point[:2]), float(np.arctan2(y, x)))
 
 
 def _refused(detail: str) -> StatusReport:

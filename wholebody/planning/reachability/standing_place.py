@@ -70,6 +70,8 @@ def stand_for(
     T_world_rhand: np.ndarray,
     start: Sequence[float] = (0.0, 0.0, 0.0),
     config: ControllerConfig | None = None,
+    *,
+    spare: float = 0.0,
 ) -> StandingPlace:
     """Where to stand for two wrist poses, with the fewest steps; the nearest that is found where none reaches both.
 
@@ -78,6 +80,8 @@ def stand_for(
         T_world_rhand: The same of the right one.
         start: Where the robot stands: midpoint of its soles x, y [m] and heading [rad].
         config: Of the robot and its bounds.
+        spare: How much further from the palms the map allows the robot to stand, too: feet miss their places by
+            centimetres, and a motion has to lead there [m].
 
     Raises:
         InputError: If a pose or the start is not finite, a pose is no rigid transform, or there is no map for these
@@ -90,7 +94,7 @@ def stand_for(
         raise InputError(f"start is {start}; x, y [m] and heading [rad] of where the robot stands are expected")
     palms = palm_poses(wrists, palm_offsets(describe(config.robot)))
     found: list[StandingPlace] = []
-    for base, room in _bases(reachability(config), palms, here):
+    for base, room in _bases(reachability(config), palms, here, spare):
         left, right = (_seen(base, T) for T in wrists)
         posture = solve(left, right, config)
         found.append(StandingPlace(posture.reached, tuple(base.tolist()), _steps(base, here), room, posture))
@@ -99,13 +103,17 @@ def stand_for(
     return min(found, key=lambda place: max(place.posture.position_error))
 
 
-def _bases(chart: ReachabilityMap, palms: np.ndarray, here: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
+def _bases(
+    chart: ReachabilityMap, palms: np.ndarray, here: np.ndarray, spare: float
+) -> Iterator[tuple[np.ndarray, float]]:
     """Bases (3,) to try with their room: where the robot stands if the map allows it, then the cheapest by steps."""
     room = float(_rooms(chart, palms, here[None])[0])
     if room > ODDS_MIN:
         yield here, room
     bases = _grid(palms)
     rooms = _rooms(chart, palms, bases)
+    if spare > 0.0:
+        rooms = np.minimum(rooms, _rooms(chart, palms, _further(bases, palms, spare)))
     inside = rooms > ODDS_MIN
     if not inside.any():
         best = int(rooms.argmax())
@@ -139,6 +147,13 @@ def _rooms(chart: ReachabilityMap, palms: np.ndarray, bases: np.ndarray) -> np.n
     known, rooms = chart.knows(pairs), np.full(len(bases), -np.inf)
     rooms[known] = chart.rooms(pairs[known])
     return rooms
+
+
+def _further(bases: np.ndarray, palms: np.ndarray, way: float) -> np.ndarray:
+    """Bases (n, 3) that much further from the middle of the palms (2, 4, 4) [m], shape (n, 3)."""
+    off = bases[:, :2] - palms[:, :2, 3].mean(axis=0)
+    away = off / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), 1e-9)
+    return np.concatenate([bases[:, :2] + way * away, bases[:, 2:]], axis=1)
 
 
 def _turns(palms: np.ndarray, headings: np.ndarray) -> np.ndarray:
