@@ -88,7 +88,7 @@ def test_points_are_within_the_measured_reach(name):
     for p in (motion.p_world_lpalm, motion.p_world_rpalm):
         assert p[:, 2].min() > 0.30
         assert p[:, 2].max() < 1.50
-        assert p[:, 0].max() <= 0.50
+        assert (p[:, 0].max() <= 0.50) == (name != "walk_reach"), "only that one is made to be out of reach"
 
 
 def test_closing_the_left_hand_mirrors_the_right_by_name():
