@@ -54,8 +54,8 @@ class RobotTask(Protocol):
     def objects(self, usual: np.ndarray) -> np.ndarray | None:
         """Poses (k, 7) of the scene's bodies at the beginning, given the usual ones; None: as they are."""
 
-    def shown(self, seen: Seen) -> dict[str, float]:
-        """Its numbers by name, in the stance."""
+    def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
+        """Its numbers by name, in the stance, given both palms there (2, 3)."""
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
         """Where the balls are in world, (3,) each [m]."""
@@ -76,7 +76,7 @@ class Reach:
 
     scene, held, steps, words = "", 10, 150, "reach the balls"
     marks = len(SIDES)
-    names = tuple(f"goal_{side}_{axis}.pos" for side in SIDES for axis in "xyz")
+    names = tuple(f"to_goal_{side}_{axis}.pos" for side in SIDES for axis in "xyz")
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
@@ -94,9 +94,9 @@ class Reach:
         """None are its own."""
         return None
 
-    def shown(self, seen: Seen) -> dict[str, float]:
-        """The goals' numbers by name."""
-        return dict(zip(self.names, self.goals.ravel().tolist(), strict=True))
+    def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
+        """The way from each palm to its goal: a policy learns from fewer goals where to go than from their places."""
+        return dict(zip(self.names, (self.goals - palms).ravel().tolist(), strict=True))
 
     def in_world(self, anchor: Anchor) -> list[np.ndarray]:
         """The goals in world, (3,) each [m]."""
@@ -169,7 +169,7 @@ class Thing:
         """Motion of an expert."""
         return self._about.script(self.off)
 
-    def shown(self, seen: Seen) -> dict[str, float]:
+    def shown(self, seen: Seen, palms: np.ndarray) -> dict[str, float]:
         """Where it is; world and stance are the same to a robot whose feet stay."""
         return dict(zip(self.names, seen.objects[0, :3].tolist(), strict=True))
 

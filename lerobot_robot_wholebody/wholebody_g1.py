@@ -173,7 +173,7 @@ class WholebodyG1(Robot):
         seen, task = self.seen, self.task
         self.observation = self.numbers.state(seen.observation)
         if task:
-            self.observation |= task.shown(seen)
+            self.observation |= task.shown(seen, self.numbers.palms(seen.observation))
         marks = task.in_world(self.numbers.anchor(seen.observation)) if task else []
         self.observation |= self._cameras.look(seen, marks)
         return self.observation

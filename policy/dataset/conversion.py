@@ -36,7 +36,7 @@ from policy.dataset.pelvis.rows import in_own_pelvis
 from policy.dataset.read_as import read_as_corrections
 from policy.dataset.report import ConvertedDataset, left_out
 from policy.dataset.soundness import sound_episodes
-from policy.dataset.stats import narrow, statistics, widened
+from policy.dataset.stats import in_units, narrow, statistics, widened
 from policy.dataset.writer import DatasetWriter, set_column
 from policy.errors import DatasetError
 from policy.kinematics.forward import kinematics
@@ -259,7 +259,7 @@ class _Work:
             if len(still):
                 notes.append(_still_note(key, [conversion.target.feature_names[i] for i in still], self.settings))
             if self.settings.least_range:
-                found[key] = widened(found[key], conversion.target, self.settings.least_range)
+                found[key] = widened(found[key], in_units(conversion.target, self.settings.least_range))
         features, whole = self.dataset.features, self.dataset.stats
         carried = {key: whole[key] for key in whole if key in features and key not in found}
         if self.settings.episodes is not None and any(key in carried for key in self.dataset.cameras):

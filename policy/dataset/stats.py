@@ -59,15 +59,13 @@ def narrow(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float = W
     return np.flatnonzero(~(stats["q99"] - stats["q01"] >= in_units(layout, least)))
 
 
-def widened(stats: Mapping[str, np.ndarray], layout: ActionSpec, least: float) -> dict[str, np.ndarray]:
+def widened(stats: Mapping[str, np.ndarray], widths: np.ndarray) -> dict[str, np.ndarray]:
     """Statistics with a floor under every range that a normaliser divides by; centres stay.
 
     Args:
         stats: As from `statistics`.
-        layout: What the numbers are.
-        least: Least distance between min and max, and q01 and q99, in SI; 0 changes nothing.
+        widths: Least distance between min and max, and q01 and q99, of each number (D,); 0 changes nothing.
     """
-    widths = in_units(layout, least)
     changed = dict(stats)
     for low, high in (("min", "max"), ("q01", "q99"), ("q10", "q90")):
         # What LeRobot divides by between q10 and q90 must be no less either.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from policy.action_spec.builtin import builtin
-from policy.dataset.stats import QUANTILES, WIDTH_MIN, merged, narrow, plain, statistics, widened
+from policy.dataset.stats import QUANTILES, WIDTH_MIN, in_units, merged, narrow, plain, statistics, widened
 
 RNG = np.random.default_rng(0)
 LAYOUT = builtin("wbc32")
@@ -61,7 +61,7 @@ def test_a_floor_widens_narrow_ranges_around_their_centre_and_no_other(least):
     values = RNG.uniform(-0.5, 0.5, size=(100, 32))
     values[:, 7] = 0.3
     before = statistics(values)
-    after = widened(before, LAYOUT, least)
+    after = widened(before, in_units(LAYOUT, least))
     assert np.isclose(after["q01"][7], 0.3 - 0.5 * least)
     assert np.isclose(after["q99"][7], 0.3 + 0.5 * least)
     assert after["std"][7] > 0.0
@@ -69,4 +69,4 @@ def test_a_floor_widens_narrow_ranges_around_their_centre_and_no_other(least):
     for name in ("min", "max", "q01", "q99", "std", "mean"):
         assert np.allclose(after[name][others], before[name][others], atol=1e-12)
     assert not len(narrow(after, LAYOUT, least * (1.0 - 1e-9)))
-    assert widened(before, LAYOUT, 0.0)["q01"].tolist() == before["q01"].tolist()
+    assert widened(before, np.zeros(LAYOUT.dim))["q01"].tolist() == before["q01"].tolist()
