@@ -83,8 +83,11 @@ def record(steps: Steps, task: str, episodes: int, seconds: float, seed: int) ->
             dataset__video="false", dataset__push_to_hub="false", play_sounds="false",
         )  # fmt: skip
     if not (whole / "meta" / "info.json").exists():
-        shutil.rmtree(whole, ignore_errors=True)
-        steps.run("add", sys.executable, "-m", "training.shown", str(plain), str(whole))
+        part = whole.with_suffix(".part")
+        for folder in (part, whole):
+            shutil.rmtree(folder, ignore_errors=True)
+        steps.run("add", sys.executable, "-m", "training.shown", str(plain), str(part))
+        part.rename(whole)
     return whole
 
 
