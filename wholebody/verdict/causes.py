@@ -13,8 +13,8 @@ class WouldDo:
     """A single change that makes a chunk feasible, the smallest of its kind that was found.
 
     Attributes:
-        kind: ``slower``, ``moved``, ``turned``, ``combined``: all three as far as is needed, ``lighter``, ``softer`` or
-            ``bound``.
+        kind: ``slower``, ``moved``, ``turned``, ``combined``: these as far as is needed, and numbers
+            brought into their range, ``lighter``, ``softer`` or ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         lighter: Mass less in the hands, both together [kg].

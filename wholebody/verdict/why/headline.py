@@ -24,7 +24,7 @@ WHY_NOT = {
     PalmCause.ORIENTATION: "a hand is turned by {value}, which is another motion",
     PalmCause.LOST: "the hands lose the motion",
 }
-CHANGES = {
+DEPARTURES = {
     Reason.TOO_FAST_FOR_BALANCE: "slowed down",
     PalmCause.WAITING: "slowed down",
     **dict.fromkeys(ELSEWHERE, "a hand moved"),
@@ -109,7 +109,7 @@ def summary(verdict: Judged) -> str:
         return next(parts, "it cannot be done")
     if all(one.code is Reason.HANDS_ONLY for one in worst):
         return "the hands do it as given, from where the robot stands"
-    parts = dict.fromkeys(CHANGES[one.kind] for one in worst if one.kind in CHANGES)
+    parts = dict.fromkeys(DEPARTURES[one.kind] for one in worst if one.kind in DEPARTURES)
     return "done, but " + (", ".join(parts) or "not as given")
 
 
