@@ -114,7 +114,11 @@ class Reason(StrEnum):
     START_OFFSET = "start_offset", None, "the first step is a little off the hands, which go there within their limits"
     FINGER_LIMIT = "finger_limit", None, "a finger was asked past its range: the end of the range is commanded"
     BALANCE_EDGE = "balance_edge", None, "the centre of pressure came to the edge of the soles"
-    TORQUE_LIMIT = "torque_limit", None, "a motor was asked for more than its effort limit for over 0.05 s in all"
+    TORQUE_LIMIT = (
+        "torque_limit",
+        None,
+        "a motor was asked for more than its limit for over 0.05 s, or hardly holds where a chunk begins",
+    )
     JOINT_LIMIT = "joint_limit", None, "a joint passed its position limit by more than 2 mrad"
     SELF_CONTACT = "self_contact", None, "two bodies of the robot touched"
     SCENE_CONTACT = "scene_contact", None, "the robot touched something else, its feet on the floor left out"

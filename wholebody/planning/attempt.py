@@ -15,12 +15,15 @@ from wholebody.reference.cubic import CubicBSpline
 from wholebody.trajopt.layout import LOWER, WAIST
 from wholebody.trajopt.optimizer import KnotTrajectory
 
+Followed = tuple[CubicBSpline, CentroidalTrack, float]
+"""The curve of a motion, where the mass goes along it, and the torques that it asks for, as a share of the motors'."""
+
 
 class Modes(NamedTuple):
-    """Ways of one plan: hands led to where what they carry can be held, torques bounded between knots too."""
+    """Ways of one plan: hands led to where what they carry can be held, torques between knots bounded at once."""
 
     holding: bool
-    quick: bool
+    strained: bool
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,17 @@ class Targets:
     q_fingers: np.ndarray
     asked: int
 
+    def off(self, T_palms: np.ndarray) -> np.ndarray:
+        """Distances of palm poses (K, 2, 4, 4) from those wanted, shape (K, 2), [m]."""
+        return np.linalg.norm(T_palms[:, :, :3, 3] - self.T_palms[:, :, :3, 3], axis=2)
+
+    def near(self, T_palms: np.ndarray, distance: float) -> int:
+        """Number of palm poses (k, 2, 4, 4), from the second knot on, that are so near to those wanted [m]."""
+        n = min(len(T_palms), len(self.T_palms) - 2)
+        off = np.linalg.norm((T_palms[:n] - self.T_palms[1 : n + 1])[:, :, :3, 3], axis=2).max(axis=1, initial=0.0)
+        far = np.flatnonzero(off > distance)
+        return int(far[0]) if len(far) else n
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -60,8 +74,7 @@ class Attempt:
         drift: `ContactFeasibility.capture_point_drift` of it [m].
         deficit: `ContactFeasibility.friction_impulse_deficit` of it [m/s].
         warm_started: Whether the search began with a part of the plan before.
-        strain: Largest torque of waist and arms on the whole curve, as a share of what motors give (`Effort.strain`);
-            0 where the plan is no verdict.
+        strain: Largest torque of waist and arms on the whole curve, as a share of what motors give (`Effort.strain`).
         arms_spent: Largest torque of the arms where it comes to rest, as a share of its bound; 0 if nothing is carried.
     """
 

@@ -10,12 +10,11 @@ from functools import cache, cached_property, lru_cache
 from math import inf
 
 import numpy as np
-import pinocchio as pin
 
 from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig
-from wholebody.planning.attempt import Attempt, Modes, Targets
+from wholebody.planning.attempt import Attempt, Followed, Modes, Targets
 from wholebody.planning.changes import PlanChange, changes
 from wholebody.planning.contact_feasibility import ContactFeasibility
 from wholebody.planning.effort import Effort
@@ -38,14 +37,12 @@ from wholebody.robot.palms import palm_offsets, palm_poses
 from wholebody.robot.state import Robot
 from wholebody.trajopt.budget import Budget
 from wholebody.trajopt.centroidal import Centroidal
-from wholebody.trajopt.optimizer import TrajectoryOptimizer
+from wholebody.trajopt.optimizer import KnotTrajectory, TrajectoryOptimizer
 from wholebody.types import Reason
 
 SEARCH_SHARE = 0.7
 """Share of a limit on CPU time in which attempts are made; chosen: the rest is for judging the last one, and for the
 hands."""
-POSTURE_TIME = 1.0
-"""Time in which the search goes over from the start to postures that hold a load [s]; chosen: a squat takes as long."""
 KNOTS_AT_REST = 7
 """Knots at the end of a plan at which the arms are to hold what they carry; derived: `planner.settle` and rounding."""
 PREVIEW_WORK = 4.0
@@ -121,10 +118,10 @@ class ChunkPlanner:
             before: What the plan before would have done from now on, configurations one knot apart, shape (k, nq), the
                 first one a knot from now; the search begins with it where both plans agree.
             cpu_limit: CPU time of this thread in which the plan is wanted [s]; with it, plans depend on the machine.
-            quick: Take the first safe motion near the chunk at its own speed; torques are bounded between knots too.
+            quick: Take the first safe motion near the chunk at its own speed.
             hold: Lead hands to where a still robot holds what they carry, if they cannot be where the chunk has them.
         """
-        modes, prepared = Modes(hold and self._loaded, quick), self._prepared(chunk)
+        modes, prepared = Modes(hold and self._loaded, self._loaded), self._prepared(chunk)
         budget = Budget(self._budget, SEARCH_SHARE * cpu_limit)
         targets, attempt, asked = self._search(prepared, now, start, commanded, before, budget, modes)
         chosen = self._preview(targets(1.0), start, modes) if quick and not prepared.implausible else None
@@ -135,7 +132,8 @@ class ChunkPlanner:
         self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, work: float = inf
     ) -> ChunkPlan | None:
         """What `plan` answers, where that is quick and an attempt follows the chunk within some work; else None."""
-        modes, prepared, budget = Modes(self._loaded, True), self._prepared(chunk), Budget(min(self._budget, work))
+        modes, prepared = Modes(self._loaded, self._loaded), self._prepared(chunk)
+        budget = Budget(min(self._budget, work))
         if prepared.implausible:
             return None
         targets, attempt, asked = self._search(prepared, now, start, commanded, None, budget, modes)
@@ -145,7 +143,7 @@ class ChunkPlanner:
 
     def previews(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, far: float) -> bool:
         """Whether a preview follows the chunk, no step of which is changed by more than ``far`` [m] before it."""
-        modes, prepared = Modes(self._loaded, True), self._prepared(chunk)
+        modes, prepared = Modes(self._loaded, self._loaded), self._prepared(chunk)
         targets = self.targets(prepared, now, commanded, 1.0)
         changed = np.append(prepared.lift + prepared.moved + targets.projected, prepared.turned)
         return bool(changed.max() <= far) and self._preview(targets, start, modes) is not None
@@ -183,7 +181,11 @@ class ChunkPlanner:
         def attempt(strategy: Strategy, slowdown: float, last: np.ndarray | None) -> Attempt:
             first = {BeginAt.PLAN_BEFORE: before, BeginAt.LAST_ATTEMPT: last, BeginAt.START: None}[strategy.begin]
             path = held(slowdown) if strategy is HOLDABLE else None
-            return self._attempt(targets(slowdown), start, strategy, first, budget, modes, path)
+            nonlocal modes
+            one = self._attempt(targets(slowdown), start, strategy, first, budget, modes, path)
+            # What one attempt needs, the next ones will.
+            modes = modes._replace(strained=modes.strained or one.knots.between)
+            return one
 
         return targets, attempt, Asked(prepared.implausible, overlap, lacking)
 
@@ -242,7 +244,10 @@ class ChunkPlanner:
     def targets(self, prepared: PreparedChunk, now: float, commanded: HandMotion, slowdown: float) -> Targets:
         """Targets of a prepared chunk at one speed; slower paths begin faster per parameter: nothing jumps."""
         paths, projected = prepared.paths(now, commanded, slowdown)
-        steps = self._steps(now - prepared.chunk.t_obs, max(path.span[1] for path in paths), slowdown)
+        begin, dt = now - prepared.chunk.t_obs, self.config.posture.dt / slowdown
+        # Until the body is at rest after the hands' end.
+        end = max(begin, *(path.span[1] for path in paths)) + self.config.settle / slowdown
+        steps = begin + dt * np.arange(int(np.ceil((end - begin) / dt)) + 1)
         motions = [path.sample(steps) for path in paths]
         T_palms = palm_poses(np.stack([motion.T_world_hand for motion in motions], axis=1), self.offsets)
         fingers = [m.q_finger[:, : len(tool.finger_joints)] for m, tool in zip(motions, self.spec.tools, strict=True)]
@@ -260,29 +265,41 @@ class ChunkPlanner:
         held: HoldablePath | None = None,
     ) -> Attempt:
         """The targets planned for by one strategy, its search begun with configurations ``first`` (k, nq) if given."""
-        slowdown, steps, T_palms, body = targets.slowdown, targets.steps, targets.T_palms, self.optimizer.body
-        warm_start, wanted = None if first is None else self._continued(first, T_palms), T_palms
+        slowdown, body = targets.slowdown, self.optimizer.body
+        warm_start, wanted = first, targets.T_palms
+        if first is not None:
+            warm_start = first[: targets.near(self.optimizer.palms(first), self.config.warm_start_distance)]
         if held is not None:
-            wanted, warm_start = held.T_palms, self._begun_held(held, start.q)
+            wanted, warm_start = held.T_palms, held.blended(body, start.q, self.config.posture.dt)
         if strategy.name == PARTED.name:
-            wanted = self._apart.parted(T_palms, targets.q_fingers)
-        weights = strategy.weights(self.config)
-        knots = self.optimizer.plan(start.q, start.v, wanted, targets.q_fingers, warm_start, weights, budget)
-        curve = curve_through(steps, knots.q, slowdown * start.v)
-        centroidal = centroidal_along(curve, steps[0], steps[-1] + steps[1] - steps[0], self.centroidal)
+            wanted = self._apart.parted(targets.T_palms, targets.q_fingers)
+        weights, search = strategy.weights(self.config), (start.q, start.v, wanted, targets.q_fingers)
+        knots = self.optimizer.plan(*search, warm_start, weights, budget, between=modes.strained)
+        curve, centroidal, strain = self._followed(knots, targets, start)
+        worth = strategy is not PREVIEW and targets.off(knots.T_palms).max() <= self.config.unreachable
+        if strain > 1.0 and worth and not knots.between:
+            knots = self.optimizer.plan(*search, knots.q[1:], weights, budget, between=True)
+            curve, centroidal, strain = self._followed(knots, targets, start)
         return Attempt(
             strategy=strategy.name,
             targets=targets,
             knots=knots,
-            distance=np.linalg.norm(knots.T_palms[:, :, :3, 3] - T_palms[:, :, :3, 3], axis=2),
+            distance=targets.off(knots.T_palms),
             curve=curve,
             centroidal=centroidal,
             drift=self.balance.capture_point_drift(centroidal, slowdown),
             deficit=self.balance.friction_impulse_deficit(centroidal, slowdown),
             warm_started=warm_start is not None and len(warm_start) > 0,
-            strain=self.effort.strain(centroidal, slowdown, steps[1] - steps[0]) if modes.quick else 0.0,
+            strain=strain,
             arms_spent=arms_spent(body, body.body_of(knots.q[-KNOTS_AT_REST:])) if modes.holding else 0.0,
         )
+
+    def _followed(self, knots: KnotTrajectory, targets: Targets, start: BodyState) -> Followed:
+        """The curve of a motion from a start, where the mass goes along it, and the torques that it asks for."""
+        steps, step = targets.steps, targets.steps[1] - targets.steps[0]
+        curve = curve_through(steps, knots.q, targets.slowdown * start.v)
+        track = centroidal_along(curve, steps[0], steps[-1] + step, self.centroidal)
+        return curve, track, self.effort.strain(track, targets.slowdown, step)
 
     def _overlap(self, targets: Targets) -> Overlap:
         T_palms, fingers, n = targets.T_palms, targets.q_fingers, targets.asked
@@ -294,24 +311,3 @@ class ChunkPlanner:
         body = self.optimizer.body
         self._holdable = self._holdable or HoldablePlaces(body, self.config.posture)
         return self._holdable.near(targets.T_palms, targets.q_fingers, body.body_of(q), budget)
-
-    def _begun_held(self, held: HoldablePath, q: np.ndarray) -> np.ndarray:
-        """Blend from a configuration (nq,) over to postures that hold the load, for the second to the last knot."""
-        body, time = self.optimizer.body, self.config.posture.dt * np.arange(1, len(held.q))
-        rows = np.tile(q, (len(time), 1))
-        for row, still, share in zip(rows, held.q[1:], np.minimum(time / POSTURE_TIME, 1.0), strict=True):
-            body.put(row, pin.interpolate(body.model, body.body_of(q), still, share))
-        return rows
-
-    def _steps(self, s0: float, end: float, slowdown: float) -> np.ndarray:
-        """Path parameters of the knots from ``s0`` on, until the body is at rest after the hands' ``end``."""
-        dt = self.config.posture.dt / slowdown
-        end = max(end, s0) + self.config.settle / slowdown
-        return s0 + dt * np.arange(int(np.ceil((end - s0) / dt)) + 1)
-
-    def _continued(self, before: np.ndarray, T_palms: np.ndarray) -> np.ndarray:
-        """First ones of the configurations from the second knot on that are near the palms wanted, (k, nq)."""
-        n = min(len(before), len(T_palms) - 2)
-        palms, wanted = self.optimizer.palms(before[:n])[:, :, :3, 3], T_palms[1 : n + 1, :, :3, 3]
-        far = np.flatnonzero(np.linalg.norm(palms - wanted, axis=2).max(axis=1) > self.config.warm_start_distance)
-        return before[: far[0] if len(far) else n]

@@ -32,6 +32,7 @@ class Tables(NamedTuple):
     speed_max: np.ndarray  # (29,)
     acceleration_max: np.ndarray  # (29,)
     tau_max: np.ndarray  # (UPPER,)
+    between_max: np.ndarray  # (UPPER,) torques that a plan may ask for between its knots
     normals: np.ndarray  # (E, 2) of the support's edges
     com_offsets: np.ndarray  # (E,)
     zmp_offsets: np.ndarray  # (E,)
@@ -49,6 +50,8 @@ class KnotTargets(NamedTuple):
     v_start: np.ndarray  # (N_BODY,)
     offset: np.ndarray  # (K, 12) of the palms on the curve from those at its control points
     dt: float
+    between: bool  # whether torques between knots count
+    spent: np.ndarray  # (UPPER,) excess over the bounds on torques that is excused at the first knot
 
 
 class Shapes(NamedTuple):

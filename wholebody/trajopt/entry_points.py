@@ -23,6 +23,7 @@ from wholebody.trajopt.kernels import (
 
 place = Entry(linearise.place)
 rates = Entry(linearise.rates)
+between = Entry(linearise.between)
 measure = Entry(proximity.measure)
 describe = Entry(proximity.describe)
 cost = Entry(_cost.cost)

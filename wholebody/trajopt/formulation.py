@@ -15,7 +15,7 @@ Both feet stay where `TrajectoryOptimizer.stand_on` says, which leaves 23 of 35 
 with residuals r (`configuration`, `dynamics`), bounds ``c <= 0`` (`bounds`, `floor`, and distances between bodies) and
 losses rho of the palms that grow slower than squares far from the target (`configuration_cost`). Nothing else is a
 constraint: there is always a solution, and `wholebody.trajopt.weights` says by how much one that is used may
-exceed a bound.
+exceed a bound. Where torques between knots count, each knot has two more (`wholebody.trajopt.kernels.between`).
 
 Tests hold every value and derivative of the kernels equal to those here. Rotors are left out of the dynamics.
 """

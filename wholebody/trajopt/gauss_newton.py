@@ -52,6 +52,8 @@ def optimise(problem: TrajectoryProblem, config: TrajectoryConfig) -> float:
     for softness, rounds in CONTINUATION_FEASIBLE if feasible else CONTINUATION:
         if softness < CONTINUATION[0][0]:
             problem.update_offset()
+        if softness == 1.0:
+            problem.bound_between()
         newton_steps = NEWTON_FEW
         problem.set_weights(config, softness)
         cost = problem.cost(problem.now)

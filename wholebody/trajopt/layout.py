@@ -48,3 +48,12 @@ N_LISTED = 96
 def n_inequalities(n_edges: int) -> int:
     """Number of inequalities of a knot."""
     return ZMP + 3 * n_edges + 2 * N_JOINTS + N_FRICTION
+
+
+N_BETWEEN = 2 * UPPER
+"""Torques of waist and arms before a knot, then those after it: inequalities that count where a plan needs them."""
+
+
+def n_rows(n_edges: int) -> int:
+    """Number of inequalities of a knot, those between knots included, which come last."""
+    return n_inequalities(n_edges) + N_BETWEEN

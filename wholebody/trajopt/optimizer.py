@@ -52,6 +52,7 @@ class KnotTrajectory:
         zmp: Zero-moment point at each knot, shape (K, 2), [m].
         violation: Largest excess over a bound at each knot, shape (K,), in terms of the bound's tolerance.
         cost: What the motion costs.
+        between: Whether torques between the knots counted.
     """
 
     q: np.ndarray
@@ -60,6 +61,7 @@ class KnotTrajectory:
     zmp: np.ndarray
     violation: np.ndarray
     cost: float
+    between: bool = False
 
 
 class TrajectoryOptimizer:
@@ -106,6 +108,8 @@ class TrajectoryOptimizer:
         guess: np.ndarray | None = None,
         config: TrajectoryConfig | None = None,
         budget: Budget | None = None,
+        *,
+        between: bool = False,
     ) -> KnotTrajectory:
         """Motion along the path, beginning with the state given and ending at rest.
 
@@ -117,13 +121,14 @@ class TrajectoryOptimizer:
             guess: Configurations to begin the search with, at the second and following knots, shape (k, nq), k < K.
             config: Weights to use instead of the planner's own; step, limits and margins stay the planner's.
             budget: What the search may compute; it ends with the best motion so far. That of one search if not given.
+            between: Bound torques of waist and arms between the knots too, once a motion asks for too much there.
         """
         body, K, config = self.body, len(T_palms), config or self.config
         problem = self._problem(K)
         problem.budget = budget or Budget()
         problem.budget.begin_search(K)
         seed, problem.enforced[:] = self._relaxation
-        problem.begin(T_palms, q_fingers, body.rates_of(v))
+        problem.begin(T_palms, q_fingers, body.rates_of(v), between=between)
         start, known = problem.now.q, 1
         start[0] = body.body_of(q if seed is None else seed)
         if guess is not None and len(guess):
@@ -140,7 +145,9 @@ class TrajectoryOptimizer:
         body.put(qs, now.q)
         qs[:, body.fingers] = q_fingers
         body.put_rates(vs, now.v_mid[:-1])
-        return KnotTrajectory(qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost)
+        return KnotTrajectory(
+            qs, vs, problem.palms_on_curve(), now.zmp.copy(), problem.violation(), cost, problem.between
+        )
 
     def plan_with_less(self, enforced: np.ndarray, seed: np.ndarray | None, *arguments: Any) -> KnotTrajectory:
         """Plan with a subset of the bounds, to find which one is binding.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
 from policy.geometry.rotations import rotvec_to_matrix
 from wholebody.collision import gjk
@@ -11,7 +12,7 @@ from wholebody.errors import InputError
 from wholebody.trajopt import entry_points, weights, workspace
 from wholebody.trajopt.arrays import KnotTargets
 from wholebody.trajopt.budget import Budget
-from wholebody.trajopt.layout import COM_EDGE, DISTANCE, N_BODY, n_inequalities
+from wholebody.trajopt.layout import COM_EDGE, DISTANCE, LOWER, N_BODY, TORQUE, UPPER, n_inequalities
 from wholebody.trajopt.robot_tables import RobotTables
 from wholebody.trajopt.workspace import KnotMotion
 
@@ -45,8 +46,8 @@ class TrajectoryProblem:
         self.body, self.K, self._trigger = body, K, config.self_trigger
         self.budget = Budget()
         n_edges, bodies = len(body.tables.normals), len(body.tables.parent)
-        self.enforced = np.ones(n_inequalities(n_edges))
-        self.now, self.trial = (workspace.new_motion(K, bodies, n_edges) for _ in range(2))
+        self.enforced, self._may_bound_between = np.ones(n_inequalities(n_edges)), False
+        self.now, self.trial, self._beside = (workspace.new_motion(n, bodies, n_edges) for n in (K, K, 1))
         first = body.shapes.shapes[body.shapes.pairs, gjk.FIRST]
         self.distances = workspace.new_distances(K, len(body.shapes.shapes), first, body.shapes.low_first)
         self._first_state = self.distances.state.copy()
@@ -59,7 +60,14 @@ class TrajectoryProblem:
             np.zeros(N_BODY),
             np.zeros((K, 12)),
             float(config.dt),
+            between=False,
+            spent=np.zeros(UPPER),
         )
+
+    @property
+    def between(self) -> bool:
+        """Whether torques between the knots count."""
+        return self._task.between
 
     @property
     def z(self) -> np.ndarray:
@@ -71,14 +79,47 @@ class TrajectoryProblem:
         """Finger joints in the order of their bodies, shape (K, n_fingers)."""
         return self._task.q_fingers
 
-    def begin(self, T_palms: np.ndarray, q_fingers: np.ndarray, v_start: np.ndarray) -> None:
-        """Set the palm poses wanted (K, 2, 4, 4), the finger joints (K, n_fingers) and the first velocity (35,)."""
-        task = self._task
+    def begin(self, T_palms: np.ndarray, q_fingers: np.ndarray, v_start: np.ndarray, *, between: bool = False) -> None:
+        """Set the palm poses wanted (K, 2, 4, 4), the finger joints (K, n_fingers) and the first velocity (35,).
+
+        Args:
+            T_palms: Palm poses wanted.
+            q_fingers: Finger joints.
+            v_start: First velocity.
+            between: Whether torques of waist and arms between the knots may count, as `bound_between` says.
+        """
+        self._may_bound_between, task = between, self._task
+        self._count_between(False)
         task.T_palms[:], task.v_start[:], task.offset[:] = T_palms, v_start, 0.0
         task.q_fingers[:] = q_fingers[:, self.body.finger_order]
         # A plan does not depend on the plans before it.
         distances = self.distances
         distances.q[:], distances.state[:], distances.lowest[:] = np.inf, self._first_state, self.body.shapes.low_first
+
+    def bound_between(self) -> None:
+        """Let torques between the knots count from now on, if they may and the present motion asks for too much."""
+        if self._may_bound_between and not self._task.between:
+            self._count_between(True)
+            entry_points.between(self.body.tables, self._task, self.now, self._beside, self._scratch)
+            self._count_between(bool((self.now.violation[:, len(self.enforced) :] > 0.0).any()))
+            if self._task.between:
+                self._excuse_start()
+
+    def _count_between(self, count: bool) -> None:
+        self._task = self._task._replace(between=count)
+        if not count:
+            self._task.spent[:] = 0.0
+            self.now.violation[:, len(self.enforced) :] = self.trial.violation[:, len(self.enforced) :] = -1.0
+
+    def _excuse_start(self) -> None:
+        """Let torques past their bounds at the first knot where the start, at rest, is past them.
+
+        No motion changes that; it would have to begin by throwing what the hands carry.
+        """
+        body, tables, m = self.body, self.body.tables, self.now
+        at_rest = np.abs(pin.computeGeneralizedGravity(body.model, body.data, m.q[0])[LOWER:]) / tables.tau_max
+        self._task.spent[:] = np.maximum(at_rest - 1.0, 0.0)
+        m.violation[0, TORQUE + self._n_edges : TORQUE + self._n_edges + UPPER] -= self._task.spent
 
     def update_offset(self) -> None:
         """Track with the palms on the spline; their offset from the control points is held until the next call."""
@@ -94,10 +135,9 @@ class TrajectoryProblem:
 
     def set_weights(self, config: TrajectoryConfig, softness: float) -> None:
         """Set the weights; the scales of the bounds are multiplied by ``softness``."""
-        self._weights, self._penalties = (
-            weights.weights(config),
-            self.enforced * weights.penalties(self._n_edges, softness),
-        )
+        self._weights, penalties = weights.weights(config), self.enforced * weights.penalties(self._n_edges, softness)
+        between = weights.between(softness) if self._task.between else penalties[:0]
+        self._penalties = np.concatenate([penalties, between])
 
     def warm_start(self, first: int) -> None:
         """Fill the configurations of the present motion from knot ``first`` on, knot by knot, without distances.
@@ -140,7 +180,7 @@ class TrajectoryProblem:
         """Evaluate everything at the configurations of a motion, whose first one is given; puts the feet back."""
         self.budget.count(self.K)
         self._place(m)
-        entry_points.rates(self.body.tables, self._task, m, self._scratch)
+        entry_points.rates(self.body.tables, self._task, m, self._beside, self._scratch)
 
     def _place(self, m: KnotMotion) -> None:
         body, task, scratch = self.body, self._task, self._scratch
@@ -217,7 +257,8 @@ class TrajectoryProblem:
         A start past a tolerance is no fault of the motion if that leads back: so much of the excess over bounds on
         configurations is excused, less with time, and none from `RETURN_TIME` or the last knot on.
         """
-        found = np.where(self.enforced > 0.0, self.now.violation / weights.tolerances(self._n_edges), -1.0)
+        violation = self.now.violation[:, : len(self.enforced)]
+        found = np.where(self.enforced > 0.0, violation / weights.tolerances(self._n_edges), -1.0)
         start = found[0, : COM_EDGE + self._n_edges].copy()
         # Every knot has its own list of near bodies.
         start[DISTANCE:COM_EDGE] = start[DISTANCE:COM_EDGE].max()

@@ -31,6 +31,9 @@ from wholebody.trajopt.limbs import ARM, real, with_room
 ARM_ROOM = 0.1
 """Share of the torque of an arm that plans leave for each kg of its load, up to 1 kg; chosen: a plan may exceed its
 bound by 0.08, and where that is all that the program has, no hand is held."""
+BETWEEN_SHARE = 0.95
+"""Share of what a motor gives that plans ask for between knots at most; chosen: what the cost buys beyond it, twice the
+scale of the bound, is still given."""
 IDLE = 1e3
 """Bound of all that a joint that the robot lacks could do [rad, rad/s, rad/s^2, N m]; chosen: it stays at zero, and is
 never the one with the least room."""
@@ -99,7 +102,7 @@ class RobotTables:
         other, t = copy(made), made.tables
         other.model, other.proximity = made.model.copy(), made.proximity.copy()
         other.data, other._loads = other.model.createData(), HandLoads(spec, other.model)
-        other.tables = t._replace(bodies=t.bodies.copy(), tau_max=t.tau_max.copy())
+        other.tables = t._replace(bodies=t.bodies.copy(), tau_max=t.tau_max.copy(), between_max=t.between_max.copy())
         return other
 
     def body_of(self, q: np.ndarray) -> np.ndarray:
@@ -134,7 +137,7 @@ class RobotTables:
         """Count on these masses in the left and right hand from now on [kg]."""
         self._loads.carry(loads, self.tables.bodies)
         self.mass = self._loads.total
-        self.tables.tau_max[:] = self._tau_max
+        self.tables.tau_max[:], self.tables.between_max[:] = self._tau_max, BETWEEN_SHARE * self.effort_max
         for arm, load in zip(self._arms, loads, strict=True):
             self.tables.tau_max[arm] = (1.0 - ARM_ROOM * min(load, 1.0)) * self._tau_max[arm]
         self.tables = self.tables._replace(mass=self.mass)
@@ -254,6 +257,7 @@ def _limits(spec: RobotSpec, c: TrajectoryConfig, names: list[str]) -> dict[str,
             np.where(has, np.where(waist, c.waist_acceleration, c.acceleration), IDLE), acceleration
         ),
         "tau_max": c.torque_share * torque[N_JOINTS - UPPER :],
+        "between_max": BETWEEN_SHARE * torque[N_JOINTS - UPPER :],
     }
 
 

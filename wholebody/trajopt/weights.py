@@ -13,6 +13,7 @@ from wholebody.trajopt.layout import (  # fmt: skip
     BASE_HEIGHT,
     COM_EDGE,
     DISTANCE,
+    N_BETWEEN,
     N_FRICTION,
     N_JOINTS,
     POSITION,
@@ -21,6 +22,8 @@ from wholebody.trajopt.layout import (  # fmt: skip
     UPPER,
 )
 
+TORQUE_SCALE = 2e-2
+"""Excess over a bound on torques that costs 1, as a share of it; chosen as `Bound` says."""
 PER_EDGE = -1
 """Number of bounds where there is one for each edge of the support."""
 SOFTNESS_MAX = 3.0
@@ -51,7 +54,7 @@ BOUNDS = (
     Bound("distance to bodies and floor", COM_EDGE - DISTANCE, 1.5e-3, 0.012, "m", True),
     Bound("centre of mass", PER_EDGE, 1e-3, 0.005, "m", True),
     Bound("vertical force", 1, 1e-2, 0.05, "share of the weight", False),
-    Bound("torque of waist and arms", UPPER, 2e-2, 0.08, "share of the limit", False),
+    Bound("torque of waist and arms", UPPER, TORQUE_SCALE, 0.08, "share of the limit", False),
     Bound("zero-moment point", PER_EDGE, 1e-3, 0.02, "m", False),
     Bound("capture point", PER_EDGE, 2e-3, 0.006, "m", False),
     Bound("acceleration", N_JOINTS, 2.0, 30.0, "rad/s^2", False),
@@ -94,6 +97,12 @@ def penalties(n_edges: int, softness: float) -> np.ndarray:
 def tolerances(n_edges: int) -> np.ndarray:
     """Tolerances of a knot: how much a plan that is followed may exceed its bounds, (n_inequalities,)."""
     return _kept(_each(n_edges, [bound.tolerance for bound in BOUNDS]))
+
+
+@lru_cache(maxsize=16)
+def between(softness: float) -> np.ndarray:
+    """Penalties of the torques between knots, (N_BETWEEN,), where they count."""
+    return _kept(np.full(N_BETWEEN, (softness * TORQUE_SCALE) ** -2))
 
 
 def _kept(values: np.ndarray) -> np.ndarray:

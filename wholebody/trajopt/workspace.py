@@ -11,6 +11,7 @@ from wholebody.collision.gjk import SCRATCH
 from wholebody.trajopt.layout import (  # fmt: skip
     FREE_LOWER,
     LOWER,
+    N_BETWEEN,
     N_BLOCK,
     N_BODY,
     N_DISTANCES,
@@ -24,7 +25,7 @@ from wholebody.trajopt.layout import (  # fmt: skip
     N_POSITION,
     UPPER,
     WAIST,
-    n_inequalities,
+    n_rows,
 )
 
 LINE = 8
@@ -58,8 +59,9 @@ class KnotMotion(NamedTuple):
     dynamics: np.ndarray  # (K, N_DYNAMICS)
     J_dynamics: np.ndarray  # (K, N_DYNAMICS, 3 N_FREE)
     zmp: np.ndarray  # (K, 2)
-    violation: np.ndarray  # (K, n_inequalities) by how much bounds are exceeded, negative inside
-    sign: np.ndarray  # (K, n_inequalities) of what is bounded
+    J_between: np.ndarray  # (K, N_BETWEEN, 3 N_FREE) of the torques before and after a knot
+    violation: np.ndarray  # (K, n_rows) by how much bounds are exceeded, negative inside
+    sign: np.ndarray  # (K, n_rows) of what is bounded
 
 
 def new_motion(K: int, bodies: int, n_edges: int) -> KnotMotion:
@@ -89,8 +91,9 @@ def new_motion(K: int, bodies: int, n_edges: int) -> KnotMotion:
         "dynamics": (K, N_DYNAMICS),
         "J_dynamics": (K, N_DYNAMICS, 3 * N_FREE),
         "zmp": (K, 2),
-        "violation": (K, n_inequalities(n_edges)),
-        "sign": (K, n_inequalities(n_edges)),
+        "J_between": (K, N_BETWEEN, 3 * N_FREE),
+        "violation": (K, n_rows(n_edges)),
+        "sign": (K, n_rows(n_edges)),
     }
     arrays = {name: np.zeros(shape, dtype=np.int64 if name == "n_near" else float) for name, shape in shapes.items()}
     arrays["palms"][:] = np.eye(4)
@@ -154,11 +157,11 @@ class System(NamedTuple):
     Hy: np.ndarray  # (K + 3, N_BLOCK)
     direction: np.ndarray
     Hd: np.ndarray
-    along: np.ndarray  # (K, n_inequalities) change of the violations by z
-    change: np.ndarray  # (K, n_inequalities) by the direction
-    active: np.ndarray  # (K, n_inequalities) the bounds of each knot that are exceeded
+    along: np.ndarray  # (K, n_rows) change of the violations by z
+    change: np.ndarray  # (K, n_rows) by the direction
+    active: np.ndarray  # (K, n_rows) the bounds of each knot that are exceeded
     n_active: np.ndarray  # (K,) how many are
-    rows: np.ndarray  # (K n_inequalities, 3) of the line search
+    rows: np.ndarray  # (K n_rows, 3) of the line search
 
 
 def aligned(*shape: int) -> np.ndarray:
@@ -170,7 +173,7 @@ def aligned(*shape: int) -> np.ndarray:
 
 def new_system(K: int, n_edges: int) -> System:
     """Room for the linear program of K knots."""
-    n, f = n_inequalities(n_edges), N_FREE
+    n, f = n_rows(n_edges), N_FREE
     vectors = {name: np.zeros((K + 2, f)) for name in ("g", "damping", "z", "Hz", "direction", "Hd")}
     return System(
         H=aligned(K + 2, N_BLOCK, N_PANEL),

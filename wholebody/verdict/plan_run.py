@@ -19,7 +19,7 @@ from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
 from wholebody.verdict.calibration.quantities import quantities
-from wholebody.verdict.verdict import Verdict, blocked, too_hard, verdict_of
+from wholebody.verdict.verdict import Verdict, blocked, too_hard, unheld, verdict_of
 
 MOVING = 0.05
 """Speed of a hand from which a chunk is begun in motion [m/s]; chosen: what stops within a few millimetres."""
@@ -99,6 +99,7 @@ class PlanRun:
         self.quantities: list[tuple[float, dict[str, float]]] = []
         self.moving, self._looked_at, self.placed = False, -np.inf, True
         self._planned: ActionChunk | None = None
+        self.start_torque: Margin | None = None
         self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
 
     def follow(
@@ -157,7 +158,8 @@ class PlanRun:
             self.quantities.append((chunk.t_obs - self.result.start, quantities(self.judge, chunk, begin, found)))
             self.moving |= bool(np.linalg.norm(begin.hands.v, axis=1).max() > MOVING)
         report = found.plan.report
-        if report.changes or not report.safe or found.exceeded or self._is_off(found):
+        held = self.start_torque is None or self.start_torque.share >= 0.0 or self.followed is not None
+        if report.changes or not report.safe or found.exceeded or not held or self._is_off(found):
             self.suspects.append(Suspect(chunk, begin, now, found.plan))
         body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
         if report.safe and ends_at_rest(found.plan, body.footing.support, margin):
@@ -172,6 +174,7 @@ class PlanRun:
         if not result.fps:
             (p, R), (at, turned) = self.judge.asked(chunk), self.judge.at(begin)
             result.start, result.fps = chunk.t_obs, chunk.fps
+            self.start_torque = None if self._by_path else self.judge.start_torque(begin)
             # A chunk that comes at once begins with its first step, though its plan takes time.
             first = 0 if self._at_once else min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
             jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
@@ -254,6 +257,8 @@ class PlanRun:
             verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
         if Limit.HAND_FORCE in self.margins:
             verdict = too_hard(verdict, self.margins[Limit.HAND_FORCE])
+        if self.start_torque is not None:
+            verdict = unheld(verdict, self.start_torque)
         feasible = verdict.verdict == "feasible"
         tightest = sorted((on_one_scale(one, feasible) for one in self.margins.values()), key=lambda one: one.share)
         return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)

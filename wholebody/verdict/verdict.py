@@ -219,6 +219,14 @@ def too_hard(verdict: Verdict, force: Margin) -> Verdict:
     return replace(found, would_do=[*found.would_do, softer])
 
 
+def unheld(verdict: Verdict, still: Margin) -> Verdict:
+    """A fast verdict of a robot whose motors do not hold it, with what it carries, where the input begins."""
+    if still.share >= 0.0:
+        return verdict
+    severity = Severity.INFEASIBLE if still.share <= -1.0 else Severity.REPAIR
+    return _with(verdict, Reason.TORQUE_LIMIT, severity, still)
+
+
 def _with(verdict: Verdict, code: Reason, severity: Severity, one: Margin) -> Verdict:
     """Verdict with one more violation, made of a margin."""
     more = Violation(

@@ -1,7 +1,7 @@
 """Strategy: the real planner on slow, fast and impossible paths; Pinocchio's inverse dynamics judges what it says, and
 the readable specification (`formulation.py`) judges values and derivatives of the kernels on random motions."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pinocchio as pin
@@ -27,6 +27,7 @@ from wholebody.trajopt.formulation import (
     motion_cost,
     reduced,
 )
+from wholebody.trajopt.kernels.between import START_SHARE
 from wholebody.trajopt.kernels.inequalities import derivative
 from wholebody.trajopt.layout import N_BODY
 from wholebody.trajopt.optimizer import TrajectoryOptimizer
@@ -231,6 +232,115 @@ def test_compiled_terms_and_derivatives_are_those_of_pinocchio(body, seed):
     assert near(m.J_dynamics[0, :, 46:], reduced(0, D, back, forth, N, dt)[:, 46:])
 
 
+def between_of(program, k):
+    """Torques before and after a knot, (2, 17) [N m], of its inequalities."""
+    rows = slice(-layout.N_BETWEEN, None)
+    shares = (program.now.violation[k, rows] + 1.0) * program.now.sign[k, rows]
+    return shares.reshape(2, -1) * program.body.tables.between_max
+
+
+def strained(body, K, seed, speed):
+    """A random motion whose torques between knots count, and its program."""
+    program, _ = linearised(body, K, seed, speed)
+    program._count_between(True)
+    program.linearise(program.now)
+    program.set_weights(TrajectoryConfig(), 1.0)
+    return program
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_torques_beside_knots_are_those_of_inverse_dynamics_on_half_the_way_with_the_acceleration_of_the_knot(
+    body, seed
+):
+    program, dt, data = strained(body, 6, seed, 2.0), TrajectoryConfig().dt, body.model.createData()
+    m, model = program.now, Formulation(body, SPEC).model
+    for k in range(1, 6):
+        for side, sign in ((0, -1.0), (1, 1.0)):
+            if (k, side) == (1, 0):
+                continue  # counts less
+            way = sign * 0.5 * dt * m.v_mid[k + side] + dt**2 / 24.0 * m.a[k]
+            q, v = pin.integrate(model, m.q[k], way), m.v[k] + sign * 0.25 * dt * m.a[k]
+            torques = pin.rnea(model, data, q, v, m.a[k])[layout.LOWER :]
+            assert near(between_of(program, k)[side], torques)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_mean_of_two_neighbours_torques_is_that_of_the_curve_between_them(body, seed):
+    """Where joints swing by a few degrees; the curve is the one that is followed."""
+    program, dt, K = strained(body, 8, seed, 0.3), TrajectoryConfig().dt, 8
+    m, model, data, h = program.now, Formulation(body, SPEC).model, body.model.createData(), 1e-6
+    full = np.tile(body.q_full, (K, 1))
+    body.put(full, m.q)
+    v_start = np.zeros(body.full.nv)
+    body.put_rates(v_start, m.v[0])
+    curve, effort = curve_through(dt * np.arange(K), full, v_start), body.tables.between_max
+    for k in range(K - 1):
+        (q, rate, _), (_, later, _) = (curve(np.array([dt * (k + 0.5) + x])) for x in (0.0, h))
+        q, joints, bend = body.body_of(q)[0], body.body_of(rate)[0], (body.body_of(later) - body.body_of(rate))[0] / h
+        # The base's part is that of the knots: its spline is one of quaternions.
+        v, a = 0.5 * (m.v[k] + m.v[k + 1]), 0.5 * (m.a[k] + m.a[k + 1])
+        v[6:], a[6:], v[:6] = joints[7:], bend[7:], v[:6] + dt / 8.0 * (m.a[k] - m.a[k + 1])[:6]
+        q[3:7] /= np.linalg.norm(q[3:7])
+        there = pin.rnea(model, data, q, v, a)[layout.LOWER :]
+        before = between_of(program, k + 1)[0]
+        after = between_of(program, k)[1]
+        if k == 0:  # they count less
+            before, after = (np.sign(x) * (effort + (np.abs(x) - effort) / START_SHARE) for x in (before, after))
+        assert np.abs(0.5 * (before + after) - there).max() < 0.02 * effort.max()
+
+
+def test_torques_beside_knots_change_with_a_step_as_their_derivatives_say(body):
+    program, config, h = strained(body, 6, 3, 1.0), TrajectoryConfig(), 1e-4
+    program.assemble()
+    program.step(1.0)
+    m, E = program.now, len(body.tables.normals)
+    row, z, before = np.zeros(3 * layout.N_FREE), program.z.ravel(), program.now.violation.copy()
+    program.z[:] *= h
+    program.move()
+    program.linearise(program.trial)
+    for k in range(4):
+        for i in range(layout.n_inequalities(E), layout.n_rows(E)):
+            derivative(i, k, body.tables, m, config.dt, row)
+            change = row @ z[k * layout.N_FREE : (k + 3) * layout.N_FREE]
+            # How the way to the place halfway turns with the base is left out.
+            assert program.trial.violation[k, i] - before[k, i] == pytest.approx(change, abs=2e-6, rel=0.02), (k, i)
+
+
+def test_a_motion_that_asks_for_too_much_between_knots_is_found_anew_and_no_other_changes(planner):
+    """A wrist that holds 2 kg turned away is relieved by shaking it, at knots."""
+    T, fingers = poses(reach(0.50, 1.00), planner.config.dt, 0.0, 3.0)
+    start = planner.q_stance, np.zeros(planner.model.nv), T, fingers
+    plain, bounded = planner.plan(*start), planner.plan(*start, between=True)
+    assert not bounded.between
+    assert np.array_equal(plain.q, bounded.q)
+    planner.body.carry((2.0, 0.0))
+    try:
+        shaken, bounded = planner.plan(*start), planner.plan(*start, between=True)
+        asked = [beyond(planner, motion) for motion in (shaken, bounded)]
+    finally:
+        planner.body.carry((0.0, 0.0))
+    assert bounded.between
+    assert asked[0] > 1.1
+    assert asked[1] < 1.0
+
+
+def beyond(planner, motion):
+    """The largest torque of waist and arms halfway between knots, the first two left out, as a share of the motors'."""
+    body, dt, h = planner.body, planner.config.dt, 1e-6
+    model, data, worst = planner.body.model.copy(), planner.body.model.createData(), 0.0
+    model.armature[:] = 0.0
+    curve = curve_through(dt * np.arange(len(motion.q)), motion.q, np.zeros(planner.model.nv))
+    for k in range(1, len(motion.q) - 1):
+        states = [curve(np.array([dt * (k + 0.5) + x])) for x in (0.0, h, 2.0 * h)]
+        q = [body.body_of(one[0])[0] for one in states]
+        for one in q:
+            one[3:7] /= np.linalg.norm(one[3:7])
+        v = [pin.difference(model, a, b) / h for a, b in pairwise(q)]
+        torques = pin.rnea(model, data, q[0], v[0], (v[1] - v[0]) / h)[layout.LOWER :]
+        worst = max(worst, float((np.abs(torques) / body.effort_max).max()))
+    return worst
+
+
 def test_the_compiled_cost_is_that_of_the_formulation(body):
     program, T = linearised(body, 6, 2, speed=0.3)
     m, dt, judge, config = program.now, TrajectoryConfig().dt, Formulation(body, SPEC), TrajectoryConfig()
@@ -242,7 +352,7 @@ def test_the_compiled_cost_is_that_of_the_formulation(body):
         a = (v_mid[k + 1] - v_mid[k]) / dt * (2.0 if k == 0 else 1.0)
         v = v_mid[0] if k == 0 else 0.5 * (v_mid[k] + v_mid[k + 1])
         expected += motion_cost(w, v_mid[k], a, judge.dynamics(m.q[k], v, a)[0])
-        kept = slice(start if k == 0 else 0, None)
+        kept = slice(start if k == 0 else 0, len(penalty))
         expected += penalty[kept] @ np.maximum(m.violation[k, kept], 0.0) ** 2
     assert program.cost(m) == pytest.approx(expected, rel=1e-9)
 

@@ -27,7 +27,7 @@ def asked(case):
     return FastChecker(told_of(case.loads)).check(policy, case.family, policy.duration, start="stance", ask_why=True)
 
 
-@pytest.mark.parametrize("number", [60, 83])
+@pytest.mark.parametrize("number", [38, 60])
 def test_what_would_do_is_a_change_of_all_of_a_recording_and_does_when_it_is_checked(number):
     """Half of a recording was changed, begun as its other half leads there: alone, it was 0.4 m from the hands."""
     case = stranger(number)
@@ -43,12 +43,19 @@ def test_what_would_do_is_a_change_of_all_of_a_recording_and_does_when_it_is_che
 
 def test_a_recording_that_ends_in_motion_is_not_said_to_stop_too_suddenly():
     """The jerk of holding its last step was named as its cause: to stop there is the plan's part."""
-    case = stranger(83)
+    case = stranger(38)
     verdict = asked(case)
+    assert verdict.causes
     room = {one.code: one for one in verdict.margins}
     assert all(room[code].margin > 0.0 for code in RATES)
     assert not any(set(one.codes) & RATES for one in verdict.causes)
     assert all(one.time <= case.chunk.times[-1] for one in verdict.causes)
+
+
+def test_a_load_that_plans_leave_room_for_and_a_motor_holds_is_done_as_given():
+    """A wrist of the start spends more than plans may, and less than it has: no plan changes that, and in simulation
+    the palm stays within 2.2 mm. It was said to be out of reach."""
+    assert asked(stranger(83)).verdict == "feasible"
 
 
 @pytest.mark.parametrize(("column", "value", "layout"), [(18, 1.2, "wbc32"), (18, 1.2, "wbc27")])

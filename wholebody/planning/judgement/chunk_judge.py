@@ -29,7 +29,9 @@ from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.palms import palm_points
 from wholebody.robot.state import Robot
+from wholebody.trajopt.layout import UPPER
 from wholebody.trajopt.problem import TrajectoryProblem
+from wholebody.trajopt.robot_tables import BETWEEN_SHARE
 from wholebody.types import RobotState
 
 PALMS = ("left palm", "right palm")
@@ -191,8 +193,9 @@ class ChunkJudge:
 
     def previews(self, chunk: ActionChunk, begin: Begin) -> bool:
         """Whether the cheap tests alone show that a chunk is done as given, with no scene around; no plan is made."""
-        planner, far = self.planner, self.config.verdict.palm_feasible
-        return planner.previews(chunk, chunk.t_obs, begin.body, begin.hands, far)
+        planner, far, still = self.planner, self.config.verdict.palm_feasible, self.start_torque(begin)
+        held = still is None or still.share >= 0.0
+        return held and planner.previews(chunk, chunk.t_obs, begin.body, begin.hands, far)
 
     def around(self, chunk: ActionChunk, plan: ChunkPlan) -> tuple[Margin, ...]:
         """The least room to what stands around the robot, if anything is near."""
@@ -227,6 +230,24 @@ class ChunkJudge:
         return Margin(
             code=Limit.START, subject=PALMS[side], time=step / chunk.fps, step=step, value=value, bound=bound, unit="m",
             margin=bound - value, share=(bound - value) / bound if value <= bound else min(1.0 - value / bound, -1.0),
+        )  # fmt: skip
+
+    def start_torque(self, begin: Begin) -> Margin | None:
+        """Room of the motor of waist and arms that spends most on standing still where a chunk is begun.
+
+        A share of -1 is all that the motor has. None of a robot in motion or on a plan, which is bounded by itself.
+        """
+        if begin.before is not None or np.any(begin.body.v):
+            return None
+        body, still = self.planner.optimizer.body, np.zeros((1, self.robot.nv))
+        torques = np.abs(self.planner.effort.torques(begin.body.q[None], still, still)[0])
+        joint = int((torques / body.effort_max).argmax())
+        value, most = float(torques[joint]), float(body.effort_max[joint])
+        room = BETWEEN_SHARE * most - value
+        return Margin(
+            code=Limit.JOINT_TORQUE, subject=body.model.names[len(body.model.names) - UPPER + joint], time=0.0, step=0,
+            value=value, bound=BETWEEN_SHARE * most, unit=Limit.JOINT_TORQUE.unit, margin=room,
+            share=room / ((1.0 - BETWEEN_SHARE) * most),
         )  # fmt: skip
 
     @property

@@ -102,7 +102,7 @@ class MotionMargins:
             times: Of the knots, since the chunk's first step, shape (K,), [s].
             fps: Steps per second of the chunk [Hz].
         """
-        found = problem.now.violation[1:] / self.tolerances
+        found = problem.now.violation[1:, : len(self.tolerances)] / self.tolerances
         pairs = np.arange(COM_EDGE - DISTANCE) < problem.distances.chosen[1:, None]
         for limit, span in self.spans.items():
             if limit is Limit.SELF_DISTANCE:

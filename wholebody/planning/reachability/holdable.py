@@ -23,6 +23,8 @@ and one that is far off is not given up for the other."""
 SOFT_SCALES, FIRM_SCALES = (3.0,), (1.0, 0.5, 0.25, 0.1)
 """Factors on the scales of the bounds, on the way to a place and at its end [no unit]; measured: firm bounds on the way
 keep the trunk bent where a squat would hold more."""
+POSTURE_TIME = 1.0
+"""Time in which the search goes over from the start to postures that hold a load [s]; chosen: a squat takes as long."""
 STAGES, STEPS, STEPS_NEXT = 8, 12, 5
 """Places between where a search begins and its target, most steps at each, and from one knot's place to the next."""
 SQUAT = 0.3
@@ -46,6 +48,14 @@ class HoldablePath:
     T_palms: np.ndarray
     q: np.ndarray
     off: float
+
+    def blended(self, body: RobotTables, q: np.ndarray, dt: float) -> np.ndarray:
+        """From a configuration (nq,) of the robot over to these: the second to the last knot, ``dt`` [s] apart."""
+        time = dt * np.arange(1, len(self.q))
+        rows = np.tile(q, (len(time), 1))
+        for row, still, share in zip(rows, self.q[1:], np.minimum(time / POSTURE_TIME, 1.0), strict=True):
+            body.put(row, pin.interpolate(body.model, body.body_of(q), still, share))
+        return rows
 
 
 class HoldablePlaces:

@@ -9,7 +9,7 @@ import numpy as np
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.robot.kernels.frames import PALM_FRAME, PELVIS_FRAME, TORSO_FRAME, place_frame
 from wholebody.robot.kernels.rotation import logarithm, rotation_between
-from wholebody.robot.kernels.spatial import body_inertia, momentum_of
+from wholebody.robot.kernels.spatial import add_cross_force, body_inertia, cross_motion, dot6, momentum_of
 from wholebody.trajopt.arrays import KnotTargets, Tables
 from wholebody.trajopt.kernels.fixed_feet_kinematics import frame_rows, restore_feet
 from wholebody.trajopt.layout import (  # fmt: skip
@@ -24,9 +24,11 @@ from wholebody.trajopt.layout import (  # fmt: skip
     N_JOINTS,
     PELVIS,
     POSITION,
+    STATIC,
     TILT,
     TORSO,
     UPPER,
+    WAIST,
 )
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
 
@@ -116,3 +118,39 @@ def tilt(k: int, f: int, R: Matrix, limit: float, turn: Matrix, m: KnotMotion) -
     m.violation[k, TILT + f] = math.atan2(lean, R[2, 2]) - limit
     for j in range(turn.shape[1]):
         m.J_tilt[k, f, j] = (x * turn[1, j] - y * turn[0, j]) / lean if lean > 1e-6 else 0.0
+
+
+def static_torque(k: int, robot: Tables, m: KnotMotion, work: KnotScratch) -> None:
+    """Bounds STATIC of knot ``k`` on torques with which the waist would hold the upper body still, and derivatives.
+
+    Accelerations from knot to knot can lower the torques at the knots below those in between. Where the waist could
+    hold the upper body at rest, the robot can stop anywhere. As `inverse_dynamics.torques` without velocities.
+    """
+    S, F, row, six = m.S[k], m.F[k], work.rows[0], work.six
+    lift, lift_rate, force, force_rate = six[0], six[1], six[2], six[3]
+    for a in range(3):
+        lift[a], lift[3 + a] = -robot.gravity[a], 0.0
+    for w in range(WAIST):
+        i = LOWER + w
+        momentum_of(m.I_composite[k, i - 5], lift, force)
+        torque = dot6(S[i], force)
+        m.sign[k, STATIC + w] = 1.0 if torque > 0.0 else -1.0
+        m.violation[k, STATIC + w] = abs(torque) / robot.tau_max[w] - 1.0
+        for j in range(N_BODY):
+            row[j] = 0.0
+        for j in range(6):
+            cross_motion(lift, S[j], lift_rate)
+            row[j] = dot6(F[i], lift_rate)
+        up = i - 5
+        while up > 0:
+            cross_motion(lift, S[5 + up], lift_rate)
+            row[5 + up] = dot6(F[i], lift_rate)
+            up = robot.parent[up]
+        # What hangs on the waist changes its torque by how its own weight turns.
+        for j in range(i + 1, N_BODY):
+            momentum_of(m.I_composite[k, j - 5], lift, force)
+            cross_motion(lift, S[j], lift_rate)
+            momentum_of(m.I_composite[k, j - 5], lift_rate, force_rate)
+            add_cross_force(S[j], force, force_rate)
+            row[j] = dot6(S[i], force_rate)
+        reduce_row(row, m.free[k], m.J_static[k, w])

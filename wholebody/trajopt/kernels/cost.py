@@ -36,7 +36,7 @@ from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion
 
 
 def cost(m: KnotMotion, weights: TrajectoryWeights, penalties: Vector, moving: int) -> float:
-    """Cost of a motion; ``penalties`` (n_inequalities,) weigh its bounds, at the first knot only from ``moving`` on."""
+    """Cost of a motion; ``penalties`` weigh its bounds, at the first knot only from ``moving`` on."""
     K, total = m.q.shape[0], 0.0
     for k in range(K):
         if k > 0:

@@ -16,7 +16,6 @@ from wholebody.trajopt.layout import (  # fmt: skip
     HORIZONTAL,
     LOWER,
     N_BODY,
-    N_DYNAMICS,
     N_FREE,
     N_FRICTION,
     SOLE,
@@ -111,39 +110,55 @@ def slide_column(j: int, robot: Tables, s: Vector, V: Vector, work: KnotScratch)
         six[4, c] = work.psi_S_dot[j, c] - six[4, c]
 
 
-def project_dynamics(k: int, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
-    """The rows of the dynamics in the free directions of three knots."""
+def project_dynamics(
+    k: int,
+    start: int,
+    shares: tuple[float, float, float, float],
+    task: KnotTargets,
+    m: KnotMotion,
+    J: Matrix,
+    work: KnotScratch,
+) -> None:
+    """Rows of the dynamics from ``start`` on in the free directions of three knots, ``J`` (rows, 3 N_FREE).
+
+    Their velocity is that before the knot and that after it with the first two ``shares``; their configuration that of
+    the knot, moved by these velocities for the times that are the last two [s]. At the first knot the former is given.
+    """
     K, dt = m.q.shape[0], task.dt
-    lower, upper, J, f = work.lower, work.upper, m.J_dynamics[k], FREE_LOWER
-    first = k == 0
+    lower, upper, f = work.lower, work.upper, FREE_LOWER
+    earlier, later, back_time, time = shares
+    each = 2.0 if k == 0 else 1.0
     here, there = knot_rate(k, K, dt), knot_rate(k + 1, K, dt)
     by_prev, by_next = work.by_prev, work.by_next
-    for i in range(N_DYNAMICS):
+    for i in range(start, start + J.shape[0]):
         for j in range(LOWER):
-            by_v, by_a = 0.5 * lower[1, i, j], lower[2, i, j] / dt
-            by_prev[i, j], by_next[i, j] = by_v - by_a, 2.0 * by_a if first else by_v + by_a
+            by_q, by_v, by_a = lower[0, i, j], lower[1, i, j], lower[2, i, j] / dt
+            by_prev[i, j] = earlier * by_v - by_a + back_time * by_q
+            by_next[i, j] = later * by_v + each * by_a + time * by_q
     back, mid, front = work.reduced[0], work.reduced[1], work.reduced[2]
     times_transposed(by_prev, m.dv_dprev[k], back)
     times_transposed(by_next, m.dv_dnext[k + 1], front)
-    for i in range(N_DYNAMICS):
+    for i in range(J.shape[0]):
         for c in range(f):
-            J[i, c], J[i, 2 * N_FREE + c] = -back[i, c], front[i, c]
+            J[i, c], J[i, 2 * N_FREE + c] = -back[start + i, c], front[start + i, c]
     times_transposed(lower[0], m.free[k], mid)
     times_transposed(by_prev, m.dv_dnext[k], back)
     times_transposed(by_next, m.dv_dprev[k + 1], front)
-    for i in range(N_DYNAMICS):
+    for i in range(J.shape[0]):
+        row = start + i
         for c in range(f):
-            J[i, N_FREE + c] = mid[i, c] + back[i, c] - front[i, c]
+            J[i, N_FREE + c] = mid[row, c] + back[row, c] - front[row, c]
         back_u, mid_u, front_u = J[i, f:], J[i, N_FREE + f :], J[i, 2 * N_FREE + f :]
         for j in range(UPPER):
-            by_v, by_a = 0.5 * upper[1, i, j], upper[2, i, j] / dt
-            x, y = by_v - by_a, 2.0 * by_a if first else by_v + by_a
+            by_q, by_v, by_a = upper[0, row, j], upper[1, row, j], upper[2, row, j] / dt
+            x = earlier * by_v - by_a + back_time * by_q
+            y = later * by_v + each * by_a + time * by_q
             back_u[j] = -here * x
-            mid_u[j] = upper[0, i, j] + here * x - there * y
+            mid_u[j] = by_q + here * x - there * y
             front_u[j] = there * y
 
 
-def dynamics_violations(k: int, robot: Tables, m: KnotMotion, at: int) -> None:
+def dynamics_violations(k: int, robot: Tables, task: KnotTargets, m: KnotMotion, at: int) -> None:
     """The bounds on load, torques, zero-moment point, accelerations, speeds and friction, from row ``at`` on."""
     row, violation, sign = m.dynamics[k], m.violation[k], m.sign[k]
     edge, torque = robot.normals.shape[0], at + 1
@@ -151,7 +166,7 @@ def dynamics_violations(k: int, robot: Tables, m: KnotMotion, at: int) -> None:
     for u in range(UPPER):
         x = row[TAU + u]
         sign[torque + u] = 1.0 if x > 0.0 else -1.0
-        violation[torque + u] = abs(x) / robot.tau_max[u] - 1.0
+        violation[torque + u] = abs(x) / robot.tau_max[u] - 1.0 - (task.spent[u] if k == 0 else 0.0)
     zmp = torque + UPPER
     for e in range(edge):
         violation[zmp + e] = (

@@ -24,6 +24,7 @@ from wholebody.trajopt.layout import (  # fmt: skip
     HEIGHT,
     HORIZONTAL,
     LOWER,
+    N_BETWEEN,
     N_BLOCK,
     N_BODY,
     N_DISTANCES,
@@ -43,8 +44,10 @@ from wholebody.trajopt.layout import (  # fmt: skip
 from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion, System
 
 
-def changes(robot: Tables, m: KnotMotion, dt: float, z: Matrix, out: Matrix, work: AssemblyScratch) -> None:
-    """How a step ``z`` changes the violations, ``out`` (K, n_inequalities)."""
+def changes(
+    robot: Tables, m: KnotMotion, dt: float, z: Matrix, between: bool, out: Matrix, work: AssemblyScratch
+) -> None:
+    """How a step ``z`` changes the violations, ``out`` (K, n_rows); those between knots only if they count."""
     K, E, n = m.q.shape[0], robot.normals.shape[0], N_JOINTS
     dv_mid, flat = work.dv_mid, z.reshape(z.size)
     velocity_changes(m, dt, z, dv_mid)
@@ -72,6 +75,10 @@ def changes(robot: Tables, m: KnotMotion, dt: float, z: Matrix, out: Matrix, wor
             row[rate + n + j] = sign[rate + n + j] * dv_mid[k, 6 + j]
         for e in range(N_FRICTION):
             row[rate + 2 * n + e] = friction_violation(robot.cone[e], dynamics)
+        if between:
+            for i in range(N_BETWEEN):
+                at = rate + 2 * n + N_FRICTION + i
+                row[at] = sign[at] * dot(m.J_between[k, i], three, 3 * N_FREE) / robot.between_max[i % UPPER]
 
 
 def velocity_changes(m: KnotMotion, dt: float, z: Matrix, dv_mid: Matrix) -> None:
@@ -143,6 +150,10 @@ def derivative(i: int, k: int, robot: Tables, m: KnotMotion, dt: float, out: Vec
             else:
                 normal = robot.normals[i - zmp]
                 out[j] = normal[0] * J[0, j] + normal[1] * J[1, j] - robot.zmp_offsets[i - zmp] * J[VERTICAL, j]
+    elif i >= rate + 2 * N_JOINTS + N_FRICTION:
+        u = i - rate - 2 * N_JOINTS - N_FRICTION
+        for j in range(3 * n):
+            out[j] = sign / robot.between_max[u % UPPER] * m.J_between[k, u, j]
     elif i >= rate + 2 * N_JOINTS:
         side, J = robot.cone[i - rate - 2 * N_JOINTS], m.J_dynamics[k]
         for j in range(3 * n):

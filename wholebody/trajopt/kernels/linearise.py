@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from wholebody.trajopt.arrays import KnotTargets, Tables
+from wholebody.trajopt.kernels.between import torques_between
 from wholebody.trajopt.kernels.capture_point import approach_margin, capture_point
-from wholebody.trajopt.kernels.configuration_terms import configuration_terms
+from wholebody.trajopt.kernels.configuration_terms import configuration_terms, static_torque
 from wholebody.trajopt.kernels.dynamics_rows import (
     contact_wrench,
     dynamics_violations,
@@ -13,9 +14,12 @@ from wholebody.trajopt.kernels.dynamics_rows import (
 )
 from wholebody.trajopt.kernels.inverse_dynamics import force_derivatives, forward_pass, torques
 from wholebody.trajopt.kernels.mid_velocities import mid_velocities
-from wholebody.trajopt.kernels.static_torque import static_torque
 from wholebody.trajopt.layout import LOAD
 from wholebody.trajopt.workspace import KnotMotion, KnotScratch
+
+AT_KNOT, AT_FIRST = (0.5, 0.5, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+"""Shares of `project_dynamics` [no unit, s]; definition: the velocity at a knot is the mean of those before and after
+it, and given at the first one."""
 
 
 def place(robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch, first: int, last: int) -> None:
@@ -25,16 +29,24 @@ def place(robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch, fi
         static_torque(k, robot, m, work)
 
 
-def rates(robot: Tables, task: KnotTargets, m: KnotMotion, work: KnotScratch) -> None:
-    """Everything that depends on velocities and accelerations."""
+def between(robot: Tables, task: KnotTargets, m: KnotMotion, beside: KnotMotion, work: KnotScratch) -> None:
+    """Torques between the knots of a motion, of which everything else is known."""
+    for k in range(m.q.shape[0]):
+        torques_between(k, robot, task, m, beside, work)
+
+
+def rates(robot: Tables, task: KnotTargets, m: KnotMotion, beside: KnotMotion, work: KnotScratch) -> None:
+    """Everything that depends on velocities and accelerations; ``beside`` is scratch, the motion of one knot."""
     mid_velocities(m, task, work)
     for k in range(m.q.shape[0]):
+        if task.between:
+            torques_between(k, robot, task, m, beside, work)
         forward_pass(k, robot, m, work)
         force_derivatives(k, m, work)
         contact_wrench(k, robot, m, work)
         torques(k, robot, m, work)
         sole_accelerations(k, robot, m, work)
-        project_dynamics(k, task, m, work)
-        dynamics_violations(k, robot, m, LOAD + robot.normals.shape[0])
+        project_dynamics(k, 0, AT_KNOT if k > 0 else AT_FIRST, task, m, m.J_dynamics[k], work)
+        dynamics_violations(k, robot, task, m, LOAD + robot.normals.shape[0])
         approach_margin(k, robot, m, task.dt)
         capture_point(k, robot, m)

@@ -28,7 +28,7 @@ def step(
         robot: `arrays.Tables`.
         task: `arrays.KnotTargets`.
         m: `workspace.KnotMotion`.
-        penalties: Of the bounds (n_inequalities,).
+        penalties: Of the bounds that count (n_inequalities,), with those between knots (n_rows,).
         system: `workspace.System`, assembled.
         work: `workspace.AssemblyScratch`.
         damping: Added to the Hessian, as a share of its diagonal and by itself.
@@ -57,7 +57,7 @@ def step(
         for k in range(2, K + 1):
             for i in range(N_FREE):
                 s.direction[k, i] = s.y[k, i] - s.z[k, i]
-        changes(robot, m, dt, s.direction, s.change, work)
+        changes(robot, m, dt, s.direction, task.between, s.change, work)
         times(K, s.H, s.y, s.Hy)
         for k in range(2, K + 1):
             for i in range(N_FREE):

@@ -7,12 +7,11 @@ import numpy as np
 from wholebody.jit.arrays import Matrix, Vector
 from wholebody.trajopt.arrays import KnotTargets, Tables, TrajectoryWeights
 from wholebody.trajopt.kernels.banded import factor_panel, solve_panel
-from wholebody.trajopt.kernels.configuration_terms import configuration_terms
+from wholebody.trajopt.kernels.configuration_terms import configuration_terms, static_torque
 from wholebody.trajopt.kernels.cost import add_configuration
 from wholebody.trajopt.kernels.fixed_feet_kinematics import integrate
 from wholebody.trajopt.kernels.inequalities import configuration_changes, configuration_derivative
 from wholebody.trajopt.kernels.newton import list_exceeded
-from wholebody.trajopt.kernels.static_torque import static_torque
 from wholebody.trajopt.layout import COM_EDGE, DISTANCE, FREE_LOWER, LOWER, N_FREE, RIGHT, UPPER
 from wholebody.trajopt.workspace import AssemblyScratch, KnotMotion, KnotScratch, System
 

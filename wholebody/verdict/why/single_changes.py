@@ -100,23 +100,24 @@ class SingleChanges:
         return None if share is None else self._change(kind, led(share), 1.0)
 
     def _least(self, chunk_at: Callable[[float], ActionChunk], low: float, high: float, fine: float) -> float | None:
-        """The least value that held, by bisection below a larger one; None if that does not hold."""
-        least, middle, optimizer = None, high, self._judge.planner.optimizer
+        """The least value found to hold, by bisection below a larger one; None if that does not hold."""
+        found, middle, optimizer = [], high, self._judge.planner.optimizer
         end = optimizer.work + self._left
-        while least is None or high - low > fine:
+        while not found or high - low > fine:
             if optimizer.work >= end:
                 self.complete = False
                 break
             if self._at_first(chunk_at(middle)):
-                least = high = middle
-            elif least is None:
+                found.append(middle)
+                high = middle
+            elif not found:
                 break
             else:
                 low = middle
             middle = 0.5 * (low + high)
-        held = least is not None and self._holds(chunk_at(least))
+        held = next((value for value in reversed(found) if self._holds(chunk_at(value))), None)
         self._left = end - optimizer.work
-        return least if held else None
+        return held
 
     def _change(self, kind: ChangeKind, chunk: ActionChunk, factor: float) -> Change:
         return Change(kind, factor, *changed(self._judge, slowed(self.chunk, factor), chunk), chunk)
