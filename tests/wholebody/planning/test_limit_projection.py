@@ -1,10 +1,15 @@
 """Strategy: what a hand can do is left alone; what it cannot is moved as little as keeps the bounds."""
 
+from ctypes import c_int
+
+import daqp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.support.reference_motions import lissajous_rows
+from wholebody.errors import PlanningError
+from wholebody.planning import limit_projection
 from wholebody.planning.limit_projection import DEMAND, IMPLAUSIBLE_SHARE, JUMP, N_BEFORE, continued, nearest
 from wholebody.reference import HandLimits, HandMotion, rest_row
 
@@ -67,6 +72,53 @@ def test_the_nearest_is_nearer_than_any_other_that_keeps_the_bounds():
     for other in (np.zeros_like(values), 0.9 * near, smooth):
         towards = near + 1e-3 * (other - near)
         assert np.sum((towards - values) ** 2) >= np.sum((near - values) ** 2) - 1e-12
+
+
+def by_active_set(values, fps, limits):
+    """What daqp, which keeps bounds softly where it has to, comes to for one column."""
+    most = np.multiply(DEMAND, (limits.speed, limits.acceleration, limits.jerk)) / fps ** np.arange(1, 4)
+    rows = [np.diff(np.eye(len(values)), k, axis=0)[N_BEFORE - k :] for k in (1, 2, 3)]
+    D, bounds = np.vstack(rows), np.repeat(most, len(values) - N_BEFORE)
+    known, n = D[:, :N_BEFORE] @ values[:N_BEFORE], len(values) - N_BEFORE
+    x, *_ = daqp.solve(
+        np.eye(n), -values[N_BEFORE:], D[:, N_BEFORE:], bounds - known, -bounds - known, np.full(len(D), 8, c_int)
+    )
+    return np.append(values[:N_BEFORE], x)
+
+
+@pytest.mark.parametrize("scaled", [1.0, IMPLAUSIBLE_SHARE])
+@pytest.mark.parametrize(("steps", "fps"), [(5, 30.0), (30, 30.0), (90, 50.0), (150, 100.0)])
+@pytest.mark.parametrize("kind", ["jump", "noise", "fast", "past_the_bounds"])
+def test_the_nearest_is_that_of_an_active_set(kind, steps, fps, scaled):
+    time, rng = np.arange(steps) / fps, np.random.default_rng(steps)
+    values = 0.05 * np.sin(2.0 * np.pi * np.arange(steps) / steps)
+    values += {
+        "jump": 0.05 * (np.arange(steps) > steps // 2),
+        "noise": 0.03 * rng.normal(size=steps),
+        "fast": 0.1 * np.sin(16.0 * np.pi * np.arange(steps) / steps),
+        "past_the_bounds": 3.0 * time,
+    }[kind]
+    limits = LIMITS.position.scaled(scaled)
+    near = nearest(values[:, None], fps, limits)[:, 0]
+    np.testing.assert_allclose(near, by_active_set(values, fps, limits), atol=2e-6)
+
+
+@pytest.mark.parametrize("size", [0.01, 1.0, 1e3, 1e9])
+def test_the_rounds_of_a_search_are_no_more_for_more_steps_and_of_any_size(monkeypatch, size):
+    """A round is a pass over the steps: 1,000 steps took 38 times what 200 did."""
+    rounds, search = [], limit_projection._nearest_steps
+    monkeypatch.setattr(limit_projection, "_nearest_steps", lambda *a: rounds.append(search(*a)) or rounds[-1])
+    for steps in (50, 200, 1000, 4000):
+        values = size * np.random.default_rng(steps).normal(size=(steps, 1))
+        near = nearest(values, steps / 1.6, LIMITS.position)
+        assert np.isfinite(near).all()
+    assert len(rounds) == 4
+    assert max(rounds) < 70
+
+
+def test_numbers_that_are_none_are_refused():
+    with pytest.raises(PlanningError, match="in metres"):
+        nearest(np.full((20, 1), np.nan), FPS, LIMITS.position)
 
 
 def test_a_turn_that_jumps_is_tempered_too():
