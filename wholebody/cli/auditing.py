@@ -39,6 +39,9 @@ class Audited:
     start: Annotated[
         Literal["first", "stance"], Option(help="Where the robot is: hands at the first step, or in the stance.")
     ] = "first"
+    odds: Annotated[
+        bool, Option("--odds", help="Tell the odds of a fall as given and of being followed: half as long again.")
+    ] = False
     slower: Annotated[
         bool, Option(help="Look for how much slower an input that is not feasible would be: a few more looks at it.")
     ] = True
@@ -53,8 +56,9 @@ def make_judging(audited: Audited, folder: Path) -> Callable[[str], AuditOutcome
     given = Input(fps=audited.fps, assume_spec=audited.assume_spec, read_as=audited.read_as)
     simulation = Simulation(config=audited.config, robot=audited.robot)
     judge = InputJudge(
-        given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True
-    )
+        given, simulation, Sampling(), Judging(fast=not audited.simulated, start=audited.start), quiet=True,
+        odds=audited.odds,
+    )  # fmt: skip
 
     def judged(name: str) -> AuditOutcome:
         from wholebody.verdict.audit.outcome import AuditOutcome

@@ -60,12 +60,14 @@ class InputJudge:
         judging: Whether anything is simulated.
         quiet: Without a progress bar.
         pages: Where the report of each input is written; without them if None.
+        odds: Tell the odds of a fall, which take a third of the time of a verdict by plans.
     """
 
     def __init__(
         self, given: Input, simulation: Simulation, sampling: Sampling, judging: Judging, *, quiet: bool = False,
-        pages: Pages | None = None,
+        pages: Pages | None = None, odds: bool = True,
     ) -> None:  # fmt: skip
+        self._odds = odds
         self.given, self.simulation, self.sampling, self.judging = given, simulation, sampling, judging
         self.quiet, self.pages = quiet, pages
         self._first = not judging.as_given
@@ -113,7 +115,7 @@ class InputJudge:
             self.fast(self._scene(name)),
         )
         with ours():
-            return fast.check(policy, name, seconds, start=start, ask_why=why)
+            return fast.check(policy, name, seconds, start=start, ask_why=why, odds=self._odds)
 
     def _fast_verdict(self, policy: Policy, name: str) -> Verdict | None:
         """The fast check before a simulation; None where a chunk cannot be planned, which the simulation tells."""

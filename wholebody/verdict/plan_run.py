@@ -88,7 +88,7 @@ class PlanRun:
         by_path: bool = False,
         at_once: bool = False,
         end: float = np.inf,
-        odds: bool = True,
+        odds: bool = False,
     ) -> None:
         self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
         self._by_path, self._at_once, self._end, self._odds = by_path, at_once, end, odds
