@@ -50,7 +50,7 @@ class HoldablePath:
     off: float
 
     def blended(self, body: RobotTables, q: np.ndarray, dt: float) -> np.ndarray:
-        """From a configuration (nq,) of the robot over to these: the second to the last knot, ``dt`` [s] apart."""
+        """Configurations from one (nq,) of the robot over to these, from the second knot on, ``dt`` [s] apart."""
         time = dt * np.arange(1, len(self.q))
         rows = np.tile(q, (len(time), 1))
         for row, still, share in zip(rows, self.q[1:], np.minimum(time / POSTURE_TIME, 1.0), strict=True):
