@@ -216,10 +216,13 @@ class Touch:
         into[:] = turned(into, push, exp(-elapsed / time))
 
     def _hold(self, hand: int, row: np.ndarray) -> None:
-        """Notice that a hand is held back: short of where it is commanded along its push, and no longer on its way."""
+        """Notice that a hand is held back: short of where it is commanded along its push, and at rest along that.
+
+        One that is led away, as by a load that it sinks under, meets no surface that a plan could keep it out of.
+        """
         at, into = PALM * hand, self._into[hand]
         short = into.dot(row[at + 9 : at + 12] - self._palms[hand])
-        held = self.shares[hand] > 0.5 and short > HELD_BACK and into.dot(self._velocity[hand]) < STOPPED
+        held = self.shares[hand] > 0.5 and short > HELD_BACK and abs(into.dot(self._velocity[hand])) < STOPPED
         self.changed |= held and not self._held[hand]
         self._held[hand] = held or (self._held[hand] and self.shares[hand] > 0.0 and short > 0.0)
 

@@ -79,6 +79,19 @@ def test_a_force_on_a_palm_is_felt_as_it_is_and_yielded_to_above_the_limit(super
     assert status.detail.startswith("the left hand pushes with 21 N since 0.0")
 
 
+def test_a_hand_that_sinks_under_a_load_is_held_back_by_nothing(supervisor):
+    """Plans were to keep it out of the load that it sank under: one from where it sank to, and 0.8 s later off it."""
+    plant = MujocoPlant(SPEC, payload_kg=(3.0, 0.0))
+    state, touched = plant.state(), []
+    supervisor.reset(state)
+    for _ in range(100):
+        state = plant.step(supervisor.step(state))
+        touched.append(supervisor.touch.shares[0])
+        assert not supervisor.touch.changed
+    assert max(touched) == 1.0
+    assert supervisor.touch.met() == (None, None)
+
+
 def test_the_force_that_tips_puts_the_centre_of_pressure_at_the_edge(supervisor):
     rng = np.random.default_rng(0)
     controller = supervisor.controller
