@@ -115,6 +115,27 @@ def test_a_hand_that_is_pushed_sideways_carries_nothing(supervisor, plant):
     assert most < 0.2
 
 
+def test_what_joints_feign_is_no_force_where_it_has_little_of_a_lever(supervisor, plant):
+    """A torque that is always there, as of friction, was a touch wherever the arm came to have less of a lever."""
+    plant.hold((1e-4, 1e-4))
+    robot, observer, tool = supervisor.robot, supervisor.carrying.observer, SPEC.tools[0]
+    arm = robot.joint_indices(robot.arm_joints(tool.side))
+    seen = []
+
+    def feign(state, place):
+        levers, torques = np.linalg.svd(robot.jacobian(tool.palm_frame)[:3, 6 + arm])[1:]
+        tau = state.tau.copy()
+        tau[arm] += 1.5 * torques[place]
+        seen.append((levers[place], np.linalg.norm(observer.wrenches[0, :3]), observer.sizes[0]))
+        return replace(state, tau=tau)
+
+    state = stand(supervisor, plant, 2.0, change=lambda state: feign(state, 0))
+    stand(supervisor, plant, 0.1, state, change=lambda state: feign(state, 2))
+    (lever, *_), (least, force, size) = seen[0], seen[-1]
+    assert least < 0.4 * lever
+    assert force > ControllerConfig().touch.force_found > 2.0 > size
+
+
 def test_told_masses_are_counted_on_whatever_is_seen(plant):
     plant.hold((0.4, 1.1))
     config = ControllerConfig(loads=LoadConfig(source="told", left=0.5, right=2.0))

@@ -31,9 +31,15 @@ from wholebody.robot.touch import FORCE, SHARE
 SPEED_FEIGNS, TURN_FEIGNS = 6.0, 1.5
 """Force that a palm's speed feigns [N s/m], and its turning [N s/rad]; measured: realistic robots on the lissajous and
 dances, whose arms have friction of 0.1 to 0.3 N m a joint that the model lacks."""
-LEVEL_FEIGNS, FEIGNED_MAX, LEVEL_TIME = 1.0, 5.0, 2.0
-"""Multiple of the mean force of late by which it may be exceeded [no unit], the most of it [N], and the time constant
-of the mean [s]; measured likewise: of those robots it is 4 N."""
+LEVEL_FEIGNS, FEIGNED_MAX, LEVEL_TIME = 1.5, 1.5, 2.0
+"""Multiple of the mean torque of late by which it may be exceeded [no unit], the most of that [N m], and the time
+constant of the mean [s]; measured likewise: of those robots it is 1 N m."""
+MOVED_FEIGNS = 0.2
+"""Share of the torques that accelerate an arm that masses which are not the model's, and torques told 2 ms late, feign
+[no unit]; measured likewise: at 100 rad/s^2 and more, chops of a karate dance felt like 12 N."""
+LEVER_MIN = 0.05
+"""Least lever of a force over its arm that is counted on [m]; chosen: along a stretched arm nothing is felt. Joints
+have friction, not palms: the less of a lever a force has, the more of it a torque feigns."""
 FORCE_DAMPING, MOMENT_DAMPING = 2e-4, 2e-2
 """Damping of the least squares for force [m^2] and moment [no unit]; derived: torques wrong by 0.4 N m for forces of
 30 N and moments of 3 N m, squared."""
@@ -63,14 +69,16 @@ def observe(
     for c in range(v.shape[0]):
         dv[c] = (v[c] - before[c]) / dt
     for h in range(2):
-        residual, unit, pushed = memory.residual[h], memory.unit[h], memory.pushed[h]
+        residual, unit, pushed, moved = memory.residual[h], memory.unit[h], memory.pushed[h], memory.moved[h]
         touch, at = tick.touch[h], 6 * (PALM_FRAME + h)
         x, y, z = lifted(tick, memory.body[h], memory.place[h], dv, x_load)
         for i in range(residual.shape[0]):
             c = arm[h, i]
-            missing = tau[c - 6] - nle[c]
+            moves = 0.0
             for k in range(dv.shape[0]):
-                missing -= M[c, k] * dv[k]
+                moves += M[c, k] * dv[k]
+            missing = tau[c - 6] - nle[c] - moves
+            moved[i] = keep_fast * moved[i] + (1.0 - keep_fast) * moves
             if touch[SHARE] > 0.0:
                 for k in range(6):
                     missing -= J[at + k, c] * touch[FORCE + k]
@@ -81,19 +89,36 @@ def observe(
             unit[i] = keep * unit[i] + (1.0 - keep) * one
         memory.mass[h], memory.error[h] = ratio(residual, unit, torque_error)
         size = push(J, arm[h], at, pushed, memory.normal, memory.wrench[h])
-        memory.size[h] = size - feigned(tick.frame_V[PALM_FRAME + h], memory.level[h])
+        torque = torque_of(J, arm[h], at, memory.wrench[h])
+        feigns = min(LEVEL_FEIGNS * memory.level[h], FEIGNED_MAX) + MOVED_FEIGNS * length(moved)
+        lever = max(torque / max(size, 1e-9), LEVER_MIN)
+        memory.size[h] = size - feigns / lever - feigned(tick.frame_V[PALM_FRAME + h])
         if not touch[SHARE] > 0.0:
-            memory.level[h] += min(dt / LEVEL_TIME, 1.0) * (size - memory.level[h])
+            memory.level[h] += min(dt / LEVEL_TIME, 1.0) * (torque - memory.level[h])
 
 
-def feigned(V: Vector, level: float) -> float:
-    """Force [N] that friction, and a model that is not the robot, feign at a palm with velocity V (6,).
+def feigned(V: Vector) -> float:
+    """Force [N] that friction, and a model that is not the robot, feign at a palm with velocity V (6,)."""
+    return SPEED_FEIGNS * length(V[:3]) + TURN_FEIGNS * length(V[3:])
 
-    ``level`` is the mean of what they feigned lately [N].
-    """
-    speed = math.sqrt(V[0] * V[0] + V[1] * V[1] + V[2] * V[2])
-    turn = math.sqrt(V[3] * V[3] + V[4] * V[4] + V[5] * V[5])
-    return SPEED_FEIGNS * speed + TURN_FEIGNS * turn + min(LEVEL_FEIGNS * level, FEIGNED_MAX)
+
+def length(x: Vector) -> float:
+    """Length of a vector (n,)."""
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i] * x[i]
+    return math.sqrt(total)
+
+
+def torque_of(J: Matrix, arm: Indices, at: int, force: Vector) -> float:
+    """Size of the torques [N m] that a force (3,) on a palm makes in its arm; arguments as of `push`."""
+    squares = 0.0
+    for i in range(arm.shape[0]):
+        torque = 0.0
+        for a in range(3):
+            torque += J[at + a, arm[i]] * force[a]
+        squares += torque * torque
+    return math.sqrt(squares)
 
 
 def push(J: Matrix, arm: Indices, at: int, pushed: Vector, A: Matrix, wrench: Vector) -> float:
