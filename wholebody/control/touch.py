@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import exp, hypot, sqrt
+from math import exp, sqrt
 
 import numpy as np
 
@@ -10,13 +10,13 @@ from policy.chunk import ActionChunk
 from wholebody.config.touch import TouchConfig
 from wholebody.control.asked_forces import AskedForces
 from wholebody.control.base import Controller
-from wholebody.control.reference_packet import PALM
+from wholebody.control.leaning import GRAVITY, Leaning
+from wholebody.control.reference_packet import COM, PALM
 from wholebody.estimation.load import LoadObserver
 from wholebody.reference.surface import Surface, turned
 from wholebody.robot.kernels.frames import PALM_FRAME
 from wholebody.robot.touch import (
     FORCE,
-    LEAN_MAX,
     MOBILITY,
     MOMENT,
     PUSH_MAX,
@@ -33,14 +33,8 @@ RELEASED = 0.5
 BEGIN, END = 0.01, 0.1
 """Times over which a hand becomes one that touches, and a free one again [s]; chosen: a stiff hand pushes hard within
 10 ms, and one that is let go of is not to jump."""
-TIPPED_TIME = 0.1
-"""Of the filter of how far forces move the centre of pressure [s]; chosen: the trunk is too heavy for faster ones."""
-TIPPED_MAX = 0.08
-"""Farthest that a force is taken to move the centre of pressure [m]; derived: from the middle of a sole to its edge."""
 FOLLOWING = Status.TRACKING, Status.SLOWED
 """What the supervisor does while it follows a chunk."""
-GRAVITY = 9.81
-"""Acceleration of free fall [m/s^2]; definition."""
 INTO = 0.05
 """How far past a surface plans lead a palm [m]; chosen: with its stiffness, 30 N."""
 MOVING, NORMAL_TIME, REST_TIME, FIRST_TIME = 0.02, 0.02, 0.06, 0.2
@@ -50,11 +44,12 @@ friction from pressure, and the first impact says little of the direction."""
 HELD_BACK, STOPPED = 0.015, 0.05
 """Distance by which a palm is short of its command along its push [m], and speed along it [m/s], from which it is held
 back; chosen: friction that is taken for a touch feigns no more."""
+PULLED, PULLED_END = 0.06, 0.12
+"""Distance against its push, from where it began to touch, from which a hand that is led away resists more than it may
+push, and at which it yields no more [m]; chosen: further away its arm ends, and the body would go along."""
 SLIDES = 0.7
 """Cosine of the angle between a push and the motion below which a palm slides [no unit]; chosen: friction of 1 is at
 0.71, and one that runs into something goes along its push."""
-EARLY = 0.5
-"""Share of the lean against a force that is told before it is felt [no unit]; chosen: it may not come."""
 UNTOLD_SHARE = 0.5
 """Share of the force that its arm has with which a hand pushes that is not told to [no unit]; measured: with all of it,
 a realistic robot fell that pressed a table with both hands."""
@@ -89,6 +84,7 @@ class Touch:
     def __init__(self, controller: Controller, config: TouchConfig, observer: LoadObserver | None) -> None:
         self._controller, self._config, self._observer = controller, config, observer
         self._rows, robot, self.asked = controller.touch, controller.robot, AskedForces(config, controller.touch)
+        self._leaning = Leaning(controller)
         joints = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in robot.spec.tools]
         self._arms = [6 + arm for arm in joints]
         # Body 0 is the base, the others belong to the joints.
@@ -102,11 +98,11 @@ class Touch:
         self._rows[:] = 0.0
         self._rows[:, MOBILITY] = 1.0 / self._config.mass
         self._rows[:, STIFFNESS] = self._config.stiffness / self._config.mass
-        self._controller.lean[:] = self._controller.tipped[:] = 0.0
-        self.shares, self.since, self._moved = [0.0, 0.0], [float("nan")] * 2, np.zeros(2)
+        self.shares, self.since = [0.0, 0.0], [float("nan")] * 2
         self._settled, self.changed, self._held = True, False, [False, False]
+        self._leaning.reset()
         self.asked.reset()
-        self._into, self._palms, self._velocity = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
+        self._into, self._palms, self._velocity, self._met = np.zeros((4, 2, 3))
 
     @property
     def forces(self) -> np.ndarray:
@@ -125,7 +121,7 @@ class Touch:
             row: Packed reference of the last tick.
             now: Present time [s].
             elapsed: Time since the last tick [s].
-            follows: Whether the robot follows a plan: off any, hands are let go of and whirl, and nothing is a touch.
+            follows: Whether the robot follows a plan: off any, hands are let go of and whirl, and no touch begins.
         """
         observer, found = self._observer, self._config.force_found
         if observer is None:
@@ -142,9 +138,11 @@ class Touch:
             self._velocity = keep * self._velocity + (1.0 - keep) * (palms - self._palms) / elapsed
             self._palms = palms
         for hand, size in enumerate((left, right)):
-            own = not follows or (size > found and self._touches_itself(hand))
+            begins = self.shares[hand] == 0.0
+            own = (begins and not follows) or (size > found and self._touches_itself(hand))
             self._advance(hand, 0.0 if own else size, now, elapsed)
-        self._count_on(observer.wrenches, elapsed)
+        self._count_on(observer.wrenches)
+        self._leaning.advance(self._rows, self.asked.forces, row[COM : COM + 2], elapsed)
         for hand in range(2):
             if self.shares[hand] > 0.0:
                 self._find_normal(hand, now, elapsed)
@@ -152,9 +150,9 @@ class Touch:
             else:
                 self.asked.free(hand)
             self._hold(hand, row)
-        self._settled = max(self.shares) == 0.0 and hypot(*self._moved) < 1e-4 and not self.asked.forces.any()
+        self._settled = max(self.shares) == 0.0 and self._leaning.settled and not self.asked.forces.any()
         if self._settled:
-            self._controller.lean[:] = self._controller.tipped[:] = self._moved[:] = 0.0
+            self._leaning.reset()
 
     def expect(self, chunk: ActionChunk) -> None:
         """Count from now on on the forces, limits and stiffnesses of a chunk; on none if it has none."""
@@ -170,7 +168,8 @@ class Touch:
         """Begin or end a touch by how hard a palm is pushed [N]."""
         share, touches = self.shares[hand], self.since[hand] == self.since[hand]
         if size > self._config.force_found:
-            self.since[hand] = self.since[hand] if touches else now
+            if not touches:
+                self.since[hand], self._met[hand] = now, self._palms[hand]
             share += elapsed / BEGIN
         elif size < RELEASED * self._config.force_found:
             share -= elapsed / END
@@ -179,23 +178,11 @@ class Touch:
             self.since[hand], self._into[hand] = float("nan"), 0.0
         self.shares[hand] = self._rows[hand, SHARE] = share
 
-    def _count_on(self, wrenches: np.ndarray, elapsed: float) -> None:
-        """Tell the program of forces and moments (2, 6), and lean against them."""
-        controller, rows = self._controller, self._rows
-        com, palms, weight = controller.robot.com, controller.palm_positions(), GRAVITY * controller.robot.mass
+    def _count_on(self, wrenches: np.ndarray) -> None:
+        """Tell the program of forces and moments (2, 6)."""
         sizes = np.linalg.norm(wrenches[:, :3], axis=1)
-        rows[:, FORCE:PUSH_MAX] = wrenches * (np.array(self.shares) * BELIEVED / np.maximum(sizes, BELIEVED))[:, None]
-        f, m = self.forces, rows[:, MOMENT:PUSH_MAX].sum(axis=0)
-        # Before a hand touches what it is told of, the body leans half of the way.
-        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * self.asked.forces
-        lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
-        moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
-        moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
-        keep = exp(-elapsed / TIPPED_TIME)
-        self._moved = keep * self._moved + (1.0 - keep) * moved
-        size = max(hypot(*self._moved), 1e-9)
-        controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / size)
-        controller.lean[:] = -self._moved * min(1.0, LEAN_MAX / size)
+        believed = np.array(self.shares) * BELIEVED / np.maximum(sizes, BELIEVED)
+        self._rows[:, FORCE:PUSH_MAX] = wrenches * believed[:, None]
 
     def _find_normal(self, hand: int, now: float, elapsed: float) -> None:
         """Direction into what a hand touches: that of its push, without friction, which is along its motion.
@@ -218,13 +205,20 @@ class Touch:
     def _hold(self, hand: int, row: np.ndarray) -> None:
         """Notice that a hand is held back: short of where it is commanded along its push, and at rest along that.
 
-        One that is led away, as by a load that it sinks under, meets no surface that a plan could keep it out of.
+        One that is led away from where it was, as by a load that it sinks under, meets no surface that a plan could
+        keep it out of.
         """
-        at, into = PALM * hand, self._into[hand]
-        short = into.dot(row[at + 9 : at + 12] - self._palms[hand])
-        held = self.shares[hand] > 0.5 and short > HELD_BACK and abs(into.dot(self._velocity[hand])) < STOPPED
-        self.changed |= held and not self._held[hand]
-        self._held[hand] = held or (self._held[hand] and self.shares[hand] > 0.0 and short > 0.0)
+        at, into, palm = PALM * hand, self._into[hand], self._palms[hand]
+        short = into.dot(row[at + 9 : at + 12] - palm)
+        stays = into.dot(self._met[hand] - palm) < HELD_BACK
+        rests = self.shares[hand] > 0.5 and short > HELD_BACK and abs(into.dot(self._velocity[hand])) < STOPPED
+        self.changed |= stays and rests and not self._held[hand]
+        self._held[hand] = stays and (rests or (self._held[hand] and self.shares[hand] > 0.0 and short > 0.0))
+
+    @property
+    def leaning(self) -> float:
+        """How far the body leans against what it touches, a share of the farthest, from 0 to 1."""
+        return self._leaning.share
 
     def met(self) -> tuple[Surface | None, Surface | None]:
         """What a plan that is asked for now is not to lead the hands into."""
@@ -251,6 +245,9 @@ class Touch:
         most = min(self.asked.limits[hand], share * tips, UNTOLD_SHARE * spends)
         if told > 0.0:
             most = max(most, min(1.5 * told * config.mass, self.asked.limits[hand], TOLD_SHARE * tips, spends))
+        share = (self._into[hand].dot(self._met[hand] - palms[hand]) - PULLED) / (PULLED_END - PULLED)
+        felt = self._rows[hand, FORCE:MOMENT]
+        most += min(max(share, 0.0), 1.0) * max(sqrt(felt.dot(felt)) - most, 0.0)
         self._rows[hand, PUSH_MAX] = most / config.mass
 
     def tipping_force(self, palm: np.ndarray, direction: np.ndarray) -> float:

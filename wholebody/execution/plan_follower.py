@@ -98,7 +98,7 @@ class PlanFollower:
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
             weights=_weights(robot.spec)[robot.motor_to_pin],
         )
-        self._weights = self._body.weights.copy()
+        self._weights = self._counted = self._body.weights.copy()
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
         compiled = kernel.follow, kernel.foresee
         self._follow, self._foresee = compiled if interpret else compiled_follow(robot.n_joints)
@@ -178,14 +178,22 @@ class PlanFollower:
         return float(clock.elapsed / clock.travelled) if clock.travelled > 1e-6 else 1.0
 
     def _forgiven(self, palms: np.ndarray) -> np.ndarray:
-        """Palm points (2, 3) as far as they count; arms of a robot that leans on something are not as planned."""
-        self._count_arms(0.0 if self._hands_ahead else 1.0 - max(self._touch.shares))
+        """Palm points (2, 3) as far as they count; a robot that leans against something is not as planned."""
+        leaning = self._touch.leaning
+        arms = 0.0 if self._hands_ahead else (1.0 - leaning) * (1.0 - max(self._touch.shares))
+        self._count(arms, 1.0 / (1.0 + leaning))
         return self._touch.forgiven(palms, self.row)
 
-    def _count_arms(self, share: float) -> None:
-        """Let the arms count with a share of their weight in how far the robot is off its plan."""
+    def _count(self, arms: float, body: float = 1.0) -> None:
+        """Let arms and body count with shares of their weights in how far the robot is off its plan."""
+        self._body.weights[:] = body * self._counted
         for arm in self._arms:
-            self._body.weights[arm] = share * self._weights[arm]
+            self._body.weights[arm] = arms * self._counted[arm]
+
+    def _count_from(self, share: float) -> None:
+        """Let all joints count with a share of their weight from now on."""
+        self._counted = share * self._weights
+        self._body.weights[:] = self._counted
 
     def _palm_rows(self) -> np.ndarray:
         return self.row[:COM].reshape(2, PALM)
@@ -222,7 +230,7 @@ class PlanFollower:
         clock.s, clock.rate, clock.change = plan.start + beyond, plan.rate * speed_fraction, 0.0
         clock.trust = 1.0  # how far the robot is from this plan is known from the next tick on
         settings.leash[:], self._hands_ahead, self._stretched = 0.0, False, 1.0
-        self._body.weights[:] = self._weights
+        self._count_from(1.0)
         if self._standing:
             self._saturation.begin_anew()
         self._standing, self._body = False, self._body._replace(edges=self._edges())
@@ -253,7 +261,7 @@ class PlanFollower:
         clock = self._clock[0]
         self._settings[0].plan_rate, clock.rate = 1.0, max(clock.rate, clock.share)
         self._plan = self._plan._replace(trajectory=kernel.records(row))
-        self._body.weights[:] = share * self._weights
+        self._count_from(share)
 
     def let_go(self, paths: tuple[HandPath, ...]) -> None:
         """Lead the hands by the plan again, along its paths as joined to what they do now."""
@@ -280,13 +288,14 @@ class PlanFollower:
         self._standing = not holds
         if holds:
             self._body = self._body._replace(edges=self._edges())
-            self._body.weights[:], self._clock[0].trust = self._weights, 1.0
+            self._count_from(1.0)
+            self._clock[0].trust = 1.0
         self._saturation.begin_anew()
 
     def ride(self) -> None:
         """Keep the hands for a walk that carries them: neither support nor joints say how far the robot is off."""
         self._body = self._body._replace(edges=NO_EDGES)
-        self._body.weights[:] = 0.0
+        self._count_from(0.0)
 
     def reference(self, q: np.ndarray, elapsed: float | None = None, *, allowed: float = 1.0) -> PackedReference:
         """What to follow in this tick, and how far the hands are trusted in it.
@@ -302,7 +311,7 @@ class PlanFollower:
         if self._touch is not None and self._touch.active:
             palms = self._forgiven(palms)
         elif self._hands_ahead:
-            self._count_arms(0.0)
+            self._count(0.0)
         left, right = self._saturation.trust(controller.tau, palms, self.row, float(elapsed))
         self._follow(
             self._plan, self._clock, self._smoothing, self._body, q, robot.com, robot.com_velocity, palms, self.row,

@@ -1,0 +1,73 @@
+"""Strategy: the lean against forces by what it is for, and a whole run in MuJoCo whose hand is pulled and let go of."""
+
+import numpy as np
+import pytest
+
+from models import g1
+from policy.scripted.waypoints import Waypoint, waypoint_policy
+from tests.support.felt import Run, still_force
+from wholebody.control.leaning import Leaning
+from wholebody.execution.supervisor import Supervisor
+from wholebody.robot.touch import FORCE, LEAN_MAX, SHARE, TOUCH
+from wholebody.sim.plant import MujocoPlant
+
+SPEC = g1()
+AHEAD = np.array([1.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def controller():
+    supervisor = Supervisor(SPEC)
+    state = MujocoPlant(SPEC).state()
+    supervisor.reset(state)
+    supervisor.step(state)
+    return supervisor.controller
+
+
+def lean(controller, force, told=(0.0, 0.0, 0.0)):
+    """How far the body is told to lean, and how far the force is taken to move the centre of pressure [m]."""
+    leaning, rows, tells = Leaning(controller), np.zeros((2, TOUCH)), np.zeros((2, 3))
+    rows[0, FORCE : FORCE + 3], rows[0, SHARE], tells[0] = force, float(np.any(force)), told
+    for _ in range(50):
+        leaning.advance(rows, tells, controller.robot.com[:2].copy(), 0.02)
+    found = controller.lean.copy(), controller.tipped.copy()
+    leaning.reset()
+    assert leaning.settled
+    assert not controller.lean.any()
+    return found
+
+
+def test_the_body_leans_against_a_force_twice_as_far_as_it_is_to_while_it_does_not(controller):
+    told, tipped = lean(controller, 30.0 * AHEAD)
+    assert tipped[0] > LEAN_MAX
+    np.testing.assert_allclose(told, [-2.0 * LEAN_MAX, 0.0], atol=0.1 * LEAN_MAX)
+
+
+def test_the_body_leans_away_from_the_edge_that_a_force_brings_near(controller):
+    """Feet are further apart than soles are long: a lean aside is of less use."""
+    (x, y), tipped = lean(controller, np.array([30.0, 30.0, 0.0]))
+    assert tipped[1] == pytest.approx(tipped[0], rel=0.2)
+    assert x < 2.0 * y < 0.0
+
+
+def test_before_a_force_is_felt_that_is_told_the_body_leans_half_of_the_way(controller):
+    felt, told = lean(controller, 10.0 * AHEAD)[1], lean(controller, np.zeros(3), 10.0 * AHEAD)[1]
+    assert told[0] == pytest.approx(0.5 * felt[0], rel=0.01)
+
+
+def test_a_pull_beyond_what_statics_allow_is_stood_and_let_go_of():
+    """The hand was drawn to the end of its arm and took the body along; it fell at 1.1 times what statics allow."""
+    left, allowed = np.array([0.26, 0.20, 0.86]), []
+    policy = waypoint_policy("still", [Waypoint(1.0, left, left * [1.0, -1.0, 1.0]), Waypoint(8.0)])
+
+    def force(time, q):
+        if not allowed and time >= 2.0:
+            allowed.append(still_force(q, "right", AHEAD, 0.8))
+        return AHEAD * 1.15 * allowed[0] * min((time - 2.0) / 2.0, 1.0) if 2.0 <= time < 6.0 else np.zeros(3)
+
+    run = Run(policy, "floor", pull=("right", force), hold=0.5)
+    assert allowed[0] > 30.0
+    assert run.result.fall is None
+    assert run.told()["off_plan_s"] == 0.0
+    assert run.errors[run.times < 6.0, 1].max() < 0.15
+    assert run.errors[-1].max() < 0.005

@@ -1,0 +1,91 @@
+"""How a robot leans against forces on its hands, and how far these move the centre of pressure."""
+
+from __future__ import annotations
+
+from math import exp, hypot
+
+import numpy as np
+
+from wholebody.control.base import Controller
+from wholebody.robot.touch import FORCE, LEAN_MAX, MOMENT, PUSH_MAX, SHARE
+
+GRAVITY = 9.81
+"""Acceleration of free fall [m/s^2]; definition."""
+TIPPED_TIME = 0.1
+"""Of the filter of how far forces move the centre of pressure [s]; chosen: the trunk is too heavy for faster ones."""
+TIPPED_MAX = 0.08 + LEAN_MAX
+"""Farthest that a force is taken to move the centre of pressure [m]; derived: from the middle of a sole to its edge,
+and as far as the body leans."""
+LEAN_TIME = 0.5
+"""Time constant with which the body is told to lean further until it does lean as far as it is to [s]; chosen: the rest
+of its posture holds it back, and a trunk takes 0.3 s."""
+ROOM_MIN = 0.02
+"""Least distance of the centre of mass from an edge that is counted on [m]; chosen: a quarter of a sole's half."""
+EARLY = 0.5
+"""Share of the lean against a force that is told before it is felt [no unit]; chosen: it may not come."""
+
+
+class Leaning:
+    """Leans the body against what its hands feel, away from the edges of the support that this brings near.
+
+    Args:
+        controller: Whose `lean` and `tipped` are set.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self.reset()
+
+    def reset(self) -> None:
+        """Nothing is felt."""
+        self._moved, self._further = np.zeros(2), 0.0
+        self._controller.lean[:] = self._controller.tipped[:] = 0.0
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing has been felt for long."""
+        return hypot(*self._moved) < 1e-4
+
+    @property
+    def share(self) -> float:
+        """How far the body is told to lean, a share of the farthest that it is to, from 0 to 1."""
+        return min(hypot(*self._controller.lean) / LEAN_MAX, 1.0)
+
+    def advance(self, rows: np.ndarray, expected: np.ndarray, planned: np.ndarray, elapsed: float) -> None:
+        """Take in what is felt now.
+
+        Args:
+            rows: What both hands feel, as in `wholebody.robot.touch`, shape (2, TOUCH).
+            expected: Forces that chunks expect on the palms, shape (2, 3), [N]: before a hand feels its own, the body
+                leans half of the way.
+            planned: Where the plan has the centre of mass, shape (2,), [m].
+            elapsed: Time since the last tick [s].
+        """
+        controller = self._controller
+        com, palms, weight = controller.robot.com, controller.palm_positions(), GRAVITY * controller.robot.mass
+        f, m = rows[:, FORCE:MOMENT], rows[:, MOMENT:PUSH_MAX].sum(axis=0)
+        f = f + EARLY * (1.0 - rows[:, SHARE : SHARE + 1]) * expected
+        lift = min(f[0, 2] + f[1, 2], 0.5 * weight)
+        moved = (palms[:, 2:] * f[:, :2] - f[:, 2:] * (palms[:, :2] - com[:2])).sum(axis=0)
+        moved = (moved + np.array([m[1], -m[0]])) / (weight - lift)
+        keep = exp(-elapsed / TIPPED_TIME)
+        self._moved = keep * self._moved + (1.0 - keep) * moved
+        controller.tipped[:] = self._moved * min(1.0, TIPPED_MAX / max(hypot(*self._moved), 1e-9))
+        self._lean(self._wanted(planned), com[:2] - planned, elapsed)
+
+    def _wanted(self, planned: np.ndarray) -> np.ndarray:
+        """How far the centre of mass is to lean, shape (2,), [m]: most where the force brings it near to an edge."""
+        support = self._controller.support
+        towards = np.maximum(support.normals @ self._moved, 0.0)
+        room = np.maximum(support.offsets - support.normals @ planned, ROOM_MIN)
+        away = -((towards / room) ** 2) @ support.normals
+        if (size := hypot(*away)) < 1e-9:
+            return np.zeros(2)
+        return away / size * min(-float(away @ self._moved) / size, LEAN_MAX)
+
+    def _lean(self, wanted: np.ndarray, leant: np.ndarray, elapsed: float) -> None:
+        """Have the centre of mass lean by so much (2,), told up to twice of it as long as it leans by less, (2,)."""
+        size = max(float(wanted @ wanted), 1e-9)
+        more = self._further + elapsed / LEAN_TIME * (1.0 - float(leant @ wanted) / size)
+        self._further = min(max(more, 0.0), 1.0)
+        self._controller.lean[:] = (1.0 + self._further) * wanted
