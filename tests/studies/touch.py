@@ -36,8 +36,9 @@ from wholebody.cli.simulated import SCENE_OF
 
 SCENES = {"down": "table", "ahead": "wall", "side": "corridor", "up": "shelf"}
 HANDS = ("left", "right", "both")
-TOUCHED, LOST = 10.0, 0.02
-"""Force from which a hand touches [N]; distance from the chunk past which it is lost [m]."""
+TOUCHED, LOST = {False: 10.0, True: 15.0}, 0.02
+"""Force from which a hand touches, of the true and the realistic robot [N]; distance from the chunk past which it is
+lost [m]."""
 POSTURES = {"ready": (0.26, 0.20, 0.86), "ahead": (0.42, 0.18, 1.05), "low": (0.40, 0.18, 0.62)}
 """Palm point of the left hand, the right one mirrored [m]; reached at 3 s of the script."""
 HANDED = 1.0
@@ -83,7 +84,7 @@ def run_touch(case: int, seed: int, robot: int | None) -> dict:
     u = SURFACES[drawn["direction"]][0]
     began, late, found = [], [], []
     for hand, side in enumerate(SIDES):
-        felt = run.sizes[:, hand] > TOUCHED
+        felt = run.sizes[:, hand] > TOUCHED[robot is not None]
         if drawn["hands"] not in (side, "both") or not felt.any():
             continue
         first = float(run.times[np.argmax(felt)])
