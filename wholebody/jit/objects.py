@@ -39,9 +39,17 @@ def keep(name: str, key: str, code: bytes) -> None:
         RobotSpecError: If the cache cannot be written.
     """
     write_whole(_path(name, key), sha256(code).digest() + code)
-    files = sorted(folder().glob("*.o"), key=lambda path: path.stat().st_mtime)
+    files = sorted(folder().glob("*.o"), key=_written)
     for old in files[:-FILES_KEPT]:
         old.unlink(missing_ok=True)
+
+
+def _written(path: Path) -> float:
+    """When a file was written [s]; one that another process has forgotten meanwhile counts as the oldest."""
+    try:
+        return path.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
 
 
 def _path(name: str, key: str) -> Path:
