@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.spec import RobotSpec
 from policy.geometry.se3 import make_transform
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.control.touch import Touch
-from wholebody.execution.ahead.deviation import Deviation
+from wholebody.execution.ahead.deviation import Deviation, joint_weights
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.execution.kernels.compiled_follow import compiled_follow
 from wholebody.execution.saturation import Saturation
@@ -23,8 +22,6 @@ from wholebody.robot.palms import palm_offsets
 from wholebody.types import RobotState
 
 NO_PATH, NO_EDGES = np.zeros(0), np.zeros((0, 3))
-WRIST_WEIGHT = 1.0 / 3.0
-"""Weight of the distance of a wrist joint from the plan; chosen: little mass hangs on it."""
 SHARE_MIN = 0.05
 """Least share of its speed to which a chunk is stretched; chosen: as good as at rest."""
 ELAPSED_MAX = 1.0
@@ -96,7 +93,7 @@ class PlanFollower:
         self._body = kernel.Body(
             edges=self._edges(),
             fingers=np.array([robot.joint_indices(tool.finger_joints) for tool in spec.tools]),
-            weights=_weights(robot.spec)[robot.motor_to_pin],
+            weights=joint_weights(robot.spec)[robot.motor_to_pin],
         )
         self._weights = self._counted = self._body.weights.copy()
         self._arms = [robot.joint_indices(robot.arm_joints(tool.side)) for tool in spec.tools]
@@ -192,8 +189,7 @@ class PlanFollower:
 
     def _count_from(self, share: float) -> None:
         """Let all joints count with a share of their weight from now on."""
-        self._counted = share * self._weights
-        self._body.weights[:] = self._counted
+        self._body.weights[:] = self._counted = share * self._weights
 
     def _palm_rows(self) -> np.ndarray:
         return self.row[:COM].reshape(2, PALM)
@@ -322,8 +318,3 @@ class PlanFollower:
             most = min(most, self._saturation.trust_off_plan(self.distance(q)))
         controller.trust_hands(min(left, most), min(right, most))
         return PackedReference(self.row)
-
-
-def _weights(spec: RobotSpec) -> np.ndarray:
-    """Weight of each joint's distance from the plan, by the mass that it moves, shape (n_joints,), motor order."""
-    return np.where(spec.is_finger, 0.0, np.where(spec.parts("wrist"), WRIST_WEIGHT, 1.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from models.spec import RobotSpec
 from wholebody.config import TrajectoryConfig
 from wholebody.reference import HandMotion
 from wholebody.robot.state import Robot
@@ -20,6 +21,8 @@ behind."""
 BEGIN_SPEED = 0.55
 """Share of the fastest that plans let a joint be with which an arm begins one; measured: faster ones are past a limit
 before they have braked."""
+WRIST_WEIGHT = 1.0 / 3.0
+"""Weight of the distance of a wrist joint from the plan; chosen: little mass hangs on it."""
 
 
 class Deviation:
@@ -98,3 +101,8 @@ class Deviation:
         """Poses of both wrists in world."""
         pin.framesForwardKinematics(self._model, self._data, q)
         return [self._data.oMf[wrist].copy() for wrist in self._wrists]
+
+
+def joint_weights(spec: RobotSpec) -> np.ndarray:
+    """Weight of each joint's distance from the plan, by the mass that it moves, shape (n_joints,), motor order."""
+    return np.where(spec.is_finger, 0.0, np.where(spec.parts("wrist"), WRIST_WEIGHT, 1.0))
