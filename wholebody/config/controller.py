@@ -272,7 +272,8 @@ class ControllerConfig:
     loads: LoadConfig = field(default_factory=LoadConfig)
     touch: TouchConfig = field(default_factory=TouchConfig)
     steps: str = "never"
-    """When the robot may step: 'never', both feet stay; 'reach', to where hands are in reach, and as it is told."""
+    """When the robot may step: 'never', both feet stay; 'recover', to catch itself; 'reach', also to where hands are in
+    reach, and as it is told."""
     leak: Annotated[float, "s"] = 0.3
     """Time constant with which the desired state forgets its difference from the measured one."""
     friction: float = 0.6

@@ -24,6 +24,7 @@ class State(Enum):
     RAISING = "raising"
     RISING = "rising"
     WALKING = "walking"
+    RECOVERING = "recovering"
     FALLEN = "fallen"
     IDLE = "idle"
     PLANNING = "planning"
@@ -44,6 +45,7 @@ class Event(Enum):
     ARRIVED = "the robot has arrived, at rest"
     WALK_LOW = "`walk_to` or `walk` of a robot that leans or squats"
     WALK = "`walk_to` or `walk` of a robot that is upright"
+    PUSHED = "the capture point is beyond what soles that stand bring back, and a step does"
     SETTLED = "both feet stand where they are wanted"
     FELL = "standing is lost"
     ASKED = "a chunk can be planned"
@@ -60,7 +62,7 @@ OFF_PLAN = frozenset({State.STANDING, State.RETURNING, State.LOWERING, State.LOW
 ENDING = frozenset({State.LOWERING, State.LOWERED, State.RAISING})
 """States in which no chunk is accepted: the robot goes into its crouch, or out of it."""
 
-STEPPING = frozenset({State.WALKING})
+STEPPING = frozenset({State.WALKING, State.RECOVERING})
 """States in which a walk says what is followed."""
 
 
@@ -83,7 +85,7 @@ class Transition:
 
 _ON_A_WAY = (State.HOLDING, State.STANDING, State.RETURNING)
 _ON_BOTH_FEET = (*_ON_A_WAY, State.FOLLOWING, State.LOWERING, State.LOWERED, State.RAISING, State.RISING)
-_UP = (*_ON_BOTH_FEET, State.WALKING)
+_UP = (*_ON_BOTH_FEET, State.WALKING, State.RECOVERING)
 
 TABLE = (
     Transition((State.NEW, *_UP, State.FALLEN), Event.RESET, State.HOLDING, "holds the pose that it is in"),
@@ -102,8 +104,12 @@ TABLE = (
         (State.HOLDING, State.FOLLOWING), Event.WALK_LOW, State.RISING, "goes to its stance first, hands let go of"
     ),
     Transition((State.HOLDING, State.FOLLOWING, State.RISING), Event.WALK, State.WALKING, "steps, hands carried along"),
+    Transition((*_ON_A_WAY, State.FOLLOWING), Event.PUSHED, State.RECOVERING, "steps at once, hands let go of"),
     Transition(
-        (State.WALKING,), Event.SETTLED, State.HOLDING, "stands there; the chunk, if it is not over, is planned anew"
+        (State.WALKING, State.RECOVERING),
+        Event.SETTLED,
+        State.HOLDING,
+        "stands there; the chunk, if it is not over, is planned anew",
     ),
     Transition(_UP, Event.FELL, State.FALLEN, "damps its joints until `reset`"),
     Transition(

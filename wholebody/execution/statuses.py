@@ -43,6 +43,9 @@ LOWERED = StatusReport(
 RAISING = StatusReport(Status.HOLD, Reason.RAISING, "the robot stands up")
 RISING = StatusReport(Status.HOLD, Reason.WALKING, "the robot goes to its stance, from where it walks")
 WALKING = StatusReport(Status.HOLD, Reason.WALKING, "the robot walks; chunks are planned once it stands")
+RECOVERING = StatusReport(
+    Status.STOP, Reason.RECOVERING, "the robot was pushed: it takes a step, hands let go of until it has come to rest"
+)
 NOT_JOINED = StatusReport(
     Status.HOLD,
     Reason.NOT_JOINED,

@@ -264,6 +264,8 @@ class Supervisor(Commands):
         stepping = self._stepping
         if stepping.look(state, now, blind):
             self._stood()
+        if stepping.active:
+            self.plan = None
         led = not (blind or self._lowering.active or stepping.coming)
         if not led:
             self.handover.cancel()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import exp
 
 from wholebody.walking.adjustment import Room, Step, adjust
+from wholebody.walking.catch import Catch
 from wholebody.walking.dcm import Piece, bounded, start_for
 from wholebody.walking.footsteps import LEFT, RIGHT, Footstep, base_of, box, closed, footsteps
 from wholebody.walking.gait import TABLE, Gait, Phase
@@ -33,6 +34,9 @@ TOUCHED = 0.6
 """Share of a swing from which a foot that touches has landed [no unit]; measured: earlier touches are scuffs."""
 SPARE = 0.02
 """Distance of the soles beyond the least one that steps aside leave on their narrow side [m]; chosen: room to move."""
+CAUGHT = 0.8
+"""Share of the way from the stance sole to the one that catches the robot at which its capture point is to be when that
+lands [no unit]; chosen: between the soles of a long step there is little room beside the line from one to the other."""
 CALM = 0.025
 """Distance of the capture point from the middle of the feet, or from its plan after a shift, at which a robot may go on
 [m]; by trial: a realistic robot, whose masses are not as told, stays 15 mm beside it."""
@@ -68,6 +72,8 @@ class Walk:
         swing: The foot that is up, or None.
         pressure: Where the zero-moment point is to be now, ``x + iy`` [m].
         plan, dcm: Where it and the capture point are by the plan [m].
+        caught: Whether the step that is being made, or was made last, is to catch the robot.
+        apart: Whether the feet stay where a step that caught the robot has left them.
         marches: Whether it steps on although its base rests.
         made: Number of steps made.
         adjusted: How far the last step is moved from its plan [m].
@@ -81,13 +87,16 @@ class Walk:
         self.load, self.swing, self.marches, self.made, self.adjusted = (1.0, 1.0), None, False, 0, 0.0
         self.plan = self.pressure = self.dcm = self.guide.place.point
         self._left = self._elapsed = self._nominal_left = 0.0
+        self.caught, self.apart, self._usual = False, False, self.gait
         self._steps: list[Footstep] = []
         self._floor = 0.0
 
     @property
     def wanted(self) -> bool:
         """Whether there is a step to make."""
-        return self.marches or not self.guide.rests or not closed(self.soles, self.guide.place, self.width)
+        if self.marches or not self.guide.rests:
+            return True
+        return not self.apart and not closed(self.soles, self.guide.place, self.width)
 
     @property
     def left(self) -> float:
@@ -96,9 +105,12 @@ class Walk:
 
     def advance(self, seen: WalkReadings, dt: float) -> None:
         """Go on by a period [s]."""
-        if self.state in (Phase.SWING, Phase.LAND) or (self.state is Phase.SETTLE and self._comes_to_rest()):
+        going = self.state in (Phase.SWING, Phase.LAND, Phase.RECOVER)
+        if going or (self.state is Phase.SETTLE and self._comes_to_rest()):
             self.guide.advance(dt)
         if self._over(seen):
+            if self.state is Phase.RECOVER:
+                self.gait, self.caught = self._usual, False
             self._enter(self._following(), seen)
         self._elapsed += dt
         self._left -= dt
@@ -106,7 +118,7 @@ class Walk:
         if self.state is Phase.SWING:
             self._adjust(seen)
         self._follow_plan(seen, dt)
-        self._share_load()
+        self._share_load(abs(seen.dcm - self.dcm) < CALM)
         if self.swing is not None:
             goal, total = self._steps[0].sole, self._elapsed + max(self._left, dt)
             self.swing = self.swing.advance(
@@ -116,6 +128,13 @@ class Walk:
     def _comes_to_rest(self) -> bool:
         """Whether the base stops while the robot settles, as its last step counted on."""
         return not self.guide.rests and self.guide.foresee([self._left])[0][1]
+
+    def catch(self, seen: WalkReadings, step: Catch) -> None:
+        """Catch the robot with a step, from both feet, at once."""
+        self.gait, self.caught, self._first, self.soles = step.gait, True, step.foot, list(seen.soles)
+        self.apart = True
+        self.plan = seen.dcm
+        self._enter(Phase.SHIFT, seen)
 
     def _over(self, seen: WalkReadings) -> bool:
         """Whether the state ends now."""
@@ -127,27 +146,32 @@ class Walk:
         if self._left > 0.0:
             return False
         if TABLE[self.state].rests:
-            return abs(seen.dcm - self._middle()) < CALM
-        late = self._elapsed >= 2.0 * self.gait.shift
+            there = self.guide.rests or self.state is not Phase.RECOVER
+            return there and abs(seen.dcm - self._middle()) < CALM
+        late = self._elapsed >= 2.0 * self.gait.shift or self.caught
         return self.state is not Phase.SHIFT or late or abs(seen.dcm - self.dcm) < CALM
 
     def _following(self) -> Phase:
         row = TABLE[self.state]
         if self.state is Phase.SWING:
-            return row.then if len(self._steps) > 1 else row.done
-        return row.then if self.wanted else row.done
+            return Phase.RECOVER if self.caught else row.then if len(self._steps) > 1 else row.done
+        going = self.wanted or (self.caught and self.state is Phase.SHIFT)
+        return row.then if going else row.done
 
     def _enter(self, state: Phase, seen: WalkReadings) -> None:
         """Go over into a state."""
-        gait, before = self.gait, self.state
+        before = self.state
+        gait = self.gait
         self.state, self._elapsed, self._left = state, 0.0, getattr(gait, TABLE[state].lasts or "settle")
         if before is Phase.SWING:
             self._set_down(seen)
         if state is Phase.SHIFT:
             self._take_stand(seen)
-            first = self._first_foot()
+            first = self._first if self.caught else self._first_foot()
             self.stance = 1 - first
             self._plan_steps(first, self._left + gait.swing)
+            if self.caught:
+                self._steps = [Footstep(first, self.soles[first])]
             rest = self._pieces()[1:]
             piece = Piece(self._left, 0j, self._middle_of(self.soles[self.stance]))
             self.plan = start_for(seen.dcm, piece, bounded(rest, seen.omega), seen.omega)
@@ -160,6 +184,10 @@ class Walk:
             self._nominal_left, self._nominal = self._left, self._steps[0].sole
             self.swing = Swing.from_rest(self.soles[foot], seen.heights[foot])
             self._floor = seen.heights[self.stance]
+        elif state is Phase.RECOVER:
+            self.guide.go_to(base_of(self.soles))
+            middle = self._middle()
+            self.plan = start_for(seen.dcm, Piece(self._left, 0j, middle), middle, seen.omega)
         elif state is Phase.STAND:
             self._steps = []
 
@@ -203,6 +231,9 @@ class Walk:
             new = self._middle_of(step.sole)
             pieces += [Piece(gait.double, carry, new), Piece(gait.swing, new, new)]
             carry = new
+        if self.caught:
+            last = carry + CAUGHT * (self._middle_of(self._steps[-1].sole) - carry)
+            return [*pieces, Piece(gait.settle, last, last)]
         end = 0.5 * (carry + self._middle_of(self._steps[-1].sole))
         return [*pieces, Piece(gait.settle, carry, end)]
 
@@ -250,12 +281,12 @@ class Walk:
         if self.state is not Phase.SWING:
             self.plan = pieces[0].left(dt).start
 
-    def _share_load(self) -> None:
-        """Share of the load that each foot may have."""
+    def _share_load(self, ready: bool) -> None:
+        """Share of the load that each foot may have; none is relieved before the capture point is where it is to be."""
         load = [1.0, 1.0]
         if self.state is Phase.SWING:
             load[1 - self.stance] = 0.0
-        elif self.state in (Phase.SHIFT, Phase.LAND) and self._left < RELIEF:
+        elif self._left < RELIEF and (self.state is Phase.LAND or (self.state is Phase.SHIFT and ready)):
             load[1 - self.stance] = max(RELIEVED * self._left / RELIEF, LEAST)
         if self.state is Phase.LAND and self._elapsed < TAKING:
             load[self.stance] = max(self._elapsed / TAKING, LEAST)

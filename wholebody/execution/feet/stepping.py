@@ -18,17 +18,21 @@ from wholebody.execution import standing, statuses
 from wholebody.execution.feet.carried import hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
 from wholebody.execution.feet.walker import Walker
+from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.standing import Reflex
 from wholebody.execution.states import STEPPING, Event, Machine, State
+from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import ReferenceSmoother
 from wholebody.robot.contact_schedule import ContactSchedule
+from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import Reason, RobotState, StatusReport
 from wholebody.walking.footsteps import CLOSED
+from wholebody.walking.gait import Phase
 from wholebody.walking.places import Place, Velocity
 
-STEPS = ("never", "reach")
+STEPS = ("never", "recover", "reach")
 """What `steps` may be."""
 FASTEST = (-0.25, 0.4, 0.15, 0.5)
 """Speeds back, ahead and aside [m/s] and about the vertical [rad/s] beyond which none is followed; measured: those at
@@ -37,6 +41,13 @@ LASTS = 1.0
 """Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
 FURTHEST = 10.0
 """Distance of a goal up to which the robot walks there [m]; chosen: by then an estimated state has drifted."""
+LOST = 0.005
+"""Distance of the capture point beyond the edge of both soles from which a step is taken [m]; chosen: on the edge,
+motions of trunk and arms still bring it back."""
+TAKEN_UP = 0.5
+"""Time in which the hands are held again after a step that caught the robot [s]; measured by the prototype."""
+CAUGHT_FROM = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING)
+"""States from which a step catches the robot: it stands, whatever it does with its hands."""
 NEAR = 0.05
 """Difference of two ends of chunks, place [m] or axes [no unit], up to which what was found for one holds for the
 other; chosen: a search among standing places takes a second."""
@@ -78,7 +89,7 @@ class Stepping:
         self._follower, self._smoother, self._planted, self._states = follower, smoother, planted, states
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
-        self._until = -inf
+        self._until, self._trust = -inf, 1.0
         self.beyond: np.ndarray | None = None
         robot, limbs = controller.robot, controller.spec.limbs
         below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])
@@ -99,13 +110,13 @@ class Stepping:
 
     def may_walk_for(self, chunk: ActionChunk) -> bool:
         """Whether the robot walks where a chunk is in reach, unless one that ends as it does is so from nowhere."""
-        if self._walker is None or chunk.spec_id == standing.HOLD_SPEC_ID or self.refusal() is not None:
+        if self._config.steps != "reach" or chunk.spec_id == standing.HOLD_SPEC_ID or self.refusal() is not None:
             return False
         return self.beyond is None or bool(np.abs(ends(chunk) - self.beyond).max() > NEAR)
 
     def refusal(self) -> StatusReport | None:
         """Why no walk can be begun or changed now; None if one can."""
-        if self._walker is None:
+        if self._config.steps != "reach":
             return _refused(f"`steps` is '{self._config.steps}'; with `steps: reach` the robot walks")
         if self.then is not None or self._states.now not in (State.HOLDING, State.FOLLOWING, *STEPPING, State.RISING):
             return _refused(f"the robot is {self._states.now.value}: it walks once it stands and holds, or follows")
@@ -192,6 +203,8 @@ class Stepping:
             if self._reflex.has_arrived:
                 self._begin(state)
             return False
+        if not blind and self._is_lost():
+            self._catch(state)
         if not self.active:
             return False
         if (blind or now > self._until) and self._wanted != Velocity():
@@ -201,8 +214,49 @@ class Stepping:
             return True
         return False
 
+    def _is_lost(self) -> bool:
+        """Whether both feet stand, and the capture point is where no pressure on their soles brings it back."""
+        if self._walker is None:
+            return False
+        now, caught = self._states.now, self._states.now is State.RECOVERING
+        if now not in CAUGHT_FROM and not (caught and self._walker.walk.state in (Phase.RECOVER, Phase.SETTLE)):
+            return False
+        robot = self._controller.robot
+        point = robot.com[:2] + robot.com_velocity[:2] / natural_frequency(float(robot.com[2]))
+        return self._controller.support.margin(point) < -LOST
+
+    def _catch(self, state: RobotState) -> None:
+        """Take a step that catches the robot, if there is one; hands give way until it has come to rest."""
+        step = self._walker.step_that_catches(state)
+        if step is None:
+            return
+        if self._states.now is not State.RECOVERING:
+            self._walker.begin(state)
+            self._reflex.end()
+            self._states.on(Event.PUSHED)
+            self._follower.stand(*self._here(state))
+            self._follower.ride()
+        self._walker.catch(state, step)
+        self._wanted, self._until, self._trust = Velocity(), -inf, 0.0
+        self.status = statuses.RECOVERING
+
+    def _let_go(self, state: RobotState, elapsed: float) -> None:
+        """Let the hands give way while a step catches the robot; once it rests, hold them where they are."""
+        if not self._walker.walk.caught:
+            if self._trust == 0.0:
+                still, rows = self._here(state)
+                self._smoother.reset(rows)
+                self._follower.stand(still, rows, holds=True)
+                self._follower.ride()
+                self._walker.carry_from_here()
+            self._trust = min(self._trust + elapsed / TAKEN_UP, 1.0)
+        trust = max(self._trust, TRUST_MIN)
+        self._controller.trust_hands(trust, trust)
+
     def reference(self, state: RobotState, elapsed: float) -> PackedReference:
         """What the controller follows in a tick, after the follower, which then has the palms as they are commanded."""
+        if self._states.now is State.RECOVERING:
+            self._let_go(state, elapsed)
         led = self._walker.reference(state, elapsed, self._follower.row)
         self._follower.row[:COM] = led.row[:COM]
         if led.contacts is not None and not led.contacts.same(self.contacts.contacts[0]):
@@ -217,6 +271,11 @@ class Stepping:
         rows = hands_carried(self._smoother.motion.rows, walker.base, walker.walk.guide.place)
         self._hold(state, rows)
         self._states.on(Event.SETTLED)
+
+    def _here(self, state: RobotState) -> tuple[SampledTrajectory, np.ndarray]:
+        """What is followed where the robot is let go of: itself, and hands as they are, rows (2, 40)."""
+        robot = self._controller.robot
+        return SampledTrajectory.still(robot, state.q), standing.hands_at_rest(robot, state.q)
 
     def _hold(self, state: RobotState, rows: np.ndarray) -> None:
         """Stand where the robot comes to rest, hands as in rows (2, 40)."""

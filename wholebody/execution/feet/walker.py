@@ -11,13 +11,14 @@ import pinocchio as pin
 from models.pinocchio_model import frame_id
 from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import PALM, PackedReference, ReferenceMemory, row_length
-from wholebody.control.weights import WALKING, Weights
+from wholebody.control.weights import RECOVERING, WALKING, Weights
 from wholebody.errors import InputError
 from wholebody.execution.feet.carried import about_z, carry
 from wholebody.robot.contact_schedule import Contacts
 from wholebody.robot.feet import Feet
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState
+from wholebody.walking.catch import Catch, choose
 from wholebody.walking.gait import Gait, Phase
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole
@@ -78,6 +79,22 @@ class Walker:
         self._feet = self.controller.contacts.feet
         self.controller.weigh(weights)
 
+    def carry_from_here(self) -> None:
+        """Carry along, from now on, what is planned about where the base is now."""
+        self.base = self.walk.guide.place
+
+    def step_that_catches(self, state: RobotState) -> Catch | None:
+        """The step that catches a robot that is on both feet; None where none does."""
+        seen = self._look(state)
+        return choose(seen.dcm, seen.omega, seen.soles, self._sole, self.gait)
+
+    def catch(self, state: RobotState, step: Catch) -> None:
+        """Catch the robot with that step, at once."""
+        seen = self._look(state)
+        self.walk.catch(seen, step)
+        self._feet = self._placed(seen)
+        self.controller.weigh(RECOVERING)
+
     @property
     def stands(self) -> bool:
         """Whether both feet stand and no step is to be made."""
@@ -101,13 +118,15 @@ class Walker:
             planned: A packed reference planned for a stand on `base`, whose palms, trunk and posture are carried along;
                 those of `begin` if not given.
         """
-        walk, gait = self.walk, self.gait
-        seen = self._look(state)
+        walk = self.walk
+        gait, seen = walk.gait, self._look(state)
         state_before = walk.state
         walk.advance(seen, elapsed)
         if walk.state is not state_before and walk.state is not Phase.STAND:
             self._feet = self._placed(seen)
-        low = walk.state in (Phase.SHIFT, Phase.SWING, Phase.LAND)
+        if state_before is Phase.RECOVER and walk.state is not Phase.RECOVER:
+            self.controller.weigh(WALKING)
+        low = walk.state in (Phase.SHIFT, Phase.SWING, Phase.LAND, Phase.RECOVER)
         floor = min(seen.heights) if walk.swing is None else seen.heights[walk.stance]
         aim = floor + gait.height if low else self._standing_height
         self._height = self._height.towards(Course(aim), max(walk.left, 0.3) if not low else 0.4, elapsed)
