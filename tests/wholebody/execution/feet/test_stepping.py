@@ -193,7 +193,7 @@ def test_an_episode_after_a_fall_while_walking_begins_as_any(supervisor, plant):
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"steps": "sometimes"}, "never, reach"),
+        ({"steps": "sometimes"}, "never, recover, reach"),
         ({"steps": "reach", "backend": "kinematic", "solver": "daqp"}, "native backend"),
         ({"steps": "reach", "robot": RobotConfig(torque=0.5)}, "robot.torque 1"),
     ],
