@@ -27,8 +27,8 @@ BEYOND = 4.0
 INSIDE = 0.04
 """Distance of a step beyond what legs can do up to which it is made [m]; chosen: an adjusted time makes up for it."""
 RECOVERY = {"swing": 0.36, "double": 0.1, "ahead": 0.5, "wide": 0.4, "sooner": 0.75, "later": 1.2, "height": 0.64}
-"""What the gait of a step is that catches the robot, units as in `Gait`; chosen: two thirds of the time of a walk, and
-the centre of mass lower, since a long step stretches the leg behind."""
+"""What the gait of a step has that catches the robot [units as in `Gait`]; chosen: two thirds of the time of a walk,
+and the centre of mass lower, since a long step stretches the leg behind."""
 
 
 @dataclass(frozen=True, slots=True)
