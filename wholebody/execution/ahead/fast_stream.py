@@ -21,7 +21,8 @@ SHORT = 0.6
 GAP = 0.06
 """Longest time between two of its targets [s]; chosen: 20 Hz, and one of them late."""
 FAST = 0.4
-"""Speed of a hand from which it is fast [m/s]; measured: what is slower is followed within 4 mm along plans."""
+"""Speed of a hand, from two targets to the next ones, from which it is fast [m/s]; measured: what is slower is followed
+within 4 mm along plans. A single target that jumps, as where a policy's chunks meet, is not fast."""
 CALM = 0.6
 """Time without fast hands after which a plan leads again [s]; chosen: longer than a lissajous is slow at its turns."""
 LAG = 0.022
@@ -45,7 +46,7 @@ class FastStream:
     def forget(self) -> None:
         """Begin anew: nothing was said."""
         self._said: deque[tuple[float, tuple[np.ndarray, ...]]] = deque(maxlen=KEPT + 1)
-        self._fast = -inf
+        self._fast, self._jumped = -inf, False
 
     def is_fast(self, now: float) -> bool:
         """Whether hands were fast within `CALM` [s]."""
@@ -62,8 +63,11 @@ class FastStream:
         if self._said:
             before, was = self._said[-1]
             way = max(float(np.linalg.norm(parts[i][:3, 3] - was[i][:3, 3])) for i in range(2))
+            # Twice: a target that jumps is not fast.
             if way >= FAST * (chunk.t_obs - before):
-                self._fast = chunk.t_obs
+                self._fast, self._jumped = (chunk.t_obs if self._jumped else self._fast), True
+            else:
+                self._jumped = False
         self._said.append((chunk.t_obs, parts))
 
     def paths(self, prepared: PreparedChunk) -> tuple[HandPath, HandPath] | None:

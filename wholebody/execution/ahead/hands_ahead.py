@@ -34,6 +34,9 @@ CHANGE = 3.0
 """How many times as much the leash is shortened as the plan moved the hand; chosen: 5 cm are a no."""
 
 
+BEHIND = 0.01
+"""Distance from what was said from which on plans are no help to fast hands [m]; chosen: over twice the 4 mm that hands
+are off along plans which serve. The body goes down only for what a standing one does not follow."""
 FREE = (10.0, 7.0)
 """Leash of fast hands [m, rad]; definition: none."""
 BODY_SHARE = 0.4
@@ -134,10 +137,11 @@ class HandsAhead:
         """Whether fast hands are to be led along paths; from now on [s], if they were not before."""
         there = np.array([now - chunk.t_obs + t for t in (-LAG, FORESEEN)])
         p, now_there = np.stack([path.sample(there).p for path in paths], axis=1), self._smoother.motion.p
-        near = float(np.linalg.norm(p[0] - now_there, axis=1).max()) <= LEASH[0]
+        off = float(np.linalg.norm(p[0] - now_there, axis=1).max())
         if self.fast:
-            return near and self._ready.reaches(p[1])
-        if not near or not self._stream.is_fast(now) or self._touch.active or self._follower.trust < 1.0:
+            return off <= LEASH[0] and self._ready.reaches(p[1])
+        serves = not BEHIND <= off <= LEASH[0]
+        if serves or not self._stream.is_fast(now) or self._touch.active or self._follower.trust < 1.0:
             return False
         self.fast, self._astray = self._ready.begin(now_there) and self._ready.reaches(p[1]), 0.0
         if self.fast:

@@ -65,3 +65,14 @@ def test_hands_in_the_floor_are_left_to_plans():
     low = replace(chunk, t_obs=chunk.t_obs + 1.0 / RATE, T_world_lhand=T)
     stream.add(low)
     assert stream.paths(prepare(low, LIMITS)) is None
+
+
+def test_a_target_that_jumps_once_is_not_fast():
+    stream = FastStream(LIMITS)
+    told(stream, KEPT + 1, speed=0.1 * FAST)
+    for k in range(2):
+        ahead = circle((KEPT + 1) / RATE, 0.1 * FAST, 50 + k)
+        T = ahead.T_world_lhand.copy()
+        T[:, 0, 3] += 0.03
+        stream.add(replace(ahead, t_obs=ahead.t_obs + k / RATE, T_world_lhand=T))
+    assert not stream.is_fast(ahead.t_obs + 1.0 / RATE)
