@@ -1,5 +1,5 @@
 """Strategy: the real robot of the plugin, in lockstep, so that nothing depends on how fast the computer is; it is
-connected once, and every test goes on from where the one before left it. What LeRobot itself does with it is in
+connected once, and every test goes on from wherever another one left it. What LeRobot itself does with it is in
 `test_stock_commands.py`.
 """
 
@@ -199,7 +199,9 @@ def test_another_robot_of_the_same_id_is_refused(robot, tmp_path):
     assert robot.is_connected
 
 
-def test_the_end_is_a_robot_that_crouches_and_has_not_fallen(robot):
+def test_the_end_is_a_robot_that_crouches_and_has_not_fallen(tmp_path):
+    robot = made(tmp_path)
+    robot.connect()
     robot.disconnect()
     assert not robot.report["fell"]
     assert robot.report["lowered"]
