@@ -18,6 +18,7 @@ PLACES = {
     "control/controller.py",
     "estimation/odometry.py",
     "execution/ending/crouch.py",
+    "execution/feet/elsewhere.py",
     "execution/feet/walker.py",
     "execution/planted_feet.py",
     "trajopt/footing.py",

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 SOURCES = (
     "Scripted policy (reach, wave, lissajous, grasp, two_hand_lift, pick_low, pick_high, touch, wipe, press, "
-    "pull_drawer, turn_handle, lift_box, hand_over), chunk .npz, array .npy, motion .csv, "
-    "folder of a LeRobot dataset or checkpoint, or address of a policy server (ws://HOST:PORT)."
+    "pull_drawer, turn_handle, lift_box, hand_over, walk_reach), chunk .npz, array .npy, "
+    "motion .csv, folder of a LeRobot dataset or checkpoint, or address of a policy server (ws://HOST:PORT)."
 )
 
 JsonTo = Annotated[str, Option("--json", help="Write JSON to a file, or to standard output with '-'.")]

@@ -45,7 +45,7 @@ def keep(name: str, key: str, code: bytes) -> None:
 
 
 def _written(path: Path) -> float:
-    """When a file was written [s]; one that another process has forgotten meanwhile counts as the oldest."""
+    """Time at which a file was written [s]; one that another process has forgotten meanwhile counts as the oldest."""
     try:
         return path.stat().st_mtime
     except FileNotFoundError:
