@@ -18,7 +18,6 @@ from wholebody.config import ControllerConfig
 from wholebody.config.bounds import require_run
 from wholebody.config.description import describe
 from wholebody.episode.observation import observation_of
-from wholebody.episode.result import Note
 from wholebody.execution.planted_feet import taken_to_stand
 from wholebody.lending import Lending
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
@@ -31,7 +30,7 @@ from wholebody.types import RobotState
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.input_steps import far_from_stance, last_step, within
-from wholebody.verdict.plan_run import PlanRun, Suspect
+from wholebody.verdict.plan_run import PlanRun, Played, Suspect
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
 
@@ -43,6 +42,8 @@ REPLACE_EVERY = 25
 WHOLE_STEPS, WHOLE_TIME = 150, 5.0
 """Steps and time of a recording up to which causes, and what would do, are looked for in all of it and not in a window
 [no unit, s]; chosen: three windows, a search of seconds."""
+MOVING = 0.05
+"""Speed of a hand from which a chunk is begun in motion [m/s]; chosen: what stops within a few millimetres."""
 Start = Literal["first", "stance"]
 
 
@@ -111,16 +112,16 @@ class FastChecker:
         episode = getattr(policy, "episode", None)
         end = np.inf if episode is None else (len(episode) - 1) / episode.fps
         run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end, odds=odds)
-        run.placed = start == "first"
-        begin = self._play(run, policy, duration, None if run.placed else self.judge.stance(), lead)
-        verdict, last = self._verdict(run, name), last_step(policy, duration, run.result.fps)
+        placed = start == "first"
+        played, begin = self._play(run, policy, duration, None if placed else self.judge.stance(), lead)
+        verdict, fps = self._verdict(run, played, name), played[0].opening.fps
+        last = last_step(policy, duration, fps)
         if ask_why and verdict.verdict != "feasible":
             from wholebody.verdict.why.of_run import RunExplainer
 
-            explainer = RunExplainer(
-                self.judge, self.explainer, run, self._play, self._whole(policy, duration, begin, lead)
-            )
-            verdict = explainer.explained(verdict, last / run.result.fps)
+            whole = self._whole(policy, duration, begin, lead)
+            explainer = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, placed=placed)
+            verdict = explainer.explained(verdict, last / fps)
         return within(verdict, last)
 
     def _whole(self, policy: Policy, duration: float, begin: Begin, lead: float) -> Suspect | None:
@@ -132,22 +133,26 @@ class FastChecker:
         plan = self.judge.planner.plan(chunk, lead, begin.body, begin.hands, begin.before, quick=True, hold=True)
         return Suspect(chunk, begin, lead, plan)
 
-    def _play(self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0) -> Begin:
+    def _play(
+        self, run: PlanRun, policy: Policy, duration: float, begin: Begin | None, lead: float = 0.0
+    ) -> tuple[tuple[Played, ...], Begin]:
         """Chunk after chunk for a time [s], begun somewhere or with the hands at the first step; where it was begun."""
         policy.reset()
-        first = begin
+        first, played, state, notes = begin, list[Played](), None, tuple[str, ...]()
         time, end = 0.0, max(duration - 1e-9, 1e-9)  # even the shortest input is asked for once
         while time < end:
             chunk = policy.infer(self._observation(begin or self.judge.stance(), time))
             if begin is None:
                 begin = first = self.judge.first_pose(chunk)
-                far = far_from_stance(chunk, self.spec, run.result.orientation_free)
-                run.result.notes += [Note(chunk.t_obs, text) for text in far]
+                notes = far_from_stance(chunk, self.spec, run.free)
             following = REPLACE_EVERY / chunk.fps
             last = time + following >= duration - 1e-9
-            begin = run.follow(chunk, begin, time + lead, np.inf if last else time + following + lead)
+            until = np.inf if last else time + following + lead
+            one, state = run.follow(chunk, begin, time + lead, until, state, notes=notes)
+            begin, notes = state.begin, ()
+            played.append(one)
             time += following
-        return first or self.judge.stance()
+        return tuple(played), first or self.judge.stance()
 
     def first_state(self, policy: Policy) -> RobotState:
         """State at rest, with the hands at the first step of what a policy answers to a robot in its stance."""
@@ -180,16 +185,16 @@ class FastChecker:
         A robot that was ``placed`` with its hands at the first step is so for a changed chunk, too.
         """
         run = PlanRun(self.judge, free, odds=odds)
-        run.placed = placed
-        run.result.notes += [Note(chunk.t_obs, text) for text in notes]
-        run.follow(chunk, begin, chunk.t_obs, np.inf)
-        verdict, last = self._verdict(run, name), len(chunk) - 1
-        if ask_why and run.planned is not None and verdict.verdict != "feasible":
+        one, state = run.follow(chunk, begin, chunk.t_obs, notes=notes)
+        verdict, last = self._verdict(run, (one,), name), len(chunk) - 1
+        if ask_why and verdict.verdict != "feasible":
             from wholebody.verdict.why.of_run import RunExplainer
 
-            whole = Suspect(chunk, begin, chunk.t_obs, run.planned.plan)
-            explainer = RunExplainer(self.judge, self.explainer, run, self._play, whole, at_once=True)
-            verdict = explainer.explained(verdict, last / run.result.fps)
+            whole = Suspect(chunk, begin, chunk.t_obs, state.judged.plan)
+            explainer = RunExplainer(
+                self.judge, self.explainer, run, (one,), self._play, whole, placed=placed, at_once=True
+            )
+            verdict = explainer.explained(verdict, last / chunk.fps)
         return within(verdict, last)
 
     def of_plan(
@@ -203,9 +208,9 @@ class FastChecker:
 
         def judged(followed: ActionChunk) -> Verdict:
             run, none = PlanRun(self.judge, free, by_path=True), np.zeros((0, 2))
-            around = self.judge.around(followed, plan)
-            run.follow(followed, begin, now, np.inf, ChunkJudgement(plan, followed.times, none, none, around))
-            return run.verdict(f"chunk {chunk.seq}", {})
+            found = ChunkJudgement(plan, followed.times, none, none, self.judge.around(followed, plan))
+            one, _ = run.follow(followed, begin, now, found=found)
+            return run.verdict((one,), f"chunk {chunk.seq}")
 
         verdict, bounds = judged(chunk), self.config.verdict
         elsewhere = verdict.start_m > bounds.palm_feasible or verdict.start_rad > bounds.turn_feasible
@@ -223,26 +228,27 @@ class FastChecker:
 
         def lasts(changed: ActionChunk, start: Begin) -> bool:
             run, policy = PlanRun(self.judge, free), ReplayPolicy(changed)
-            self._play(run, policy, policy.duration, start)
-            return run.verdict("", {}).verdict == "feasible"
+            played, _ = self._play(run, policy, policy.duration, start)
+            return run.verdict(played).verdict == "feasible"
 
         return Repairer(self.judge, chunk, begin, holds, lasts)
 
-    def _verdict(self, run: PlanRun, name: str) -> Verdict:
+    def _verdict(self, run: PlanRun, played: tuple[Played, ...], name: str) -> Verdict:
         """Verdict on a run, without causes."""
-        return replace(run.verdict(name, self._settings), odds=self._odds(run))
+        return replace(run.verdict(played, name, self._settings), odds=self._odds(played))
 
-    def _odds(self, run: PlanRun) -> Odds | None:
+    def _odds(self, played: tuple[Played, ...]) -> Odds | None:
         """What is likely to become of the chunks, each by itself; None of a body that was not learned."""
         if self.spec.body_joints != g1().body_joints:
             return None
+        collected = [one.planned.quantities for one in played if one.planned and one.planned.quantities]
         found = {
             "settings": not self._usual,
             "loads": max(self.judge.loads) > 0.0,
-            "a start in motion": run.moving,
+            "a start in motion": any(one["start_speed"] > MOVING for _, one in collected),
             "scene": self.judge.scene is not None,
         }
-        return shipped().odds(run.quantities, [name for name, unlike in found.items() if unlike])
+        return shipped().odds(collected, [name for name, unlike in found.items() if unlike])
 
     def _observation(self, begin: Begin, time: float) -> Observation:
         return observation_of(self.spec, self.judge.robot, RobotState(time, begin.body.q, begin.body.v))

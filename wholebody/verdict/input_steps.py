@@ -1,4 +1,4 @@
-"""The first and the last step of an input: how far it begins from the stance, and that no later step is named."""
+"""Steps of an input: how far the first is from the stance, fingers past their range, and none after the last."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from policy.executor.executor import Executor
 from policy.geometry.rotations import angle_between
 from policy.joints import layout_robot
 from wholebody.config import START_MAX
+from wholebody.episode.tracking_error import FINGER_TOLERANCE
 from wholebody.robot.palms import palm_offsets, palm_points
+from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.verdict import Verdict
 
@@ -47,6 +49,36 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     text += "with --start stance, or a state, the way counts"
     swapped = bool((np.linalg.norm(there - here[::-1], axis=1) < away).all())
     return (f"{text}; are left and right swapped?" if swapped else text,)
+
+
+def past_range(chunk: ActionChunk, due: np.ndarray, spec: RobotSpec) -> dict[str, LimitExcess]:
+    """Fingers that are asked past their range at some steps, by joint: when that is first, and the most [rad].
+
+    Args:
+        chunk: Of the input.
+        due: The steps, indices (n,).
+        spec: The robot.
+    """
+    times, found = chunk.times[due], {}
+    for tool, q in zip(spec.tools, (chunk.q_lhand[due], chunk.q_rhand[due]), strict=True):
+        if not tool.finger_joints or not len(due):
+            continue
+        i = spec.indices(tool.finger_joints)
+        inside = np.clip(q, spec.position_min[i], spec.position_max[i])
+        excess = np.abs(q - inside)
+        for joint in np.flatnonzero(excess.max(axis=0, initial=0.0) > FINGER_TOLERANCE).tolist():
+            k, first = int(excess[:, joint].argmax()), int(np.argmax(excess[:, joint] > FINGER_TOLERANCE))
+            one = LimitExcess(float(times[first]), 0.0, float(q[k, joint]), float(inside[k, joint]))
+            found[tool.finger_joints[joint]] = one
+    return found
+
+
+def shortened(chunk: ActionChunk, time: float) -> ActionChunk:
+    """A chunk without its steps after a time since its first one [s]; as it is where fewer than two are left."""
+    n = int(np.floor(min(time, len(chunk) / chunk.fps) * chunk.fps + 1e-6)) + 1
+    if not 2 <= n < len(chunk):
+        return chunk
+    return replace(chunk, **{name: value[:n] for name, value in chunk.arrays().items()})
 
 
 def last_step(policy: Policy | Executor, duration: float, fps: float) -> int:

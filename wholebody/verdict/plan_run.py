@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,39 +11,16 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from policy.joints import layout_robot
 from wholebody.episode.result import EpisodeResult, Note, Refusal
-from wholebody.episode.tracking_error import FINGER_TOLERANCE, PalmErrors, demandable
+from wholebody.episode.tracking_error import PalmErrors, demandable
 from wholebody.execution.handover import ends_at_rest
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge, ChunkJudgement
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin
 from wholebody.planning.plan import ChunkPlan
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.types import Reason
-from wholebody.verdict.calibration.quantities import quantities
+from wholebody.verdict.calibration.quantities import is_news, quantities
+from wholebody.verdict.input_steps import past_range, shortened
 from wholebody.verdict.verdict import Verdict, blocked, too_hard, unheld, verdict_of
-
-MOVING = 0.05
-"""Speed of a hand from which a chunk is begun in motion [m/s]; chosen: what stops within a few millimetres."""
-
-
-@dataclass
-class _Palms:
-    """What is collected of the palms, a row a step."""
-
-    times: list[float] = field(default_factory=list)
-    moved: list[np.ndarray] = field(default_factory=list)
-    turned: list[np.ndarray] = field(default_factory=list)
-    asked: list[np.ndarray] = field(default_factory=list)
-    fair: list[np.ndarray] = field(default_factory=list)
-    reasons: list[Reason | None] = field(default_factory=list)
-    fingers: dict[str, LimitExcess] = field(default_factory=dict)
-
-    def errors(self) -> PalmErrors:
-        moved, turned = np.reshape(self.moved, (-1, 2)), np.reshape(self.turned, (-1, 2))
-        still, fair = np.zeros_like(moved), np.reshape(self.fair, (-1, 2)).astype(bool)
-        return PalmErrors(
-            np.array(self.times), moved, turned, moved, turned, still, still, fair, self.reasons, self.fingers,
-            asked=np.reshape(self.asked, (-1, 2, 3)),
-        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -62,16 +39,95 @@ class Suspect:
     plan: ChunkPlan
 
 
+@dataclass(frozen=True)
+class Opening:
+    """How an input begins.
+
+    Attributes:
+        start: When its first chunk was asked for [s]. fps: Its steps per second [Hz].
+        jump: How far that begins from where the hands are: distance [m] and angle [rad].
+        palms: Where the palm points are then, shape (2, 3), world [m].
+        torque: Room that motors have there at rest; None where they hold the robot, or that is not looked at.
+    """
+
+    start: float
+    fps: float
+    jump: tuple[float, float]
+    palms: np.ndarray
+    torque: Margin | None
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What a plan says of a chunk.
+
+    Attributes:
+        margins: Room to every bound, times and steps since those of the input.
+        previewed: Whether the cheap tests decided. slowed: How much slower it is [no unit]; when the chunk came [s].
+        suspect: The chunk, where it is not followed as given. refusal: Why the plan is not followed, where it is not.
+        quantities: Time since the start of the input [s] and what odds are made of, where they were collected.
+    """
+
+    margins: tuple[Margin, ...]
+    previewed: bool
+    slowed: tuple[float, float]
+    suspect: Suspect | None
+    refusal: Refusal | None
+    quantities: tuple[float, dict[str, float]] | None
+
+
+@dataclass(frozen=True)
+class Played:
+    """What one chunk adds to a run, which is a sequence of these.
+
+    Attributes:
+        opening: How the input begins.
+        notes: What is told of the chunk.
+        planned: What its plan says; None of the rest of the chunk before, which says nothing new.
+        steps: What is commanded at its steps that are due until the next one, compared with what is asked for.
+        spent, travelled: Time on the plan, and chunk time that it covers [s].
+    """
+
+    opening: Opening
+    notes: tuple[Note, ...]
+    planned: Planned | None
+    steps: PalmErrors
+    spent: float
+    travelled: float
+
+
+@dataclass(frozen=True)
+class RunState:
+    """What the next chunk is planned after.
+
+    Attributes:
+        opening: How the input begins. begin: Where the next chunk is.
+        judged: What was planned last.
+        followed: What is followed; None before the first plan that can be. since: When that was begun [s].
+        chunk: What it is a plan of; None where the plan of a later chunk was refused.
+        looked_at: Time of the last step of which quantities were collected, or not worth it [s].
+    """
+
+    opening: Opening
+    begin: Begin
+    judged: ChunkJudgement
+    followed: ChunkJudgement | None = None
+    since: float = 0.0
+    chunk: ActionChunk | None = None
+    looked_at: float = -np.inf
+
+
 JUDGED_AT_ONCE = OF_NUMBERS | {Limit.REACH, Limit.ORIENTATION, Limit.SCENE_DISTANCE, Limit.HAND_FORCE}
 """Bounds without a tolerance, of which any excess counts; the others are of a planned motion."""
 RATES = tuple(one for one in Limit if one.name.startswith(("HAND_", "TURN_")))
 """Speeds, accelerations and jerks of hands."""
 
 
+@dataclass(frozen=True)
 class PlanRun:
-    """Chunks planned one after the other, and what they come to.
+    """Chunks planned one after the other, and what they come to; what was played is returned, none of it is kept.
 
-    Args:
+    Attributes:
         judge: Plans and judges each chunk.
         free: Whether the orientation of the left and the right palm is free.
         by_path: Compare palms where the plan is on its path; at the steps' own times if not.
@@ -80,152 +136,125 @@ class PlanRun:
         odds: Collect the quantities that odds are made of, which takes longer than most plans.
     """
 
-    def __init__(
-        self,
-        judge: ChunkJudge,
-        free: tuple[bool, bool],
-        *,
-        by_path: bool = False,
-        at_once: bool = False,
-        end: float = np.inf,
-        odds: bool = False,
-    ) -> None:
-        self.judge, self.palms, self.result = judge, _Palms(), EpisodeResult(orientation_free=free)
-        self._by_path, self._at_once, self._end, self._odds = by_path, at_once, end, odds
-        self.margins: dict[Limit, Margin] = {}
-        self.suspects: list[Suspect] = []
-        self.followed: ChunkJudgement | None = None
-        self.planned: ChunkJudgement | None = None
-        self.quantities: list[tuple[float, dict[str, float]]] = []
-        self.moving, self._looked_at, self.placed = False, -np.inf, True
-        self._planned: ActionChunk | None = None
-        self.start_torque: Margin | None = None
-        self.previewed, self._since, self._spent, self._travelled = True, 0.0, 0.0, 0.0
+    judge: ChunkJudge
+    free: tuple[bool, bool]
+    by_path: bool = field(default=False, kw_only=True)
+    at_once: bool = field(default=False, kw_only=True)
+    end: float = field(default=np.inf, kw_only=True)
+    odds: bool = field(default=False, kw_only=True)
 
     def follow(
-        self, chunk: ActionChunk, begin: Begin, now: float, until: float, found: ChunkJudgement | None = None
-    ) -> Begin:
+        self,
+        chunk: ActionChunk,
+        begin: Begin,
+        now: float,
+        until: float = np.inf,
+        before: RunState | None = None,
+        *,
+        found: ChunkJudgement | None = None,
+        notes: Iterable[str] = (),
+    ) -> tuple[Played, RunState]:
         """Plan a chunk from where the robot is then, now [s], and follow it until a time [s]; where that leads.
 
-        What was ``found`` of it is not planned again.
+        It comes after what was played ``before``, is not planned again where that was ``found``, and ``notes`` are told
+        of it before its own.
         """
         chunk.validate(robot=layout_robot(self.judge.spec))
-        if found is None and self._goes_on(chunk):
-            chunk = self._planned
+        if before is not None and found is None and (whole := self._begun(chunk, before)) is not None:
+            planned, state, asked, texts = None, before, whole, tuple(notes)
         else:
-            self._plan(chunk, begin, now, found)
-        due = np.flatnonzero((chunk.times > now - 1e-9) & (chunk.times < until - 1e-9))
-        self._score(chunk, due, begin)
-        if self.followed is None or not np.isfinite(until):
-            return begin
-        return self.judge.later(self.followed.plan, until - self._since)
+            planned, state = self._plan(chunk, begin, now, before, found)
+            asked, texts = chunk, (*notes, *chunk.notes)
+        due = np.flatnonzero((asked.times > now - 1e-9) & (asked.times < until - 1e-9))
+        steps, followed = self._compared(asked, due, begin, state), state.followed
+        if followed is not None and np.isfinite(until):
+            begin = self.judge.later(followed.plan, until - state.since)
+        spent, rate = (0.0, 0.0) if followed is None else (len(due) / asked.fps, followed.plan.rate)
+        told = tuple(Note(chunk.t_obs, text) for text in texts)
+        return Played(state.opening, told, planned, steps, spent, spent * rate), replace(state, begin=begin)
 
     def _is_off(self, found: ChunkJudgement) -> bool:
         """Whether palms are commanded elsewhere, or turned otherwise, than is as given."""
-        bounds = self.judge.config.verdict
-        turned = np.where(self.result.orientation_free, 0.0, found.turned)
+        bounds, turned = self.judge.config.verdict, np.where(self.free, 0.0, found.turned)
         far, turn = found.moved.max(initial=0.0), turned.max(initial=0.0)
         return bool(far > bounds.palm_feasible or turn > bounds.turn_feasible)
 
-    def _is_news(self, chunk: ActionChunk) -> bool:
-        """Whether a chunk has steps that move, and that no chunk before it had."""
-        new = chunk.times > self._looked_at + 1e-9
-        self._looked_at = max(self._looked_at, float(chunk.times[-1]))
-        if not self.quantities or not new.any():
-            return not self.quantities
-        return any(np.ptp(T[new], axis=0).max() > 0.0 for T in (chunk.T_world_lhand, chunk.T_world_rhand))
-
-    def _goes_on(self, chunk: ActionChunk) -> bool:
-        """Whether a chunk is the rest of the one before, whose plan does it as given: another one says nothing new."""
-        last, found = self._planned, self.followed
+    def _begun(self, chunk: ActionChunk, before: RunState) -> ActionChunk | None:
+        """Chunk of which one is the rest, if its plan does that as given: another one says nothing new."""
+        last, found = before.chunk, before.followed
         if last is None or found is None or found.exceeded or self._is_off(found):
-            return False
+            return None
         if found.plan.report.changes or found.plan.rate != 1.0:
-            return False
+            return None
         first = (chunk.t_obs - last.t_obs) * last.fps
         if chunk.fps != last.fps or abs(first - round(first)) > 1e-6:
-            return False
+            return None
         # What is asked for past the end of a recording is its last step.
-        steps, before = np.minimum(round(first) + np.arange(len(chunk)), len(last) - 1), last.arrays()
-        same = (np.array_equal(values, before[name][steps]) for name, values in chunk.arrays().items())
-        return chunk.arrays().keys() == before.keys() and all(same)
+        steps, given = np.minimum(round(first) + np.arange(len(chunk)), len(last) - 1), last.arrays()
+        same = (np.array_equal(values, given[name][steps]) for name, values in chunk.arrays().items())
+        return last if chunk.arrays().keys() == given.keys() and all(same) else None
 
-    def _plan(self, chunk: ActionChunk, begin: Begin, now: float, found: ChunkJudgement | None) -> None:
-        planned, found = found is None, found or self.judge.judge(chunk, begin, now)
-        self.planned = found
-        self._note(chunk, found, begin)
-        if planned and self._odds and self._is_news(chunk):
-            self.quantities.append((chunk.t_obs - self.result.start, quantities(self.judge, chunk, begin, found)))
-            self.moving |= bool(np.linalg.norm(begin.hands.v, axis=1).max() > MOVING)
-        report = found.plan.report
-        held = self.start_torque is None or self.start_torque.share >= 0.0 or self.followed is not None
-        if report.changes or not report.safe or found.exceeded or not held or self._is_off(found):
-            self.suspects.append(Suspect(chunk, begin, now, found.plan))
-        body, margin = self.judge.planner.optimizer.body, self.judge.config.safety.balance_margin
-        if report.safe and ends_at_rest(found.plan, body.footing.support, margin):
-            self.followed, self._since, self._planned = found, now, chunk
+    def _plan(
+        self, chunk: ActionChunk, begin: Begin, now: float, before: RunState | None, known: ChunkJudgement | None
+    ) -> tuple[Planned, RunState]:
+        found = known or self.judge.judge(chunk, begin, now)
+        opening = self._opening(chunk, begin, found) if before is None else before.opening
+        state = RunState(opening, begin, found) if before is None else replace(before, judged=found)
+        report, since, collected = found.plan.report, chunk.t_obs - opening.start, None
+        margins = tuple(
+            replace(one, time=one.time + since, step=one.step + round(since * chunk.fps))
+            for one in self._room(chunk, found, opening)
+        )
+        if known is None and self.odds:
+            if is_news(chunk, state.looked_at):
+                collected = since, quantities(self.judge, chunk, begin, found)
+            state = replace(state, looked_at=max(state.looked_at, float(chunk.times[-1])))
+        held = opening.torque is None or opening.torque.share >= 0.0 or state.followed is not None
+        as_given = report.safe and held and not (report.changes or found.exceeded or self._is_off(found))
+        support = self.judge.planner.optimizer.body.footing.support
+        if report.safe and ends_at_rest(found.plan, support, self.judge.config.safety.balance_margin):
+            state, refusal = replace(state, followed=found, since=now, chunk=chunk), None
         else:
-            self._planned = None
-            self.result.refusals.append(Refusal(now, Reason.NOT_JOINED, Reason.NOT_JOINED.sentence))
+            state, refusal = replace(state, chunk=None), Refusal(now, Reason.NOT_JOINED, Reason.NOT_JOINED.sentence)
+        suspect, slowed = None if as_given else Suspect(chunk, begin, now, found.plan), (report.slowdown, chunk.t_obs)
+        return Planned(margins, found.previewed, slowed, suspect, refusal, collected), state
 
-    def _note(self, chunk: ActionChunk, found: ChunkJudgement, begin: Begin) -> None:
-        result, report = self.result, found.plan.report
-        result.notes += [Note(chunk.t_obs, text) for text in chunk.notes]
-        if not result.fps:
-            (p, R), (at, turned) = self.judge.asked(chunk), self.judge.at(begin)
-            result.start, result.fps = chunk.t_obs, chunk.fps
-            self.start_torque = None if self._by_path else self.judge.start_torque(begin)
-            # A chunk that comes at once begins with its first step, though its plan takes time.
-            first = 0 if self._at_once else min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
-            jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
-            result.start_jump, result.start_palms = (float(jump[0]), float(jump[1])), at
-        self.previewed &= found.previewed
-        if report.slowdown > result.slowdown:
-            result.slowdown, result.slowed_time = report.slowdown, chunk.t_obs
-        since = chunk.t_obs - result.start
-        for one in self._room(chunk, found):
-            moved = replace(one, time=one.time + since, step=one.step + round(since * chunk.fps))
-            if one.code not in self.margins or one.share < self.margins[one.code].share:
-                self.margins[one.code] = moved
+    def _opening(self, chunk: ActionChunk, begin: Begin, found: ChunkJudgement) -> Opening:
+        (p, R), (at, turned) = self.judge.asked(chunk), self.judge.at(begin)
+        torque = None if self.by_path else self.judge.start_torque(begin)
+        # A chunk that comes at once begins with its first step, though its plan takes time.
+        first = 0 if self.at_once else min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
+        jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
+        return Opening(chunk.t_obs, chunk.fps, (float(jump[0]), float(jump[1])), at, torque)
 
-    def own(self, chunk: ActionChunk) -> ActionChunk:
+    def own(self, chunk: ActionChunk, opening: Opening) -> ActionChunk:
         """A chunk without what only holds the end of the input: to stop there is the plan's part, and no step's."""
-        left = self._end - (chunk.t_obs - self.result.start)
-        n = int(np.floor(min(left, len(chunk) / chunk.fps) * chunk.fps + 1e-6)) + 1
-        if not 2 <= n < len(chunk):
-            return chunk
-        return replace(chunk, **{name: value[:n] for name, value in chunk.arrays().items()})
+        return shortened(chunk, self.end - (chunk.t_obs - opening.start))
 
-    def _room(self, chunk: ActionChunk, found: ChunkJudgement) -> Iterable[Margin]:
+    def _room(self, chunk: ActionChunk, found: ChunkJudgement, opening: Opening) -> Iterable[Margin]:
         """Room to every bound; to those of numbers, of the numbers that are the input's own."""
-        if (own := self.own(chunk)) is chunk:
+        if (own := self.own(chunk, opening)) is chunk:
             return found.margins
         room = {one.code: one for one in found.margins} | self.judge.of_numbers(own)
         return room.values()
 
-    def _score(self, chunk: ActionChunk, due: np.ndarray, begin: Begin) -> None:
-        """Compare steps of a chunk with what is commanded then: by its plan, or by the one before."""
-        palms, n, times, followed = self.palms, len(due), chunk.times[due], self.followed
+    def _compared(self, chunk: ActionChunk, due: np.ndarray, begin: Begin, state: RunState) -> PalmErrors:
+        """Steps of a chunk beside what is commanded then: by its plan, or by the one before."""
+        times, followed, reasons = chunk.times[due], state.followed, list[Reason | None]()
         if followed is None:
-            off, reasons = self._off(chunk, due, self.judge.at(begin)), [Reason.NOT_JOINED] * n
-            palms.fair += list(np.zeros((n, 2), dtype=bool))
+            off, reasons = self._off(chunk, due, self.judge.at(begin)), [Reason.NOT_JOINED] * len(due)
+            fair = np.zeros((len(due), 2), dtype=bool)
         else:
             plan = followed.plan
-            s = plan.start + (1.0 if self._by_path else plan.rate) * (times - self._since)
-            if chunk is self._planned and len(followed.moved) and not self._by_path:
+            s = plan.start + (1.0 if self.by_path else plan.rate) * (times - state.since)
+            if chunk is state.chunk and len(followed.moved) and not self.by_path:
                 off = followed.moved[due], followed.turned[due]
             else:
                 off = self._off(chunk, due, self.judge.commanded(plan, np.minimum(s, plan.end + 10.0)))
-            reasons = [plan.report.moved_at(x) for x in s.tolist()]
-            palms.fair += list(demandable(chunk, plan.report)[due])
-            self._spent += n / chunk.fps
-            self._travelled += n / chunk.fps * plan.rate
-        palms.times += times.tolist()
-        palms.moved += list(off[0])
-        palms.turned += list(off[1])
-        palms.asked += list(self.judge.asked(chunk)[0][due])
-        palms.reasons += reasons
-        self._look_at_fingers(chunk, due)
+            reasons, fair = [plan.report.moved_at(x) for x in s.tolist()], demandable(chunk, plan.report)[due]
+        asked, fingers = self.judge.asked(chunk)[0][due], past_range(chunk, due, self.judge.spec)
+        still = np.zeros_like(off[0])
+        return PalmErrors(times, *off, *off, still, still, fair, reasons, fingers, asked=asked)
 
     def _off(
         self, chunk: ActionChunk, due: np.ndarray, commanded: tuple[np.ndarray, np.ndarray]
@@ -234,34 +263,50 @@ class PlanRun:
         p, R = self.judge.asked(chunk)
         return np.linalg.norm(commanded[0] - p[due], axis=-1), angle_between(commanded[1], R[due])
 
-    def _look_at_fingers(self, chunk: ActionChunk, due: np.ndarray) -> None:
-        spec, times = self.judge.spec, chunk.times[due]
-        for tool, q in zip(spec.tools, (chunk.q_lhand[due], chunk.q_rhand[due]), strict=True):
-            if not tool.finger_joints or not len(due):
-                continue
-            i = spec.indices(tool.finger_joints)
-            inside = np.clip(q, spec.position_min[i], spec.position_max[i])
-            excess = np.abs(q - inside)
-            for joint in np.flatnonzero(excess.max(axis=0, initial=0.0) > FINGER_TOLERANCE).tolist():
-                k, first = int(excess[:, joint].argmax()), int(np.argmax(excess[:, joint] > FINGER_TOLERANCE))
-                one = LimitExcess(float(times[first]), 0.0, float(q[k, joint]), float(inside[k, joint]))
-                self.palms.fingers.setdefault(tool.finger_joints[joint], one)
+    def verdict(self, played: Sequence[Played], name: str = "", settings: dict | None = None) -> Verdict:
+        """Verdict on chunks that were played, by the same rules as that of an episode."""
+        opening, planned = played[0].opening, [one.planned for one in played if one.planned is not None]
+        bounds, margins = self.judge.config.verdict, _tightest(planned)
+        verdict = verdict_of(name, _result(played, planned, self.free), settings, bounds=bounds)
+        if Limit.SCENE_DISTANCE in margins:
+            verdict = blocked(verdict, margins[Limit.SCENE_DISTANCE], bounds)
+        if Limit.HAND_FORCE in margins:
+            verdict = too_hard(verdict, margins[Limit.HAND_FORCE])
+        if opening.torque is not None:
+            verdict = unheld(verdict, opening.torque)
+        feasible, previewed = verdict.verdict == "feasible", all(one.previewed for one in planned)
+        room = sorted((on_one_scale(one, feasible) for one in margins.values()), key=lambda one: one.share)
+        return replace(verdict, method="fast", decided_by="preview" if previewed else "plan", margins=room)
 
-    def verdict(self, name: str, settings: dict) -> Verdict:
-        """Verdict by the same rules as that of an episode."""
-        result = self.result
-        result.palms = self.palms.errors()
-        result.time_factor = self._spent / self._travelled if self._travelled else 1.0
-        verdict = verdict_of(name, result, settings, bounds=self.judge.config.verdict)
-        if Limit.SCENE_DISTANCE in self.margins:
-            verdict = blocked(verdict, self.margins[Limit.SCENE_DISTANCE], self.judge.config.verdict)
-        if Limit.HAND_FORCE in self.margins:
-            verdict = too_hard(verdict, self.margins[Limit.HAND_FORCE])
-        if self.start_torque is not None:
-            verdict = unheld(verdict, self.start_torque)
-        feasible = verdict.verdict == "feasible"
-        tightest = sorted((on_one_scale(one, feasible) for one in self.margins.values()), key=lambda one: one.share)
-        return replace(verdict, method="fast", decided_by="preview" if self.previewed else "plan", margins=tightest)
+
+def _tightest(planned: Iterable[Planned]) -> dict[Limit, Margin]:
+    """Least room to every bound, the first where several are as tight."""
+    least: dict[Limit, Margin] = {}
+    for one in (margin for plan in planned for margin in plan.margins):
+        if one.code not in least or one.share < least[one.code].share:
+            least[one.code] = one
+    return least
+
+
+def _result(played: Sequence[Played], planned: Iterable[Planned], free: tuple[bool, bool]) -> EpisodeResult:
+    """What chunks that were played come to, in the terms of an episode."""
+    opening, fingers, spent, travelled = played[0].opening, dict[str, LimitExcess](), 0.0, 0.0
+    for one in played:
+        fingers |= {name: excess for name, excess in one.steps.fingers.items() if name not in fingers}
+        spent, travelled = spent + one.spent, travelled + one.travelled
+    times, moved, turned, still, fair, asked = (
+        np.concatenate([getattr(one.steps, name) for one in played])
+        for name in ("times", "moved", "moved_turns", "lags", "demandable", "asked")
+    )
+    reasons = [reason for one in played for reason in one.steps.reasons]
+    slowdown, slowed_time = max([(1.0, 0.0), *(one.slowed for one in planned)], key=lambda slowed: slowed[0])
+    return EpisodeResult(
+        palms=PalmErrors(times, moved, turned, moved, turned, still, still, fair, reasons, fingers, asked=asked),
+        orientation_free=free, time_factor=spent / travelled if travelled else 1.0,
+        refusals=[one.refusal for one in planned if one.refusal is not None],
+        notes=[note for one in played for note in one.notes], slowdown=slowdown, slowed_time=slowed_time,
+        start=opening.start, start_jump=opening.jump, start_palms=opening.palms, fps=opening.fps,
+    )  # fmt: skip
 
 
 def on_one_scale(one: Margin, feasible: bool) -> Margin:

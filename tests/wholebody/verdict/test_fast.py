@@ -25,6 +25,7 @@ from wholebody.resources import verdict_schema
 from wholebody.types import Reason, RobotState
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.given.own_numbers import judge
+from wholebody.verdict.plan_run import PlanRun
 from wholebody.verdict.report import lines, to_json
 
 
@@ -107,6 +108,20 @@ def test_the_rest_of_a_chunk_that_is_done_as_given_is_not_planned_again(checker,
     planned.clear()
     checker.check(slow, "out of reach", slow.duration)
     assert planned == [0, 1]
+
+
+def test_a_step_of_a_run_is_told_by_what_it_is_given_and_a_verdict_changes_nothing(checker):
+    """Both were kept in one object, which another chunk or a second verdict changed."""
+    run, first = PlanRun(checker.judge, (False, False), odds=True), sent(to=(0.7, 0.0, 0.0), time=2.0)
+    then, other = (replace(sent(to=to, time=2.0), t_obs=0.5) for to in ((0.3, 0.0, 0.1), (0.8, 0.0, 0.0)))
+    one, state = run.follow(first, checker.judge.first_pose(first), 0.0, 0.5)
+    two, _ = run.follow(then, state.begin, 0.5, np.inf, state)
+    verdict = run.verdict((one, two))
+    run.follow(other, state.begin, 0.5, np.inf, state)
+    again, _ = run.follow(then, state.begin, 0.5, np.inf, state)
+    assert one.planned.suspect is not None
+    assert again.planned.quantities == two.planned.quantities is not None
+    assert run.verdict((one, again)) == verdict == run.verdict((one, two))
 
 
 def test_a_chunk_is_planned_from_what_the_plan_before_would_do_then(checker):

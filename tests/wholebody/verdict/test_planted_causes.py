@@ -35,11 +35,11 @@ def test_a_hand_that_is_only_turned_away_from_what_was_asked_is_looked_at_too():
     R = rotvec_to_matrix(share * np.array([0.0, 0.0, -2.5])) @ stance.R_world_lhand
     judge, chunk = holder(NARROW).judge, chunk_of(moved([0.28, 0.25, 1.0], 1.4), None, R)
     run = PlanRun(judge, (False, False))
-    run.follow(chunk, judge.first_pose(chunk), chunk.t_obs, np.inf)
-    verdict = run.verdict("", {})
+    played, _ = run.follow(chunk, judge.first_pose(chunk), chunk.t_obs)
+    verdict = run.verdict((played,))
     assert verdict.verdict == "infeasible"
     assert verdict.moved_max_m < judge.config.verdict.palm_feasible
-    assert [suspect.chunk for suspect in run.suspects] == [chunk]
+    assert played.planned.suspect.chunk is chunk
 
 
 @pytest.mark.parametrize(("kind", "seed"), [("arm_torso", 8), ("arm_thigh", 5)])

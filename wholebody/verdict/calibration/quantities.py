@@ -48,6 +48,21 @@ def quantities(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, found: Chunk
     return rooms | plan | followed | _motion(p, R, chunk.fps) | _smooth(at, p, chunk.fps)
 
 
+def is_news(chunk: ActionChunk, looked_at: float) -> bool:
+    """Whether a chunk says what none before it did: steps that move, later than was looked at.
+
+    Args:
+        chunk: A valid chunk.
+        looked_at: Time of the last step of the chunks before [s]; minus infinity where there was none.
+    """
+    if not np.isfinite(looked_at):
+        return True
+    new = chunk.times > looked_at + 1e-9
+    return bool(new.any()) and any(
+        np.ptp(T[new], axis=0).max() > 0.0 for T in (chunk.T_world_lhand, chunk.T_world_rhand)
+    )
+
+
 def _motion(p: np.ndarray, R: np.ndarray, fps: float) -> dict[str, float]:
     """Quantities of palm points (H, 2, 3) [m] and rotations (H, 2, 3, 3) at a rate [Hz]."""
     speed, acceleration = np.diff(p, axis=0) * fps, np.diff(p, 2, axis=0) * fps**2

@@ -179,8 +179,9 @@ def holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tu
     if plan is None:
         return False
     run, none = PlanRun(judge, free), np.zeros((0, 2))
-    run.follow(chunk, begin, now, np.inf, ChunkJudgement(plan, chunk.times, none, none, judge.around(chunk, plan)))
-    return run.verdict("", {}).verdict == "feasible"
+    found = ChunkJudgement(plan, chunk.times, none, none, judge.around(chunk, plan))
+    one, _ = run.follow(chunk, begin, now, found=found)
+    return run.verdict((one,)).verdict == "feasible"
 
 
 def _raised(program: ChunkProgram, causes: Sequence[Why], since: float) -> list[WouldDo]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +13,7 @@ from policy.chunk import ActionChunk
 from policy.recorded.replay import ReplayPolicy
 from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge
 from wholebody.planning.preparation import prepare
-from wholebody.verdict.plan_run import PlanRun, Suspect
+from wholebody.verdict.plan_run import PlanRun, Played, Suspect
 from wholebody.verdict.repair import (  # fmt: skip
     MORE,
     MORE_TRIES,
@@ -38,8 +38,8 @@ HALVINGS = 4
 SUSPECTS = 3
 """Chunks that were not followed as given among which the first with a cause is looked for."""
 
-Play = Callable[[PlanRun, Policy, float, Begin, float], object]
-"""Chunk after chunk of a policy, for a time [s], begun somewhere, so much before its plan [s]; the run tells."""
+Play = Callable[[PlanRun, Policy, float, Begin, float], tuple[Sequence[Played], Begin]]
+"""Chunk after chunk of a policy, for a time [s], begun somewhere, so much before its plan [s]; where it was begun."""
 
 
 @dataclass(frozen=True)
@@ -49,18 +49,22 @@ class RunExplainer:
     Attributes:
         judge: What planned it.
         explainer: Looks for causes of one chunk.
-        run: The run.
+        run: How it was played.
+        played: The run.
         play: Plays an input as that was played.
         whole: All of the input as one chunk, where it is short enough: what would do is a change of all of it. None
             where that is too long: a change is of the one chunk then, begun where that is.
+        placed: Whether the robot was placed with its hands at the first step, and is so for a changed input.
         at_once: Whether the input is that one chunk, planned at once, and is not played window after window.
     """
 
     judge: ChunkJudge
     explainer: Explainer
     run: PlanRun
+    played: Sequence[Played]
     play: Play
     whole: Suspect | None
+    placed: bool = True
     at_once: bool = False
 
     def explained(self, verdict: Verdict, end: float) -> Verdict:
@@ -70,19 +74,18 @@ class RunExplainer:
             verdict: On the input, which is not feasible.
             end: Time of its last step since its first one [s]; then it is held.
         """
-        every_own = [] if self.at_once else self.run.suspects
+        suspects = [one.planned.suspect for one in self.played if one.planned and one.planned.suspect]
+        every_own, start = [] if self.at_once else suspects, self.played[0].opening.start
         asked = [self._own(one) for one in every_own[:SUSPECTS]]
         asked = asked if self.whole is None else [self._clean(self.whole), *asked]
         if not asked:
             return verdict
-        if not self.run.suspects:
+        if not suspects:
             return self._with_change(verdict, asked[0], self._as_it_is(asked[0]))
         of_all, every = asked[0], len(every_own) <= SUSPECTS
         for suspect in asked[:SUSPECTS]:
             sound = None if self.whole is not None and suspect is not of_all else partial(self._sound, suspect)
-            found = self.explainer.explained(
-                verdict, suspect, self.run.result.orientation_free, self.run.result.start, sound, end
-            )
+            found = self.explainer.explained(verdict, suspect, self.run.free, start, sound, end)
             if found.causes:
                 return self._with_some_change(found, suspect if self.whole is None else of_all)
             every = every and found.why_complete
@@ -92,7 +95,7 @@ class RunExplainer:
     def _own(self, suspect: Suspect) -> Suspect:
         """A chunk without what only holds the end of the input."""
         clean = self._clean(suspect)
-        chunk, begin = self.run.own(clean.chunk), suspect.begin
+        chunk, begin = self.run.own(clean.chunk, self.played[0].opening), suspect.begin
         if chunk is clean.chunk:
             return clean
         plan = self.judge.planner.plan(chunk, suspect.now, begin.body, begin.hands, begin.before, quick=True, hold=True)
@@ -163,7 +166,7 @@ class RunExplainer:
 
     def _begun(self, suspect: Suspect, changed: ActionChunk) -> Begin:
         """Where a changed chunk is begun: with its own first step where the robot was placed there."""
-        placed = self.run.placed and self.judge.begins_with(suspect.chunk, suspect.begin)
+        placed = self.placed and self.judge.begins_with(suspect.chunk, suspect.begin)
         return self.judge.first_pose(changed) if placed else suspect.begin
 
     def _sound(self, suspect: Suspect, change: Change) -> Change | None:
@@ -178,17 +181,13 @@ class RunExplainer:
 
     def _plays(self, suspect: Suspect, chunk: ActionChunk) -> bool:
         """Whether a changed chunk is feasible as it is played, and at once where the input is judged so."""
-        free, policy, begin = self.run.result.orientation_free, ReplayPolicy(chunk), self._begun(suspect, chunk)
-        played = PlanRun(self.judge, free, at_once=True)
-        self.play(played, policy, policy.duration, begin, suspect.now - suspect.chunk.t_obs)
-        if not _is_feasible(played):
+        policy, begin = ReplayPolicy(chunk), self._begun(suspect, chunk)
+        run = PlanRun(self.judge, self.run.free, at_once=True)
+        played, _ = self.play(run, policy, policy.duration, begin, suspect.now - suspect.chunk.t_obs)
+        if run.verdict(played).verdict != "feasible":
             return False
         if not self.at_once:
             return True
-        at_once = PlanRun(self.judge, free)
-        at_once.follow(chunk, begin, chunk.t_obs, np.inf)
-        return _is_feasible(at_once)
-
-
-def _is_feasible(run: PlanRun) -> bool:
-    return run.verdict("", {}).verdict == "feasible"
+        run = PlanRun(self.judge, self.run.free)
+        one, _ = run.follow(chunk, begin, chunk.t_obs)
+        return run.verdict((one,)).verdict == "feasible"
