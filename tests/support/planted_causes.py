@@ -40,6 +40,7 @@ from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.why import explainer
 from wholebody.verdict.why.cause import causes
 from wholebody.verdict.why.chunk_program import ChunkProgram
+from wholebody.verdict.why.findings import NOTHING
 from wholebody.verdict.why.motion_search import EVERY, NAMES
 
 TIME = np.arange(STEPS) / FPS
@@ -523,12 +524,13 @@ def holder(config, scene="floor"):
 
 
 def told(one):
-    """Causes of a case, and the program that they are of."""
-    program = program_of(one)
+    """Causes of a case, the program that they are of, and what is known of it."""
+    program, known = program_of(one), NOTHING
     plan = program.judge.judge(one.chunk, program.begin).plan
     if plan.report.slowdown == 1.0:
-        program.know(plan.knots)
-    return causes(program)[0], program
+        known = program.with_motion(plan.knots)
+    found, _, known = causes(program, known)
+    return found, program, known
 
 
 def program_of(one):
@@ -541,7 +543,7 @@ def passes_drop_one(one, cause, program):
     kinds, fresh = frozenset(cause.kinds), program_of(one)
     if not kinds <= EVERY:
         return kinds == {Limit.REACH} or all(member.margin < 0.0 for member in cause.members)
-    if fresh.find(kinds, thorough=True) is not None or kinds != set(cause.witnesses):
+    if fresh.find(kinds, thorough=True)[0] is not None or kinds != set(cause.witnesses):
         return False
     for name, witness in cause.witnesses.items():
         off = witness.knots.T_palms[program.first :, :, :3, 3] - witness.targets.T_palms[program.first :, :, :3, 3]
@@ -586,8 +588,8 @@ def is_done(one, program, motion):
 
 def shown_done(one):
     """Whether a search has a motion that does a case of one kind."""
-    _, program = told(one)
-    motion = program.find(EVERY)
+    _, program, known = told(one)
+    motion, _ = program.find(EVERY, known)
     return motion is not None and is_done(one, program, motion)
 
 

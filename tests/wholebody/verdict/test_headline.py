@@ -23,6 +23,7 @@ from wholebody.verdict.report import lines
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity, Violation
 from wholebody.verdict.why.cause import RATES, _of_plan, _worst
+from wholebody.verdict.why.findings import NOTHING
 from wholebody.verdict.why.headline import headline
 
 ODDS = Odds(
@@ -120,10 +121,11 @@ def test_a_chunk_that_ends_in_motion_is_not_told_of_where_it_would_have_gone_on_
     palms = np.zeros((len(chunk), 2, 3))
     palms[:, 0, 0] = np.linspace(0.2, 0.38, len(chunk))
     program = SimpleNamespace(
-        chunk=chunk, nearest=lambda: nearest, find=lambda *_, **__: None, margins=lambda _: [], reach=lambda _: FAST,
-        judge=SimpleNamespace(asked=lambda _: (palms, None)),
+        chunk=chunk, nearest=lambda known: (nearest, known), find=lambda _, known, **__: (None, known),
+        margins=lambda _: [], reach=lambda _: FAST, judge=SimpleNamespace(asked=lambda _: (palms, None)),
     )  # fmt: skip
-    time, side, place = _of_plan(program, frozenset()).where
+    cause, _ = _of_plan(program, frozenset(), NOTHING)
+    time, side, place = cause.where
     assert (side, place) == (0, (0.38, 0.0, 0.0))
     assert time == pytest.approx((len(chunk) - 1) / chunk.fps)
 

@@ -22,7 +22,7 @@ from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why import explainer
 from wholebody.verdict.why.cause import causes
 from wholebody.verdict.why.chunk_program import STARTS, ChunkProgram
-from wholebody.verdict.why.motion_search import NAMES
+from wholebody.verdict.why.motion_search import EVERY, NAMES
 from wholebody.verdict.why.sentence import with_changes
 from wholebody.verdict.why.tick import TickProver
 
@@ -52,8 +52,9 @@ def test_without_any_one_member_the_plan_that_was_kept_keeps_all_the_others(hold
     assert one.irreducible
     assert {Limit.BALANCE} < set(one.kinds)
     fresh = ChunkProgram(holder, program.chunk)
-    assert fresh.find(frozenset(one.kinds), thorough=True) is None
-    assert fresh.searches >= STARTS
+    motion, known = fresh.find(frozenset(one.kinds), thorough=True)
+    assert motion is None
+    assert known.searches >= STARTS
     for left_out, witness in one.witnesses.items():
         kept = set(one.kinds) - {left_out}
         exceeded = {NAMES[margin.code] for margin in program.margins(witness) if margin.share < -1.0}
@@ -61,6 +62,17 @@ def test_without_any_one_member_the_plan_that_was_kept_keeps_all_the_others(hold
         assert left_out in exceeded
         assert not kept & exceeded
         assert np.linalg.norm(off, axis=2).max() <= 0.02
+
+
+def test_what_is_found_is_returned_and_a_search_without_it_begins_anew(holder):
+    """What was found was kept in the program: what it answered hung on what it had been asked before."""
+    program = ChunkProgram(holder, sent(to=(2.0, 0.0, 0.0), time=1.5))
+    motion, known = program.find(EVERY)
+    _, anew = program.find(EVERY)
+    assert motion is None
+    assert anew.searches == known.searches > 0
+    assert anew.nearest is not known.nearest
+    assert program.find(EVERY, known)[1] is known
 
 
 def test_a_finger_and_the_floor_are_causes_by_themselves(holder):
@@ -124,7 +136,8 @@ def test_a_hand_in_the_other_one_is_not_offered_as_a_bound(in_the_other):
 
 
 def test_where_the_tick_has_a_solution_nothing_is_proven_and_what_limits_is_told(holder):
-    tick = TickProver(holder.spec, holder.config).of(ChunkProgram(holder, sent(to=(0.5, 0.0, 0.0), time=1.4)))
+    program = ChunkProgram(holder, sent(to=(0.5, 0.0, 0.0), time=1.4))
+    tick = TickProver(holder.spec, holder.config).of(program, program.nearest()[0])
     assert not tick.proven
     assert tick.A == []
     assert tick.rows[0].startswith("balance.")

@@ -88,6 +88,7 @@ def test_the_nearest_motion_is_told_by_what_it_lacks_most():
     """A palm 455 mm off, and turned as asked, was "-9.79 deg away"."""
     checker = FastChecker()
     program = ChunkProgram(checker.judge, stranger(33).chunk)
-    one = program.reach(program.nearest())
+    nearest, _ = program.nearest()
+    one = program.reach(nearest)
     assert (one.code, one.margin < 0.0) == (Limit.REACH, True)
-    assert np.isclose(one.value, one.bound * program.nearest().worst[0])
+    assert np.isclose(one.value, one.bound * nearest.worst[0])

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -19,6 +20,7 @@ from policy.geometry.rotations import angle_between
 from wholebody.planning.judgement.chunk_margins import AT_START, rates_from
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.verdict.why.chunk_program import ChunkProgram, WorkOverError
+from wholebody.verdict.why.findings import NOTHING, Findings
 from wholebody.verdict.why.motion_search import EVERY, NAMES, Witness
 
 SETS = 3
@@ -50,42 +52,48 @@ class Cause:
     witnesses: Mapping[Limit, Witness] = field(default_factory=dict, compare=False)
 
 
-def causes(program: ChunkProgram, begin_max: float = inf, end_max: float = inf) -> tuple[list[Cause], bool]:
+def causes(
+    program: ChunkProgram, known: Findings = NOTHING, begin_max: float = inf, end_max: float = inf
+) -> tuple[list[Cause], bool, Findings]:
     """What is found of a chunk, its own numbers first, then the smallest sets; nothing if there is a plan as given.
 
     Args:
         program: Of the chunk.
-        begin_max: Work of the program from which no further set is begun.
+        known: What was found of it before.
+        begin_max: Work of all searches from which no further set is begun.
         end_max: The same from which a set that was begun is given up.
 
     Returns:
-        The causes, and whether all were looked for, up to `SETS` sets.
+        The causes, whether all were looked for, up to `SETS` sets, and what is known then.
     """
-    found, sets = list(_of_numbers(program)), []
-    program.work_max = end_max
-    try:
-        every = _find_sets(program, sets, begin_max)
-    except WorkOverError:
-        every = False
-    program.work_max = inf
+    found = list(_of_numbers(program))
+    sets, every, known = _find_sets(program, known, begin_max, end_max)
     # A bound that forbids by itself says more than two that do so together.
-    return found + [_of_plan(program, kinds) for kinds in sorted(sets, key=len)], every
+    for kinds in sorted(sets, key=len):
+        cause, known = _of_plan(program, kinds, known)
+        found.append(cause)
+    return found, every, known
 
 
-def _find_sets(program: ChunkProgram, sets: list[frozenset[Limit]], begin_max: float) -> bool:
-    """Add disjoint irreducible sets to a list; whether all were looked for, up to `SETS` sets."""
-    allowed = EVERY
+def _find_sets(
+    program: ChunkProgram, known: Findings, begin_max: float, end_max: float
+) -> tuple[list[frozenset[Limit]], bool, Findings]:
+    """Disjoint irreducible sets, whether all were looked for, up to `SETS` sets, and what is known then."""
+    sets, allowed = list[frozenset[Limit]](), EVERY
     while len(sets) < SETS:
-        if sets and program.work >= begin_max:
-            return False
-        kinds = _irreducible(program, allowed)
+        if sets and known.work >= begin_max:
+            return sets, False, known
+        try:
+            kinds, known = _irreducible(program, allowed, known, end_max)
+        except WorkOverError as over:
+            return sets, False, over.known
         if kinds is None:
             break
         sets.append(kinds)
         allowed = allowed - kinds
         if not kinds:
             break
-    return True
+    return sets, True, known
 
 
 def _of_numbers(program: ChunkProgram) -> Iterator[Cause]:
@@ -127,11 +135,14 @@ def _begins_there(program: ChunkProgram) -> bool:
     return bool(program.now <= chunk.t_obs and far <= bounds.palm_feasible and turn <= bounds.turn_feasible)
 
 
-def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
-    """What is told of kinds that together leave no plan."""
-    found = {name: program.find(kinds - {name}) for name in sorted(kinds)}
-    witnesses = {name: witness for name, witness in found.items() if witness is not None}
-    nearest = program.nearest()
+def _of_plan(program: ChunkProgram, kinds: frozenset[Limit], known: Findings) -> tuple[Cause, Findings]:
+    """What is told of kinds that together leave no plan, and what is known then."""
+    witnesses: dict[Limit, Witness] = {}
+    for name in sorted(kinds):
+        found, known = program.find(kinds - {name}, known)
+        if found is not None:
+            witnesses[name] = found
+    nearest, known = program.nearest(known)
     _, knot, side = nearest.worst
     # The stop after the last step is the plan's: what the chunk asks for there is its last step.
     step = min(max(round(float(nearest.targets.steps[knot]) * program.chunk.fps), 0), len(program.chunk) - 1)
@@ -143,27 +154,39 @@ def _of_plan(program: ChunkProgram, kinds: frozenset[Limit]) -> Cause:
     ordered = tuple(name for name in best if name in kinds)
     members = tuple(best[name] for name in ordered) if kinds else (program.reach(nearest),)
     # What was found for another set since may be a plan of this one after all.
-    irreducible = len(witnesses) == len(kinds) and program.find(kinds, thorough=True) is None
-    return Cause(ordered or (Limit.REACH,), members, where, irreducible, witnesses)
+    irreducible = len(witnesses) == len(kinds)
+    if irreducible:
+        found, known = program.find(kinds, known, thorough=True)
+        irreducible = found is None
+    return Cause(ordered or (Limit.REACH,), members, where, irreducible, witnesses), known
 
 
-def _irreducible(program: ChunkProgram, allowed: frozenset[Limit]) -> frozenset[Limit] | None:
+def _irreducible(
+    program: ChunkProgram, allowed: frozenset[Limit], known: Findings, work_max: float
+) -> tuple[frozenset[Limit] | None, Findings]:
     """Kinds among those allowed that together leave no plan, none of which can be left out; None if there is one.
 
     The kind that a plan breaks worst is added until there is no plan, then each is left out without which there is none
-    either. So far one start has to do; where more of them find a plan after all, what that one breaks is added.
+    either. So far one start has to do; where more of them find a plan after all, what that one breaks is added. What is
+    known then comes with them.
     """
-    if program.find(allowed) is not None:
-        return None
+    find = partial(program.find, work_max=work_max)
+    found, known = find(allowed, known)
+    if found is not None:
+        return None, known
     kinds: list[Limit] = []
     while True:
-        while (found := program.find(frozenset(kinds))) is not None:
+        found, known = find(frozenset(kinds), known)
+        while found is not None:
             rest = [name for name in found.broken if name in allowed]
             if not rest:
-                return None
+                return None, known
             kinds.append(rest[0])
+            found, known = find(frozenset(kinds), known)
         for name in list(kinds):
-            if program.find(frozenset(kinds) - {name}) is None:
+            found, known = find(frozenset(kinds) - {name}, known)
+            if found is None:
                 kinds.remove(name)
-        if program.find(frozenset(kinds), thorough=True) is None:
-            return frozenset(kinds)
+        found, known = find(frozenset(kinds), known, thorough=True)
+        if found is None:
+            return frozenset(kinds), known

@@ -22,6 +22,7 @@ from wholebody.planning.still_postures import Round, scattered
 from wholebody.planning.trajectory import GRID, SampledTrajectory, centroidal_along, curve_through, track_along
 from wholebody.reference import HandMotion
 from wholebody.trajopt.optimizer import KnotTrajectory
+from wholebody.verdict.why.findings import NOTHING, Findings, Try
 from wholebody.verdict.why.motion_search import (
     EVERY,
     NAMES,
@@ -41,22 +42,25 @@ POSTURES = 6
 """Postures from which one at rest is searched."""
 AT_REST = frozenset(name for name in EVERY if name.value in list(Limit)[: list(Limit).index(Limit.LOAD)])
 """Those that a posture at rest has to keep."""
-Try = int | Witness
-"""What a search begins with: the posture of a start, the present one for 0, or a motion that was found."""
 
 
 class WorkOverError(Exception):
-    """A search was given up because its work was over: nothing is known of what was asked."""
+    """A search was given up because its work was over: nothing is known of what was asked.
+
+    Attributes:
+        known: What was found until then.
+    """
+
+    def __init__(self, known: Findings) -> None:
+        super().__init__(f"given up after a work of {known.work:.0f}")
+        self.known = known
 
 
 class ChunkProgram:
-    """One chunk.
+    """One chunk; what is found of it is returned, and passed on to the next search.
 
     Attributes:
         first: Knot from which the palms count: the hands have joined the chunk.
-        searches: Motions searched for so far.
-        work: What that took, as budgets count it.
-        work_max: Work after which `find` begins no search any more.
 
     Args:
         judge: Holds the robot.
@@ -86,56 +90,45 @@ class ChunkProgram:
         posture = judge.planner.config.posture
         exact, gentle = (replace(posture, **scales) for scales in (PALM_SCALES, GENTLE_SCALES))
         self._rounds = Round(exact, 1.0, 25), Round(gentle, FIRM_SCALE, 40)
-        self.searches, self.work, self.work_max = 0, 0.0, inf
-        self._found: list[Witness] = []
-        self._led = False  # whether what was found last was led to by a motion
-        self._tried: dict[frozenset[Limit], list[Try]] = {}
-        self._hard: list[tuple[int, np.ndarray]] = []
-        self._at_rest: dict[tuple[int, frozenset[Limit]], bool] = {}
-        self._nearest: Witness | None = None
 
-    def find(self, enforced: frozenset[Limit], *, thorough: bool = False) -> Witness | None:
+    def find(
+        self, enforced: frozenset[Limit], known: Findings = NOTHING, *, thorough: bool = False, work_max: float = inf
+    ) -> tuple[Witness | None, Findings]:
         """A motion that does the chunk as given within the bounds of these kinds alone, if one is found.
 
         Args:
             enforced: Names of the kinds.
+            known: What was found before.
             thorough: Search from `STARTS` starts and `NEAREST` motions. Else one has to do, and none is made where at a
                 knot that was missed before no posture at rest keeps them: a posture of a plan would.
+            work_max: Work of all searches after which none is begun any more.
+
+        Returns:
+            The motion, and what is known now.
 
         Raises:
-            WorkOverError: If `work_max` is reached before it is known.
+            WorkOverError: If that work is reached before it is known.
         """
-        known = next((one for one in self._found if one.keeps(enforced)), None)
-        missed = known is None and any(self._missed(less, thorough) for less in self._tried if less <= enforced)
-        if known is not None or missed or not (thorough or self._has_postures(enforced)):
-            return known
-        tries = self._tries(enforced, thorough)
+        found, starts = known.keeping(enforced), range(STARTS) if thorough else ()
+        if found is not None or any(known.missing(less, starts) for less in known.tried if less <= enforced):
+            return found, known
+        if not thorough:
+            rests, known = self._has_postures(enforced, known)
+            if not rests:
+                return None, known
+        tries = _tries(enforced, known, thorough)
         searched = self._searched(enforced, [self._begin(one) for one in tries])
         for one in tries:
-            if self.work >= self.work_max:
-                raise WorkOverError
+            if known.work >= work_max:
+                raise WorkOverError(known)
             done = next(searched)
-            self._count(done)
-            if enforced == EVERY and self._nearest is None:
-                self._nearest = done.first
+            known = known.counting(done)
+            if enforced == EVERY and known.nearest is None:
+                known = replace(known, nearest=done.first)
             if done.found is not None:
-                self._led = isinstance(one, Witness)
-                return done.found
-            self._tried.setdefault(enforced, []).append(one)
-        return None
-
-    def _tries(self, enforced: frozenset[Limit], thorough: bool) -> list[Try]:
-        """What a search within the bounds of these kinds begins with, as far as it has not yet.
-
-        What keeps most of these bounds may be near to what keeps all: of what keeps as many, what was found last. Where
-        one start has to do, it is the present posture, until one is found that only another motion leads to.
-        """
-        latest = self._found[::-1]
-        best = sorted(latest, key=lambda one: len(enforced & set(one.broken)))
-        if not thorough:
-            return [best[0] if self._led else 0]
-        tried = self._tried.get(enforced, [])
-        return [one for one in (*best[:NEAREST], *range(STARTS)) if one not in tried]
+                return done.found, replace(known, moved=isinstance(one, Witness))
+            known = known.without(enforced, one)
+        return None, known
 
     def _begin(self, one: Try) -> SearchBegin:
         if isinstance(one, Witness):
@@ -166,49 +159,36 @@ class ChunkProgram:
                 yield asked.popleft().result()
                 asked.extend(pool.submit(search, begin) for begin in islice(todo, 1))
 
-    def _count(self, done: Searched) -> None:
-        self._found += done.near
-        self._hard += done.missed
-        self.searches += done.motions
-        self.work += done.work
-
-    def _missed(self, enforced: frozenset[Limit], thorough: bool) -> bool:
-        """Whether no plan was found within the bounds of these kinds, from every start if thorough, and none since."""
-        every = not thorough or all(start in self._tried[enforced] for start in range(STARTS))
-        return every and not any(one.keeps(enforced) for one in self._found)
-
-    def know(self, knots: KnotTrajectory) -> None:
-        """Count a motion that was found elsewhere, at the chunk's own speed, among those that were found."""
+    def with_motion(self, knots: KnotTrajectory, known: Findings = NOTHING) -> Findings:
+        """What is known, and a motion that was found elsewhere, at the chunk's own speed, if it does the chunk."""
         one = self._own.witness(knots)
-        self._found += [one] if one.near else []
+        return replace(known, motions=(*known.motions, one)) if one.near else known
 
-    def nearest(self) -> Witness:
-        """What the planner's own weights come to with every bound enforced."""
-        if self._nearest is None:
-            done = self._own.search(EVERY, None)
-            self._count(done)
-            self._nearest = done.first
-        return self._nearest
+    def nearest(self, known: Findings = NOTHING) -> tuple[Witness, Findings]:
+        """What the planner's own weights come to with every bound enforced, and what is known then."""
+        if known.nearest is not None:
+            return known.nearest, known
+        done = self._own.search(EVERY, None)
+        return done.first, replace(known.counting(done), nearest=done.first)
 
-    def nearest_track(self) -> tuple[SampledTrajectory, tuple[HandMotion, HandMotion]]:
-        """Nearest motion as it would be followed, and the hands as given at its rows."""
+    def track(self, witness: Witness) -> tuple[SampledTrajectory, tuple[HandMotion, HandMotion]]:
+        """A motion as it would be followed, and the hands as given at its rows."""
         steps = self.targets.steps
-        curve = curve_through(steps, self.nearest().knots.q, self.begin.body.v)
+        curve = curve_through(steps, witness.knots.q, self.begin.body.v)
         end = steps[-1] + steps[1] - steps[0]
         track = track_along(curve, centroidal_along(curve, steps[0], end, self.judge.planner.centroidal))
         times = np.minimum(track.start + GRID * np.arange(len(track.q)), steps[-1])
         return track, tuple(path.sample(times) for path in self.targets.paths)
 
-    def raised(self, kind: Limit) -> Margin | None:
+    def raised(self, kind: Limit, known: Findings = NOTHING) -> tuple[Margin | None, Findings]:
         """What the bounds of a kind would have to be for a plan that keeps all the others; None where none is found.
 
-        It is the value that such a plan has, which is not the least one. One start has to do.
+        It is the value that such a plan has, which is not the least one. One start has to do. What is known then comes
+        with it.
         """
-        found = self.find(EVERY - {kind})
-        if found is None:
-            return None
-        of_kind = (one for one in self.margins(found) if NAMES[one.code] == kind and one.margin < 0.0)
-        return next(of_kind, None)
+        found, known = self.find(EVERY - {kind}, known)
+        room = [] if found is None else self.margins(found)
+        return next((one for one in room if NAMES[one.code] == kind and one.margin < 0.0), None), known
 
     def margins(self, witness: Witness) -> list[Margin]:
         """Least room that a motion leaves to every kind of bound, the tightest first."""
@@ -232,21 +212,24 @@ class ChunkProgram:
             bound=bound, unit=code.unit, margin=bound - value, share=(bound - value) / bound,
         )  # fmt: skip
 
-    def rests(self) -> bool:
-        """Whether postures at rest keep all bounds where motions missed: else it is in vain to go slower."""
-        return self._has_postures(EVERY)
+    def rests(self, known: Findings) -> tuple[bool, Findings]:
+        """Whether postures at rest keep all bounds where motions missed: else it is in vain to go slower.
 
-    def _has_postures(self, enforced: frozenset[Limit]) -> bool:
-        """Whether postures at rest are found at the knots that were missed before, from `POSTURES` starts each."""
-        return all(self._rests_at(k, near, enforced & AT_REST) for k, near in self._hard[-2:])
+        What is known then comes with it.
+        """
+        return self._has_postures(EVERY, known)
 
-    def _rests_at(self, k: int, near: np.ndarray, enforced: frozenset[Limit]) -> bool:
-        """Whether a posture at rest does one knot; what is known of more or fewer kinds is not searched for again."""
-        for (knot, kinds), found in self._at_rest.items():
-            if knot == k and (kinds >= enforced if found else kinds <= enforced):
-                return found
-        self._at_rest[k, enforced] = found = self._posture_at(k, near, enforced)
-        return found
+    def _has_postures(self, enforced: frozenset[Limit], known: Findings) -> tuple[bool, Findings]:
+        """Whether postures at rest are found at the knots that were missed last, from `POSTURES` starts each."""
+        for k, near in known.missed_at[-2:]:
+            kinds = enforced & AT_REST
+            rests = known.resting(k, kinds)
+            if rests is None:
+                rests = self._posture_at(k, near, kinds)
+                known = replace(known, at_rest={**known.at_rest, (k, kinds): rests})
+            if not rests:
+                return False, known
+        return True, known
 
     def _posture_at(self, k: int, near: np.ndarray, enforced: frozenset[Limit]) -> bool:
         stills, body, generator = self.judge.stills, self.judge.planner.optimizer.body, np.random.default_rng(0)
@@ -260,3 +243,17 @@ class ChunkProgram:
             if off and turn.max() <= bounds.turn_feasible and stills.excess()[1] <= 1.0:
                 return True
         return False
+
+
+def _tries(enforced: frozenset[Limit], known: Findings, thorough: bool) -> list[Try]:
+    """What a search within the bounds of these kinds begins with, as far as it has not yet.
+
+    What keeps most of these bounds may be near to what keeps all: of what keeps as many, what was found last. Where one
+    start has to do, it is the present posture, until one is found that only another motion leads to.
+    """
+    latest = known.motions[::-1]
+    best = sorted(latest, key=lambda one: len(enforced & set(one.broken)))
+    if not thorough:
+        return [best[0] if known.moved else 0]
+    tried = known.tried.get(enforced, ())
+    return [one for one in (*best[:NEAREST], *range(STARTS)) if one not in tried]

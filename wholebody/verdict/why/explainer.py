@@ -23,6 +23,7 @@ from wholebody.verdict.repair import Change, ChangeKind, slowed
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.cause import Cause, causes
 from wholebody.verdict.why.chunk_program import AT_REST, ChunkProgram
+from wholebody.verdict.why.findings import NOTHING, Findings
 from wholebody.verdict.why.motion_search import EVERY
 from wholebody.verdict.why.sentence import why, with_changes
 from wholebody.verdict.why.single_changes import MOVED_MOST, SLOWER_MOST, SingleChanges
@@ -86,16 +87,16 @@ class Explainer:
             twin.carry(*self._judge.loads)
             twin.stand_on(self._judge.planner.optimizer.body.footing.contacts)
         program = ChunkProgram(self._judge, chunk, begin, free, suspect.now, self._twins)
-        if suspect.plan.report.slowdown == 1.0:
-            program.know(suspect.plan.knots)
-        found, every = causes(program, CAUSES_WORK, SET_WORK)
+        known = program.with_motion(suspect.plan.knots) if suspect.plan.report.slowdown == 1.0 else NOTHING
+        found, every, known = causes(program, known, CAUSES_WORK, SET_WORK)
         self.asked = program, found
         if not found:
             return replace(verdict, why_complete=every)
-        whys, at_most = [why(one, since, chunk.fps, end) for one in found], 0.5 * (WHY_WORK - program.work)
+        whys, at_most = [why(one, since, chunk.fps, end) for one in found], 0.5 * (WHY_WORK - known.work)
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
         # A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
-        at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in whys) or not program.rests()
+        at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in whys)
+        slows, known = (False, known) if at_rest else program.rests(known)
         idle, kinds = SimpleQueue(), () if sound is None else CHANGES
 
         def changed(kind: ChangeKind) -> tuple[Change | None, bool]:
@@ -107,12 +108,12 @@ class Explainer:
                 idle.put(judge)
 
         with ThreadPoolExecutor(len(CHANGES)) as pool:
-            asked = [pool.submit(changed, kind) for kind in kinds if kind != "slower" or not at_rest]
+            asked = [pool.submit(changed, kind) for kind in kinds if kind != "slower" or slows]
             for twin in self._twins:
                 idle.put(twin)
             try:
-                raised = _raised(program, whys, since)
-                tick = None if of_numbers else self.prover.of(program, since)
+                raised, known = _raised(program, whys, since, known)
+                tick = None if of_numbers else self.prover.of(program, program.nearest(known)[0], since)
             finally:
                 idle.put(self._judge)
             changes = [one.result() for one in asked]
@@ -184,11 +185,14 @@ def holds_as_given(judge: ChunkJudge, chunk: ActionChunk, begin: Begin, free: tu
     return run.verdict((one,)).verdict == "feasible"
 
 
-def _raised(program: ChunkProgram, causes: Sequence[Why], since: float) -> list[WouldDo]:
-    """Value of each bound of an only cause in a plan that keeps all others."""
+def _raised(
+    program: ChunkProgram, causes: Sequence[Why], since: float, known: Findings
+) -> tuple[list[WouldDo], Findings]:
+    """Value of each bound of an only cause in a plan that keeps all others, and what is known then."""
     out = []
     for kind in causes[0].codes if len(causes) == 1 else ():
-        if kind in EVERY and (one := program.raised(kind)) is not None:
+        one, known = program.raised(kind, known) if kind in EVERY else (None, known)
+        if one is not None:
             moved = replace(one, time=one.time + since, step=one.step + round(since * program.chunk.fps))
             out.append(WouldDo("bound", bound=moved))
-    return out
+    return out, known

@@ -26,6 +26,7 @@ from wholebody.reference import HandMotion
 from wholebody.types import RobotState
 from wholebody.verdict.causes import Tick
 from wholebody.verdict.why.chunk_program import ChunkProgram
+from wholebody.verdict.why.motion_search import Witness
 
 EVERY_TICKS = 5
 """Control periods from one look at the hands to the next; chosen: 10 ms."""
@@ -51,15 +52,16 @@ class TickProver:
         self._controller = WholeBodyController(spec, config)
         self._controller.carry((config.loads.left, config.loads.right))
 
-    def of(self, program: ChunkProgram, since: float = 0.0) -> Tick | None:
+    def of(self, program: ChunkProgram, nearest: Witness, since: float = 0.0) -> Tick | None:
         """The first tick that is proven, else the one at which the hands lack most; None where they lack nothing.
 
         Args:
             program: Of a chunk that is not done as given.
+            nearest: Its nearest motion.
             since: Added to times [s].
         """
         looks, worst = 0, (0.0, None)
-        for time, lacking in self._followed(program):
+        for time, lacking in self._followed(program, nearest):
             if lacking <= 1.0:
                 continue
             qp = self._controller.build()
@@ -73,10 +75,10 @@ class TickProver:
                 break
         return worst[1]
 
-    def _followed(self, program: ChunkProgram) -> Iterator[tuple[float, float]]:
+    def _followed(self, program: ChunkProgram, nearest: Witness) -> Iterator[tuple[float, float]]:
         """Times, and what hands lack there in terms of `SHORT`, while they are on the chunk; puts the robot there."""
         c, robot, body = self._controller, self._controller.robot, program.begin.body
-        track, hands = program.nearest_track()
+        track, hands = program.track(nearest)
         palms = [_palms(hand, offset) for hand, offset in zip(hands, program.judge.planner.offsets, strict=True)]
         q, v, dt = body.q.copy(), body.v.copy(), c.config.dt
         c.reset(RobotState(0.0, q, v))
