@@ -95,7 +95,7 @@ def test_a_base_goes_to_its_goal_and_stays():
         speeds.append(abs(guide.velocity.way))
     assert guide.rests
     assert guide.place == goal
-    assert max(speeds) < 0.26
+    assert max(speeds) < 0.351, "m/s: steps to a goal are a little slower than the 0.4 that was walked"
 
 
 def test_a_velocity_that_turns_leads_on_an_arc():
