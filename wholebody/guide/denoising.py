@@ -58,11 +58,15 @@ def guided(policy: LeRobotPolicy, guide: Guide, *, strength: float = 1.0, since:
         v[..., : len(low)] -= v.new_tensor(moved / time)
         return v
 
+    before = vars(model).get("denoise_step")
     model.denoise_step = led
     try:
         yield
     finally:
-        del model.denoise_step
+        if before is None:
+            del model.denoise_step
+        else:
+            model.denoise_step = before
 
 
 def _scales(policy: LeRobotPolicy) -> tuple[np.ndarray, np.ndarray]:

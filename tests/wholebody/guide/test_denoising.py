@@ -32,6 +32,8 @@ def test_guidance_halves_what_is_infeasible_and_ends_with_its_block(policy, guid
     samples = sampled_set(SET)
     plain = samples_of(policy, samples)
     with guided(policy, guide):
+        with guided(policy, guide, strength=0.0):
+            pass
         led = samples_of(policy, samples)
     again = samples_of(policy, samples[:1])
     assert infeasible(plain) >= 6

@@ -68,6 +68,7 @@ def test_a_chunk_that_can_be_done_with_a_change_is_repaired_by_its_plan(checker)
     assert decision.moved <= bounds.palm_repair
     assert decision.turned <= bounds.turn_repair
     assert refusal is None
+    assert shown(checker, sent(to=(0.30, 0.10, 0.35), time=0.42))[0].answer == "rejected"
 
 
 def test_another_motion_is_rejected_with_its_reason_and_the_robot_stays(checker, monkeypatch):

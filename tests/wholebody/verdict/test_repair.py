@@ -16,6 +16,7 @@ from wholebody.planning.trajectory import GRID
 from wholebody.types import Reason
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.repair import slowed
+from wholebody.verdict.why.headline import summary
 
 LOAD, GOAL, ROLLED = 2.3, [0.5, 0.2, 1.08], np.deg2rad(40.0)
 """Mass in the left hand [kg], where that is to hold it level [m], and how far it is rolled at first, where pitch and
@@ -70,6 +71,7 @@ def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them
     assert (change.kind, change.slower) == ("turned", 1.0)
     assert change.moved == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < change.turned <= checker.config.verdict.turn_repair
+    assert change.turned < repairer.bent(1.0, "combined").turned
     assert repairer.lasts(change.chunk)
     # The way to it asks no motor for more than it has, but between the instants that a plan is judged at, 10 ms apart.
     judge = checker.judge
@@ -86,12 +88,18 @@ def test_a_hand_that_a_motor_does_not_hold_where_a_chunk_begins_is_told(load, an
     excused, and the chunk said to be feasible."""
     checker = FastChecker(replace(STIFF, loads=LoadConfig(source="told", left=load)))
     chunk = chunk_of(moved([0.418, 0.299, 1.076], 1.4))
-    verdict = checker.of_chunk(chunk, checker.judge.first_pose(chunk), "", (False, False), ask_why=load > 2.0)
+    begin = checker.judge.first_pose(chunk)
+    verdict = checker.of_chunk(chunk, begin, "", (False, False), ask_why=load > 2.0)
     assert verdict.verdict == answer
-    assert checker.judge.previews(chunk, checker.judge.first_pose(chunk)) is (answer == "feasible")
+    assert checker.judge.previews(chunk, begin) is (answer == "feasible")
+    # A measured robot is never quite still.
+    begin.body.v[6:] = 1e-4
+    assert checker.of_chunk(chunk, begin, "", (False, False)).verdict == answer
+    assert checker.judge.previews(chunk, begin) is (answer == "feasible")
     if answer != "feasible":
         first = verdict.violations[0]
         assert (first.code, first.subject) == (Reason.TORQUE_LIMIT, "left_wrist_pitch_joint")
+        assert "motor" in summary(verdict)
     if answer == "infeasible":
         lighter = [one.lighter for one in verdict.would_do if one.kind == "lighter"]
         assert lighter

@@ -49,7 +49,8 @@ class EpisodeRepairer:
     def holds(self, episode: ActionChunk) -> bool:
         """Whether an episode is feasible unchanged."""
         played = ReplayPolicy(episode, name=self._policy.name, spec=self._policy.spec, horizon=self._policy.horizon)
-        return self._checker.check(played, played.name, played.duration, start=self._start).verdict == "feasible"
+        verdict = self._checker.check(played, played.name, played.duration, start=self._start, odds=False)
+        return verdict.verdict == "feasible"
 
     def slower(self) -> float | None:
         """Least of `SLOWER_FACTORS` with which it is feasible; None without any."""

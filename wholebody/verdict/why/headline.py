@@ -15,6 +15,7 @@ from wholebody.verdict.why.sentence import bound_text, change_text
 ANOTHER = "which is another motion"
 WHY_NOT = {
     Reason.SCENE_CONTACT: "it would go into what stands there",
+    Reason.TORQUE_LIMIT: "a motor would have to give {value}",
     Reason.HAND_FORCE: "a hand would have to push with {value}",
     Reason.FALL: "the robot falls",
     Reason.REFUSED: "the input is refused",
