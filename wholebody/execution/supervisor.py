@@ -171,7 +171,8 @@ class Supervisor(Commands):
         before = None if self.plan is None else self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
         self.contacts, loads, torques = self._planted.planned(state), self.carrying.planned(), self.motors.planned()
         wanted = PlanRequest(chunk, self._now, due, start, before, again, contacts=self.contacts)
-        wanted = replace(wanted, walks=self.config if self._stepping.may_walk_for(chunk) else None)
+        walks = self._stepping.may_walk_for(chunk) and not (self._gated or self.touch.active)
+        wanted = replace(wanted, walks=self.config if walks else None)
         self.handover.ask(replace(wanted, loads=loads, surfaces=self.touch.met(), torques=torques))
         self._exchange(self._now)
 
@@ -183,6 +184,8 @@ class Supervisor(Commands):
         if (taken := handover.take(self._now, None if self.plan is None else follower.s, follower.rate)) is not None:
             self._take_over(taken)
         if (dropped := handover.take_dropped()) is not None:
+            if handover.late > late:  # a base that is found never comes too late
+                self._stepping.beyond = ends(dropped)
             self._waiting, self._retry = self._waiting or dropped, self._now
         if self._gated and handover.late > late:
             self._refuse(statuses.GATE_LATE)
@@ -192,6 +195,8 @@ class Supervisor(Commands):
         request, plan, chunk = answer.request, answer.plan, answer.request.chunk
         if answer.base is not None:
             self.walk_to(answer.base)
+            if not self._stepping.coming:  # planned from here
+                self._stepping.beyond, self._waiting = ends(chunk), self._waiting or chunk
             return None
         if request.walks is not None and plan is not None and Reason.OUT_OF_REACH in plan.report.changes:
             self._stepping.beyond = ends(chunk)
@@ -265,6 +270,7 @@ class Supervisor(Commands):
         if stepping.look(state, now, blind):
             self._stood()
         if stepping.active:
+            self._ahead.leave(None)
             self.plan = None
         led = not (blind or self._lowering.active or stepping.coming)
         if not led:

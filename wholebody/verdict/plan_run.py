@@ -47,7 +47,7 @@ class Opening:
         start: When its first chunk was asked for [s]. fps: Its steps per second [Hz].
         jump: How far that begins from where the hands are: distance [m] and angle [rad].
         palms: Where the palm points are then, shape (2, 3), world [m].
-        torque: Room that motors have to hold the robot there; None where a plan before leads it, or it is not looked at.
+        torque: Room that motors have to hold the robot there; None where a plan leads it, or it is not looked at.
     """
 
     start: float

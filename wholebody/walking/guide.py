@@ -58,7 +58,9 @@ class Guide:
         return way * axes, (self.change[0] + 1j * turn * way) * axes
 
     def advance(self, dt: float) -> None:
-        """Move on by a period [s]."""
+        """Move on by a period [s]; by none, nothing changes."""
+        if dt <= 0.0:
+            return
         wanted = self.wanted or self._towards()
         before = self.velocity
         way, turn = wanted.way - before.way, wanted.turn - before.turn

@@ -169,6 +169,11 @@ class HandsAhead:
         if plan is not None:
             self._look(plan, 0.0)
 
+    def leave(self, plan: ChunkPlan | None) -> None:
+        """Leave the hands to the plan that is followed, fast ones too."""
+        self._slow_down()
+        self.end(plan)
+
     def hands(self, s: np.ndarray) -> tuple[HandMotion, ...]:
         """What both hands are led along at parameters (n,) of the plan [s], rows (n, 40) with rates along it."""
         if self._follower.leads:

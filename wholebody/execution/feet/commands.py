@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from wholebody.control.touch import Touch
 from wholebody.execution import standing, statuses
+from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.ending.lowering import Lowering
 from wholebody.execution.ending.stiff_legs import StiffLegs
 from wholebody.execution.feet.stepping import Stepping
@@ -13,7 +15,7 @@ from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.standing import Reflex
 from wholebody.execution.states import State
 from wholebody.robot.contact_schedule import ContactSchedule
-from wholebody.types import StatusReport
+from wholebody.types import Reason, StatusReport
 from wholebody.walking.places import Place, Velocity
 
 
@@ -21,10 +23,12 @@ class Commands(statuses.Following):
     """The part of a supervisor that is led; plans wait meanwhile, and are made anew once the robot stands."""
 
     handover: Handover
+    touch: Touch
     contacts: ContactSchedule
     _stepping: Stepping
     _planted: PlantedFeet
     _lowering: Lowering
+    _ahead: HandsAhead
     _reflex: Reflex
     _legs: StiffLegs
     _retry: float
@@ -51,6 +55,7 @@ class Commands(statuses.Following):
             self._stepping.stop()
             self._stepping.then = down
         elif self.state is not State.FALLEN:
+            self._ahead.leave(self.plan)
             self._lowering.begin(self._last_state, down=down)
             self.handover.cancel()
             self.plan = self.chunk = self._newest = self._waiting = self._refused = None
@@ -77,7 +82,7 @@ class Commands(statuses.Following):
             StateError: Before the first `reset`.
         """
         self._following()
-        return self._walk(self._stepping.refusal() or self._stepping.goal(base))
+        return self._walk(self._no_walk() or self._stepping.goal(base))
 
     def walk(self, velocity: Sequence[float]) -> StatusReport:
         """Walk with a velocity of the base: ahead, to the left [m/s] and about the vertical [rad/s], in its own axes.
@@ -86,12 +91,21 @@ class Commands(statuses.Following):
         is too fast is followed slower, in the same direction. Otherwise as `walk_to`.
         """
         self._following()
-        return self._walk(self._stepping.refusal() or self._stepping.velocity(velocity))
+        return self._walk(self._no_walk() or self._stepping.velocity(velocity))
+
+    def _no_walk(self) -> StatusReport | None:
+        """Why no walk can be begun or changed now; None if one can."""
+        if self.touch.active and not self._stepping.active:
+            held = "a hand touches something, and steps do not lean against it; walk once it is let go of"
+            return statuses.refused(Reason.WALK_REFUSED, held)
+        return self._stepping.refusal()
 
     def _walk(self, wanted: Place | Velocity | StatusReport) -> StatusReport:
         if isinstance(wanted, StatusReport):
             return wanted
         stepped = self._stepping.coming
+        if not stepped:
+            self._ahead.leave(self.plan)
         report = self._stepping.walk(wanted, self._last_state, self._now)
         if not self._stepping.coming:
             return self.status

@@ -46,6 +46,8 @@ LOST = 0.005
 motions of trunk and arms still bring it back."""
 TAKEN_UP = 0.5
 """Time in which the hands are held again after a step that caught the robot [s]; measured by the prototype."""
+WALKS_FROM = (State.HOLDING, State.FOLLOWING, State.WALKING, State.RISING)
+"""States in which a walk can be begun or changed; a step that catches the robot is not led elsewhere."""
 CAUGHT_FROM = (State.HOLDING, State.FOLLOWING, State.STANDING, State.RETURNING)
 """States from which a step catches the robot: it stands, whatever it does with its hands."""
 NEAR = 0.05
@@ -118,7 +120,7 @@ class Stepping:
         """Why no walk can be begun or changed now; None if one can."""
         if self._config.steps != "reach":
             return _refused(f"`steps` is '{self._config.steps}'; with `steps: reach` the robot walks")
-        if self.then is not None or self._states.now not in (State.HOLDING, State.FOLLOWING, *STEPPING, State.RISING):
+        if self.then is not None or self._states.now not in WALKS_FROM:
             return _refused(f"the robot is {self._states.now.value}: it walks once it stands and holds, or follows")
         return None
 
@@ -194,7 +196,7 @@ class Stepping:
     def stop(self) -> None:
         """Come to a stand, within three steps."""
         self._wanted, self._until = Velocity(), -inf
-        if self.active:
+        if self._states.now is State.WALKING:
             self._tell()
 
     def look(self, state: RobotState, now: float, blind: bool) -> bool:

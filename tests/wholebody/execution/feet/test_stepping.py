@@ -13,9 +13,11 @@ import pytest
 from models import g1
 from policy.scripted.library import scripted_policy
 from policy.scripted.policy import to_chunk
+from tests.support.felt import Felt
 from wholebody.config import ControllerConfig, RobotConfig
 from wholebody.episode.run import EpisodeConfig, observe, run_episode
 from wholebody.errors import ConfigError
+from wholebody.execution import statuses
 from wholebody.execution.feet import elsewhere
 from wholebody.execution.feet.stepping import FASTEST, LASTS
 from wholebody.execution.feet.walker import Walker
@@ -24,6 +26,7 @@ from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
 from wholebody.sim.plant import MujocoPlant
 from wholebody.types import Reason
+from wholebody.walking.gait import Phase
 
 SPEC, CONFIG = g1(), ControllerConfig(steps="reach")
 
@@ -108,6 +111,59 @@ def test_a_chunk_that_comes_while_it_walks_is_followed_once_it_stands(supervisor
     assert supervisor.chunk is None
     run(supervisor, plant, lambda: supervisor.chunk is not None, 8.0)
     assert supervisor.chunk.seq == chunk.seq
+    assert supervisor.state is State.FOLLOWING
+
+
+@pytest.mark.parametrize(
+    ("told", "index", "most"), [((3.0, 0.0, 0.0), 0, FASTEST[1]), ((0.0, 3.0, 0.0), 1, FASTEST[2])]
+)
+def test_a_velocity_keeps_its_direction(supervisor, plant, told, index, most):
+    way = supervisor._stepping.velocity(told).way
+    assert (way.real, way.imag)[index] == pytest.approx(most)
+    assert (way.real, way.imag)[1 - index] == 0.0
+
+
+def test_a_state_that_comes_twice_while_it_walks_changes_nothing(supervisor, plant):
+    """No time had passed, and velocities were divided by it."""
+    supervisor.walk((0.2, 0.0, 0.0))
+    seen = set()
+
+    def again():
+        seen.add(supervisor._stepping._walker.walk.state)
+        if plant.state().time * 10.0 % 1.0 < 0.02:
+            supervisor.step(plant.state())
+
+    run(supervisor, plant, is_in(supervisor, State.HOLDING), 7.0, again)
+    assert {Phase.SHIFT, Phase.SWING, Phase.SETTLE} <= seen
+
+
+def test_a_robot_whose_hand_is_pulled_does_not_walk(supervisor, plant):
+    """It leant against 12 N as it had stood, and fell on its second step."""
+    Felt(plant, pull=("right", lambda t, q: np.array([0.0, 12.0 * min(max(t - 0.3, 0.0) / 0.3, 1.0), 0.0])))
+    run(supervisor, plant, lambda: plant.state().time > 1.0, 1.1)
+    assert supervisor.touch.active
+    report = supervisor.walk_to((0.8, 0.0, 0.0))
+    assert report.reason is Reason.WALK_REFUSED
+    assert "let go of" in report.detail
+    supervisor.accept(held(0.8, 0.8, plant.state().time))
+    run(supervisor, plant, lambda: plant.state().time > 3.0, 3.1)
+    assert supervisor.state in (State.HOLDING, State.FOLLOWING)
+
+
+def test_what_a_gate_does_not_see_is_not_walked_to(plant):
+    one, asked = Supervisor(SPEC, CONFIG, gate=lambda request, plan: asked.append(request) or statuses.GATE_LATE), []
+    one.reset(plant.reset())
+    one.accept(held(0.8, 0.8, 0.0))
+    run(one, plant, lambda: plant.state().time > 1.0, 1.1)
+    assert asked
+    assert one.state is not State.WALKING
+
+
+def test_a_chunk_that_no_walk_may_begin_for_is_planned_from_here(supervisor, plant, monkeypatch):
+    far = SimpleNamespace(reached=True, steps=30, base=(50.0, 0.0, 0.0))
+    monkeypatch.setattr(elsewhere, "stand_for", lambda *_, **__: far)
+    supervisor.accept(held(0.8, 0.8, 0.0))
+    run(supervisor, plant, lambda: supervisor.chunk is not None, 1.0)
     assert supervisor.state is State.FOLLOWING
 
 
