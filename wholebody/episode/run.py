@@ -141,6 +141,8 @@ def run_episode(
                 meters.offered(chunk, executor)
                 meters.refused(supervisor.accept(chunk, state.time), executor)
         command = supervisor.step(measured, state.time)
+        if sensors is not None and supervisor.config.steps != "never":
+            sensors.estimator.expect(supervisor.contacts)
         meters.refused(supervisor.take_refusal(), executor)
         meters.commanded(supervisor, state)
         if recorder is not None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.plant import Plant
-from wholebody.robot.support_polygon import convex_polygon
+from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
 POSITION_TOLERANCE = 2e-3
 """How far a joint may pass its position limit before it counts [rad]; chosen: MuJoCo's limits are springs."""
@@ -33,6 +33,10 @@ class LimitExcess:
     seconds: float
     worst: float
     bound: float
+
+
+TOUCHES = 0.005
+"""Height above the lowest point of both soles up to which one touches the floor [m]; chosen: a swing is at 5 cm."""
 
 
 class LimitMonitor:
@@ -79,6 +83,9 @@ class LimitMonitor:
         if force <= 0.0:
             return
         margin = self._support.margin(pressure)
+        if margin < TIPPING_DISTANCE and not all(self._stands):
+            # A foot that lands before its time carries.
+            margin = support_of(self._plant).margin(pressure)
         self.margin = min(self.margin, margin)
         if margin < TIPPING_DISTANCE:
             _note(self._edge, "pressure", time, dt, margin, TIPPING_DISTANCE)
@@ -94,6 +101,14 @@ class LimitMonitor:
     def edge(self) -> LimitExcess | None:
         """The centre of pressure at the edge of the soles [m], or None."""
         return self._edge.get("pressure")
+
+
+def support_of(plant: Plant) -> SupportPolygon:
+    """Hull of the soles that touch the floor now."""
+    points = plant.contact_points()
+    owner = np.repeat(np.arange(len(plant.spec.feet)), [len(foot.points) for foot in plant.spec.feet])
+    low = points[:, 2] < points[:, 2].min() + TOUCHES
+    return convex_polygon(points[np.isin(owner, owner[low]), :2])
 
 
 def _note(found: dict[str, LimitExcess], name: str, time: float, dt: float, value: float, bound: float) -> None:

@@ -16,8 +16,13 @@ from wholebody.config import ControllerConfig
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.plant import Plant
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
+from wholebody.sim.limit_monitor import support_of
 from wholebody.sim.record import PERIODS, TEXT_MAX, VERSION, Record
 from wholebody.types import JointCommand, RobotState, StatusReport
+
+STEPPED = 0.01
+"""Distance of a sole from where it was first from which the soles that touch are looked for [m]; chosen: no sole that
+stands slides or is bent as far."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,9 @@ class Recorder:
     def _balance(self, state: RobotState, plant: Plant) -> dict[str, np.ndarray | float]:
         """Centre of mass, capture point, pressure, and their distances from the edge of the support."""
         if self._support is None:
-            self._support = convex_polygon(plant.contact_points()[:, :2])
+            self._support, self._soles = convex_polygon(plant.contact_points()[:, :2]), plant.soles().copy()
+        moved = np.linalg.norm(plant.soles() - self._soles, axis=1).max() > STEPPED
+        support = support_of(plant) if moved else self._support
         pin.centerOfMass(self._model, self._data, state.q, state.v)
         com = self._data.com[0].copy()
         capture = com[:2] + self._data.vcom[0][:2] / natural_frequency(com[2])
@@ -139,8 +146,8 @@ class Recorder:
             "capture_point": capture,
             "foot_force": force,
             "pressure": pressure,
-            "pressure_margin": self._support.margin(pressure),
-            "capture_margin": self._support.margin(capture),
+            "pressure_margin": support.margin(pressure),
+            "capture_margin": support.margin(capture),
         }
 
     def _number(self, table: str, text: str) -> int:

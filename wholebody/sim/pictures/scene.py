@@ -98,6 +98,10 @@ STATUS_COLOUR: dict[Status, Colour] = {
     Status.DAMPING: (0.65, 0.00, 0.10, 1.0),
 }
 
+STEPPED = 1e-3
+"""Difference of the distance from the first support from that which is recorded, from which the feet stand elsewhere
+[m]; chosen: rounding is a millionth."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -109,7 +113,8 @@ class Scene:
         objects: Position and quaternion wxyz of the scene's bodies that move, shape (k, 7).
         asked: Palm poses that the chunk asks for, left first, shape (2, 4, 4); None before the first chunk.
         commanded, measured: Palm poses that are commanded and that there are, likewise.
-        support: Where the robot stands.
+        support: Where the robot stands, if it stands as it did first; None after a step.
+        margin: Distance of the centre of pressure from the edge of the soles then, positive inside [m].
         pressure: Centre of pressure, shape (2,), [m]; None in the air.
         com: Centre of mass, shape (3,), [m].
         capture_point: Shape (2,), [m].
@@ -126,7 +131,7 @@ class Scene:
     asked: np.ndarray | None
     commanded: np.ndarray
     measured: np.ndarray
-    support: SupportPolygon
+    support: SupportPolygon | None
     pressure: np.ndarray | None
     com: np.ndarray
     capture_point: np.ndarray
@@ -135,6 +140,7 @@ class Scene:
     detail: str = ""
     rate: float = 1.0
     orientation_free: tuple[bool, bool] = (False, False)
+    margin: float | None = None
 
     @property
     def errors(self) -> np.ndarray | None:
@@ -154,7 +160,9 @@ class Scene:
     @property
     def balance_margin(self) -> float | None:
         """Distance of the centre of pressure from the edge of the support, positive inside [m]; None in the air."""
-        return None if self.pressure is None else self.support.margin(self.pressure)
+        if self.pressure is None:
+            return None
+        return self.margin if self.support is None else self.support.margin(self.pressure)
 
     def words(self) -> tuple[str, str]:
         """Status with its reason, and the numbers of the instant."""
@@ -180,8 +188,8 @@ class Scene:
         return (*self._balance(), *self._palms())
 
     def _balance(self) -> list[Mark]:
-        corners = self.support.vertices
-        marks = [Mark(Show.SUPPORT, MarkKind.AREA, on_floor(corners), 0.003)]
+        stands = [] if self.support is None else [on_floor(self.support.vertices)]
+        marks = [Mark(Show.SUPPORT, MarkKind.AREA, corners, 0.003) for corners in stands]
         foot = np.array([*self.com[:2], ON_FLOOR])
         marks += [
             Mark(Show.MASS, MarkKind.LINE, np.stack([self.com, foot]), 0.003),
@@ -222,6 +230,8 @@ def scene_at(record: Record, row: int) -> Scene:
     """
     poses = {name: record[f"T_world_palms_{name}"][row] for name in ("asked", "commanded", "measured")}
     pressure, reason = record["pressure"][row], str(record["reason"][row])
+    margin, support = float(record["pressure_margin"][row]), convex_polygon(record["support"])
+    stepped = np.isfinite(margin) and abs(support.margin(pressure) - margin) > STEPPED
     left, right = record["orientation_free"].tolist()
     return Scene(
         time=float(record["time"][row]),
@@ -230,7 +240,8 @@ def scene_at(record: Record, row: int) -> Scene:
         asked=poses["asked"] if np.isfinite(poses["asked"]).all() else None,
         commanded=poses["commanded"],
         measured=poses["measured"],
-        support=convex_polygon(record["support"]),
+        support=None if stepped else support,
+        margin=margin,
         pressure=pressure if np.isfinite(pressure).all() else None,
         com=record["com"][row],
         capture_point=record["capture_point"][row],

@@ -15,7 +15,7 @@ from policy.scripted.library import scripted_policy
 from policy.scripted.policy import to_chunk
 from tests.support.felt import Felt
 from wholebody.config import ControllerConfig, RobotConfig
-from wholebody.episode.run import EpisodeConfig, observe, run_episode
+from wholebody.episode.run import EpisodeConfig, followed, observe, run_episode
 from wholebody.errors import ConfigError
 from wholebody.execution import statuses
 from wholebody.execution.feet import elsewhere
@@ -24,7 +24,10 @@ from wholebody.execution.feet.walker import Walker
 from wholebody.execution.states import State
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.fall import detect_fall
+from wholebody.sim.limit_monitor import LimitMonitor
+from wholebody.sim.pictures.scene import scene_at
 from wholebody.sim.plant import MujocoPlant
+from wholebody.sim.recorder import Recorder
 from wholebody.types import Reason
 from wholebody.walking.gait import Phase
 
@@ -350,3 +353,21 @@ def test_a_plan_that_says_where_to_stand_is_never_late(supervisor, plant):
     supervisor.handover._planner._done += 0.3
     run(supervisor, plant, is_in(supervisor, State.WALKING), 1.0)
     assert supervisor.handover.late == 0
+
+
+def test_pressure_of_a_walk_lies_in_the_soles_that_touch(supervisor, plant):
+    """It was 51 mm outside of those that stand by the schedule, as a foot landed early, and 0.45 m of the first."""
+    monitor, recorder = LimitMonitor(plant), Recorder(SPEC, "floor", CONFIG)
+    recorder.begin((False, False))
+    supervisor.walk_to((0.4, 0.0, 0.0))
+
+    def look():
+        state = plant.state()
+        monitor.look(state.time, supervisor.contacts)
+        recorder.add(state, supervisor.controller.command, followed(supervisor, state.time), plant)
+
+    run(supervisor, plant, is_in(supervisor, State.HOLDING), 9.0, look)
+    margins = recorder.record()["pressure_margin"]
+    assert monitor.margin > -2e-3
+    assert np.nanmin(margins) > -2e-3
+    assert scene_at(recorder.record(), len(margins) - 1).support is None
