@@ -25,7 +25,7 @@ ACT = {
     "dropout": 0.0, "normalization_mapping": json.dumps(dict.fromkeys(("STATE", "ENV", "ACTION"), "MEAN_STD")),
 }  # fmt: skip
 """Settings of the policy; chosen: 5 MB, and chunks of two thirds of a second, half of which is done before the next.
-Without dropout and latent, since what is shown of the task says which of the ways is meant (docs/lerobot.md)."""
+Without dropout and latent, since what is shown of the task says which of the ways is meant."""
 RATE = 3e-4
 """Learning rate of the first step [no unit], which falls to a thirtieth; chosen."""
 

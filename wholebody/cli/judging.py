@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from policy.writing import OutputError
 from wholebody.cli.console import complain, heartbeat, log_to_terminal, progress_bar, waiting
 from wholebody.cli.crash import CRASH, CrashError, ours, sentence
-from wholebody.cli.simulated import SCENE_OF, cameras_of, make_checker, make_fast_checker, settings_of
+from wholebody.cli.simulated import SCENE_OF, STEPS_OF, cameras_of, make_checker, make_fast_checker, settings_of
 from wholebody.cli.sources import expanded, length, opened
 from wholebody.resources import end_with_parent, processors
 
@@ -73,7 +73,7 @@ class InputJudge:
         self._first = not judging.as_given
         follow = "as_given" if judging.as_given else "planned"
         self.robot = cache(lambda: settings_of(simulation).robot)
-        self._checker = cache(lambda scene: make_checker(simulation, scene, quiet, follow))
+        self._checker = cache(lambda scene, steps: make_checker(simulation, scene, quiet, follow, steps))
         self.fast = cache(lambda scene: make_fast_checker(simulation, scene, quiet, alone=judging.fast))
 
     def names(self, inputs: Iterable[str]) -> Iterator[str | Answer]:
@@ -140,7 +140,7 @@ class InputJudge:
             if placed:
                 with ours():
                     begin = fast.first_state(policy)
-        checker = self._checker(scene)
+        checker = self._checker(scene, STEPS_OF.get(name, "never"))
         checker.episode = replace(checker.episode, begin=begin)
         with (
             cameras_of(policy, checker, self.given.images) as cameras,
