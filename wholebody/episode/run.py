@@ -141,8 +141,7 @@ def run_episode(
                 meters.offered(chunk, executor)
                 meters.refused(supervisor.accept(chunk, state.time), executor)
         command = supervisor.step(measured, state.time)
-        if sensors is not None and supervisor.config.steps != "never":
-            sensors.estimator.expect(supervisor.contacts)
+        _expect(sensors, supervisor)
         meters.refused(supervisor.take_refusal(), executor)
         meters.commanded(supervisor, state)
         if recorder is not None:
@@ -161,6 +160,12 @@ def _measures(sensors: Sensors | None) -> Callable[[RobotState], RobotState]:
         return lambda state: state
     sensors.reset()
     return sensors.measure
+
+
+def _expect(sensors: Sensors | None, supervisor: ChunkExecutor) -> None:
+    """Tell an estimator which feet are to stand, where they may step."""
+    if sensors is not None and supervisor.config.steps != "never":
+        sensors.estimator.expect(supervisor.contacts)
 
 
 def _executor(policy: Policy | Executor, config: EpisodeConfig, lead: float) -> tuple[Executor, SimulatedClock]:

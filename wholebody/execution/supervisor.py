@@ -171,9 +171,8 @@ class Supervisor(Commands):
         before = None if self.plan is None else self.plan.rest(start.s, start.rate, self.config.planner.posture.dt)
         self.contacts, loads, torques = self._planted.planned(state), self.carrying.planned(), self.motors.planned()
         wanted = PlanRequest(chunk, self._now, due, start, before, again, contacts=self.contacts)
-        walks = self._stepping.may_walk_for(chunk) and not (self._gated or self.touch.active)
-        wanted = replace(wanted, walks=self.config if walks else None)
-        self.handover.ask(replace(wanted, loads=loads, surfaces=self.touch.met(), torques=torques))
+        walks = self.config if self._stepping.may_walk_for(chunk) and not (self._gated or self.touch.active) else None
+        self.handover.ask(replace(wanted, loads=loads, surfaces=self.touch.met(), torques=torques, walks=walks))
         self._exchange(self._now)
 
     def _exchange(self, now: float) -> None:
