@@ -103,7 +103,8 @@ class Supervisor(Commands):
         owned = self._follower, self._smoother, self._planted, self._states
         self._reflex = standing.Reflex(self.controller, self.config, *owned)
         ready = ReadyBody(self.controller, self._planted)
-        self._ahead = HandsAhead(self._follower, self._smoother, self.planner.hand_limits, self.touch, ready)
+        hands = self._smoother, self.planner.hand_limits, self.touch
+        self._ahead = HandsAhead(self._follower, *hands, ready, gated=self._gated)
         self._lowering = Lowering(self.controller, self._reflex, self._planted, self._states)
         self._stepping = Stepping(self.controller, self.config, *owned, self._reflex)
         self._states.on(Event.RESET)
@@ -133,8 +134,7 @@ class Supervisor(Commands):
         if (fault := statuses.chunk_fault(chunk, self._newest, now, self.spec)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
-        if not self._gated:
-            self._ahead.offer(chunk, self.plan, self._now, waits=self.handover.busy)
+        self._ahead.offer(chunk, self.plan, self._now, waits=self.handover.busy)
         self._waiting, self._retry = chunk, self._now
         self._try_waiting(self._now)
         if self.handover.busy or self.plan is None:
@@ -224,12 +224,12 @@ class Supervisor(Commands):
         self.plan, self._refused, last = taken.plan, None, 0.0
         self._states.on(Event.TAKEN_OVER)
         self._reflex.end()
-        if taken.chunk.spec_id != standing.HOLD_SPEC_ID:
+        if told := taken.chunk.spec_id != standing.HOLD_SPEC_ID:
             self.chunk, self.plan_report, self._chunk_end = taken.chunk, taken.plan.report, float(taken.chunk.times[-1])
             last = self._chunk_end - taken.chunk.t_obs
             self.touch.expect(taken.chunk)
         self._follower.begin(taken.plan, last, beyond=taken.beyond, speed_fraction=taken.speed_fraction)
-        self._ahead.begin(taken.chunk, taken.plan, self._now)
+        self._ahead.begin(taken.chunk, taken.plan, self._now, cleared=told)
 
     def _stand(self) -> None:
         """Follow no plan: stand, until there is one from there."""

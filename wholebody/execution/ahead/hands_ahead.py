@@ -24,6 +24,9 @@ from wholebody.reference import HandLimits, HandMotion, HandPath, ReferenceSmoot
 LEASH = (0.15, 0.6)
 """How far a hand may be from the plan [m], and how far turned [rad]; measured: a fast stream is up to 0.15 m further on
 than was foretold, and the program keeps the balance there."""
+JUDGED_LEASH = (0.06, 0.3)
+"""The same where a gate judges chunks, of which the newest has not been judged yet [m], [rad]; chosen: so far hands may
+be taken back where it is rejected. What jumps further waits for its judgement."""
 LEASH_MIN = 0.008
 """Distance that is left of it where the plan leads hands elsewhere than asked [m]; derived: what plans leave to the
 program, `planner.clamp_tolerance`."""
@@ -64,6 +67,8 @@ class HandsAhead:
         limits: Of the left and the right hand.
         touch: Says whether hands touch something: then the plan leads them, which knows what they met.
         ready: Where the body waits for fast hands.
+        gated: Whether chunks are judged by their plans: then the newest one leads hands on a shorter leash, and not
+            before another one is cleared where one was rejected; and no hands are fast, which follow no plan.
 
     Attributes:
         fast: Whether hands are led as single targets say, and the body waits for them.
@@ -76,8 +81,11 @@ class HandsAhead:
         limits: tuple[HandLimits, ...],
         touch: Touch,
         ready: ReadyBody,
+        *,
+        gated: bool = False,
     ) -> None:
         self._follower, self._smoother, self._limits, self._touch = follower, smoother, limits, touch
+        self._gated, self._rejected, self._leash = gated, False, JUDGED_LEASH if gated else LEASH
         self._ready, self._stream, self.fast, self._astray = ready, FastStream(limits), False, 0.0
         self._usual = smoother.limits.copy()
         self._paths: tuple[HandPath, ...] | None = None
@@ -86,7 +94,9 @@ class HandsAhead:
 
     def offer(self, chunk: ActionChunk, plan: ChunkPlan | None, now: float, *, waits: bool) -> None:
         """Take a chunk, now [s], the plan that is followed, if one is, and whether the chunk's own plan has to wait."""
-        self._stream.add(chunk)
+        waits = waits and not self._rejected
+        if not self._gated:
+            self._stream.add(chunk)
         if self.fast and not self._follower.leads:
             self._slow_down()
         fast = self._stream.is_fast(now) or self.fast
@@ -103,9 +113,12 @@ class HandsAhead:
             self._paths = self._joined(prepared, now - chunk.t_obs) if streams else None
             self._look(plan, now)
 
-    def begin(self, chunk: ActionChunk, plan: ChunkPlan, now: float) -> None:
-        """Go on beside a plan that has taken over, now [s], where its chunk is not the newest one itself."""
-        self._own = plan.paths
+    def begin(self, chunk: ActionChunk, plan: ChunkPlan, now: float, *, cleared: bool = True) -> None:
+        """Go on beside a plan that has taken over, now [s], where its chunk is not the newest one itself.
+
+        Hands that a gate gave back to their plan are led again if it ``cleared`` the chunk of this one.
+        """
+        self._own, self._rejected = plan.paths, self._rejected and not cleared
         near = self._ready.reaches(self._smoother.motion.p) and self._follower.off() < ASTRAY
         if self.fast and self._stream.is_fast(now) and not self._touch.active and near:
             self._follower.wait(self._ready.row, BODY_SHARE)
@@ -161,6 +174,7 @@ class HandsAhead:
 
         Fast hands go on: they follow what was said, not a plan of it.
         """
+        self._rejected = self._gated
         if plan is None:
             self._slow_down()
         if self.fast and self._follower.leads:
@@ -187,8 +201,8 @@ class HandsAhead:
             follower.lead(self._paths, self._ahead, FREE)
         elif self._paths is not None and plan.rate >= 1.0 and not self._touch.active:
             self._ahead = now - self._t_obs - follower.s
-            way = max(LEASH[0] - CHANGE * plan.report.moved_by(follower.s), LEASH_MIN)
-            follower.lead(self._paths, self._ahead, (way, LEASH[1]))
+            way = max(min(LEASH[0] - CHANGE * plan.report.moved_by(follower.s), self._leash[0]), LEASH_MIN)
+            follower.lead(self._paths, self._ahead, (way, self._leash[1]))
         elif follower.leads:
             self._own = self._continued(plan.paths, follower.s)
             follower.let_go(self._own)
@@ -203,7 +217,8 @@ class HandsAhead:
             HandPath.through(prepared.times, T, q, limits) for (T, q), limits in zip(hands, self._limits, strict=True)
         )
         paths = self._continued(own, s)
-        near = all(path.join.distance <= LEASH[0] and path.join.angle <= LEASH[1] for path in paths)
+        far, turned = self._leash
+        near = all(path.join.distance <= far and path.join.angle <= turned for path in paths)
         return paths if near else None
 
     def _continued(self, paths: tuple[HandPath, ...], s: float) -> tuple[HandPath, ...]:

@@ -7,13 +7,18 @@ import pytest
 
 from models import g1
 from tests.support.chunk_streams import Stream, still_chunk
+from tests.support.one_step_targets import follow
 from wholebody.config import ControllerConfig
-from wholebody.execution.ahead.hands_ahead import LEASH
+from wholebody.execution.ahead.hands_ahead import JUDGED_LEASH, LEASH
 from wholebody.execution.background_planner import SimulatedPlanner
 from wholebody.execution.supervisor import Supervisor
 from wholebody.planning.changes import PlanChange
 from wholebody.sim.plant import MujocoPlant
-from wholebody.types import Reason
+from wholebody.types import Reason, Status, StatusReport
+from wholebody.verdict.chunk_gate import ChunkGate
+from wholebody.verdict.fast import FastChecker
+
+REJECTED = StatusReport(Status.HOLD, Reason.NOT_CLEARED, "not this one")
 
 
 class Stopped(SimulatedPlanner):
@@ -28,13 +33,18 @@ class Stopped(SimulatedPlanner):
 @pytest.fixture
 def followed():
     """A supervisor that follows a chunk of its own stance, and asks in vain for the plan of the next one."""
+    return waiting()
+
+
+def waiting(gate=None):
+    """Its loop, and where the left palm is."""
     planners = []
 
     def planner(compute):
         planners.append(Stopped(compute, ControllerConfig().planning))
         return planners[0]
 
-    loop = Stream(Supervisor(g1(), planner=planner), MujocoPlant(g1()))
+    loop = Stream(Supervisor(g1(), planner=planner, gate=gate), MujocoPlant(g1()))
     palm = loop.supervisor.palm_reference()["left"][:3, 3].copy()
     loop.supervisor.accept(still_chunk(palm, 0, loop.state.time), loop.state.time)
     for _ in range(100):
@@ -106,11 +116,52 @@ def test_a_refusal_gives_them_back_to_the_plan(followed):
     assert np.linalg.norm(loop.supervisor.palm_reference()["left"][:3, 3] - palm) < 1e-3
 
 
-def test_with_a_gate_nothing_is_followed_before_it_is_judged():
-    loop = Stream(Supervisor(g1(), gate=lambda request, plan: None), MujocoPlant(g1()))
-    palm = loop.supervisor.palm_reference()["left"][:3, 3].copy()
-    for k in range(3):
-        loop.supervisor.accept(still_chunk(palm + 0.01 * k, k, loop.state.time), loop.state.time)
-        for _ in range(60 if k == 0 else 5):
+def gated(answers, way, ticks=60):
+    """A supervisor behind a gate that rejects what it is told to, by chunk number; how far the left palm went [m]."""
+    loop = Stream(
+        Supervisor(g1(), gate=lambda request, plan: REJECTED if request.chunk.seq in answers else None),
+        MujocoPlant(g1()),
+    )
+    supervisor, gone = loop.supervisor, []
+    palm = supervisor.palm_reference()["left"][:3, 3].copy()
+    for k, off in enumerate(way):
+        supervisor.accept(still_chunk(palm + off, k, loop.state.time), loop.state.time)
+        for _ in range(ticks if k == 0 else 16):
             loop.tick()
-        assert not loop.supervisor._follower.leads
+            gone.append((k, supervisor.palm_reference()["left"][:3, 3] - palm, supervisor._follower.leads))
+    return gone
+
+
+def test_behind_a_gate_a_stream_that_it_clears_is_followed_as_without_one():
+    """To the bit: how far off and how late the palms are says so of all of them."""
+    plant = MujocoPlant(g1())
+    followed = [follow(Supervisor(g1(), gate=gate), plant, "reach", 2.0) for gate in (None, ChunkGate(FastChecker()))]
+    assert followed[0] == followed[1]
+
+
+def test_behind_a_gate_what_is_not_judged_yet_leads_hands_no_further_than_a_shorter_leash():
+    went = gone(*waiting(lambda request, plan: None), np.array([0.004, 0.0, 0.0]), 20)
+    assert JUDGED_LEASH[0] - 0.03 < np.linalg.norm(went) < JUDGED_LEASH[0] + 0.005
+
+
+def test_what_a_gate_rejects_from_the_first_on_leads_hands_nowhere():
+    far = [
+        np.linalg.norm(off) for _, off, _ in gated(range(1, 99), [np.array([0.01 * k, 0.0, 0.0]) for k in range(12)])
+    ]
+    assert max(far) < 5e-3
+
+
+def test_behind_a_gate_a_target_that_jumps_waits_for_its_judgement():
+    gone = gated({1}, [np.zeros(3), np.array([0.1, 0.0, 0.0])])
+    assert max(float(np.linalg.norm(off)) for _, off, _ in gone) < 1e-3
+
+
+def test_where_a_gate_rejected_one_hands_are_led_again_once_another_is_cleared():
+    way = [np.array([0.004 * k, 0.0, 0.0]) for k in range(60)]
+    rejected = range(1, 24)
+    leads = {k: led for k, _, led in gated(rejected, way)}
+    first = next(k for k in leads if k and not leads[k] and leads[k - 1])
+    back = next((k for k in leads if k > first and leads[k]), None)
+    assert first <= 14
+    assert back is not None
+    assert back >= 24
