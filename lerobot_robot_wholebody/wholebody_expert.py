@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from lerobot.teleoperators import Teleoperator
-
-from lerobot_robot_wholebody import stage
-from lerobot_robot_wholebody.config_wholebody_expert import WholebodyExpertConfig
+from lerobot_robot_wholebody.config_teleoperators import WholebodyExpertConfig
+from lerobot_robot_wholebody.hands_teleoperator import Hands, HandsTeleoperator
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,21 +27,6 @@ PACE, APPROACH = (0.9, 1.15), 2.5
 yet [s]; chosen: faster, hands that close have not closed yet; and as all scripts have it."""
 LETS_GO = 0.8
 """How long fingers take to open on the way back [s]; chosen: they are open before the hand is far."""
-
-
-@dataclass(frozen=True)
-class Hands:
-    """What both hands do at an instant, in the stance.
-
-    Attributes:
-        palms: Palm points, left first, shape (2, 3), [m].
-        R: Rotations, shape (2, 3, 3).
-        fingers: Of the left and right hand, motor order, shape (7,) each, [rad].
-    """
-
-    palms: np.ndarray
-    R: np.ndarray
-    fingers: tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -139,101 +122,31 @@ class _Script:
         return Hands(palms + 16.0 * (share * (1.0 - share)) ** 2 * self._bulge, R, (fingers[0], fingers[1]))
 
 
-class WholebodyExpert(Teleoperator):
-    """Drives a connected `wholebody_g1` of the same process: does its task in an episode, goes back in a reset.
+class WholebodyExpert(HandsTeleoperator):
+    """Does the robot's task in an episode, goes back in a reset.
 
     Args:
         config: Settings.
-
-    Attributes:
-        last: What the hands were told last.
     """
 
     config_class = WholebodyExpertConfig
     name = "wholebody_expert"
 
-    def __init__(self, config: WholebodyExpertConfig) -> None:
-        super().__init__(config)
-        self.config, self._there = config, False
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        """Numbers of wrists and fingers."""
-        from lerobot_robot_wholebody.target import Numbers
-
-        return dict.fromkeys(Numbers().action_names, float)
-
-    @property
-    def feedback_features(self) -> dict[str, type]:
-        """It sees the robot for itself."""
-        return {}
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether it was asked to come."""
-        return self._there
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Nothing is calibrated."""
-        return True
-
     def connect(self, calibrate: bool = True) -> None:
         """Come; the robot may come later, as in `lerobot-record`."""
         import numpy as np
 
-        self._rng, self._phase, self._robot = np.random.default_rng(self.config.seed), None, None
-        self._there = True
+        super().connect(calibrate)
+        self._rng = np.random.default_rng(self.config.seed)
 
-    def calibrate(self) -> None:
-        """Nothing is."""
-
-    def configure(self) -> None:
-        """Nothing is."""
-
-    def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """It sees the robot for itself."""
-
-    def disconnect(self) -> None:
-        """Leave."""
-        self._there, self._robot = False, None
-
-    def get_action(self) -> dict[str, Any]:
-        """Where wrists and fingers are to be now.
+    def _begin(self, robot: WholebodyG1) -> None:
+        """Begin the motion of this phase.
 
         Raises:
-            ConnectionError: If it was not asked to come, or there is no robot.
             ValueError: If the robot has no task.
         """
-        if not self._there:
-            raise ConnectionError(f"{self} is not connected; call connect first")
-        robot = stage.find(self.config.robot_id)
         if robot.task is None:
             raise ValueError("the expert needs a task: --robot.task=reach, or another one")
-        if robot is not self._robot:
-            self._meet(robot)
-        if robot.phases != self._phase:
-            self._set_off(robot)
-        time = robot.now() - self._began
-        return self._action(self._way.at(time))
-
-    def _meet(self, robot: WholebodyG1) -> None:
-        """Take note of how the robot stands."""
-        import numpy as np
-
-        from policy.action_spec.anchor import Anchor
-        from policy.geometry.se3 import inverse
-
-        seen, numbers = robot.seen.observation, robot.numbers
-        anchor = numbers.anchor(seen)
-        T_stance_base = inverse(anchor.T_world_stance) @ anchor.T_world_base
-        R = np.array([(T_stance_base @ anchor.poses[hand])[:3, :3] for hand in ("lhand", "rhand")])
-        self._robot, self._anchor, self._phase = robot, Anchor.nominal(robot=numbers.spec.robot), None
-        self._rest = self.last = Hands(numbers.palms(seen), R, (seen.q_lhand.copy(), seen.q_rhand.copy()))
-
-    def _set_off(self, robot: WholebodyG1) -> None:
-        """Begin the motion of this phase."""
-        self._phase, self._began = robot.phases, robot.now()
         if robot.phase == "reset":
             self._way = _Points(self._rng, self.last, self._rest)
         elif hasattr(robot.task, "script"):
@@ -241,17 +154,5 @@ class WholebodyExpert(Teleoperator):
         else:
             self._way = _Points(self._rng, self.last, replace(self._rest, palms=robot.task.goals))
 
-    def _action(self, hands: Hands) -> dict[str, float]:
-        from lerobot_robot_wholebody.target import wrist_at
-        from policy.action_spec.codec import encode_valid
-        from policy.chunk import ActionChunk
-
-        self.last, numbers = hands, self._robot.numbers
-        poses = [
-            self._anchor.T_world_stance @ wrist_at(palm, R, side, numbers)
-            for palm, R, side in zip(hands.palms, hands.R, ("left", "right"), strict=True)
-        ]
-        rows = [part[None] for part in (*poses, *hands.fingers)]
-        chunk = ActionChunk(numbers.spec.id, 0, 0.0, numbers.spec.fps, *rows)
-        values = encode_valid(numbers.spec, chunk, self._anchor)[0]
-        return dict(zip(numbers.action_names, values.tolist(), strict=True))
+    def _at(self, time: float) -> Hands:
+        return self._way.at(time)

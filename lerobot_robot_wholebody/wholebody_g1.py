@@ -195,7 +195,7 @@ class WholebodyG1(Robot):
             ConnectionError: If the robot is not connected.
         """
         self._connected()
-        given = {name: self._number(name, value) for name, value in action.items()}
+        given = self.checked(action)
         parts, said, accepted = self._accepted.take(given, self.seen.observation)
         now = self.now()
         if self.rejected and self._taken:
@@ -208,6 +208,14 @@ class WholebodyG1(Robot):
         if self.config.clock == "wall":
             self._say()
         return accepted
+
+    def checked(self, action: dict[str, Any]) -> dict[str, float]:
+        """Numbers of an action, known and finite.
+
+        Raises:
+            ValueError: If one is not.
+        """
+        return {name: self._number(name, value) for name, value in action.items()}
 
     def _number(self, name: str, value: object) -> float:
         known = self.numbers.known + (self.task.names if self.task else ())

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import socket
 from collections import deque
-from html import escape
 from select import select
 from time import monotonic
 
@@ -15,7 +14,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import viser
-from viser import uplot
 
 from models.conversion import Conversion
 from models.moving_bodies import moving_joints, put
@@ -23,14 +21,15 @@ from models.mujoco_model import load_mujoco
 from models.pinocchio_model import load_pinocchio, palm_frame_ids, stance_q
 from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.live import wire
-from wholebody.live.door import Check, Door, between, one_of
+from wholebody.live.door import Door
 from wholebody.live.marks import Marks
+from wholebody.live.panel import LINES_PER_S, SIDES, Panel
 from wholebody.live.robot_process import World, WorldView
 from wholebody.live.snapshot import HANDS, Snapshot, UserCommand
 from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 from wholebody.sim.pictures.meshes import Part, parts
-from wholebody.sim.pictures.scene import STATUS_COLOUR, Scene
+from wholebody.sim.pictures.scene import Scene
 
 FPS = 30.0
 """Pictures a second [Hz]; chosen: what a browser shows smoothly."""
@@ -39,11 +38,6 @@ FPS_AT_REST = 4.0
 otherwise."""
 MOVED_VISIBLY = 2e-4
 """Change of a coordinate from which the robot has moved since the last picture [rad, m]; chosen: a third of a pixel."""
-HISTORY = 20.0
-"""Length of the time lines [s]; chosen."""
-LINES_PER_S = 10.0
-"""Points of the time lines a second [Hz]; chosen: the curves are sent whole each time."""
-SIDES = ("left", "right")
 GHOST_OPACITY = 0.25
 """Opacity of the robot where its plan ends, a share; chosen."""
 
@@ -55,12 +49,13 @@ class Page:
         world: Where the robot stands.
         sources: Names that can be chosen.
         host, port: Where it is served.
+        disturbs: Whether people can also choose a source, stop time and disturb the robot; else they close its hands.
 
     Attributes:
         address: Where it can be opened, with the token without which it cannot.
     """
 
-    def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
+    def __init__(self, world: World, sources: list[str], host: str, port: int, disturbs: bool = True) -> None:
         spec = world.robot
         self._spec, self._pin = spec, load_pinocchio(spec)
         self._pin_data = self._pin.createData()
@@ -78,7 +73,6 @@ class Page:
             self._server = viser.ViserServer(host=host, port=port, label="wholebody live", verbose=False)
         shown = f"[{host}]" if ":" in host else host
         self.address = f"http://{shown}:{self._server.get_port()}/{self._door.token}"
-        self._lines = {name: deque(maxlen=int(HISTORY * LINES_PER_S)) for name in ("time", *_LINES)}
         self._draw_world(parts(spec, world.scene))
         # What is seen until the loop runs.
         stance = stance_q(spec, self._pin)
@@ -86,7 +80,7 @@ class Page:
         self._make_handles()
         pin.framesForwardKinematics(self._pin, self._pin_data, stance)
         self._hold(np.array([self._pin_data.oMf[frame].homogeneous for frame in self._palms]))
-        self._make_panel()
+        self._panel = Panel(self._server.gui, self._door, sources, self._wishes.append, disturbs)
 
     def _draw_world(self, bodies: list[Part]) -> None:
         """Meshes of robot and scene, each below a frame that follows its body; and the same as a ghost."""
@@ -137,55 +131,6 @@ class Page:
             T[i, :3, 3] = handle.position
         return T
 
-    def _make_panel(self) -> None:
-        """Words, buttons, sliders and time lines."""
-        gui = self._server.gui
-        gui.configure_theme(dark_mode=True, show_share_button=False, show_logo=False, control_layout="collapsible")
-        self._words = gui.add_html('<div style="padding:0 1em 0.5em;font-size:0.85em">the robot is being loaded</div>')
-        source = gui.add_dropdown("source", self._sources, hint="where the chunks come from")
-        source.on_update(lambda _: self._wish(UserCommand.SOURCE, self._sources.index(source.value)))
-        self._source = source
-        times = ("pause", "go on", "reset")
-        row = gui.add_button_group("time", times)
-        row.on_click(lambda _: self._on_time(row.value))
-        self._opens(source, one_of(*self._sources))
-        self._opens(row, one_of(*times))
-        with gui.add_folder("disturb", expand_by_default=False):
-            size = gui.add_slider("push [N s]", 0.0, 20.0, 0.5, 5.0, hint="momentum, given at the torso in 0.1 s")
-            angle = gui.add_slider("direction [deg]", -180, 180, 15, 0, hint="0: from behind, 90: to the left")
-            push = gui.add_button("push")
-            push.on_click(lambda _: self._push(size.value, angle.value))
-            self._opens(push, one_of(True))
-            load = [gui.add_slider(f"{side} hand [kg]", 0.0, 3.0, 0.1, 0.0) for side in SIDES]
-            for slider in load:
-                slider.on_update(lambda _: self._wish(UserCommand.PAYLOAD, *(s.value for s in load)))
-            friction = gui.add_slider("floor friction", 0.2, 1.2, 0.05, 0.8)
-            friction.on_update(lambda _: self._wish(UserCommand.FRICTION, friction.value))
-            latency = gui.add_slider("policy latency [ms]", 0, 500, 10, 0)
-            latency.on_update(lambda _: self._wish(UserCommand.LATENCY, 1e-3 * latency.value))
-            for slider in (size, angle, *load, friction, latency):
-                self._opens(slider, between(slider.min, slider.max))
-        with gui.add_folder("time lines"):
-            self._plots = {name: _plot(gui, name, unit) for name, unit in _LINES.items()}
-
-    def _opens(self, control: object, check: Check) -> None:
-        """Let what a control sends in."""
-        self._door.values[control._impl.uuid] = check
-
-    def _wish(self, what: UserCommand, *numbers: float) -> None:
-        self._wishes.append((what, *numbers))
-
-    def _on_time(self, pressed: str) -> None:
-        if pressed == "reset":
-            self._wish(UserCommand.RESET)
-        else:
-            self._wish(UserCommand.PAUSE, float(pressed == "pause"))
-
-    def _push(self, momentum: float, angle: float) -> None:
-        direction = np.radians(angle)
-        force = momentum / _PUSH_DURATION * np.array([np.cos(direction), np.sin(direction), 0.0])
-        self._wish(UserCommand.PUSH, *force, _PUSH_DURATION)
-
     def run(self, loop: socket.socket, robot: socket.socket) -> None:
         """Show what comes until the loop is gone."""
         nq, nv = self._pin.nq, self._pin.nv
@@ -212,7 +157,7 @@ class Page:
                 scene = self._show(glance, view)
                 if now - drawn >= 1.0 / LINES_PER_S:
                     drawn = now
-                    self._tell(glance, scene)
+                    self._panel.tell(glance, scene)
             self._server.flush()
 
     def _show(self, glance: Snapshot, view: WorldView) -> Scene:
@@ -263,48 +208,6 @@ class Page:
         for name, frame in frames.items():
             body = data.body(name)
             frame.position, frame.wxyz = body.xpos.copy(), body.xquat.copy()
-
-    def _tell(self, glance: Snapshot, scene: Scene) -> None:
-        """Words and time lines."""
-        status, numbers = scene.words()
-        colour = "#" + "".join(f"{round(255 * part):02x}" for part in STATUS_COLOUR[scene.status][:3])
-        self._words.content = (
-            f'<div style="padding:0 1em 0.5em;font-size:0.85em;line-height:1.5">'
-            f'<b style="color:{colour}">{escape(status)}</b><br>'
-            f"{numbers}<br>{scene.time:.1f} s, tick {1e3 * glance.tick:.2f} ms, {glance.missed} missed, "
-            f"plan {1e3 * glance.followed.planning_time:.0f} ms, {glance.late} late</div>"
-        )
-        errors, margin = scene.errors, scene.balance_margin
-        values = {
-            "balance margin": np.nan if margin is None else 1e3 * margin,
-            "palm error": np.nan if errors is None else 1e3 * errors.max(),
-            "tick": 1e3 * glance.tick,
-            "planning": 1e3 * glance.followed.planning_time,
-        }
-        self._lines["time"].append(scene.time)
-        for name, value in values.items():
-            self._lines[name].append(value)
-        time = np.array(self._lines["time"])
-        for name, plot in self._plots.items():
-            plot.data = (time, np.array(self._lines[name]))
-
-
-_LINES = {"balance margin": "mm", "palm error": "mm", "tick": "ms", "planning": "ms"}
-_PUSH_DURATION = 0.1
-"""How long a push lasts [s]; definition of the pushes in `docs/measured.md`."""
-
-
-def _plot(gui: viser.GuiApi, name: str, unit: str) -> object:
-    series = (uplot.Series(label="s"), uplot.Series(label=unit, stroke="#0072b2", width=1.5))
-    empty = (np.array([0.0, 1.0]), np.array([0.0, 0.0]))
-    return gui.add_uplot(
-        empty,
-        series,
-        title=f"{name} [{unit}]",
-        height=110,
-        scales={"x": uplot.Scale(time=False)},
-        legend=uplot.Legend(show=False),
-    )
 
 
 def _support(spec: object, model: mujoco.MjModel, data: mujoco.MjData) -> SupportPolygon:

@@ -28,6 +28,7 @@ class PageProcess:
         sources: Names that can be chosen; the first one runs.
         host: Address that the page is served at.
         port: Its port; the next free one if it is taken.
+        disturbs: Whether people can also choose a source, stop time and disturb the robot; else they close its hands.
 
     Raises:
         InputError: If it cannot be served, or the packages that it needs are missing.
@@ -37,12 +38,12 @@ class PageProcess:
         robot_end: For the robot's process, which tells the page about the world.
     """
 
-    def __init__(self, world: World, sources: list[str], host: str, port: int) -> None:
+    def __init__(self, world: World, sources: list[str], host: str, port: int, disturbs: bool = True) -> None:
         context = get_context("spawn")
         self._end, loop = wire.wire()
         self.robot_end, robot = wire.wire()
         here, there = context.Pipe()
-        arguments = (loop, robot, there, world, sources, host, port)
+        arguments = (loop, robot, there, world, sources, host, port, disturbs)
         self._process = context.Process(target=_main, args=arguments, name="page", daemon=True)
         self._process.start()
         for end in (loop, robot, there):
@@ -87,6 +88,7 @@ def _main(
     sources: list[str],
     host: str,
     port: int,
+    disturbs: bool,
 ) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pacing.give_way()
@@ -95,7 +97,7 @@ def _main(
     try:
         from wholebody.live.page import Page
 
-        page = Page(world, sources, host, port)
+        page = Page(world, sources, host, port, disturbs)
     except ImportError as error:
         there.send(f"the page needs the package {error.name}: pip install 'g1-wholebody[live]', or say --headless")
         return

@@ -36,6 +36,7 @@ BOUNDS: dict[UserCommand, tuple[float, float]] = {
     UserCommand.PAYLOAD: (MASS_MIN, 10.0),
     UserCommand.FRICTION: (0.05, 2.0),
     UserCommand.LATENCY: (0.0, 2.0),
+    UserCommand.CLOSING: (0.0, 1.0),
 }
 """Bounds of the numbers of a user's command, in its units; the page is not trusted, since whoever reaches it can
 send any."""
@@ -132,7 +133,7 @@ class Person:
                 self._loop.executor.worker.latency = self._latency
         elif wish is UserCommand.RESET:
             self._reset()
-        else:
+        elif wish in (UserCommand.PUSH, UserCommand.PAYLOAD, UserCommand.FRICTION):
             body = self._loop.spec.torso_body if wish is UserCommand.PUSH else ""
             self._robot.order(Order(wish.name.lower(), tuple(numbers.tolist()), body))
 

@@ -35,6 +35,8 @@ class UserCommand(IntEnum):
     PAUSE = 6
     """1 to pause, 0 to go on."""
     RESET = 7
+    CLOSING = 8
+    """How far the left and the right hand are closed: 0 open to 1 closed."""
 
 
 @dataclass(frozen=True)
