@@ -23,7 +23,7 @@ from policy.geometry.rotations import matrix_to_quaternion, quaternion_to_matrix
 from wholebody.live import wire
 from wholebody.live.door import Door
 from wholebody.live.marks import Marks
-from wholebody.live.panel import LINES_PER_S, SIDES, Panel
+from wholebody.live.panel import LINES_PER_S, SIDES, SidePanel
 from wholebody.live.robot_process import World, WorldView
 from wholebody.live.snapshot import HANDS, Snapshot, UserCommand
 from wholebody.robot.kernels.pendulum import natural_frequency
@@ -80,7 +80,7 @@ class Page:
         self._make_handles()
         pin.framesForwardKinematics(self._pin, self._pin_data, stance)
         self._hold(np.array([self._pin_data.oMf[frame].homogeneous for frame in self._palms]))
-        self._panel = Panel(self._server.gui, self._door, sources, self._wishes.append, disturbs)
+        self._panel = SidePanel(self._server.gui, self._door, sources, self._wishes.append, disturbs)
 
     def _draw_world(self, bodies: list[Part]) -> None:
         """Meshes of robot and scene, each below a frame that follows its body; and the same as a ghost."""

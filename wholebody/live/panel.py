@@ -25,7 +25,7 @@ LINES = {"balance margin": "mm", "palm error": "mm", "tick": "ms", "planning": "
 """Time lines and their units; those of a loop's own time are left out where there is no loop beside the page."""
 
 
-class Panel:
+class SidePanel:
     """Words, buttons, sliders and time lines.
 
     Args:
