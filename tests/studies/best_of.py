@@ -1,11 +1,12 @@
 """Is the chunk that is chosen among sixteen the best of them, in MuJoCo?
 
-    python -m tests.studies.best_of --sets 1000 1200 --out best_of.jsonl [--limit-ms 33] [--both]
+    python -m tests.studies.best_of --sets 1000 1200 --out best_of.jsonl [--limit-ms 33] [--both | --plans]
 
 Sets are those of `tests.support.sampled_chunks`, begun in the stance. A line of JSON a set is added to the file, and
 sets that it has are not done again. All chunks of a set are judged by plans. The chunk that `judge_many` puts first is
 simulated; where it is not feasible, so are those that plans call better, until one is better in truth. With `--both`
-nothing is simulated of sets in which plans call all alike: they count for the order of scores alone.
+nothing is simulated of sets in which plans call all alike, with `--plans` nothing at all: such sets count for the order
+of scores alone.
 
 It is told at the end how often the first is no worse than the best, among all and among sets that hold both feasible
 and infeasible chunks by plans, how many pairs of an infeasible chunk and another one are in the order of their scores,
@@ -59,7 +60,7 @@ def holds_both(plans):
     return {0, 2} <= set(plans)
 
 
-def chosen(number, limit, only_both):
+def chosen(number, limit, simulates):
     """What one set comes to; where it is in truth, None where that was not looked at."""
     chunks, begin = sampled_set(number), fast().judge.stance()
     state, began = RobotState(0.0, begin.body.q, begin.body.v), process_time()
@@ -67,7 +68,7 @@ def chosen(number, limit, only_both):
     seconds, first = process_time() - began, ranking.best
     free = (False, False)
     by_plans = [ORDER.index(fast().of_chunk(one, begin, "", free, odds=False).verdict) for one in chunks]
-    simulated = not only_both or holds_both(by_plans)
+    simulated = simulates(by_plans)
     mine = best = ORDER.index(truth(chunks[first.index])) if simulated else None
     for i in sorted(range(len(chunks)), key=by_plans.__getitem__):
         if not simulated or best < mine or by_plans[i] >= mine or i == first.index:
@@ -83,7 +84,7 @@ def chosen(number, limit, only_both):
 def summary(lines):
     """What all sets come to, and whether the bar is met."""
     known = [one for one in lines if one["mine"] is not None]
-    both = [one for one in known if holds_both(one["plans"])]
+    both, mixed = ([one for one in some if holds_both(one["plans"])] for some in (known, lines))
     for name, some in (("simulated", known), ("that hold both", both)):
         good = sum(one["mine"] <= one["best"] for one in some)
         print(f"sets {name}: {len(some)}, the first no worse than the best in {good}")
@@ -93,7 +94,8 @@ def summary(lines):
         for infeasible in (False, True)
     )  # fmt: skip
     apart = (good[:, None] < bad).mean() + 0.5 * (good[:, None] == bad).mean()
-    print(f"{len(lines)} sets, pairs of an infeasible chunk and another one in order: {100 * apart:.1f} %")
+    print(f"{len(lines)} sets, of them {len(mixed)} that hold both by plans")
+    print(f"pairs of an infeasible chunk and another one in order: {100 * apart:.1f} %")
     times = 1e3 * np.array([one["seconds"] for one in lines])
     print(f"processor time: median {np.median(times):.1f} ms, p99 {np.quantile(times, 0.99):.1f} ms")
     return all(one["mine"] <= one["best"] for one in both) or np.mean([x["mine"] <= x["best"] for x in both]) >= BAR
@@ -104,15 +106,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--sets", type=int, nargs=2, default=(1000, 1200), metavar=("FIRST", "END"))
     parser.add_argument("--limit-ms", type=float, default=inf)
-    parser.add_argument("--both", action="store_true", help="simulate sets alone in which plans call not all alike")
+    less = parser.add_mutually_exclusive_group()
+    less.add_argument("--both", action="store_true", help="simulate sets alone in which plans call not all alike")
+    less.add_argument("--plans", action="store_true", help="simulate nothing")
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each set")
     asked = parser.parse_args()
     lines = list(map(json.loads, asked.out.read_text().splitlines())) if asked.out.exists() else []
     known = {one["set"] for one in lines}
     judge_many(sampled_set(0))  # compiles
+    simulates = holds_both if asked.both else (lambda _: not asked.plans)
     for number in range(*asked.sets):
         if number not in known:
-            lines.append(chosen(number, asked.limit_ms, asked.both))
+            lines.append(chosen(number, asked.limit_ms, simulates))
             with asked.out.open("a") as file:
                 file.write(json.dumps(lines[-1]) + "\n")
     return int(not summary(lines))

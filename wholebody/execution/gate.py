@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from wholebody.errors import InputError, PlanningError
 from wholebody.execution.background_planner import Compute, PlanAnswer, PlanRequest
-from wholebody.execution.standing import HOLD_SPEC_ID
+from wholebody.execution.standing import is_hold
 from wholebody.execution.statuses import refused
 from wholebody.planning.plan import ChunkPlan
 from wholebody.types import Reason, StatusReport
@@ -40,7 +40,7 @@ def gated(compute: Compute, gate: Gate | None) -> Compute:
 
     def cleared(request: PlanRequest) -> ChunkPlan:
         plan = compute(request)
-        if request.chunk.spec_id != HOLD_SPEC_ID and (report := gate(request, plan)) is not None:
+        if not is_hold(request.chunk) and (report := gate(request, plan)) is not None:
             raise RejectedError(report)
         return plan
 

@@ -19,6 +19,7 @@ from wholebody.execution.ending.way_back import WayBack
 from wholebody.execution.plan_follower import Foreseen, PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.states import OFF_PLAN, Event, Machine
+from wholebody.planning.judgement.holding import HOLD_SPEC_ID, staying
 from wholebody.planning.trajectory import BodyState, SampledTrajectory
 from wholebody.reference import HandMotion, ReferenceSmoother, rest_row
 from wholebody.robot.kernels.pendulum import natural_frequency
@@ -37,9 +38,6 @@ the next."""
 GO_BACK = 0.4
 """Time for which the robot goes on towards its stance before it stands for another plan [s]; chosen: it is as fast as
 it gets within 0.2 s, and a plan is asked for twice a second."""
-HOLD_SPEC_ID, HOLD_STEPS = "held", 31
-"""Spec id of chunks that the supervisor makes to hold its position, and their steps within a second; chosen: as
-usual chunks have them."""
 FAST = 3.0
 """Speed of the fastest joint up to which a robot that leaves its plan goes back at once if its waist is spent [rad/s];
 chosen: above it, it comes to rest more than 0.2 rad further on."""
@@ -206,8 +204,12 @@ def to_hold(newest: ActionChunk | None, motion: HandMotion, now: float) -> Actio
     else:
         T = [newest.T_world_lhand[-1], newest.T_world_rhand[-1]]
         fingers = [newest.q_lhand[-1], newest.q_rhand[-1]]
-    poses, hands = (np.repeat(np.array(x)[:, None], HOLD_STEPS, axis=1) for x in (T, fingers))
-    return ActionChunk(HOLD_SPEC_ID, -1, now, HOLD_STEPS - 1.0, *poses, *hands)
+    return staying(T, fingers, now)
+
+
+def is_hold(chunk: ActionChunk) -> bool:
+    """Whether the supervisor made a chunk to hold its position."""
+    return chunk.spec_id == HOLD_SPEC_ID
 
 
 def hands_as_measured(robot: Robot, commanded: np.ndarray) -> np.ndarray:

@@ -224,7 +224,7 @@ class Supervisor(Commands):
         self.plan, self._refused, last = taken.plan, None, 0.0
         self._states.on(Event.TAKEN_OVER)
         self._reflex.end()
-        if told := taken.chunk.spec_id != standing.HOLD_SPEC_ID:
+        if told := not standing.is_hold(taken.chunk):
             self.chunk, self.plan_report, self._chunk_end = taken.chunk, taken.plan.report, float(taken.chunk.times[-1])
             last = self._chunk_end - taken.chunk.t_obs
             self.touch.expect(taken.chunk)

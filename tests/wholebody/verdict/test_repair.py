@@ -106,6 +106,15 @@ def test_a_hand_that_a_motor_does_not_hold_where_a_chunk_begins_is_told(load, an
         assert 0.2 < lighter[0] < 0.5
 
 
+@pytest.mark.parametrize(("load", "answer"), [(2.15, "feasible"), (2.35, "feasible_after_repair"), (2.4, "infeasible")])
+def test_a_load_is_judged_from_where_the_loop_holds_it(load, answer):
+    """In simulation the palm of 2.4 kg is turned by 46 degrees: planned from the first posture, which nobody holds, it
+    was done as given."""
+    checker, repairer = levelled(load)
+    policy = ReplayPolicy(repairer.chunk)
+    assert checker.check(policy, "", policy.duration, odds=False).verdict == answer
+
+
 def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
     repairer = checker.repairer(sent(to=(2.0, 0.0, 0.0), time=1.5))
     assert repairer.repaired() is None

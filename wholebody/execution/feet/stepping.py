@@ -112,7 +112,7 @@ class Stepping:
 
     def may_walk_for(self, chunk: ActionChunk) -> bool:
         """Whether the robot walks where a chunk is in reach, unless one that ends as it does is so from nowhere."""
-        if self._config.steps != "reach" or chunk.spec_id == standing.HOLD_SPEC_ID or self.refusal() is not None:
+        if self._config.steps != "reach" or standing.is_hold(chunk) or self.refusal() is not None:
             return False
         return self.beyond is None or bool(np.abs(ends(chunk) - self.beyond).max() > NEAR)
 

@@ -15,8 +15,9 @@ from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
 from wholebody.config import START_MAX, ControllerConfig
 from wholebody.planning.chunk_planner import ChunkPlanner
-from wholebody.planning.judgement.chunk_margins import chunk_margins
+from wholebody.planning.judgement.chunk_margins import PALMS, chunk_margins, palm_margins
 from wholebody.planning.judgement.hand_force import HandForce
+from wholebody.planning.judgement.holding import staying, torque_at_rest
 from wholebody.planning.judgement.limits import OF_NUMBERS, Limit, Margin, Surroundings
 from wholebody.planning.judgement.motion_margins import MotionMargins
 from wholebody.planning.plan import ChunkPlan
@@ -29,15 +30,15 @@ from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.hand_loads import Loads
 from wholebody.robot.palms import palm_points
 from wholebody.robot.state import Robot
-from wholebody.trajopt.layout import UPPER
 from wholebody.trajopt.problem import TrajectoryProblem
-from wholebody.trajopt.robot_tables import BETWEEN_SHARE
 from wholebody.types import RobotState
 
-PALMS = ("left palm", "right palm")
 FIRST_POSE_STARTS = 3
 """Postures from which one for the first pose is searched; chosen: a start that takes more is told as one that is
 missed."""
+
+STILL = 0.05
+"""Speed up to which a robot stands [m/s, rad/s]; chosen: a measured one at rest is below."""
 
 
 @dataclass(frozen=True)
@@ -176,20 +177,37 @@ class ChunkJudge:
             now: When, on the clock of its observation [s]; with its first step if not given.
         """
         now = chunk.t_obs if now is None else now
-        plan = self.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True, hold=True)
+        plan = self._planned(chunk, begin, now)
         times = np.arange(len(chunk)) / chunk.fps
         moved, turned = self._off(chunk, plan, times)
         margins = [
             self.start_margin(chunk, begin, now),
             *chunk_margins(chunk, self.planner.hand_limits, self.spec),
             *self.measured(self.planner.optimizer.measured(plan.knots), chunk.fps, plan.start),
-            *self._palms(chunk, moved, turned),
+            *palm_margins(moved, turned, self.config.verdict, chunk.fps),
         ]
         margins += self.around(chunk, plan)
         support = self.planner.optimizer.body.footing.support
         if any(chunk.pushes) and (force := self.forces.of(chunk, plan, support, self.loads)) is not None:
             margins.append(force)
         return ChunkJudgement(plan, times, moved, turned, tuple(sorted(margins, key=lambda one: one.share)))
+
+    def _planned(self, chunk: ActionChunk, begin: Begin, now: float) -> ChunkPlan:
+        plan = self.planner.plan(chunk, now, begin.body, begin.hands, begin.before, quick=True, hold=True)
+        slow = np.abs(begin.body.v).max() <= STILL
+        if not (any(self.loads) and begin.before is None and slow) or plan.report.strategy == PREVIEW.name:
+            return plan
+        held = self._held(begin)
+        return self.planner.plan(chunk, now, held.body, held.hands, held.before, quick=True, hold=True)
+
+    def _held(self, begin: Begin) -> Begin:
+        """Where a robot at rest with something in its hands is once a first plan takes over.
+
+        The loop holds that by a plan, too, which leads the body to where it is easier to hold: what is found from there
+        may be another motion.
+        """
+        still, lead = staying(begin.hands.T_world_hand, begin.hands.q_finger, 0.0), self.config.planning.lead
+        return self.later(self.planner.plan(still, lead, begin.body, begin.hands, hold=True), lead)
 
     def previews(self, chunk: ActionChunk, begin: Begin) -> bool:
         """Whether the cheap tests alone show that a chunk is done as given, with no scene around; no plan is made."""
@@ -240,16 +258,7 @@ class ChunkJudge:
         """
         if begin.before is not None:
             return None
-        body, still = self.planner.optimizer.body, np.zeros((1, self.robot.nv))
-        torques = np.abs(self.planner.effort.torques(begin.body.q[None], still, still)[0])
-        joint = int((torques / body.effort_max).argmax())
-        value, most = float(torques[joint]), float(body.effort_max[joint])
-        room = BETWEEN_SHARE * most - value
-        return Margin(
-            code=Limit.JOINT_TORQUE, subject=body.model.names[len(body.model.names) - UPPER + joint], time=0.0, step=0,
-            value=value, bound=BETWEEN_SHARE * most, unit=Limit.JOINT_TORQUE.unit, margin=room,
-            share=room / ((1.0 - BETWEEN_SHARE) * most),
-        )  # fmt: skip
+        return torque_at_rest(self.planner.optimizer.body, self.planner.effort, begin.body.q)
 
     @property
     def spans(self) -> dict[Limit, slice]:
@@ -296,19 +305,6 @@ class ChunkJudge:
         (p, R), (wanted_p, wanted_R) = self.commanded(plan, s), self.asked(chunk)
         due = (times > plan.start - 1e-9)[:, None]
         return due * np.linalg.norm(p - wanted_p, axis=2), due * angle_between(R, wanted_R)
-
-    def _palms(self, chunk: ActionChunk, moved: np.ndarray, turned: np.ndarray) -> Iterator[Margin]:
-        bounds = self.config.verdict
-        for code, off, bound in (
-            (Limit.REACH, moved, bounds.palm_feasible),
-            (Limit.ORIENTATION, turned, bounds.turn_feasible),
-        ):
-            step, side = np.unravel_index(off.argmax(), off.shape)
-            value, time = float(off.max()), float(step / chunk.fps)
-            yield Margin(
-                code=code, subject=PALMS[int(side)], time=time, step=int(step), value=value, bound=bound,
-                unit=code.unit, margin=bound - value, share=(bound - value) / bound,
-            )  # fmt: skip
 
     def _at_rest(self, q: np.ndarray, v: np.ndarray | None = None) -> Begin:
         v = np.zeros(self.robot.nv) if v is None else v

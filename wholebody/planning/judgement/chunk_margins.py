@@ -11,13 +11,14 @@ from models.spec import RobotSpec
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import rotvec_to_matrix
 from policy.geometry.se3 import make_transform
+from wholebody.config.verdict import VerdictConfig
 from wholebody.planning.floor_projection import above_floor
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.limit_projection import DEMAND
 from wholebody.reference import HandLimits, HandMotion
 from wholebody.reference.rotation import continuous_quaternions
 
-HANDS = ("left hand", "right hand")
+HANDS, PALMS = ("left hand", "right hand"), ("left palm", "right palm")
 AT_START = " at its start"
 """Added to a hand whose motion before the chunk is what its first steps do not go on from."""
 FINGER_SCALE, FLOOR_SCALE = 1e-3, 1e-3
@@ -86,6 +87,20 @@ def _rates(hands: Sequence[np.ndarray], fps: float, limits: tuple[HandLimits, ..
             one = _at(code, name, int(k), fps, value, bound, bound - value, bound)
             worst = one if worst is None or one.margin < worst.margin else worst
         yield worst
+
+
+def palm_margins(moved: np.ndarray, turned: np.ndarray, bounds: VerdictConfig, fps: float) -> Iterator[Margin]:
+    """Room for how far palms are commanded from a chunk at its steps [m], and how far turned [rad], shapes (H, 2)."""
+    for code, off, bound in (
+        (Limit.REACH, moved, bounds.palm_feasible),
+        (Limit.ORIENTATION, turned, bounds.turn_feasible),
+    ):
+        step, side = np.unravel_index(off.argmax(), off.shape)
+        value, time = float(off.max()), float(step / fps)
+        yield Margin(
+            code=code, subject=PALMS[int(side)], time=time, step=int(step), value=value, bound=bound, unit=code.unit,
+            margin=bound - value, share=(bound - value) / bound,
+        )  # fmt: skip
 
 
 def _fingers(chunk: ActionChunk, limits: tuple[HandLimits, ...], spec: RobotSpec) -> Iterator[Margin]:

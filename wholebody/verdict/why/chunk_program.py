@@ -14,7 +14,8 @@ import numpy as np
 
 from policy.chunk import ActionChunk
 from policy.geometry.rotations import angle_between
-from wholebody.planning.judgement.chunk_judge import PALMS, Begin, ChunkJudge
+from wholebody.planning.judgement.chunk_judge import Begin, ChunkJudge
+from wholebody.planning.judgement.chunk_margins import PALMS
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.planning.posture import FIRM_SCALE, GENTLE_SCALES, PALM_SCALES
 from wholebody.planning.preparation import prepare
