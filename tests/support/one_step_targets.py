@@ -31,12 +31,14 @@ class Followed:
         rms: After the best constant shift [m].
         shift: That shift [s].
         drift: Largest distance of a palm from where it was when the script came to rest [m].
+        strain: Largest excess over a bound of a plan since then, in terms of its tolerance.
         fall: The fall, or None.
     """
 
     rms: float
     shift: float
     drift: float
+    strain: float
     fall: object
 
 
@@ -53,7 +55,8 @@ def follow(supervisor, plant, name, seconds, *, rate=30.0, rests_from=None, know
         known: Steps of the script that are told instead, from now on, as if they had been foretold without error.
     """
     script, loop, stream, count = scripted_policy(name).script, Stream(supervisor, plant), TargetStream(), 0
-    begin, times, palms = loop.state.time, [], []
+    begin, times, palms, strain = loop.state.time, [], [], 0.0
+    rests_from = 0.9 * seconds if rests_from is None else rests_from
     while loop.state.time < begin + seconds and loop.fall is None:
         if loop.state.time >= begin + count / rate - 1e-9:
             times_told = loop.state.time - begin + np.arange(known or 1) / rate
@@ -65,6 +68,8 @@ def follow(supervisor, plant, name, seconds, *, rate=30.0, rests_from=None, know
             count += 1
         loop.tick()
         times.append(loop.state.time - begin)
+        if supervisor.plan is not None and times[-1] >= rests_from:
+            strain = max(strain, supervisor.plan.report.violation)
         robot = supervisor.robot
         robot.update(loop.state.q, loop.state.v)
         palms.append([robot.pose(tool.palm_frame).translation.copy() for tool in plant.spec.tools])
@@ -75,9 +80,9 @@ def follow(supervisor, plant, name, seconds, *, rate=30.0, rests_from=None, know
         asked = script(times[scored] - shift)
         off = palms[scored] - np.stack([asked.p_world_lpalm, asked.p_world_rpalm], axis=1)
         errors.append(float(np.sqrt((off**2).sum(axis=2).mean())))
-    best, last = int(np.argmin(errors)), palms[times >= (0.9 * seconds if rests_from is None else rests_from)]
+    best, last = int(np.argmin(errors)), palms[times >= rests_from]
     drift = float(np.linalg.norm(last - last[:1], axis=2).max(initial=0.0))
-    return Followed(errors[best], float(SHIFTS[best]), drift, loop.fall)
+    return Followed(errors[best], float(SHIFTS[best]), drift, strain, loop.fall)
 
 
 def led_away(supervisor, plant, seconds=2.0, speed=0.7, way=0.6):

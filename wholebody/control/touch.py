@@ -230,7 +230,10 @@ class Touch:
         return left, right
 
     def _bound(self, hand: int, palms: np.ndarray, row: np.ndarray, elapsed: float) -> None:
-        """Largest acceleration with which a hand pushes towards where it is commanded to be."""
+        """Largest acceleration with which a hand pushes towards where it is commanded to be.
+
+        A hand that is led away resists with up to what draws it, past the limits on what it may push: it cannot yield.
+        """
         at, config = PALM * hand, self._config
         push = self._rows[hand, STIFFNESS] * (row[at + 9 : at + 12] - palms[hand])
         push += self._controller.palms[hand].kd * row[at + 12 : at + 15] + row[at + 18 : at + 21]

@@ -136,8 +136,7 @@ class PlanFollower:
 
         Args:
             ticks: How many.
-            state: Present one. Off the plan, the body is foreseen as far off it as it is now; where hands are led
-                along other paths, with arms that follow them.
+            state: Present one. Off the plan, the body is foreseen as far off it; led hands, with arms that follow.
         """
         clock, smoothing = self._clock.copy(), self._smoothing
         clock["share"] = np.minimum(clock["share"], self._stretched)
@@ -151,7 +150,8 @@ class PlanFollower:
             here = rows[kernel.nearest(settings, self.s, len(rows))]
             planned = self._deviation.carried(here.q, planned, state.q)
             if self._hands_ahead and self.trust == 1.0:
-                v += state.v - self.rate * here.v
+                # What a body moves beside a plan that leads it, it has braked by then.
+                v += state.v - self.rate * here.v if len(rows) == 1 else 0.0
                 planned, v = self._deviation.reaching(planned, v, hands)
         return Foreseen(float(now.s), rate, BodyState(planned, v), hands)
 
