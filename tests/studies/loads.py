@@ -12,6 +12,7 @@ change   2 kg put into the left hand (20 cases) and dropped from it (20) at phas
 lean     1.5 and 2 kg put into the left hand (34 cases) or the right one (34) while the lissajous leans the robot most
 grasp    a cylinder of 0.3, 0.6 and 1 kg on a table
 hostile  the chunks of `tests.support.hostile_chunks` with 1 kg in the left hand
+rolled   2 to 2.5 kg, which is told, in a hand that comes to be level: what plans say of it, and what becomes of it
 
 The answer is 1 if one of them fell.
 """
@@ -28,13 +29,17 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import reach, scripted_policy
-from tests.support.carried import NOTHING, SPEC, Changed, still
+from tests.support.carried import NOTHING, SPEC, Changed, levelled, still
+from tests.support.carried import told as told_settings
 from tests.support.hostile_chunks import Episode
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
+from wholebody.verdict.check import Checker
+from wholebody.verdict.fast import FastChecker
 
 REACHES = ((0.40, 0.30), (0.45, 0.60), (0.50, 1.00), (0.40, 1.40), (0.25, 1.50))
 BOUNDS = {0.5: (0, 0, 0, 0, 0), 1.0: (34, 13, 20, 12, 0), 2.0: (94, 101, 102, 47, 0)}
@@ -46,8 +51,10 @@ MASSES, FIRST_CHUNKS = np.linspace(1.9, 2.1, 9), (1.0, 1.004, 1.008)
 OBJECTS = (0.3, 0.6, 1.0)
 LEANS, WEIGHTS = np.linspace(4.25, 5.05, 17), (1.5, 2.0)
 """Of `lean`, when a mass is put into a hand, and which [s], [kg]: the lissajous leans the robot by 30 degrees then."""
+ROLLED = (2.0, 2.1, 2.15, 2.2, 2.25, 2.3, 2.35, 2.4, 2.45, 2.5)
+"""Masses of `rolled` [kg]."""
 CASES = {"reach": 15, "ready": len(READY), "instants": 27, "change": 2 * PHASES, "lean": 4 * len(LEANS)}
-CASES |= {"grasp": len(OBJECTS), "hostile": 330}
+CASES |= {"grasp": len(OBJECTS), "hostile": 330, "rolled": len(ROLLED)}
 """How many there are of each family."""
 
 
@@ -102,8 +109,27 @@ def run(family: str, case: int, supervisor: Supervisor) -> dict:
         result = run_episode(policy, supervisor, plant, duration=policy.duration, config=EpisodeConfig(hold=1.0))
         lifted = float(plant.objects()[0, 2])
         return {"name": f"grasp of {OBJECTS[case]} kg, at {lifted:.3f} m in the end"} | told(result)
+    if family == "rolled":
+        return rolled(ROLLED[case])
     episode = Episode(supervisor, MujocoPlant(SPEC, payload_kg=(1.0, 0.0)), case).run()
     return {"name": str(episode), "fell": episode.fall is not None}
+
+
+def rolled(mass: float) -> dict:
+    """A mass in the left hand, judged by plans and in MuJoCo."""
+    config, policy = told_settings(mass), ReplayPolicy(levelled())
+    fast = FastChecker(config)
+    by_plans = fast.check(policy, "", policy.duration, odds=False)
+    episode = EpisodeConfig(settle=0.1, hold=2.5, begin=fast.first_state(policy))
+    checker = Checker(config=config, episode=episode, payload_kg=(mass, 0.0))
+    truth, _ = checker.check(policy, "", policy.duration)
+    worst = truth.violations[0] if truth.violations else None
+    found = {
+        "plans": by_plans.verdict,
+        "simulated": truth.verdict,
+        "worst": worst and f"{worst.code} {worst.value:.3g}",
+    }
+    return {"name": f"{mass} kg in a rolled hand", "fell": truth.fell} | found
 
 
 def main() -> int:

@@ -1,15 +1,12 @@
 """Strategy: chunks that one change cures, and one that nothing cures."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from policy.geometry.rotations import rotvec_to_matrix
 from policy.recorded.replay import ReplayPolicy
-from policy.scripted.policy import minimum_jerk, stance_pose
 from tests.studies.repairs import least_slowdown
-from tests.support.planted_causes import STIFF, TIME, chunk_of, moved
+from tests.support.carried import levelled, told
+from tests.support.planted_causes import chunk_of, moved
 from tests.support.sent_chunks import sent
 from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.planning.trajectory import GRID
@@ -18,9 +15,8 @@ from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.repair import slowed
 from wholebody.verdict.why.headline import summary
 
-LOAD, GOAL, ROLLED = 2.3, [0.5, 0.2, 1.08], np.deg2rad(40.0)
-"""Mass in the left hand [kg], where that is to hold it level [m], and how far it is rolled at first, where pitch and
-yaw of the wrist share the load [rad]: level, 2 kg are all that pitch gives, and a hand begun so is dropped."""
+LOAD = 2.3
+"""Mass in the left hand [kg] that is held if it is turned a little, and not level."""
 
 
 @pytest.fixture(scope="module")
@@ -56,16 +52,9 @@ def test_of_a_load_that_is_too_heavy_less_would_do():
     assert repairer.holds(one.chunk)
 
 
-def levelled(load):
-    """A hand with a mass [kg] goes to the goal and comes to be level, and what repairs that."""
-    checker = FastChecker(replace(STIFF, loads=LoadConfig(source="told", left=load)))
-    left = (1.0 - minimum_jerk(TIME / 1.4)) * ROLLED
-    R = rotvec_to_matrix(left[:, None] * np.array([1.0, 0.0, 0.0])) @ stance_pose().R_world_lhand
-    return checker, checker.repairer(chunk_of(moved(GOAL, 1.4), R_left=R))
-
-
 def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them_too():
-    checker, repairer = levelled(LOAD)
+    checker = FastChecker(told(LOAD))
+    repairer = checker.repairer(levelled())
     change = repairer.repaired()
     assert not repairer.holds(repairer.chunk)
     assert (change.kind, change.slower) == ("turned", 1.0)
@@ -86,7 +75,7 @@ def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them
 def test_a_hand_that_a_motor_does_not_hold_where_a_chunk_begins_is_told(load, answer):
     """In simulation a palm is off by 2 mm with 1.5 kg, 33 mm with 2.0 kg, 98 mm with 2.2 kg: its first torque was
     excused, and the chunk said to be feasible."""
-    checker = FastChecker(replace(STIFF, loads=LoadConfig(source="told", left=load)))
+    checker = FastChecker(told(load))
     chunk = chunk_of(moved([0.418, 0.299, 1.076], 1.4))
     begin = checker.judge.first_pose(chunk)
     verdict = checker.of_chunk(chunk, begin, "", (False, False), ask_why=load > 2.0)
@@ -110,9 +99,8 @@ def test_a_hand_that_a_motor_does_not_hold_where_a_chunk_begins_is_told(load, an
 def test_a_load_is_judged_from_where_the_loop_holds_it(load, answer):
     """In simulation the palm of 2.4 kg is turned by 46 degrees: planned from the first posture, which nobody holds, it
     was done as given."""
-    checker, repairer = levelled(load)
-    policy = ReplayPolicy(repairer.chunk)
-    assert checker.check(policy, "", policy.duration, odds=False).verdict == answer
+    policy = ReplayPolicy(levelled())
+    assert FastChecker(told(load)).check(policy, "", policy.duration, odds=False).verdict == answer
 
 
 def test_another_motion_is_no_repair_and_what_it_would_take_is_told(checker):
