@@ -68,9 +68,9 @@ def pelvis_guess(spec: ActionSpec, actions: np.ndarray, anchor: Anchor) -> tuple
         return ()
     p = ", ".join(f"{x:.2f}" for x in slots[0].to_si(actions[0, slots[0].indices]))
     return (
-        f"these look like positions in the pelvis, as version 1 of wbc32 has them: {slots[0].name} begins at ({p}) m, "
-        f"{away[0, 0]:.2f} m from where the wrist is if that is in the stance, and {away[0, 1]:.2f} m if it is in the "
-        "pelvis; name the layout wbc32-v1 for numbers that were made with it: --assume-spec wbc32-v1",
+        f"these look like positions in the pelvis, as version 1 of wbc32 has them: --assume-spec wbc32-v1 reads them "
+        f"so; {slots[0].name} begins at ({p}) m, {away[0, 1]:.2f} m from the wrist if that is in the pelvis, and "
+        f"{away[0, 0]:.2f} m if it is in the stance",
     )
 
 

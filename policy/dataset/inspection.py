@@ -80,7 +80,11 @@ def settled(found: Sequence[Finding], read_as: Sequence[str], path: str) -> tupl
     """
     errors = [one for one in found if one.level == "error"]
     if errors and AS_NAMED not in read_as:
-        raise FileFormatError("; ".join(one.sentence for one in errors), path=path)
+        texts: dict[str, list[str]] = {}
+        for one in errors:  # a cure of several is said once
+            texts.setdefault(one.cure, []).append(one.text)
+        said = (f"{' and '.join(found)}; {cure}" if cure else " and ".join(found) for cure, found in texts.items())
+        raise FileFormatError("; ".join(said), path=path)
     return tuple(one.sentence for one in found)
 
 
@@ -143,8 +147,7 @@ def _hints(
             worst[names[i]] = (excess, low, high)
     return [
         Finding("joint_range", "warning",
-                f"{name} is asked up to {excess:.3g} rad beyond its limit (range {low:.3g} to {high:.3g} rad)"
-                f"{what}")
+                f"{name} is asked up to {excess:.3g} rad beyond its limit{what} (range {low:.3g} to {high:.3g} rad)")
         for name, (excess, low, high) in sorted(worst.items(), key=lambda item: -item[1][0])[:4]
     ]  # fmt: skip
 
@@ -157,8 +160,8 @@ def _start(names: Sequence[str], q: np.ndarray, measured: Mapping[str, float]) -
     count = sum(distance > START for distance in away.values())
     return [Finding(
         "start", "warning",
-        f"the first step is up to {away[name]:.2f} rad from the measured pose in q0_joints ({name}; {count} joints by "
-        f"more than {START} rad): a jump, or numbers relative to it",
+        f"row 0 is up to {away[name]:.2f} rad from the measured pose in q0_joints: a jump, or numbers relative to it "
+        f"({name}; {count} joints by more than {START} rad)",
         "name a layout whose slots have the mode relative_add, if they are differences",
     )]  # fmt: skip
 

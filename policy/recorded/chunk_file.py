@@ -169,8 +169,8 @@ def _read(path: Path, arrays: dict[str, np.ndarray], assume: ActionSpec | None, 
         # A name without a version says the last one; files from before it are not to be carried out in another frame.
         with np.errstate(over="ignore", invalid="ignore"):
             for guess in pelvis_guess(spec, actions, anchor):
-                stance = f"if they are in the stance, --assume-spec {spec.name} says so"
-                raise FileFormatError(f"the name '{spec.name}' is {spec.id}, but {guess}; {stance}", path=str(path))
+                stance = f"'{spec.name}' is {spec.id}: --assume-spec {spec.name} reads them in the stance"
+                raise FileFormatError(f"{guess}; {stance}", path=str(path))
     return file
 
 

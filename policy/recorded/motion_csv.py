@@ -113,7 +113,7 @@ def motion_of(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence
     if bad.any():
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise FileFormatError(
-            f"row {row + 1}, column {column + 1} ({columns[column]}) is {table[row, column]:g}; "
+            f"line {row + 1}, column {column + 1} ({columns[column]}) is {table[row, column]:g}; "
             f"a finite number of metres or radians below {_MAGNITUDE_MAX:g} is expected",
             path=path,
         )
@@ -123,7 +123,7 @@ def motion_of(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence
         norms = np.linalg.norm(table[:, 3:7], axis=1)
         row = int(np.argmax(np.abs(norms - 1.0) > CSV_QUATERNION_TOLERANCE))
         raise FileFormatError(
-            f"row {row + 1}: columns 4 to 7 have norm {norms[row]:.4g}, not 1; they must be the root quaternion "
+            f"line {row + 1}: columns 4 to 7 have norm {norms[row]:.4g}, not 1; they must be the root quaternion "
             "in the order x y z w",
             path=path,
         ) from error
@@ -146,8 +146,10 @@ def rate_note(motion: Motion, path: str | Path) -> str:
     *first, last = others or [""]
     would = f"; {', '.join(first)}{' or ' if first else ''}{last} Hz would fit too" if others else ""
     fastest = f"joints up to {motion.fps * speed.max(initial=0.0):.2g} rad/s"
-    assumed = f"{motion.fps:g} Hz assumed, {motion.duration:.1f} s in all and {fastest}"
-    return f"the file does not say its frame rate: {assumed}{would}: say --fps"
+    return (
+        f"{motion.fps:g} Hz assumed, the file does not say its frame rate (say --fps): {motion.duration:.1f} s in all "
+        f"and {fastest}{would}"
+    )
 
 
 def _as_said(table: np.ndarray, fps: float, robot: RobotSpec, read_as: Sequence[str]) -> tuple[np.ndarray, float]:
@@ -237,7 +239,7 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> np.ndarray:
     for number, line in rows:
         if line.count(",") != len(columns) - 1:
             raise FileFormatError(
-                f"row {number} has {line.count(',') + 1} columns; {len(columns)} are expected: root x y z, "
+                f"line {number} has {line.count(',') + 1} columns; {len(columns)} are expected: root x y z, "
                 f"root quaternion x y z w, {len(columns) - len(ROOT_COLUMNS)} joints in motor order"
                 f"{_columns_hint(line, len(columns))}",
                 path=str(path),
@@ -251,6 +253,8 @@ def _read_table(path: Path, columns: tuple[str, ...]) -> np.ndarray:
 def _columns_hint(line: str, columns: int) -> str:
     """What a row of another number of columns may be, and what makes it one that is read."""
     count = line.count(",") + 1
+    if any(character.isalpha() and character not in "eE" for character in line):
+        return "; it has words in it: tail -n +2 leaves out a line of names"
     if count == 1 and len(re.split(r"[\s;]+", line.strip())) == columns:
         return "; a comma is expected between numbers: tr -s ' \\t;' ',' writes it"
     if count == columns + 1:
@@ -265,7 +269,7 @@ def _number(field: str, row: int, column: int, columns: tuple[str, ...], path: P
         return float(field)
     except ValueError as error:
         raise FileFormatError(
-            f"row {row}, column {column + 1} ({columns[column]}) is {field.strip()[:60]!r}, no number; "
+            f"line {row}, column {column + 1} ({columns[column]}) is {field.strip()[:60]!r}, no number; "
             f"a file without a header is expected{': tail -n +2 leaves it out' if row == 1 else ''}",
             path=str(path),
         ) from error

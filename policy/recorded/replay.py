@@ -36,16 +36,18 @@ class ReplayPolicy:
         name: What the CLI and reports call it.
         spec: Layout that it was decoded from; wbc32 if None.
         horizon: Steps per chunk.
+        row_fps: Rows a second of the file that it is of, where those are not its steps [Hz]; 0 where they are.
     """
 
     sees_robot = False
 
     def __init__(
-        self, episode: ActionChunk, *, name: str = "replay", spec: ActionSpec | None = None, horizon: int = 50
-    ) -> None:
+        self, episode: ActionChunk, *, name: str = "replay", spec: ActionSpec | None = None, horizon: int = 50,
+        row_fps: float = 0.0,
+    ) -> None:  # fmt: skip
         self.spec = builtin("wbc32") if spec is None else spec
         episode.validate(robot=self.spec.robot)
-        self.name, self.episode, self.horizon = name, episode, horizon
+        self.name, self.episode, self.horizon, self.row_fps = name, episode, horizon, row_fps
         self.duration = (len(episode) - 1) / episode.fps
         self._clock = EpisodeClock()
 
@@ -55,7 +57,7 @@ class ReplayPolicy:
         steps = np.maximum(np.arange(-more, len(self.episode)), 0)
         longer = {name: value[steps] for name, value in self.episode.arrays().items()}
         episode = dataclasses.replace(self.episode, **longer)
-        return ReplayPolicy(episode, name=self.name, spec=self.spec, horizon=self.horizon)
+        return ReplayPolicy(episode, name=self.name, spec=self.spec, horizon=self.horizon, row_fps=self.row_fps)
 
     @classmethod
     def from_npz(
@@ -116,7 +118,8 @@ def open_recording(
     suffix, name = Path(path).suffix.lower(), Path(path).stem
     if suffix == ".csv" or (suffix == ".npz" and is_motion_npz(path)):
         motion, notes = read_motion(path, fps, robot, read_as)
-        return ReplayPolicy(with_notes(motion_chunk(motion), notes), name=name, spec=builtin("wbc32", robot))
+        chunk = with_notes(motion_chunk(motion), notes)
+        return ReplayPolicy(chunk, name=name, spec=builtin("wbc32", robot), row_fps=motion.fps)
     if suffix in (".npz", ".npy"):
         bare = suffix == ".npy"
         file = read_array_file(path, assume, fps, robot) if bare else read_chunk_file(path, assume=assume, robot=robot)

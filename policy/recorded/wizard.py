@@ -90,7 +90,16 @@ def numbers_of(source: str | Path) -> WizardInput:
         return _of_chunk(path)
     if is_dataset(path):
         return _of_dataset(path)
-    return _of_checkpoint(path)
+    if path.is_dir():
+        return _of_checkpoint(path)
+    what = "there is no such file or folder"
+    if path.is_file():
+        what = "a dataset, a checkpoint or a chunk .npz is expected"
+    if path.suffix.lower() == ".npy" and path.is_file():
+        what = "an array says nothing of itself: `wholebody check FILE.npy` names the layouts that are as wide"
+    if path.suffix.lower() == ".csv" and path.is_file():
+        what = "a motion has a layout of its own: `wholebody convert FILE.csv chunk.npz` makes wrists of it"
+    raise PolicyError(f"'{path}': {what}")
 
 
 def fits(numbers: WizardInput) -> list[Fit]:
@@ -241,9 +250,10 @@ def _of_checkpoint(path: Path) -> WizardInput:
     try:
         config = read_json(path / "config.json", SPEC_MAX)
     except (OSError, ReadingError) as error:
-        raise PolicyError(
-            f"'{path}' is no dataset (meta/info.json), no chunk .npz, and no checkpoint (config.json): {error}"
-        ) from error
+        why = (
+            "has neither" if isinstance(error, FileNotFoundError) else f"has a config.json that cannot be read: {error}"
+        )
+        raise PolicyError(f"'{path}' {why}: a dataset has meta/info.json, a checkpoint config.json") from error
     try:
         dim = int(config["output_features"]["action"]["shape"][0])
         steps = int(config.get("chunk_size") or config.get("horizon") or 0)

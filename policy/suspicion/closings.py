@@ -51,7 +51,7 @@ def _range(name: str, closing: np.ndarray) -> Iterator[Finding]:
         yield Finding(
             "closing_range", "error",
             f"{name} is {closing.min():.3g} to {closing.max():.3g} where 0 is open and 1 closed, out of it in "
-            f"{np.mean(excess > OUTSIDE):.0%} of the steps",
+            f"{np.mean(excess > OUTSIDE):.0%} of the rows",
             'name a layout with the unit "closing" and what it is open and closed, such as [-1, 1]: `wholebody '
             "layouts --from` writes it",
         )  # fmt: skip
@@ -67,7 +67,7 @@ def _jump(name: str, q: np.ndarray, fps: float) -> Iterator[Finding]:
     if spikes[k, joint] * fps > FINGER_SPEED:
         yield Finding(
             "finger_jump", "warning",
-            f"{name}: fingers jump by {spikes[k, joint]:.2g} rad at step {k + 1} and back, at "
+            f"{name}: fingers jump by {spikes[k, joint]:.2g} rad at row {k + 1} and back, at "
             f"{spikes[k, joint] * fps:.0f} rad/s, and no hand follows that",
             "look at that row: it is not of this motion",
         )  # fmt: skip

@@ -56,7 +56,8 @@ def joint_findings(names: Sequence[str], values: np.ndarray, robot: RobotSpec) -
         found += _quaternions(names, values)
     if not found and len(values) >= ROWS_MIN:
         found += _likeliest(tuple(names), values, robot)
-    return found + list(_constant(names, values, joints, robot))
+    # Of numbers in another unit it says nothing that these are out of their ranges.
+    return found if found and found[0].check == "degrees" else found + list(_constant(names, values, joints, robot))
 
 
 def _degrees(names: Sequence[str], values: np.ndarray, joints: list[int], robot: RobotSpec) -> Iterator[Finding]:
@@ -92,8 +93,8 @@ def _quaternions(names: Sequence[str], values: np.ndarray) -> Iterator[Finding]:
         if np.abs(np.linalg.norm(four, axis=1) - 1.0).max() < NORM:
             yield Finding(
                 "quaternion", "warning",
-                f"columns {start} to {start + 3} ({names[start]} to {names[start + 3]}) have norm 1 in every row, as "
-                "quaternions have and joints do not",
+                f"columns {start} to {start + 3} have norm 1 in every row, as quaternions have and joints do not "
+                f"({names[start]} to {names[start + 3]})",
                 "name a layout with poses, such as decoupled_wbc_eef14 (`wholebody layouts` has all)",
             )  # fmt: skip
             return
@@ -169,8 +170,8 @@ def _constant(names: Sequence[str], values: np.ndarray, joints: list[int], robot
             yield Finding(
                 "constant_out_of_range", "error" if far else "warning",
                 f"{names[i]} is {values[0, i]:.4g} rad in every row, out of its range of {low:.3g} to {high:.3g} rad",
-                "the column is another one, or was not recorded: leave it out (a slot of the kind ignored), or "
-                "--read-as as_named",
+                "the column is another joint, or was not recorded: give it the kind ignored in a layout of your own; "
+                "--read-as as_named takes it as it is",
             )  # fmt: skip
             return
 

@@ -107,11 +107,10 @@ def _rot6d(slot: Slot, numbers: np.ndarray) -> Iterator[Finding]:
     angle = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
     yield Finding(
         "rot6d_layout", "error",
-        f"{slot.name} is no rot6d by {slot.rot6d_layout} in {share:.0%} of steps: "
-        f"they are {sizes.min():.2f} to {sizes.max():.2f} long and {np.median(angle):.0f} deg apart, not "
-        "unit and at right angles",
+        f"{slot.name} is no rot6d ({slot.rot6d_layout}) in {share:.0%} of rows: its vectors are {sizes.min():.2f} to "
+        f"{sizes.max():.2f} long and {np.median(angle):.0f} deg apart, not of unit length and at right angles",
         f'name a layout with "rot6d_layout": "{fitting[0]}", which fits every step: `wholebody layouts --from` writes '
-        "it" if fitting else "no layout fits",
+        "it" if fitting else "no layout fits: rot6d is the first two columns of a rotation matrix",
     )  # fmt: skip
 
 
@@ -153,7 +152,7 @@ def _placeholder(position: Slot, rotation: Slot, actions: np.ndarray) -> Iterato
     rows = np.flatnonzero(at_origin)
     yield Finding(
         "placeholder", "error",
-        f"{position.name} is at the origin of the {position.frame} in {len(rows)} steps, from step {rows[0]} on: "
+        f"{position.name} is at the origin of the {position.frame} in {len(rows)} rows, from row {rows[0]} on: "
         "no command yet, as exporters write it before the first one",
-        "leave those steps out, or --read-as as_named",
+        "leave those rows out; --read-as as_named takes them as they are",
     )  # fmt: skip

@@ -215,5 +215,5 @@ def layout_named(text: str, robot: RobotSpec | None = None) -> ActionSpec | None
         return builtin(text, robot)
     try:
         return ActionSpec.from_json(read_text(text, SPEC_MAX), robot)
-    except ReadingError as error:
-        raise SpecError(f"{text} {error}") from error
+    except (ReadingError, SpecError) as error:
+        raise SpecError(f"{text}: {error}") from error

@@ -85,14 +85,14 @@ def edited(file, edit):
 @pytest.mark.parametrize(
     ("edit", "complaint"),
     [
-        (lambda rows: rows[4].pop(), "row 5 has 35 columns; 36 are expected"),
-        (lambda rows: rows[0].append("0"), "row 1 has 37 columns"),
-        (lambda rows: rows[7].__setitem__(10, "nan"), r"row 8, column 11 \(left_knee_joint\) is nan"),
-        (lambda rows: rows[7].__setitem__(0, "-inf"), r"row 8, column 1 \(x\) is -inf"),
-        (lambda rows: rows[9].__setitem__(35, "2e9"), r"row 10, column 36 \(right_wrist_yaw_joint\) is 2e\+09"),
-        (lambda rows: rows[9].__setitem__(3, "abc"), r"row 10, column 4 \(qx\) is 'abc', no number"),
-        (lambda rows: rows[9].__setitem__(3, ""), "row 10, column 4"),
-        (lambda rows: rows[3].__setitem__(slice(3, 7), ["0", "0", "0", "2"]), "row 4: columns 4 to 7 have norm 2"),
+        (lambda rows: rows[4].pop(), "line 5 has 35 columns; 36 are expected"),
+        (lambda rows: rows[0].append("0"), "line 1 has 37 columns"),
+        (lambda rows: rows[7].__setitem__(10, "nan"), r"line 8, column 11 \(left_knee_joint\) is nan"),
+        (lambda rows: rows[7].__setitem__(0, "-inf"), r"line 8, column 1 \(x\) is -inf"),
+        (lambda rows: rows[9].__setitem__(35, "2e9"), r"line 10, column 36 \(right_wrist_yaw_joint\) is 2e\+09"),
+        (lambda rows: rows[9].__setitem__(3, "abc"), r"line 10, column 4 \(qx\) is 'abc', no number"),
+        (lambda rows: rows[9].__setitem__(3, ""), "line 10, column 4"),
+        (lambda rows: rows[3].__setitem__(slice(3, 7), ["0", "0", "0", "2"]), "line 4: columns 4 to 7 have norm 2"),
         (lambda rows: rows[3].__setitem__(slice(3, 7), ["0"] * 4), "must be the root quaternion in the order x y z w"),
         (lambda rows: rows.insert(0, [*ROOT_COLUMNS, *g1().body_joints]), "a file without a header is expected"),
         (lambda rows: rows.clear(), "is empty"),
@@ -149,8 +149,8 @@ def test_a_name_that_says_a_rate_is_believed(name, rate):
 def test_a_rate_that_nobody_said_is_told_with_the_others_that_fit(tmp_path, file):
     """A recording of 30 Hz was taken for one of 60 Hz, and done twice as fast without a word."""
     *others, note = open_recording(file).episode.notes
-    assert note.startswith("the file does not say its frame rate: 60 Hz assumed, 2.0 s in all")
-    assert "30, 50, 100 or 120 Hz would fit too: say --fps" in note
+    assert note.startswith("60 Hz assumed, the file does not say its frame rate (say --fps): 2.0 s in all")
+    assert "30, 50, 100 or 120 Hz would fit too" in note
     assert list(open_recording(file, fps=60.0).episode.notes) == others
     assert convert(file, tmp_path / "swing.npz").notes[-1] == note
     named = file.rename(file.with_name("swing_30hz.csv"))
