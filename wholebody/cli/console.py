@@ -202,6 +202,8 @@ def write_pictures(recorder: Recorder, video: Path | None, sheet: Path | None, r
     with TemporaryDirectory() as folder:
         file = record or Path(folder) / "run.npz"
         recorder.save(file)
+        if record is not None:
+            say(f"wrote {record}", to_errors=True)
         for output in (video, sheet):
             if output is None:
                 continue
@@ -244,6 +246,7 @@ class JsonVerdicts:
             self._write("[]\n")
         if self._file not in (None, sys.stdout):
             self._file.close()
+            say(f"wrote {self.target}", to_errors=True)
 
     def add(self, verdict: Verdict) -> None:
         """Write a verdict."""

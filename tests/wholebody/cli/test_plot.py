@@ -20,7 +20,7 @@ def test_the_picture_is_written_beside_the_recording_and_over_no_sheet(inside, t
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("none.npz",), "none.npz"),
+        (("none.npz",), "there is no recording 'none.npz': wholebody run SOURCE --record none.npz makes one"),
         ((".",), "say with --output where"),
         (("chunk.npz",), "chunk.npz: is a chunk file, and recordings are drawn: `wholebody run chunk.npz --rec"),
         (("run.npz", "-o", "run.gif"), "must end in .png"),

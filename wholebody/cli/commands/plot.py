@@ -28,5 +28,7 @@ def plot(
         # A sheet of the same run may be called as the recording is.
         output = record.with_name(f"{record.stem}-plot.png")
     check_places("", sheet=output)
+    if not record.exists():
+        raise ValueError(f"there is no recording '{record}': wholebody run SOURCE --record {record} makes one")
     draw(read_record(record, PLOT_COLUMNS), output, record.name)
     say(f"wrote {output}", to_errors=True)
