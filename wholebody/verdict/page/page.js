@@ -29,7 +29,7 @@ if (about.repaired) $("would").append(" The ghost is repaired: " + about.repaire
 let under = null;
 for (const one of about.violations) {
   const button = make("button", "", { className: one.severity, onclick: () => one.time !== null && stand(one.time, button) });
-  button.append(make("time", one.time === null ? "" : one.time.toFixed(2) + " s"), make("span", one.text));
+  button.append(make("span", one.text));
   button.dataset.code = one.code;
   if (one.came_of === null) { $("violations").append(button); under = null; continue; }
   if (under === null) { under = make("details"); under.append(make("summary", "What came of it")); $("violations").append(under); }
@@ -225,9 +225,11 @@ function paint(one) {
   const marks = [];
   for (let v = Math.ceil(low / rise) * rise; v <= (panel.knee === null ? high : Math.min(high, panel.knee)); v += rise) marks.push(v);
   if (panel.knee !== null) for (let ten = 10 ** Math.floor(Math.log10(panel.knee)); bend(ten) <= high; ten *= 10) marks.push(...[1, 2, 5].map((s) => s * ten).filter((v) => v > 1.3 * panel.knee && bend(v) <= high));
+  let under = Infinity;
   for (const v of marks) {
     c.globalAlpha = 0.25; c.fillRect(0, y(v), width, 1); c.globalAlpha = 1;
-    c.fillText(`${+v.toPrecision(6)}`, 2, Math.max(y(v) - 2, 9));
+    if (under - y(v) < 11 || panel.bounds.some(([bound]) => Math.abs(y(v) - y(bound)) < 2)) continue;
+    under = y(v); c.fillText(`${+v.toPrecision(6)}`, 2, Math.max(y(v) - 2, 9));
   }
   for (const one of about.violations) if (one.time !== null && one.severity !== "note") { c.fillStyle = tint(one.severity === "repair" ? "--repair" : "--bad"); c.globalAlpha = 0.5; c.fillRect(x(one.time) - 1, 0, 2, foot); c.globalAlpha = 1; }
   c.lineWidth = 1; c.setLineDash([4, 3]);
@@ -235,9 +237,6 @@ function paint(one) {
     if (bend(value) > high) return;
     c.strokeStyle = c.fillStyle = tint("--bad");
     c.beginPath(); c.moveTo(0, y(value)); c.lineTo(width, y(value)); c.stroke();
-    c.globalAlpha = 0.9; c.textAlign = k % 2 ? "left" : "right";
-    c.fillText(`${name}, ${+value.toPrecision(3)}`, k % 2 ? 36 : width - 4, y(value) > 12 ? y(value) - 3 : y(value) + 10);
-    c.textAlign = "left"; c.globalAlpha = 1;
   });
   for (const line of lines) {
     c.strokeStyle = line.colour === "#737385" ? tint("--ink") : line.colour;
@@ -247,6 +246,15 @@ function paint(one) {
     line.values.forEach((value, k) => { if (!Number.isFinite(value)) { pen = false; return; } c[pen ? "lineTo" : "moveTo"](x(time[k]), y(value)); pen = true; });
     c.stroke();
   }
+  // Words last, on a ground of their own: curves run under them.
+  c.setLineDash([]);
+  panel.bounds.forEach(([value, name], k) => {
+    if (bend(value) > high) return;
+    const words = `${name}, ${+value.toPrecision(3)}`, place = [k % 2 ? 36 : width - 4, y(value) > 12 ? y(value) - 3 : y(value) + 10];
+    c.textAlign = k % 2 ? "left" : "right"; c.lineWidth = 4; c.strokeStyle = tint("--card"); c.fillStyle = tint("--bad");
+    c.strokeText(words, ...place); c.fillText(words, ...place);
+  });
+  c.textAlign = "left";
 }
 const repaint = () => drawn.forEach(paint);
 
