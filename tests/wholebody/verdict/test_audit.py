@@ -21,6 +21,7 @@ from wholebody.verdict.audit.audit import audit
 from wholebody.verdict.audit.journal import NAME, Journal
 from wholebody.verdict.audit.lists import delete_settings, slow_down, to_delete
 from wholebody.verdict.audit.outcome import AuditOutcome
+from wholebody.verdict.audit.tables import episode_row
 from wholebody.verdict.audit.workers import outcomes
 
 TABLES = ("episodes.parquet", "violations.parquet")
@@ -131,6 +132,15 @@ def test_what_is_audited_into_a_folder_later_is_added_to_its_answers_and_what_is
     assert audited(b) == ["b.npz", "a.npz"]
     a.unlink()
     assert audited(c) == ["c.npz", "b.npz"]
+
+
+def test_a_row_has_the_first_line_and_why_the_worst_is_so():
+    """`palm_missed` alone does not say whether a hand was lost, late or waiting."""
+    late = {"code": "palm_missed", "cause": "late", "time": 0.3}
+    found = outcome("a.npz", "infeasible")
+    found.verdict.update(headline="left hand off", violations=[late])
+    row = episode_row(found)
+    assert (row["worst"], row["worst_cause"], row["headline"]) == ("palm_missed", "late", "left hand off")
 
 
 def test_lists_have_what_no_speed_makes_feasible_and_what_one_does():
