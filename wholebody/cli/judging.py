@@ -97,17 +97,24 @@ class InputJudge:
         try:
             policy = opened(name, self.given, self.robot(), **self.sampling.choices())
             if self.judging.fast:
-                return _answer(self._planned(policy, name, why=self.judging.why))
+                return _answer(
+                    self._explained(policy, name, title) if self.judging.why else self._planned(policy, name)
+                )
             verdict = self._simulated(policy, name, title or name)
             if self.judging.why and self.pages is None and verdict.verdict != "feasible":
                 from wholebody.verdict.verdict import with_why
 
-                verdict = with_why(verdict, self._planned(policy, name, why=True))
+                verdict = with_why(verdict, self._explained(policy, name, title))
         except Exception as error:  # noqa: BLE001 - whatever it is, the other inputs are judged all the same
             return self._failed(name, error)
         return _answer(verdict)
 
-    def _planned(self, policy: Policy, name: str, *, why: bool) -> Verdict:
+    def _explained(self, policy: Policy, name: str, title: str = "") -> Verdict:
+        """The fast check, asked why."""
+        with waiting(f"{title or name}: looking for what forbids it, and for what would do", self.quiet):
+            return self._planned(policy, name, why=True)
+
+    def _planned(self, policy: Policy, name: str, *, why: bool = False) -> Verdict:
         """The fast check."""
         seconds, start, fast = (
             length(policy, self.given.duration),
@@ -122,7 +129,7 @@ class InputJudge:
         from wholebody.errors import PlanningError
 
         try:
-            return self._planned(policy, name, why=False)
+            return self._planned(policy, name)
         except CrashError as error:
             if isinstance(error.__cause__, PlanningError):
                 return None
@@ -147,13 +154,14 @@ class InputJudge:
             progress_bar(title, quiet=self.quiet) as progress,
             ours(),
         ):
-            if self.pages is not None:
-                verdict = self.pages.check(checker, policy, name, seconds, cameras, progress)
-            else:
-                verdict, _ = checker.check(policy, name, seconds, cameras=cameras, progress=progress)
-        if first is None:
+            shown = {"cameras": cameras, "progress": progress}
+            run = None if self.pages is None else self.pages.run(checker, policy, name, seconds, **shown)
+            verdict = run.verdict if run else checker.check(policy, name, seconds, **shown)[0]
+        verdict = _after(verdict, first)
+        if run is None:
             return verdict
-        return replace(verdict, fast=first.verdict, decided_by=first.decided_by, margins=first.margins, odds=first.odds)
+        with waiting(f"{name}: looking for why, and writing its page", self.quiet), ours():
+            return self.pages.write(checker, replace(run, verdict=verdict))
 
     def in_world(self, name: str, seed: int) -> Answer:
         """Judge an input in the realistic world of a seed."""
@@ -182,6 +190,15 @@ class InputJudge:
         self._checker.cache_clear()
         self.fast.cache_clear()
         return _sentence(name, sentence(error), CRASH)
+
+
+def _after(verdict: Verdict, planned: Verdict | None) -> Verdict:
+    """A simulated verdict with what plans had said before."""
+    if planned is None:
+        return verdict
+    said = {"fast": planned.verdict, "would_do": planned.would_do if verdict.verdict != "feasible" else []}
+    said |= {name: getattr(planned, name) for name in ("decided_by", "margins", "odds")}
+    return replace(verdict, **said)
 
 
 def answers(judge: InputJudge, inputs: Iterable[str], jobs: int) -> Iterator[Answer]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import join
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from typer import Context
 
@@ -15,8 +15,8 @@ from wholebody.cli.console import check_folder
 
 if TYPE_CHECKING:
     from policy.base import Policy
-    from wholebody.episode.run import Cameras
     from wholebody.verdict.check import Checker
+    from wholebody.verdict.page.reporting import Run
     from wholebody.verdict.verdict import Verdict
 
 NAME_MAX = 60
@@ -69,20 +69,17 @@ class Pages:
         short = re.sub(r"[^A-Za-z0-9._-]+", "_", Path(name).stem if "#" not in name else Path(name).name)
         return self.folder / f"{self.names.index(name):04d}_{short[-NAME_MAX:]}.html"
 
-    def check(
-        self,
-        checker: Checker,
-        policy: Policy,
-        name: str,
-        seconds: float,
-        cameras: Cameras | None,
-        progress: Callable[[float, float], None] | None,
-    ) -> Verdict:
-        """Judge an input, say why where it is not feasible, and write its page."""
-        from wholebody.verdict.page.reporting import report
+    def run(self, checker: Checker, policy: Policy, name: str, seconds: float, **shown: Any) -> Run:
+        """Simulate an input for its page; ``shown`` as in `wholebody.verdict.page.reporting.simulated`."""
+        from wholebody.verdict.page.reporting import simulated
 
-        place = self.place(name)
-        return report(checker, policy, name, seconds, place, self.command(name), cameras, progress)
+        return simulated(checker, policy, name, seconds, **shown)
+
+    def write(self, checker: Checker, run: Run) -> Verdict:
+        """Write the page of a run; its verdict, with why where it is not feasible."""
+        from wholebody.verdict.page.reporting import write_report
+
+        return write_report(checker, run, self.place(run.name), self.command(run.name))
 
     def command(self, name: str) -> str:
         """What makes the page of one input again."""

@@ -32,6 +32,7 @@ class Meters:
         self._came: dict[float, float] = {}  # when the chunk of an observation came, until one is followed [s]
         self._chunk: ActionChunk | None = None
         self._palms = supervisor.palm_reference()
+        self._stands = supervisor.contacts.at(start).stands
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
     def offered(self, chunk: ActionChunk, executor: Executor) -> None:
@@ -74,6 +75,9 @@ class Meters:
     def after(self, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
         """Take note of the state that it led to."""
         self._limits.look(state.time, supervisor.contacts)
+        stands = supervisor.contacts.at(state.time).stands
+        self.result.steps += sum(now and not was for now, was in zip(stands, self._stands, strict=True))
+        self._stands = stands
         _count(self.result, supervisor, plant, state)
 
     def finish(self, supervisor: ChunkExecutor) -> EpisodeResult:

@@ -51,6 +51,7 @@ class EpisodeResult:
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest distance that a sole slid [m].
         tilt: Largest pelvis tilt [rad].
+        steps: How often a foot that was up was set down.
         refusals: Chunks that were refused or never came.
         notes: What decoding changed in the chunks or found odd.
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
@@ -78,6 +79,7 @@ class EpisodeResult:
     margin: float = float("inf")
     creep: float = 0.0
     tilt: float = 0.0
+    steps: int = 0
     refusals: list[Refusal] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
     slowdown: float = 1.0

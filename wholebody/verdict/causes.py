@@ -14,14 +14,15 @@ class WouldDo:
 
     Attributes:
         kind: ``slower``, ``moved``, ``turned``, ``combined``: these as far as is needed, and numbers
-            brought into their range, ``lighter``, ``softer`` or ``bound``.
+            brought into their range, ``lighter``, ``softer``, ``start``: begun from its own first row, or ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         lighter: Mass less in the hands, both together [kg].
         force: With which the hand that is named would have to be told to push at most [N].
         bound: A bound of the robot, and the value that a plan with all others kept has instead; it need not be the
             least one.
-        hand, step, by: Which hand is moved most, at which step, and by what (3,), x forward, y left, z up [m].
+        hand, step, by: Which hand is moved most, at which row of the input, and by what (3,), x forward, y left, z up
+            [m].
         chunk: As changed, feasible; None for a bound, a load and a force. Not part of the JSON.
     """
 
@@ -44,7 +45,7 @@ class Tick:
 
     Attributes:
         proven: Whether it has no solution, which ``A``, ``lower``, ``upper`` and ``weights`` prove.
-        time: Since the first step of the input [s]. step: The same in steps.
+        time: Since the first row of the input [s]. step: The row.
         rows: Names of the rows that forbid or, where there is a solution, of those that limit the hands most.
         weights: Of each row: the Farkas vector, or the multipliers.
         A, lower, upper: Of a proof ``lower <= A x <= upper``, x the accelerations of base and joints, then the forces
@@ -70,8 +71,7 @@ class Why:
         members: Where each is met, at times since the first step of the input.
         time: When the hand of the sentence is there, likewise [s].
         irreducible: Whether no plan is found with them alone, and one without any one of them.
-        sentence: The same for a person, with what would do where that is known.
-        text: The sentence without what would do.
+        sentence: The same for a person.
     """
 
     codes: tuple[Limit, ...]
@@ -79,4 +79,3 @@ class Why:
     time: float
     irreducible: bool
     sentence: str
-    text: str = ""

@@ -23,7 +23,7 @@ from wholebody.sim.robot_errors import RealisticPlant, RobotErrors
 from wholebody.sim.sensors import SensorConfig, Sensors
 from wholebody.verdict.chunk_gate import ChunkGate
 from wholebody.verdict.fast import FastChecker
-from wholebody.verdict.input_steps import far_from_stance, last_step, within
+from wholebody.verdict.input_steps import far_from_stance, last_step, row_rate, within
 from wholebody.verdict.verdict import Follow, Verdict, verdict_of
 
 TIMESTEP = 0.002
@@ -159,4 +159,4 @@ class Checker:
         verdict = verdict_of(name, result, asdict(config), bounds=config.verdict)
         last = last_step(given, duration, result.fps)
         verdict = replace(verdict, robot=self.robot, follow=self.follow, gate=summary)
-        return within(verdict, last), result
+        return within(verdict, last, row_rate(given)), result

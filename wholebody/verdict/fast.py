@@ -26,10 +26,11 @@ from wholebody.planning.judgement.sketch import Sketches
 from wholebody.planning.plan import ChunkPlan
 from wholebody.resources import processors
 from wholebody.robot.feet import Feet
-from wholebody.types import RobotState
+from wholebody.types import Reason, RobotState
 from wholebody.verdict.calibration.model import shipped
 from wholebody.verdict.calibration.odds import Odds
-from wholebody.verdict.input_steps import far_from_stance, last_step, within
+from wholebody.verdict.causes import WouldDo
+from wholebody.verdict.input_steps import far_from_stance, last_step, row_rate, within
 from wholebody.verdict.plan_run import PlanRun, Played, Suspect
 from wholebody.verdict.repair import Repairer
 from wholebody.verdict.verdict import Verdict
@@ -110,8 +111,8 @@ class FastChecker:
         # A robot that stands elsewhere has its first plan when that is computed, and later ones as late.
         lead = self.config.planning.lead if start == "stance" else 0.0
         episode = getattr(policy, "episode", None)
-        end = np.inf if episode is None else (len(episode) - 1) / episode.fps
-        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end, odds=odds)
+        end, rows = np.inf if episode is None else (len(episode) - 1) / episode.fps, row_rate(policy)
+        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end, odds=odds, rows=rows)
         placed = start == "first"
         played, begin = self._play(run, policy, duration, None if placed else self.judge.stance(), lead)
         verdict, fps = self._verdict(run, played, name), played[0].opening.fps
@@ -122,7 +123,11 @@ class FastChecker:
             whole = self._whole(policy, duration, begin, lead)
             explainer = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, placed=placed)
             verdict = explainer.explained(verdict, last / fps)
-        return within(verdict, last)
+        if not placed and verdict.verdict != "feasible" and any(x.code is Reason.FAR_START for x in verdict.violations):
+            elsewhere = self.check(policy, name, duration, odds=False)
+            begun = [WouldDo("start")] if elsewhere.verdict == "feasible" else []
+            verdict = replace(verdict, would_do=[*begun, *verdict.would_do])
+        return within(verdict, last, rows)
 
     def _whole(self, policy: Policy, duration: float, begin: Begin, lead: float) -> Suspect | None:
         """A short recording as one chunk, begun there."""

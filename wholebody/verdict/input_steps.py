@@ -19,6 +19,7 @@ from wholebody.robot.palms import palm_offsets, palm_points
 from wholebody.sim.limit_monitor import LimitExcess
 from wholebody.verdict.quantity import quantity
 from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.headline import JUDGED_THERE
 
 HANDS = ("left", "right")
 
@@ -45,7 +46,7 @@ def far_from_stance(chunk: ActionChunk, spec: RobotSpec, free: tuple[bool, bool]
     if shares[side] <= 1.0:
         return ()
     far = f"{quantity(float(away[side]), 'm')} and {np.rad2deg(turned[side]):.0f} deg from the stance"
-    text = f"it begins where the {HANDS[side]} hand is {far}, as does the check; "
+    text = f"{JUDGED_THERE}, the {HANDS[side]} hand {far}; "
     text += "with --start stance, or a state, the way counts"
     swapped = bool((np.linalg.norm(there - here[::-1], axis=1) < away).all())
     return (f"{text}; are left and right swapped?" if swapped else text,)
@@ -81,6 +82,12 @@ def shortened(chunk: ActionChunk, time: float) -> ActionChunk:
     return replace(chunk, **{name: value[:n] for name, value in chunk.arrays().items()})
 
 
+def row_rate(policy: Policy | Executor) -> float:
+    """Rows a second of the file that a policy plays, where those are not its steps [Hz]; else 0."""
+    source = policy.policy if isinstance(policy, Executor) else policy
+    return getattr(source, "row_fps", 0.0)
+
+
 def last_step(policy: Policy | Executor, duration: float, fps: float) -> int:
     """The last step of what a policy is asked for in a time [s], from 0: of a recording, its own last one."""
     source = policy.policy if isinstance(policy, Executor) else policy
@@ -88,19 +95,27 @@ def last_step(policy: Policy | Executor, duration: float, fps: float) -> int:
     return steps if episode is None else min(steps, len(episode) - 1)
 
 
-def within(verdict: Verdict, last: int) -> Verdict:
-    """A verdict that names no step after the last one.
+def within(verdict: Verdict, last: int, rows: float = 0.0) -> Verdict:
+    """A verdict in rows of the input as it was given, of which none comes after the last one.
 
-    The end of an input is held while the robot settles. What happens then keeps its time, and is told at the last step.
+    The end of an input is held while the robot settles. What happens then keeps its time, and is told at the last row.
+
+    Args:
+        verdict: In steps of the chunks.
+        last: The last step.
+        rows: Rows of the input a second, where those are not the steps [Hz].
     """
+    ratio = rows / verdict.fps if rows and verdict.fps else 1.0
+    most = round(last * ratio)
 
     def bounded[T](one: T) -> T:
-        return one if one.step is None or one.step <= last else replace(one, step=last)
+        return one if one.step is None else replace(one, step=min(round(one.step * ratio), most))
 
     causes = [replace(one, members=tuple(map(bounded, one.members))) for one in verdict.causes]
-    would_do = [one if one.bound is None else replace(one, bound=bounded(one.bound)) for one in verdict.would_do]
+    would_do = [bounded(replace(one, bound=one.bound and bounded(one.bound))) for one in verdict.would_do]
     return replace(
         verdict,
+        fps=verdict.fps * ratio,
         violations=[bounded(one) for one in verdict.violations],
         margins=[bounded(one) for one in verdict.margins],
         causes=causes,

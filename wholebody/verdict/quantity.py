@@ -1,4 +1,4 @@
-"""Numbers as people read them."""
+"""Numbers, times and rows as people read them."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ FOR_PEOPLE = {
 }
 """Factor and unit in which people read a value, by its SI unit; definition."""
 
+AFTER = 1.5
+"""Rows from which on an instant is told as after the last one [no unit]; derived: rounding is half a row."""
 MOVED_MIN, TURNED_MIN = 1e-4, 1e-3
 """Changes below are not worth a word [m, rad]; chosen: rounding."""
 
@@ -29,7 +31,32 @@ def quantity(value: float, unit: str) -> str:
     if unit == "m" and abs(value) >= 1.0:
         return f"{value:.2f} m"
     factor, name = FOR_PEOPLE[unit]
-    return f"{factor * value:.{3 if unit else 4}g}{name}"
+    return f"{digits(factor * value, 3 if unit else 4)}{name}"
+
+
+def digits(value: float, count: int) -> str:
+    """A number rounded to so many digits, without an exponent."""
+    text = f"{value:.{count}g}"
+    return f"{float(text):.4f}".rstrip("0").rstrip(".") if "e" in text else text
+
+
+def when(time: float | None, row: int | None, fps: float) -> str:
+    """Row of an input with its time since row 0 [s], or how long after the last one that is; rows a second [Hz]."""
+    if time is None or row is None or fps <= 0.0:
+        return "" if time is None else f"{time:.2f} s" if row is None else f"row {row} ({time:.2f} s)"
+    late = time - row / fps
+    return f"{late:.1f} s after the last row ({row})" if late * fps > AFTER else f"row {row} ({row / fps:.2f} s)"
+
+
+def at(time: float | None, row: int | None, fps: float) -> str:
+    """The same with its preposition, behind a space; nothing where there is no time."""
+    text = when(time, row, fps)
+    return text and (f" {text}" if " after " in text else f" at {text}")
+
+
+def due(row: int, fps: float) -> str:
+    """Row of an input whose last one is held, with its time since row 0 [s]; rows a second [Hz]."""
+    return when(row / fps if fps > 0.0 else None, row, fps)
 
 
 def size_text(slower: float, moved: float, turned: float, lighter: float = 0.0, force: float = 0.0) -> str:

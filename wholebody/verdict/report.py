@@ -14,11 +14,11 @@ from wholebody.planning.judgement.limits import Margin
 from wholebody.types import PalmCause, Reason
 from wholebody.verdict.calibration.odds import Chance, Odds
 from wholebody.verdict.causes import Tick
-from wholebody.verdict.quantity import quantity, size_text
+from wholebody.verdict.quantity import at, due, quantity, size_text, when
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import ELSEWHERE, Severity, Violation
-from wholebody.verdict.why.sentence import change_text
+from wholebody.verdict.why.headline import OF_A_HAND, below
 
 _MOVED = "{subject} commanded {value} from where it was asked to be (bound {bound})"
 PHRASES = {
@@ -37,6 +37,8 @@ PHRASES = {
 }
 """What a violation with a number and a bound says; one in seconds says how long, the others are their subject alone."""
 
+WORTH_A_LINE = 5e-4
+"""Distance below which a note on a hand is no line of its own [m]; chosen: rounding."""
 SEARCH_FINDS = "no bound: a plan, or a search with more effort, finds a motion, once the hands are on the chunk"
 MORE_CAUSES, NO_CAUSE_YET = "there may be more causes, and smaller changes that would do", "no cause was found yet"
 ROWS = {
@@ -54,20 +56,16 @@ ROWS = {
 
 
 def lines(verdict: Verdict) -> list[str]:
-    """The verdict first, then the worst violations, then how it went."""
-    text = [str(verdict)]
+    """The verdict first, then what it means, then the worst violations, then how it went."""
+    text = [str(verdict), *below(verdict)]
     text += [f"  because  {one.sentence}" for one in verdict.causes]
     if verdict.search_finds:
         text.append(f"  because  {SEARCH_FINDS}")
-    # An only cause says in its sentence which changes of the chunk would do.
-    apart = [one for one in verdict.would_do if one.bound is not None or len(verdict.causes) != 1]
-    if apart:
-        text.append(f"  it would do {', or '.join(map(change_text, apart))}")
     if not verdict.why_complete:
         text.append(f"  the time for it ended: {MORE_CAUSES if verdict.causes else NO_CAUSE_YET}")
     if verdict.tick is not None:
         text.append(f"  {tick_line(verdict.tick)}")
-    text += _violation_lines(verdict.violations)
+    text += _violation_lines(verdict)
     if verdict.method == "fast":
         return text + _fast_lines(verdict)
     text.append(
@@ -86,7 +84,7 @@ def lines(verdict: Verdict) -> list[str]:
     if verdict.robot != "true":
         text.append(f"  robot    {verdict.robot}")
     margin = verdict.pressure_margin_m
-    room = "" if margin is None else f"centre of pressure at least {1e3 * margin:.0f} mm inside the soles; "
+    room = "" if margin is None else f"centre of pressure at least {round(1e3 * margin)} mm inside the soles; "
     text.append(f"  balance  {room}feet slid {1e3 * verdict.creep_m:.1f} mm")
     text.append(f"  chunks   {verdict.timing.text()}")
     if verdict.fast is not None:
@@ -95,13 +93,14 @@ def lines(verdict: Verdict) -> list[str]:
     return text
 
 
-def _violation_lines(violations: Sequence[Violation]) -> list[str]:
+def _violation_lines(verdict: Verdict) -> list[str]:
     """A line each, and for each cause one of what came of it, once a code."""
-    text = []
+    text, violations = [], verdict.violations
     for k, cause in enumerate(violations):
-        if cause.came_of is not None:
+        slight = cause.severity is Severity.NOTE and cause.unit == "m" and cause.value < WORTH_A_LINE
+        if cause.came_of is not None or slight:
             continue
-        text.append(f"  {violation_line(cause)}")
+        text.append(f"  {violation_line(cause, verdict.fps)}")
         counts = Counter(map(_name, takewhile(lambda one: one.came_of is not None, violations[k + 1 :])))
         if counts:
             came = (f"{name} {n} times" if n > 1 else name for name, n in counts.items())
@@ -119,7 +118,11 @@ def _fast_lines(verdict: Verdict) -> list[str]:
     text += _approach(verdict)
     if verdict.odds is not None:
         text += odds_lines(verdict.odds)
-    return text + [f"  {'room' if i == 0 else '':8s} {margin_line(one)}" for i, one in enumerate(verdict.margins[:5])]
+    # Of what is done as given, bounds that are exceeded are those of the way to it.
+    joined = np.inf if verdict.verdict == "feasible" else verdict.approach_s
+    room = [one for one in verdict.margins if one.margin >= 0.0 or one.time >= joined]
+    shown = (margin_line(one, verdict.fps) for one in room[:5])
+    return text + [f"  {'room' if i == 0 else '':8s} {line}" for i, line in enumerate(shown)]
 
 
 def odds_lines(odds: Odds) -> list[str]:
@@ -140,15 +143,18 @@ def _chance(chance: Chance) -> str:
 
 
 def _approach(verdict: Verdict) -> Iterator[str]:
-    """Where hands began that were not at the first step, and for how long they were on their way."""
+    """Where hands began that were not at the first row, and for how long they were on their way."""
     if verdict.approach_s or verdict.start_m > 1e-3:
-        yield f"  approach from {1e3 * verdict.start_m:.0f} mm away, {verdict.approach_s:.2f} s"
+        way = "which every row counts from"
+        if verdict.approach_s:
+            way = f"which are there after {verdict.approach_s:.2f} s; the palms above are from then on"
+        yield f"  start    {1e3 * verdict.start_m:.0f} mm from the hands, {way}"
 
 
-def margin_line(margin: Margin) -> str:
-    """A margin for people: what, where, value and bound."""
+def margin_line(margin: Margin, fps: float = 0.0) -> str:
+    """A margin for people: what, where, value and bound, of an input with so many rows a second [Hz]."""
     value, bound = (quantity(number, margin.unit) for number in (margin.value, margin.bound))
-    return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {margin.time:.2f} s"
+    return f"{margin.code}: {margin.subject} {value} (bound {bound}) at {due(margin.step, fps)}"
 
 
 def tick_line(tick: Tick) -> str:
@@ -197,20 +203,21 @@ def _durations(verdict: Verdict) -> str:
     return ", ".join(f"{name} {time:.1f} s" for name, time in verdict.seconds.items()) or "nothing was run"
 
 
-def violation_line(violation: Violation) -> str:
-    """A violation for people: code, what, how much, when."""
-    when = "" if violation.time is None else f" at {violation.time:.2f} s"
-    if violation.step is not None:
-        when += f" (step {violation.step})"
+def violation_line(violation: Violation, fps: float = 0.0) -> str:
+    """A violation for people: code, what, how much, when; of an input with so many rows a second [Hz]."""
     if violation.unit == "s":
-        return f"{_name(violation)}: {violation.subject}, for {quantity(violation.value, 's')}{when}"
+        begun = when(violation.time, violation.step, fps)
+        begun = begun and f", from {begun} on"
+        return f"{_name(violation)}: {violation.subject}, for {quantity(violation.value, 's')} in all{begun}"
+    held = violation.kind in OF_A_HAND and violation.step is not None and fps > 0.0
+    place = f" at {due(violation.step, fps)}" if held else at(violation.time, violation.step, fps)
     if violation.kind not in PHRASES:
-        return f"{_name(violation)}: {violation.subject}{when}"
+        return f"{_name(violation)}: {violation.subject}{place}"
     value, bound = (quantity(number, violation.unit) for number in (violation.value, violation.bound))
     phrase = PHRASES[violation.kind].format(subject=violation.subject, value=value, bound=bound)
     if violation.bound == 0.0 and violation.severity is Severity.NOTE:
         phrase = phrase.removesuffix(f" (bound {bound})")  # nothing is exceeded, it is told all the same
-    return f"{_name(violation)}: {phrase}{when}"
+    return f"{_name(violation)}: {phrase}{place}"
 
 
 def _name(violation: Violation) -> str:

@@ -22,7 +22,7 @@ from wholebody.verdict.causes import Tick, Why, WouldDo
 from wholebody.verdict.consequences import folded
 from wholebody.verdict.summaries import GateSummary, Worlds
 from wholebody.verdict.violations import Severity, Violation, violations
-from wholebody.verdict.why.headline import headline
+from wholebody.verdict.why.headline import first_line, headline
 
 Answer = Literal["feasible", "feasible_after_repair", "infeasible"]
 Follow = Literal["planned", "gated", "as_given"]
@@ -35,7 +35,7 @@ ANSWERS: dict[Severity, Answer] = {
 """The answer by the worst violation; without any, feasible."""
 WITHIN_20_MM = 0.02
 """Palm error of `Verdict.within_20mm` [m]; definition."""
-SCHEMA = 2
+SCHEMA = 3
 """Version of a verdict as JSON; docs/verdict.md says what each one changed."""
 PACKAGES = ("g1-wholebody", "mujoco", "pin", "placo", "daqp", "numpy")
 
@@ -49,8 +49,9 @@ class Verdict:
         verdict: What the worst violation makes of it: ``feasible`` as given, ``feasible_after_repair``: slowed, or
             with a hand moved by at most the bound of repair, ``infeasible``: not executed, another motion, or a fall.
         fell: Whether the robot fell in simulation.
+        fps: Rows a second of the input as it was given, which steps count [Hz]; 0 where no chunk came.
         violations: Worst first, each followed by what came of it.
-        rms_m, max_m, end_m: Palm errors over all steps, and at the last one [m].
+        rms_m, max_m, end_m: Palm errors over all rows after the approach, and at the last one [m].
         turn_rms_rad, turn_max_rad, turn_end_rad: Errors of the palms' orientations, likewise [rad].
         moved_max_m, moved_turn_max_rad: Largest distance and angle of a commanded palm from what was asked at the
             step's own time, after the approach [m], [rad]; an orientation that is free counts here too.
@@ -87,6 +88,7 @@ class Verdict:
     name: str
     verdict: Answer
     fell: bool
+    fps: float = 0.0
     violations: list[Violation] = field(default_factory=list)
     rms_m: float = 0.0
     max_m: float = 0.0
@@ -127,8 +129,8 @@ class Verdict:
     tick: Tick | None = None
 
     def __str__(self) -> str:
-        """The answer, the input, and one sentence about it."""
-        return f"{self.verdict.upper().replace('_', ' ')}  {self.name}: {self.headline}"
+        """The answer, the input, and one sentence about it, in two lines of a terminal."""
+        return first_line(self, self.name)
 
     @property
     def headline(self) -> str:
@@ -165,13 +167,14 @@ def verdict_of(
     bounds = bounds or VerdictConfig()
     found = folded(violations(result, bounds))
     palms, joined = result.palms, approach_steps(result, bounds)
-    errors, turns, fair = palms.errors, palms.turns, palms.errors[palms.demandable]
+    errors, turns, fair = palms.errors[joined:], palms.turns[joined:], palms.errors[palms.demandable]
     return Verdict(
         name=name,
         verdict=ANSWERS[found[0].severity] if found else "feasible",
         fell=result.fall is not None,
+        fps=result.fps,
         violations=found,
-        rms_m=result.rms,
+        rms_m=_rms(errors),
         max_m=_largest(errors),
         end_m=_largest(errors[-1:]),
         turn_rms_rad=_rms(turns),

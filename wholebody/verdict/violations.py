@@ -40,6 +40,8 @@ THEN = PalmCause.LOST, Reason.TOO_FAST_FOR_BALANCE, Reason.FAR_START, Reason.STA
 REST = (PalmCause.WAITING if reason is Reason.PALM_MISSED else reason for reason in Reason)
 ORDER = tuple(dict.fromkeys((*FIRST, *THEN, *REST)))
 """Order of the kinds of violations that are equally severe: causes before what came of them."""
+OF_THE_WHOLE = Reason.CHUNK_NOTE, Reason.CHANGED_NUMBERS, Reason.HANDS_ONLY
+"""What is told of a recording when it is opened, and of any chunk."""
 PALMS = ("left palm", "right palm")
 
 
@@ -74,8 +76,8 @@ class Violation:
         code: Stable reason code.
         severity: What it makes of the answer.
         subject: Joint, body, hand or message that it is about.
-        time: When first, or when worst, in simulated time [s]; None if it has no instant.
-        step: The same in steps of the input, from 0.
+        time: When first, or when worst, since the first row of the input [s]; None if it has no instant.
+        step: The row of the input that is due then, from 0.
         value, bound: In SI units.
         unit: ``m``, ``rad``, ``N m``, ``s`` or empty.
         came_of: Code of the violation that it is a consequence of; None where it is none.
@@ -119,7 +121,7 @@ def violations(result: EpisodeResult, bounds: VerdictConfig) -> list[Violation]:
     kinds = {violation.kind for violation in found} | {refusal.reason for refusal in result.refusals}
     found += _reasons(result, kinds)
     found.sort(key=_rank)
-    return [_with_step(violation, result) for violation in found]
+    return [_of_input(violation, result) for violation in found]
 
 
 def _rank(one: Violation) -> tuple[int, int, float, int]:
@@ -285,6 +287,9 @@ def _reasons(result: EpisodeResult, known: set[Reason | PalmCause]) -> Iterator[
         time, detail = result.first_reasons.get(reason, (None, reason.sentence))
         # What is said of a slowed status is about the whole plan.
         detail = kind.sentence if reason.status is Status.SLOWED else detail
+        if reason in (Reason.WALKING, Reason.RECOVERING):
+            what, mark, then = detail.partition(";")
+            detail = f"{what} in {result.steps} step{'' if result.steps == 1 else 's'}{mark}{then}"
         severity = REASON_SEVERITY[reason.status]
         yield Violation(**_named(kind), severity=severity, subject=detail, time=time, value=seconds, unit="s")
 
@@ -298,7 +303,9 @@ def _first_of_each[T](pairs: Iterable[tuple[str, T]]) -> Iterator[tuple[T, str]]
         yield items[0], f" {len(items)} times" if len(items) > 1 else ""
 
 
-def _with_step(violation: Violation, result: EpisodeResult) -> Violation:
-    if violation.time is None or result.fps <= 0.0 or violation.time < result.start:
-        return violation
-    return replace(violation, step=round((violation.time - result.start) * result.fps))
+def _of_input(violation: Violation, result: EpisodeResult) -> Violation:
+    """A violation in the time and the rows of the input; what is told of its first chunk is about all of it."""
+    if violation.time is None or (violation.code in OF_THE_WHOLE and violation.time <= result.start):
+        return replace(violation, time=None)
+    time = violation.time - result.start
+    return replace(violation, time=time, step=round(time * result.fps) if result.fps > 0.0 and time >= 0.0 else None)

@@ -72,7 +72,7 @@ def test_what_a_gate_there_holds_comes_with_what_it_says(process, request_and_pl
     with pytest.raises(RejectedError) as held:
         process(replace(request, chunk=replace(request.chunk, T_world_lhand=away)))
     assert held.value.report.reason is Reason.NOT_CLEARED
-    assert "another motion" in str(held.value)
+    assert "mm off at row 5 (0.17 s), 50 mm allowed: out of reach" in str(held.value)
 
 
 def test_a_chunk_without_a_plan_is_an_answer(process, request_and_plan):

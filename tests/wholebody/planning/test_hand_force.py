@@ -38,7 +38,7 @@ def test_a_force_that_is_told_has_a_margin_and_what_would_do():
     one, bound = hard.violations[0], margin(hard, "hand_force").bound
     assert (one.value, one.bound, one.subject, one.unit) == (40.0, bound, "left hand", "N")
     assert hard.would_do[0].kind == "softer"
-    assert f"it would do with the left hand pushing with {int(bound)} N" in hard.headline
+    assert f"would do: left hand pushing with {int(bound)} N" in hard.headline
     again = judge(pushing([0.0, 0.0, 0.99 * hard.would_do[0].force]))
     assert again.verdict == "feasible"
 

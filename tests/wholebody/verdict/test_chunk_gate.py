@@ -78,7 +78,7 @@ def test_another_motion_is_rejected_with_its_reason_and_the_robot_stays(checker,
     assert decision.answer == "rejected"
     assert decision.reason is Reason.OUT_OF_REACH
     assert refusal.reason is Reason.NOT_CLEARED
-    assert "another motion" in refusal.detail
+    assert "50 mm allowed: out of reach" in refusal.detail
     assert checker.supervisor.status.status is Status.HOLD
     assert checker.supervisor.chunk is None
     assert len(planned) == 1, "what is rejected is judged by the plan that there is, without another search"

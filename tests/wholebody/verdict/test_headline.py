@@ -1,5 +1,6 @@
 """Strategy: verdicts made by hand for the words, and chunks of several families for what they promise."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,23 +9,35 @@ import pytest
 
 from models import g1
 from policy.recorded.motion_csv import Motion, motion_chunk
+from policy.recorded.replay import ReplayPolicy, open_recording
 from tests.support.outcome_cases import outcome_case
 from tests.support.sent_chunks import sent
 from wholebody import judge
+from wholebody.episode.result import EpisodeResult, Note
+from wholebody.episode.run import EpisodeConfig
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.types import Reason
 from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 from wholebody.verdict.calibration.odds import Chance, Odds
-from wholebody.verdict.causes import WouldDo
+from wholebody.verdict.causes import Why, WouldDo
+from wholebody.verdict.check import Checker
+from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.page.index import write_index
 from wholebody.verdict.plan_run import on_one_scale
-from wholebody.verdict.report import lines
-from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.quantity import at, quantity
+from wholebody.verdict.report import lines, violation_line
+from wholebody.verdict.verdict import Verdict, verdict_of
 from wholebody.verdict.violations import Severity, Violation
 from wholebody.verdict.why.cause import RATES, _of_plan, _worst
 from wholebody.verdict.why.findings import NOTHING
 from wholebody.verdict.why.headline import headline
+
+
+@pytest.fixture(scope="module")
+def checker():
+    return FastChecker()
+
 
 ODDS = Odds(
     fall_as_given=Chance(p=0.95, low=0.9, high=0.98), fall_s=0.0,
@@ -42,21 +55,111 @@ FAST = Margin(
 
 
 def verdict(answer="infeasible", **more):
-    return Verdict(name="x", verdict=answer, fell=False, violations=[MOVED], method="fast", **more)
+    return Verdict(name="x", verdict=answer, fell=False, fps=30.0, violations=[MOVED], method="fast", **more)
 
 
-def test_one_line_says_hand_step_bound_by_how_much_what_with_and_without_and_what_would_do():
+def test_one_line_says_hand_row_by_how_much_and_what_would_do_and_the_lines_below_the_rest():
+    """It had 450 characters."""
     change = WouldDo("moved", moved=0.104, hand="left hand", step=49, by=(-0.1, 0.0, -0.03))
-    assert headline(verdict(odds=ODDS, would_do=[change])) == (
-        "left palm at step 49 (1.63 s) led away by 424 mm (bound 50 mm), out of reach, which is another motion; "
-        "with the supervisor the robot stays on its feet and the hands go as near as they can; without the supervisor "
-        "a fall is likely (95 %); it would do with the left hand moved by 104 mm (100 mm back at step 49)"
+    found = verdict(odds=ODDS, would_do=[change])
+    assert headline(found) == (
+        "left hand 424 mm off at row 49 (1.63 s), 50 mm allowed: out of reach; would do: left hand 100 mm back"
     )
+    assert lines(found)[1:3] == [
+        "  robot    with the supervisor it stays on its feet and its hands go as near as they can; "
+        "without the supervisor a fall is likely (95 %)",
+        "  would do with the left hand moved by 104 mm (100 mm back at row 49)",
+    ]
+
+
+@pytest.mark.parametrize("name", ["x.npz", "/a/folder/with/a/long/name/" * 6 + "chunk_0017.npz"])
+def test_the_first_line_fits_two_lines_of_a_terminal_and_keeps_the_end_of_a_name(name):
+    cause = "left_hand_thumb_0_link - right_hand_thumb_1_link"
+    member = replace(FAST, code=Limit.SELF_DISTANCE, subject=cause, unit="m")
+    why = Why(codes=(Limit.SELF_DISTANCE,), members=(member,), time=1.63, irreducible=True, sentence="")
+    refused = replace(MOVED, code=Reason.REFUSED, subject="not_joined: " + "no motion leads to the chunk yet " * 9)
+    for more in ({}, {"causes": [why]}, {"margins": [FAST]}, {"odds": ODDS}, {"violations": [refused]}):
+        one = replace(verdict(), name=name, **more)
+        assert len(str(one)) <= 160
+        assert f"{name[-8:]}: " in str(one)
+
+
+def test_one_clock_and_rows_of_the_file_that_a_person_has(checker, tmp_path):
+    """A headline said 0.10 s and its violation 1.10 s; rows were steps of 30 Hz, also of a file with 60."""
+    joints = np.tile(g1().stance.joints[:29], (120, 1))
+    joints[61:, 15] -= 1.2
+    table = np.hstack([np.tile([0.0, 0.0, 0.79, 0.0, 0.0, 0.0, 1.0], (120, 1)), joints])
+    np.savetxt(tmp_path / "m.csv", table, fmt="%.6f", delimiter=",")
+    policy = open_recording(tmp_path / "m.csv", fps=60.0)
+    slow, _ = Checker(episode=EpisodeConfig(hold=0.2)).check(policy, "m", policy.duration)
+    fast = checker.check(policy, "m", policy.duration, start="stance", odds=False)
+    assert slow.verdict != "feasible"
+    for found in (slow, fast):
+        assert found.fps == pytest.approx(60.0)
+        timed = [one for one in found.violations if one.step not in (None, 119)]
+        assert timed
+        for one in timed:
+            assert one.step == pytest.approx(60.0 * one.time, abs=1.01)
+            assert f"row {one.step} ({one.step / 60.0:.2f} s)" in violation_line(one, found.fps)
+
+
+def test_a_motion_that_only_begins_elsewhere_is_told_what_begins_there(checker):
+    """A far start looked like an error of 400 mm and a jerk."""
+    joints = np.tile(g1().stance.joints[:29], (121, 1))
+    joints[:, 15] -= 1.2
+    chunk = motion_chunk(Motion(60.0, np.tile(np.eye(4), (121, 1, 1)), joints))
+    found = checker.check(ReplayPolicy(chunk), "m", 2.0, start="stance", odds=False)
+    assert found.verdict == "feasible_after_repair"
+    assert re.match(r"done, but it begins 42\d mm from the hands, which take 1\.\d s to get there", found.headline)
+    assert found.headline.endswith("would do: begun at its row 0 (--start first)")
+    assert [one.kind for one in found.would_do] == ["start"]
+    assert found.max_m < 0.02 < found.start_m
+    shown = [line for line in lines(found) if "reach:" in line or "orientation:" in line]
+    assert not shown, "the way to the first row is none of the room that is left"
+
+
+def test_what_is_told_of_a_whole_file_has_no_time():
+    """A file's rate was assumed "at 1.00 s (step 0)"."""
+    found = EpisodeResult(start=1.0, fps=30.0, notes=[Note(1.0, "the file does not say its frame rate")])
+    (note,) = [one for one in verdict_of("m", found).violations if one.code is Reason.CHUNK_NOTE]
+    assert (note.time, note.step) == (None, None)
+    assert violation_line(note, 30.0) == "chunk_note: the file does not say its frame rate"
+
+
+def test_doubts_about_the_numbers_stand_in_the_first_line_of_what_is_feasible():
+    text = (
+        "it looks as if the joints are in breadth-first order, Isaac's: the 27 columns fit then; --read-as isaac_order"
+    )
+    note = Violation(code=Reason.CHUNK_NOTE, severity=Severity.NOTE, subject=text)
+    one = Verdict(name="x", verdict="feasible", fell=False, violations=[note])
+    assert one.headline == ("done as given, but note: it looks as if the joints are in breadth-first order, Isaac's")
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "said"),
+    [
+        (4150.0, "m/s^3", "4150 m/s^3"),
+        (13512.0, "m/s^3", "13500 m/s^3"),
+        (1e-6, "m", "0.001 mm"),
+        (0.0123, "m", "12.3 mm"),
+    ],
+)
+def test_numbers_have_no_exponent(value, unit, said):
+    """A person read 4.15e+03."""
+    assert quantity(value, unit) == said
+
+
+def test_what_came_after_the_last_row_is_told_from_there():
+    assert at(3.75, 49, 30.0) == " 2.1 s after the last row (49)"
+    assert at(1.64, 49, 30.0) == " at row 49 (1.63 s)"
+    assert at(None, None, 30.0) == ""
 
 
 def test_numbers_that_exceed_their_bounds_are_told_with_how_many_times():
-    told = "left hand at step 13 (0.43 s): it would have to speed up by 140 m/s^2, and can by 20 m/s^2, 7 times that"
-    assert f"because {told}" in headline(verdict(margins=[FAST]))
+    told = "left hand at row 13 (0.43 s): it speeds up by 140 m/s^2, can by 20 m/s^2 (7 times)"
+    assert headline(verdict(margins=[FAST])) == told
+    jerk = replace(FAST, code=Limit.HAND_JERK, value=6000.0, bound=600.0, unit="m/s^3", margin=-1.0, share=-9.0)
+    assert headline(verdict(margins=[jerk, FAST])) == told, "the one that needs the largest slow-down"
 
 
 def test_feasible_beside_a_likely_fall_says_whose_doing_that_is():
@@ -68,7 +171,7 @@ def test_the_same_sentence_is_printed_listed_audited_and_in_the_json(tmp_path):
     one = verdict(odds=ODDS)
     told = headline(one)
     assert str(one) == lines(one)[0] == f"INFEASIBLE  x: {told}"
-    assert len(str(one)) < 400
+    assert len(str(one)) <= 160
     assert one.as_dict()["headline"] == told
     write_index(tmp_path / "index.html", [one], {})
     (tmp_path / "audit").mkdir()

@@ -33,7 +33,9 @@ def notes(verdict):
 def test_a_first_step_far_from_the_stance_is_told_with_hand_and_distance(jump, told):
     found = far_from_stance(sent(jump=(jump, 0.0, 0.0)), SPEC, ASKED)
     assert bool(found) == told
-    assert not told or found[0].startswith("it begins where the left hand is 310 mm and 0 deg from the stance")
+    assert not told or found[0].startswith(
+        "judged with the hands at its first row, the left hand 310 mm and 0 deg from the stance"
+    )
     assert not told or found[0].endswith("with --start stance, or a state, the way counts")
 
 
@@ -42,7 +44,7 @@ def test_a_turned_hand_is_told_unless_its_orientation_is_free():
     # About the axis of the fingers, near which the palm point is.
     chunk.T_world_rhand[:, :3, :3] = chunk.T_world_rhand[:, :3, :3] @ rotvec_to_matrix(np.array([3.0, 0.0, 0.0]))
     (note,) = far_from_stance(chunk, SPEC, ASKED)
-    assert note.startswith("it begins where the right hand is ")
+    assert note.startswith("judged with the hands at its first row, the right hand ")
     assert " and 172 deg from the stance" in note
     assert far_from_stance(chunk, SPEC, FREE) == ()
 

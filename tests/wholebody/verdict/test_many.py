@@ -67,7 +67,7 @@ def test_where_none_is_done_as_given_the_first_ones_are_planned_and_say_why(stan
     assert ranking.best.index == 1
     assert ranking.best.verdict.verdict == "infeasible"
     assert ranking.best.score > 1.0
-    assert "another motion" in ranking.top(1)
+    assert "50 mm allowed: out of reach" in ranking.top(1)
 
 
 def test_a_deadline_is_kept_and_what_was_not_looked_at_is_said(stance):

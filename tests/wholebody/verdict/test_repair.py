@@ -13,7 +13,7 @@ from wholebody.planning.trajectory import GRID
 from wholebody.types import Reason
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.repair import slowed
-from wholebody.verdict.why.headline import summary
+from wholebody.verdict.why.headline import headline
 
 LOAD = 2.3
 """Mass in the left hand [kg] that is held if it is turned a little, and not level."""
@@ -88,7 +88,7 @@ def test_a_hand_that_a_motor_does_not_hold_where_a_chunk_begins_is_told(load, an
     if answer != "feasible":
         first = verdict.violations[0]
         assert (first.code, first.subject) == (Reason.TORQUE_LIMIT, "left_wrist_pitch_joint")
-        assert "motor" in summary(verdict)
+        assert "motor" in headline(verdict)
     if answer == "infeasible":
         lighter = [one.lighter for one in verdict.would_do if one.kind == "lighter"]
         assert lighter

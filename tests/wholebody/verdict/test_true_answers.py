@@ -81,9 +81,9 @@ def test_2_a_hand_kept_out_of_the_floor_did_not_do_what_was_asked(checker):
     assert found[Reason.INTO_FLOOR].severity == "infeasible"
     assert verdict.moved_max_m == pytest.approx(verdict.max_m, abs=0.01)
     first = lines(verdict)[0]
-    assert first.startswith("INFEASIBLE  input: left palm at step ")
-    assert "led away by 2" in first
-    assert "below the floor, which is another motion" in first
+    assert first.startswith("INFEASIBLE  input: left hand 2")
+    assert "mm off at row " in first
+    assert first.endswith("50 mm allowed: below the floor")
 
 
 def test_2_a_jump_that_no_hand_does_is_another_motion(checker):
@@ -129,7 +129,7 @@ def test_6_a_jump_is_called_slowed_around_the_jump_alone(checker):
     file.actions[25:, 0] += 0.05
     verdict, found, _ = judged(checker, replay(file))
     assert 0.03 < verdict.seconds["slowed"] < 0.4
-    assert found[Reason.STEPS_JUMP].time == pytest.approx(0.1 + 25 / FPS, abs=0.1)
+    assert found[Reason.STEPS_JUMP].time == pytest.approx(25 / FPS, abs=0.1)
 
 
 @pytest.mark.parametrize(("free", "answer"), [(False, "infeasible"), (True, "feasible")])

@@ -14,7 +14,7 @@ from tests.support.sent_chunks import sent
 from tests.support.verdict_agreement import case
 from wholebody.planning.judgement.limits import Limit, Margin
 from wholebody.resources import verdict_schema
-from wholebody.verdict.causes import Why, WouldDo
+from wholebody.verdict.causes import WouldDo
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.given.own_numbers import judge
 from wholebody.verdict.report import lines, to_json
@@ -23,7 +23,6 @@ from wholebody.verdict.why import explainer
 from wholebody.verdict.why.cause import causes
 from wholebody.verdict.why.chunk_program import STARTS, ChunkProgram
 from wholebody.verdict.why.motion_search import EVERY, NAMES
-from wholebody.verdict.why.sentence import with_changes
 from wholebody.verdict.why.tick import TickProver
 
 
@@ -91,7 +90,7 @@ def test_a_chunk_that_moves_at_once_is_too_sudden_for_hands_at_rest():
     assert verdict.verdict == "feasible_after_repair"
     assert (one.codes, one.members[0].step) == ((Limit.HAND_ACCELERATION,), 0)
     assert one.members[0].value == pytest.approx(0.1 * np.sin(4.0 * np.pi / chunk.fps) * chunk.fps**2)
-    assert "since its first steps move already" in one.sentence
+    assert "since its first rows move already" in one.sentence
 
 
 def test_where_no_bound_forbids_what_the_plan_does_not_do_that_is_said(holder):
@@ -155,7 +154,7 @@ def test_a_hand_in_the_other_one_is_told_in_a_sentence_and_in_json(in_the_other)
     assert (one.codes, one.irreducible) == ((Limit.SELF_DISTANCE,), True)
     assert {"left", "right"} == {body.split("_")[0] for body in one.members[0].subject.split(" - ")}
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
-    line = lines(verdict)[1]
+    line = next(line for line in lines(verdict) if "because" in line)
     assert line.startswith("  because  left hand 0.2")
     assert "to the right" in line
     assert "are as close as they may be (14 mm)" in line
@@ -193,18 +192,16 @@ def test_a_search_that_is_given_up_has_no_cause_and_says_so(monkeypatch):
     assert any("no cause was found yet" in line for line in lines(verdict))
 
 
-def test_the_sentence_of_an_only_cause_ends_with_what_would_do():
-    one = Why(
-        codes=(Limit.ZMP,), members=(), time=1.43, irreducible=True, sentence="left hand 0.72 m ahead at 1.43 s: so"
-    )
+def test_every_change_that_would_do_is_in_one_line_and_the_first_in_the_headline():
     bound = Margin(
         code=Limit.ZMP, subject="front edge of the soles", time=1.4, step=42, value=0.02, bound=0.028, unit="m",
         margin=-0.008, share=-2.0,
     )  # fmt: skip
     changes = [WouldDo("slower", slower=1.3), WouldDo("moved", moved=0.06), WouldDo("bound", bound=bound)]
-    assert with_changes(one, changes).sentence == (
-        "left hand 0.72 m ahead at 1.43 s: so; it would do 1.30 times slower, or with a hand moved by 60 mm"
-    )
-    verdict = Verdict(name="x", verdict="infeasible", fell=False, causes=[one], would_do=changes)
-    told = [line for line in lines(verdict)[1:] if "it would do" in line]
-    assert told == ["  it would do with zmp of front edge of the soles at 20 mm where the bound is 28 mm"]
+    verdict = Verdict(name="x", verdict="infeasible", fell=False, would_do=changes)
+    assert verdict.headline.endswith("would do: 1.30 times slower")
+    told = [line for line in lines(verdict)[1:] if "would do" in line]
+    assert told == [
+        "  would do 1.30 times slower, or with a hand moved by 60 mm, or with zmp of front edge of the soles at 20 mm "
+        "where the bound is 28 mm"
+    ]

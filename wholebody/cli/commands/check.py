@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from wholebody.cli.console import JsonVerdicts, check_places, print_verdict
+from wholebody.cli.console import JsonVerdicts, check_places, print_verdict, say
 from wholebody.cli.judging import FEASIBLE, InputJudge, answers
 from wholebody.cli.options import SOURCES, Input, Judging, Sampling, Simulation, VerdictFiles, completed_script
 from wholebody.cli.pages import Pages
@@ -62,6 +62,7 @@ def check(
             written.add(answer.verdict)
             if not quiet:
                 print_verdict(answer.verdict)
-    if judge.pages is not None:
+    if judge.pages is not None and verdicts:
         judge.pages.write_index(verdicts)
+        say(f"wrote {to.report}", to_errors=True)
     raise typer.Exit(worst)

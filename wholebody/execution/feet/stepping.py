@@ -190,7 +190,9 @@ class Stepping:
         """Hand what is wanted to the walk."""
         guide, wanted = self._walker.walk.guide, self._wanted
         guide.follow(wanted) if isinstance(wanted, Velocity) else guide.go_to(wanted)
-        aim = f"to ({wanted.point.real:.2f}, {wanted.point.imag:.2f})" if isinstance(wanted, Place) else "as it is led"
+        aim = "as it is led"
+        if isinstance(wanted, Place):
+            aim = f"to x {wanted.point.real:.2f} m, y {wanted.point.imag:.2f} m"
         self.status = replace(statuses.WALKING, detail=f"the robot walks {aim}; chunks are planned once it stands")
 
     def stop(self) -> None:

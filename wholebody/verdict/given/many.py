@@ -26,7 +26,7 @@ from wholebody.verdict.fast import FastChecker, checkers
 from wholebody.verdict.given.own_numbers import Free, Numbers, as_given_chunk, stands_in
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.explainer import TRY_WORK, holds_as_given
-from wholebody.verdict.why.headline import summary
+from wholebody.verdict.why.headline import headline
 
 LACKS, SCORES = zip(
     (0.0, 0.001), (0.5, 0.03), (1.0, 0.26), (1.5, 0.6), (2.0, 0.85), (2.5, 1.1), (3.5, 1.6), (5.0, 2.3), (7.0, 3.2),
@@ -211,7 +211,7 @@ class _Many:
             begun = perf_counter()
             verdict = self._checker.of_chunk(self._chunks[i], self._begin, f"chunk {i}", self._free, odds=False)
             self._step = perf_counter() - begun
-            self._known[i] = Ranked(i, score(verdict, self._bounds), "plan", summary(verdict), verdict)
+            self._known[i] = Ranked(i, score(verdict, self._bounds), "plan", headline(verdict), verdict)
         return True
 
     def _is_previewed(self, chunk: ActionChunk) -> bool:

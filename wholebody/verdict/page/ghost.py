@@ -10,6 +10,7 @@ import numpy as np
 from policy.base import Policy
 from policy.chunk import ActionChunk
 from policy.observation import Observation
+from wholebody.episode.result import EpisodeResult
 from wholebody.planning.trajectory import GRID
 from wholebody.sim.record import Record
 from wholebody.types import RobotState
@@ -68,13 +69,15 @@ class Ghost:
 
 
 def repaired(
-    checker: FastChecker, chunks: Sequence[ActionChunk], record: Record, verdict: Verdict, free: tuple[bool, bool]
+    checker: FastChecker, chunks: Sequence[ActionChunk], record: Record, verdict: Verdict, result: EpisodeResult
 ) -> Ghost | None:
     """The repaired motion of the chunk in which the first violation is that counts; None if there is none."""
+    free = result.orientation_free
     times = [one.time for one in verdict.violations if one.severity is not Severity.NOTE and one.time is not None]
     if not times or not chunks:
         return None
-    chunk = next((one for one in reversed(chunks) if one.t_obs <= min(times) + 1e-9), chunks[0])
+    first = result.start + min(times)
+    chunk = next((one for one in reversed(chunks) if one.t_obs <= first + 1e-9), chunks[0])
     row = int(np.searchsorted(record["time"], chunk.t_obs - 1e-9).clip(max=len(record) - 1))
     begin = checker.judge.present(RobotState(float(record["time"][row]), record["q"][row], record["v"][row]))
     change = checker.repairer(chunk, begin, free).repaired()

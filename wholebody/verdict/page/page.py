@@ -25,16 +25,16 @@ from wholebody.sim.pictures.scene import STATUS_COLOUR, Colour, Show
 from wholebody.sim.record import Record
 from wholebody.sim.scene_file import scene_of
 from wholebody.types import Status
-from wholebody.verdict.causes import Why
 from wholebody.verdict.page.drawing import CAMERA, REACH_COLOUR, snapshot, tree
 from wholebody.verdict.page.frames import Frames, in_mujoco
 from wholebody.verdict.page.ghost import Ghost
 from wholebody.verdict.page.reach_layer import reach_fields
 from wholebody.verdict.page.timelines import Panel, panels
-from wholebody.verdict.report import change_text, lines, violation_line
+from wholebody.verdict.report import lines, violation_line
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
 from wholebody.verdict.why.headline import headline
+from wholebody.verdict.why.sentence import change_text
 
 HERE = Path(__file__).parent
 
@@ -49,7 +49,7 @@ class Shown:
         spec: The robot. config: Of its controller.
         command: Arguments that make the run again.
         ghost: The repaired motion, if there is one.
-        since: When the input began, from where causes count their time [s].
+        since: When the input began, from where a page counts its time [s].
     """
 
     verdict: Verdict
@@ -91,13 +91,14 @@ def page(shown: Shown) -> str:
     palms = {name: frames.of_column(f"T_world_palms_{name}")[..., :3, 3] for name in ("asked", "commanded", "measured")}
     binary, objects = snapshot(shown.spec, scene, record["support"], palms, reach_fields(shown.spec, shown.config))
     arrays = {
-        "time": frames.times,
+        "time": frames.times - shown.since,
         "qpos": in_mujoco(conversion, model, frames.of_column("q"), frames.of_column("objects")),
         **palms,
         **{name: frames.of_column(name) for name in ("pressure", "capture_point", "com")},
     }
     if shown.ghost is not None:
-        arrays |= {"ghost_time": shown.ghost.times, "ghost": in_mujoco(conversion, model, shown.ghost.q, None)}
+        ghost = in_mujoco(conversion, model, shown.ghost.q, None)
+        arrays |= {"ghost_time": shown.ghost.times - shown.since, "ghost": ghost}
     drawn = panels(frames, shown.spec, shown.config)
     for i, panel in enumerate(drawn):
         for k, line in enumerate(panel.lines):
@@ -194,12 +195,12 @@ def _data(shown: Shown, frames: Frames) -> dict[str, Any]:
         "name": verdict.name,
         "verdict": verdict.verdict,
         "headline": headline(verdict),
-        "causes": [_cause(one, shown.since) for one in verdict.causes],
+        "causes": [{"sentence": one.sentence, "time": one.time} for one in verdict.causes],
         "would": [change_text(one) for one in verdict.would_do],
         "repaired": shown.ghost.words if shown.ghost else "",
         "violations": [
             {
-                "text": violation_line(one),
+                "text": violation_line(one, verdict.fps),
                 "time": one.time,
                 "severity": one.severity.value,
                 "code": one.code.value,
@@ -222,12 +223,6 @@ def _data(shown: Shown, frames: Frames) -> dict[str, Any]:
         "versions": verdict.versions | {"k3d": version("k3d")},
         "counted": sum(one.severity is not Severity.NOTE for one in verdict.violations),
     }
-
-
-def _cause(why: Why, since: float) -> dict[str, Any]:
-    """Cause in the time of the run, as everything else on the page."""
-    time = why.time + since
-    return {"sentence": why.sentence.replace(f"at {why.time:.2f} s", f"at {time:.2f} s", 1), "time": time}
 
 
 def _changed(config: dict[str, Any], defaults: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -119,12 +119,14 @@ def _exceeded(margins: Mapping[Limit, Margin], codes: Iterable[Limit]) -> list[M
 
 
 def _worst(margins: Mapping[Limit, Margin], row: tuple[Limit, ...]) -> list[Margin]:
-    """Exceeded rate that needs the largest slow-down: a k-th rate falls with its k-th power."""
+    """Exceeded rate that needs the largest slow-down."""
+    return sorted(_exceeded(margins, row), key=slow_down)[-1:]
 
-    def slowdown(one: Margin) -> float:
-        return (one.value / one.bound) ** (1.0 / (1 + row.index(one.code)))
 
-    return sorted(_exceeded(margins, row), key=slowdown)[-1:]
+def slow_down(one: Margin) -> float:
+    """How many times slower a rate is within its bound: a k-th one falls with the k-th power; 1 of other bounds."""
+    power = next((1 + row.index(one.code) for row in RATES if one.code in row), 0)
+    return (one.value / one.bound) ** (1.0 / power) if power else 1.0
 
 
 def _begins_there(program: ChunkProgram) -> bool:

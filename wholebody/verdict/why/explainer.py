@@ -25,7 +25,7 @@ from wholebody.verdict.why.cause import Cause, causes
 from wholebody.verdict.why.chunk_program import AT_REST, ChunkProgram
 from wholebody.verdict.why.findings import NOTHING, Findings
 from wholebody.verdict.why.motion_search import EVERY
-from wholebody.verdict.why.sentence import why, with_changes
+from wholebody.verdict.why.sentence import why
 from wholebody.verdict.why.single_changes import MOVED_MOST, SLOWER_MOST, SingleChanges
 from wholebody.verdict.why.tick import TickProver
 
@@ -71,6 +71,7 @@ class Explainer:
         start: float,
         sound: Callable[[Change], Change | None] | None = lambda change: change,
         end: float = inf,
+        rows: float = 0.0,
     ) -> Verdict:
         """A verdict with what is found of a chunk that is not followed as given.
 
@@ -81,6 +82,7 @@ class Explainer:
             start: Time of the first step of the input [s].
             sound: A change, or a little more, that is feasible when checked; without it, no change is looked for.
             end: Time of the last step of the input since its first one [s].
+            rows: Rows of the input a second, where those are not the steps [Hz].
         """
         chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
         for twin in self._twins:
@@ -92,7 +94,7 @@ class Explainer:
         self.asked = program, found
         if not found:
             return replace(verdict, why_complete=every)
-        whys, at_most = [why(one, since, chunk.fps, end) for one in found], 0.5 * (WHY_WORK - known.work)
+        whys, at_most = [why(one, since, chunk.fps, end, rows) for one in found], 0.5 * (WHY_WORK - known.work)
         of_numbers = all(set(one.kinds) <= OF_NUMBERS | {Limit.SCENE_DISTANCE} for one in found)
         # A chunk is not made slower where no posture at rest does what it asks: that stays so at any speed.
         at_rest = any(set(one.codes) <= AT_REST - {Limit.WAIST_TORQUE} for one in whys)
@@ -118,9 +120,8 @@ class Explainer:
                 idle.put(self._judge)
             changes = [one.result() for one in asked]
         found = [x if x.kind == "lighter" else sound(x) for x, _ in changes if x is not None]
-        would_do = [would_change(self._judge, chunk, x) for x in found if x is not None]
+        would_do = [would_change(self._judge, chunk, x, since) for x in found if x is not None]
         would_do = [one for one in would_do + raised if makes_sense(one)]
-        whys = [with_changes(whys[0], would_do)] if len(whys) == 1 else whys
         every = every and all(complete for _, complete in changes)
         return replace(verdict, causes=whys, would_do=would_do, tick=tick, why_complete=every)
 
@@ -149,8 +150,8 @@ class Explainer:
         return SingleChanges(judge, chunk, plan, at_first, holds, work)
 
 
-def would_change(judge: ChunkJudge, chunk: ActionChunk, change: Change) -> WouldDo:
-    """A change for a verdict: which hand it moves most, at which step and by what."""
+def would_change(judge: ChunkJudge, chunk: ActionChunk, change: Change, since: float = 0.0) -> WouldDo:
+    """A change for a verdict: which hand it moves most, at which step and by what; the chunk begins at a time [s]."""
     one = WouldDo(change.kind, change.slower, change.moved, change.turned, change.lighter)
     if change.kind == "lighter":
         return one
@@ -161,7 +162,8 @@ def would_change(judge: ChunkJudge, chunk: ActionChunk, change: Change) -> Would
     turned = angle_between(judge.asked(change.chunk)[1], judge.asked(slowed(chunk, change.slower))[1])
     size = turned if change.kind == "turned" else np.linalg.norm(by, axis=2)
     step, side = np.unravel_index(size.argmax(), size.shape)
-    return replace(one, hand=HANDS[side], step=int(step), by=tuple(by[step, side].tolist()))
+    at = round(step / change.slower) + round(since * chunk.fps)
+    return replace(one, hand=HANDS[side], step=at, by=tuple(by[step, side].tolist()))
 
 
 def makes_sense(one: WouldDo) -> bool:

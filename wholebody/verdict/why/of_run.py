@@ -27,7 +27,6 @@ from wholebody.verdict.repair import (  # fmt: skip
 )
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.explainer import Explainer, would_change
-from wholebody.verdict.why.sentence import with_changes
 from wholebody.verdict.why.single_changes import MOVED_MOST
 
 LED_SLOWER, LED_SHARES, LED_ROUNDS = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 2
@@ -85,7 +84,7 @@ class RunExplainer:
         of_all, every = asked[0], len(every_own) <= SUSPECTS
         for suspect in asked[:SUSPECTS]:
             sound = None if self.whole is not None and suspect is not of_all else partial(self._sound, suspect)
-            found = self.explainer.explained(verdict, suspect, self.run.free, start, sound, end)
+            found = self.explainer.explained(verdict, suspect, self.run.free, start, sound, end, self.run.rows)
             if found.causes:
                 return self._with_some_change(found, suspect if self.whole is None else of_all)
             every = every and found.why_complete
@@ -115,15 +114,8 @@ class RunExplainer:
     def _with_change(self, verdict: Verdict, suspect: Suspect, change: Change | None) -> Verdict:
         if change is None:
             return verdict
-        would_do = [would_change(self.judge, suspect.chunk, change), *verdict.would_do]
-        alone = len(verdict.causes) == 1
-        return replace(
-            verdict,
-            would_do=would_do,
-            causes=[
-                with_changes(replace(one, sentence=one.text), would_do) if alone else one for one in verdict.causes
-            ],
-        )
+        since = suspect.chunk.t_obs - self.played[0].opening.start
+        return replace(verdict, would_do=[would_change(self.judge, suspect.chunk, change, since), *verdict.would_do])
 
     def _as_it_is(self, suspect: Suspect) -> Change | None:
         """The chunk with no more than its numbers in their range."""
