@@ -237,7 +237,8 @@ def _clip(spec: ActionSpec, actions: np.ndarray) -> tuple[np.ndarray, tuple[str,
         excess = np.abs(given - actions[:, slot.indices])
         if excess.max() > CLIP_TOLERANCE:
             count, worst = int((excess > CLIP_TOLERANCE).sum()), float(excess.max())
-            notes.append(f"{slot.name}: {count} numbers {CLIPPED}, by up to {worst:.3g} {slot.unit}")
+            unit = "of its range" if slot.unit == "1" else slot.unit
+            notes.append(f"{slot.name}: {count} numbers {CLIPPED}, by up to {worst:.3g} {unit}")
     return actions, tuple(notes)
 
 

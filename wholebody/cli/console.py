@@ -246,7 +246,8 @@ class JsonVerdicts:
             self._write("[]\n")
         if self._file not in (None, sys.stdout):
             self._file.close()
-            say(f"wrote {self.target}", to_errors=True)
+            if kind is None:
+                say(f"wrote {self.target}", to_errors=True)
 
     def add(self, verdict: Verdict) -> None:
         """Write a verdict."""

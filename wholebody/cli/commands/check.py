@@ -14,6 +14,10 @@ from wholebody.cli.simulated import check_settings, check_times
 
 JOBS_MAX = 256
 """Most processes side by side."""
+WHY_NEXT = (
+    "  next     --why says what forbids it and what would do; wholebody repair writes the nearest that can be done"
+)
+"""Line below what is infeasible, where it was not asked why."""
 WORLDS_MAX = 1000
 """Most realistic worlds of an input."""
 
@@ -62,6 +66,8 @@ def check(
             written.add(answer.verdict)
             if not quiet:
                 print_verdict(answer.verdict)
+                if answer.verdict.verdict == "infeasible" and not (judging.why or answer.verdict.causes):
+                    say(WHY_NEXT)
     if judge.pages is not None and verdicts:
         judge.pages.write_index(verdicts)
         say(f"wrote {to.report}", to_errors=True)

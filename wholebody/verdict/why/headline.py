@@ -246,6 +246,8 @@ def _of_hand(one: Violation, verdict: Judged, cause: str = "") -> str:
 def _repaired(verdict: Judged) -> str:
     """What is done, and in what it is not as given, the worst hand first."""
     worst = [one for one in verdict.violations if one.severity is Severity.REPAIR]
+    if any(one.code is Reason.CHANGED_NUMBERS for one in worst):  # which says of fingers where they would go
+        worst = [one for one in worst if one.code is not Reason.FINGER_LIMIT]
     if all(one.code is Reason.HANDS_ONLY for one in worst):
         return "the hands do it as given, from where the robot stands"
     first = {one.code if one.kind not in OF_A_HAND else one.kind: one for one in reversed(worst)}
