@@ -112,7 +112,7 @@ class FastChecker:
         lead = self.config.planning.lead if start == "stance" else 0.0
         episode = getattr(policy, "episode", None)
         end, rows = np.inf if episode is None else (len(episode) - 1) / episode.fps, row_rate(policy)
-        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end, odds=odds, rows=rows)
+        run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end, odds=odds)
         placed = start == "first"
         played, begin = self._play(run, policy, duration, None if placed else self.judge.stance(), lead)
         verdict, fps = self._verdict(run, played, name), played[0].opening.fps
@@ -121,7 +121,8 @@ class FastChecker:
             from wholebody.verdict.why.of_run import RunExplainer
 
             whole = self._whole(policy, duration, begin, lead)
-            explainer = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, placed=placed)
+            told = {"placed": placed, "rows": rows}
+            explainer = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, **told)
             verdict = explainer.explained(verdict, last / fps)
         if not placed and verdict.verdict != "feasible" and any(x.code is Reason.FAR_START for x in verdict.violations):
             elsewhere = self.check(policy, name, duration, odds=False)

@@ -134,7 +134,6 @@ class PlanRun:
         at_once: The first chunk begins with its first step; where its plan does if not.
         end: Time of the last step that is asked for, since the first one [s]; then it is held.
         odds: Collect the quantities that odds are made of, which takes longer than most plans.
-        rows: Rows of the input a second, where those are not the steps [Hz].
     """
 
     judge: ChunkJudge
@@ -143,7 +142,6 @@ class PlanRun:
     at_once: bool = field(default=False, kw_only=True)
     end: float = field(default=np.inf, kw_only=True)
     odds: bool = field(default=False, kw_only=True)
-    rows: float = field(default=0.0, kw_only=True)
 
     def follow(
         self,

@@ -79,9 +79,9 @@ class Explainer:
             verdict: On the input.
             suspect: The chunk.
             free: Whether the orientation of the left and of the right palm is free.
-            start: Time of the first step of the input [s].
+            start: Time of its first step [s].
             sound: A change, or a little more, that is feasible when checked; without it, no change is looked for.
-            end: Time of the last step of the input since its first one [s].
+            end: Time of the last row of the input [s].
             rows: Rows of the input a second, where those are not the steps [Hz].
         """
         chunk, begin, since = suspect.chunk, suspect.begin, suspect.chunk.t_obs - start
@@ -119,11 +119,10 @@ class Explainer:
             finally:
                 idle.put(self._judge)
             changes = [one.result() for one in asked]
-        found = [x if x.kind == "lighter" else sound(x) for x, _ in changes if x is not None]
-        would_do = [would_change(self._judge, chunk, x, since) for x in found if x is not None]
-        would_do = [one for one in would_do + raised if makes_sense(one)]
-        every = every and all(complete for _, complete in changes)
-        return replace(verdict, causes=whys, would_do=would_do, tick=tick, why_complete=every)
+        kept = (x if x.kind == "lighter" else sound(x) for x, _ in changes if x is not None)
+        would_do = [would_change(self._judge, chunk, x, since) for x in kept if x is not None]
+        every, would_do = every and all(done for _, done in changes), filter(makes_sense, would_do + raised)
+        return replace(verdict, causes=whys, would_do=list(would_do), tick=tick, why_complete=every)
 
     def single_changes(
         self,

@@ -55,6 +55,7 @@ class RunExplainer:
             where that is too long: a change is of the one chunk then, begun where that is.
         placed: Whether the robot was placed with its hands at the first step, and is so for a changed input.
         at_once: Whether the input is that one chunk, planned at once, and is not played window after window.
+        rows: Rows of the input a second, where those are not the steps [Hz].
     """
 
     judge: ChunkJudge
@@ -65,6 +66,7 @@ class RunExplainer:
     whole: Suspect | None
     placed: bool = True
     at_once: bool = False
+    rows: float = 0.0
 
     def explained(self, verdict: Verdict, end: float) -> Verdict:
         """A verdict with the causes of the first chunk that has any, and what would do.
@@ -84,7 +86,7 @@ class RunExplainer:
         of_all, every = asked[0], len(every_own) <= SUSPECTS
         for suspect in asked[:SUSPECTS]:
             sound = None if self.whole is not None and suspect is not of_all else partial(self._sound, suspect)
-            found = self.explainer.explained(verdict, suspect, self.run.free, start, sound, end, self.run.rows)
+            found = self.explainer.explained(verdict, suspect, self.run.free, start, sound, end, self.rows)
             if found.causes:
                 return self._with_some_change(found, suspect if self.whole is None else of_all)
             every = every and found.why_complete
