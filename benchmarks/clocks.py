@@ -1,9 +1,10 @@
 """Clocks and stamps that step, stand still or are no numbers, and robots that see nothing for 3 s: resumable.
 
-    python benchmarks/clocks.py wave|lissajous|realistic|more|tour [--seeds FIRST END] [--only PART] [--out FILE]
+    python benchmarks/clocks.py wave|lissajous|realistic|more|hangs|tour [--seeds FIRST END] [--only PART] [--out FILE]
 
 Each fault (of `CLOCK_FAULTS` in ``tests/support/faulty_loops.py``) begins at each of the phases that are the seeds, 20
-in a period; `realistic` is the wave by a realistic robot of that seed, `more` has the wave with all other faults. In
+in a period; `realistic` is the wave by a realistic robot of that seed, `more` has the wave with all other faults,
+`hangs` both scripts with a loop that hangs, of a robot that takes no step and of one that may. In
 `tour` one episode goes through all phases: faults that do not end by themselves end after half a period.
 Errors are the palms' in the last half second asked for, 3 s after the fault is over or 6 s after it began.
 """
@@ -23,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks.senses import DT, SPEC, Case, run_studies
 from policy.scripted.library import scripted_policy
 from tests.support.faulty_loops import CLOCK_FAULTS, FaultyClocks
+from wholebody.config import ControllerConfig
 from wholebody.episode.run import EpisodeConfig, run_episode
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.sim.plant import MujocoPlant
@@ -39,10 +41,14 @@ MAIN = (
 """Faults that are tried at every phase of both scripts."""
 
 
+HANGS = "the loop hangs for 0.2 s"
+"""Fault of `hangs`."""
+
+
 @cache
-def supervisor() -> FaultyClocks:
+def supervisor(steps: str = "never") -> FaultyClocks:
     """One for all cases."""
-    return FaultyClocks(SPEC)
+    return FaultyClocks(SPEC, ControllerConfig(steps=steps))
 
 
 def realistic_robot(seed: int) -> tuple[RealisticPlant, Sensors]:
@@ -51,9 +57,9 @@ def realistic_robot(seed: int) -> tuple[RealisticPlant, Sensors]:
     return RealisticPlant(SPEC, replace(REALISTIC_ROBOT, seed=seed), encoders=sensors), sensors
 
 
-def faulty(script: str, name: str, seed: int, *, realistic: bool = False) -> dict[str, float]:
+def faulty(script: str, name: str, seed: int, *, realistic: bool = False, steps: str = "never") -> dict[str, float]:
     """A script with one fault of the clocks, and what was said of it."""
-    fault, loop = CLOCK_FAULTS[name], supervisor()
+    fault, loop = CLOCK_FAULTS[name], supervisor(steps)
     loop.fault, loop.since = fault, FIRST + seed % PHASES * PERIOD / PHASES - 0.5 * DT
     over = loop.since + (fault.seconds + 3.0 if np.isfinite(fault.seconds) else 6.0)
     plant, sensors = realistic_robot(seed) if realistic else (MujocoPlant(SPEC), None)
@@ -97,6 +103,15 @@ def scripted(script: str, seeds: range) -> Iterator[Case]:
             yield f"{script}, {name}", f"{script}, {name}, {seed}", run
 
 
+def hangs(seeds: range) -> Iterator[Case]:
+    """A loop that hangs at every phase of both scripts, without and with a step that catches the robot."""
+    for steps in ("never", "recover"):
+        for script in ("lissajous", "wave"):
+            for seed in seeds:
+                run = partial(faulty, script, HANGS, seed, steps=steps)
+                yield f"{script}, hangs, steps {steps}", f"{script}, hangs, steps {steps}, {seed}", run
+
+
 if __name__ == "__main__":
     kinds = {name: partial(scripted, name) for name in ("wave", "lissajous", "realistic", "more")}
-    run_studies(kinds | {"tour": tour}, __doc__)
+    run_studies(kinds | {"hangs": hangs, "tour": tour}, __doc__)
