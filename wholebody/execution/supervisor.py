@@ -135,11 +135,11 @@ class Supervisor(Commands):
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
         self._ahead.offer(chunk, self.plan, self._now, waits=self.handover.busy)
-        self._waiting, self._retry = chunk, self._now
+        stays = self._reflex.active and self._ahead.streams  # off its plan, whatever a stream says meanwhile
+        self._waiting, self._retry = chunk, self._retry if stays else self._now
         self._try_waiting(self._now)
-        if self.handover.busy or self.plan is None:
-            return self.take_refusal() or statuses.TRACKING
-        return self.take_refusal() or statuses.plan_status(self.plan.report, self.rate)
+        plan = None if self.handover.busy else self.plan
+        return self.take_refusal() or (statuses.plan_status(plan.report, self.rate) if plan else statuses.TRACKING)
 
     def take_refusal(self) -> StatusReport | None:
         """Why the chunk that was accepted last is not followed after all, said once; None if there is nothing."""

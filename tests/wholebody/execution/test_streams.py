@@ -4,7 +4,7 @@ import pytest
 
 from models import g1
 from tests.support.chunk_streams import FAR, THERE, MixedStream, time_to_reach
-from tests.support.one_step_targets import follow, led_away
+from tests.support.one_step_targets import follow, hostile_targets, led_away
 from wholebody.execution.supervisor import Supervisor
 from wholebody.sim.plant import MujocoPlant
 
@@ -54,3 +54,9 @@ def test_fast_hands_that_leave_the_reach_do_not_draw_the_body_after_them(robot):
     assert fall is None
     assert fast[:-500].any(), "the body waited for fast hands"
     assert not fast[-500:].any(), "a plan leads them again"
+
+
+def test_a_robot_that_goes_back_does_so_though_targets_come(robot):
+    """Each target asked for a plan anew: it stood still and went back by turns every 0.1 s, and sank till it fell."""
+    fall, _ = hostile_targets(*robot, 1, seconds=7.5)
+    assert fall is None

@@ -72,6 +72,7 @@ class HandsAhead:
 
     Attributes:
         fast: Whether hands are led as single targets say, and the body waits for them.
+        streams: Whether the newest chunk came so soon after the one before that both are of a stream.
     """
 
     def __init__(
@@ -90,13 +91,15 @@ class HandsAhead:
         self._usual = smoother.limits.copy()
         self._paths: tuple[HandPath, ...] | None = None
         self._t_obs, self._ahead = -inf, 0.0
+        self._said, self.streams = -inf, False
         self._own: tuple[HandPath, ...] = ()
 
     def offer(self, chunk: ActionChunk, plan: ChunkPlan | None, now: float, *, waits: bool) -> None:
         """Take a chunk, now [s], the plan that is followed, if one is, and whether the chunk's own plan has to wait."""
         waits = waits and not self._rejected
         if not self._gated:
-            self._stream.add(chunk)
+            self.streams, self._said = chunk.t_obs - self._said <= STREAM_GAP, chunk.t_obs
+        self._stream.add(chunk)
         if self.fast and not self._follower.leads:
             self._slow_down()
         fast = self._stream.is_fast(now) or self.fast
