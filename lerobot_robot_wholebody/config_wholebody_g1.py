@@ -11,6 +11,8 @@ LINKS = ("sim",)
 CLOCKS = ("wall", "lockstep")
 TASKS = ("none", "reach", "pick", "press", "hand_over")
 RECORDS = ("requested", "executed")
+DISTURB_MAX = 0.1
+"""Largest standard deviation of a disturbance [m]; chosen: goals are 0.3 m from the stance."""
 
 
 @dataclass(kw_only=True)
@@ -45,6 +47,9 @@ class WholebodyG1Config(RobotConfig):
     """Whether targets are judged before they are followed, and rejected where they cannot be done nearly so."""
     record: str = "requested"
     """Which actions are written into datasets: as requested, or as executed, which is measured a step later."""
+    disturb: float = 0.0
+    """Standard deviation of what leads both hands aside of what is asked of them, slowly [m], so that a recording shows
+    how to come back from where a policy strays."""
     settings: str = ""
     """YAML file with changed settings of the controller."""
     report: str = ""
@@ -56,5 +61,7 @@ class WholebodyG1Config(RobotConfig):
         for name, known in (("link", LINKS), ("clock", CLOCKS), ("task", TASKS), ("record", RECORDS)):
             if getattr(self, name) not in known:
                 raise ValueError(f"--robot.{name}={getattr(self, name)} is unknown; there are {', '.join(known)}")
+        if not 0.0 <= self.disturb <= DISTURB_MAX:
+            raise ValueError(f"--robot.disturb={self.disturb} is out of bounds: from 0 to {DISTURB_MAX} m")
         if self.task not in TASKS[:2] and self.clock != "lockstep":
             raise ValueError(f"--robot.task={self.task} needs --robot.clock=lockstep, in which things are put back")

@@ -15,6 +15,10 @@ from policy.observation import Observation
 
 GRASPS = ("left_grasp.pos", "right_grasp.pos")
 """Numbers of an action that may stand for a hand's fingers: 0 open to 1 closed."""
+PERIODS, WAVES = (0.8, 2.5), 3
+"""Periods of a disturbance [s], and how many waves it is of along each axis; chosen: slow enough for hands to be where
+they are led, quick enough for several ways back in an episode."""
+_HANDS = ("lhand", "rhand")
 _PARTS = {"left_wrist": "lhand", "right_wrist": "rhand", "left_hand": "q_lhand", "right_hand": "q_rhand"}
 
 
@@ -116,6 +120,26 @@ class Accepted:
         return dict(
             zip(slot.feature_names, grasp_posture(side, closing, self._numbers.spec.robot).tolist(), strict=True)
         )
+
+
+class Disturbance:
+    """Leads both hands aside a little, smoothly and never twice in the same way.
+
+    Args:
+        spread: Standard deviation along each axis [m].
+        seed: Of the waves.
+    """
+
+    def __init__(self, spread: float, seed: int) -> None:
+        rng, shape = np.random.default_rng(seed), (WAVES, len(_HANDS), 3)
+        self._size, self._rates = spread * np.sqrt(2.0 / WAVES), 2.0 * np.pi / rng.uniform(*PERIODS, shape)
+        self._phases = rng.uniform(0.0, 2.0 * np.pi, shape)
+
+    def led(self, parts: dict[str, np.ndarray], time: float) -> dict[str, np.ndarray]:
+        """Parts of a target in world as they are at a time [s]."""
+        off = self._size * np.sin(self._rates * time + self._phases).sum(axis=0)
+        ways = {name: make_transform(np.eye(3), way) for name, way in zip(_HANDS, off, strict=True)}
+        return {name: ways[name] @ value if name in ways else value for name, value in parts.items()}
 
 
 def palm_of(T_wrist: np.ndarray, side: str, numbers: Numbers) -> np.ndarray:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from lerobot_robot_wholebody.lerobot_loop import Loops
     from lerobot_robot_wholebody.sight import Cameras
-    from lerobot_robot_wholebody.target import Accepted, Numbers
+    from lerobot_robot_wholebody.target import Accepted, Disturbance, Numbers
     from lerobot_robot_wholebody.tasks import RobotTask
     from wholebody.live.served.client import ServedRobot
     from wholebody.live.served.messages import Seen
@@ -57,6 +57,7 @@ class WholebodyG1(Robot):
         self._loops: Loops | None = None
         self.seen: Seen | None = None
         self._accepted: Accepted | None = None
+        self._disturbance: Disturbance | None = None
         self._said: dict[str, Any] = {}
         self._told: dict[str, float] = {}
         self._taken: deque[tuple[float, dict[str, float]]] = deque(maxlen=TAKEN)
@@ -123,7 +124,7 @@ class WholebodyG1(Robot):
         """
         from lerobot_robot_wholebody.lerobot_loop import Loops
         from lerobot_robot_wholebody.sight import Cameras
-        from lerobot_robot_wholebody.target import Accepted
+        from lerobot_robot_wholebody.target import Accepted, Disturbance
         from wholebody.live.served.client import ServedRobot
         from wholebody.live.served.messages import Served
 
@@ -139,6 +140,7 @@ class WholebodyG1(Robot):
             self._robot, self._usual = robot, self.seen.objects
             self._set_up()
             self._accepted = Accepted(self.numbers, self.seen.observation)
+            self._disturbance = Disturbance(config.disturb, config.seed) if config.disturb else None
             self._observed()
             self.phase, self.phases, self._said = "run", 0, {}
             self._told = {}
@@ -202,6 +204,8 @@ class WholebodyG1(Robot):
             accepted = {name: self._taken[-1][1].get(name, value) for name, value in accepted.items()}
         else:
             self._taken.append((now, dict(self._accepted.last)))
+        if self._disturbance is not None:
+            parts = self._disturbance.led(parts, now)
         for part, value in parts.items():
             if part in said or now - self._told.get(part, -math.inf) > AGAIN:
                 self._said[part], self._told[part] = value, now

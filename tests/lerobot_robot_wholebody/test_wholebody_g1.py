@@ -16,7 +16,7 @@ import pytest
 
 from lerobot_robot_wholebody import WholebodyExpert, WholebodyExpertConfig, WholebodyG1, WholebodyG1Config
 from lerobot_robot_wholebody.lerobot_loop import Executed
-from lerobot_robot_wholebody.target import Accepted, Numbers
+from lerobot_robot_wholebody.target import Accepted, Disturbance, Numbers
 from policy.action_spec.anchor import Anchor
 from wholebody.errors import WholebodyError
 
@@ -95,6 +95,34 @@ def test_a_target_that_is_repeated_does_not_drift(robot):
     after = go(robot, {}, 2.0)
     for side in ("left", "right"):
         assert wrist(after, side) == pytest.approx(wrist(before, side), abs=2e-3)
+
+
+def test_a_disturbance_leads_hands_aside_by_its_spread_and_nothing_else(robot):
+    spread, times = 0.02, np.linspace(0.0, 120.0, 3000)
+    parts = {"rhand": np.eye(4), "q_rhand": np.ones(7)}
+    led = [Disturbance(spread, 3).led(parts, time) for time in times]
+    ways = np.array([one["rhand"][:3, 3] for one in led])
+    assert ways.std(axis=0) == pytest.approx(spread, rel=0.1)
+    assert np.abs(np.diff(ways, axis=0)).max() < 0.3 * (times[1] - times[0]), "hands can be where they are led"
+    assert all((one["rhand"][:3, :3] == np.eye(3)).all() and (one["q_rhand"] == 1.0).all() for one in led)
+
+
+def test_a_disturbed_robot_answers_and_records_what_was_asked_of_it(robot):
+    robot._disturbance, before = Disturbance(0.02, 5), robot.get_observation()
+    asked = {f"left_wrist_{axis}.pos": before[f"left_wrist_{axis}.pos"] for axis in "xyz"}
+    off = []
+    for _ in range(60):
+        assert robot.send_action(asked) == pytest.approx(asked, abs=1e-9)
+        robot.let_pass(STEP)
+        off.append(np.linalg.norm(wrist(robot.get_observation(), "left") - [*asked.values()]))
+    robot._disturbance = None
+    assert 0.01 < max(off) < 0.1
+    assert go(robot, asked, 1.0)["left_wrist_x.pos"] == pytest.approx(asked["left_wrist_x.pos"], abs=5e-3)
+
+
+def test_a_disturbance_out_of_bounds_is_refused():
+    with pytest.raises(ValueError, match=r"--robot\.disturb=0\.5"):
+        WholebodyG1Config(disturb=0.5)
 
 
 def test_a_closing_number_closes_a_hand(robot):
