@@ -118,6 +118,7 @@ def decode(
         q_legs=pelvis.q_legs,
         base_height=height,
         base_velocity=velocity,
+        hands_in=_hands_in(spec),
         notes=notes,
         **decode_touch(spec, actions, anchor),
     )
@@ -125,6 +126,14 @@ def decode(
         rotations=False, robot=anchor.robot
     )  # every pose is a product of rotations that were made orthonormal
     return chunk
+
+
+def _hands_in(spec: ActionSpec) -> str:
+    """Frame in which a layout has the hands."""
+    position = spec.slot("left_wrist_position") or spec.slot("right_wrist_position")
+    if position is not None:
+        return position.frame
+    return "soles" if spec.slot("left_leg") or spec.slot("right_leg") else "pelvis"
 
 
 def _height(spec: ActionSpec, actions: np.ndarray, anchor: Anchor, pelvis: PelvisPath) -> np.ndarray | None:

@@ -49,6 +49,7 @@ NOTES_MAX, NOTE_MAX = 16, 300
 _CHUNK = tuple(field.name for field in dataclasses.fields(ActionChunk))
 _CHUNK_PLAIN = {"spec_id": str, "seq": int, "t_obs": float, "fps": float}
 _CHUNK_OPTIONAL = tuple(field.name for field in dataclasses.fields(ActionChunk) if field.default is None)
+_CHUNK_OTHER = ("hands_in", "notes")
 _PREFIX = {"steps": int, "inference_delay": int, "execution_horizon": int}
 
 
@@ -84,7 +85,9 @@ def observation_from_map(data: Mapping[str, Any], robot: RobotSpec | None = None
 def chunk_to_map(chunk: ActionChunk) -> dict[str, Any]:
     """Entries of a chunk; optional parts only where they are there."""
     plain = {name: kind(getattr(chunk, name)) for name, kind in _CHUNK_PLAIN.items()}
-    return {**plain, **chunk.arrays(), "notes": list(chunk.notes)}
+    # Only a robot that walks with it asks where its hands are given, and older readers know no such entry.
+    where = {} if chunk.base_velocity is None or chunk.hands_in == "pelvis" else {"hands_in": chunk.hands_in}
+    return {**plain, **chunk.arrays(), **where, "notes": list(chunk.notes)}
 
 
 def chunk_from_map(data: Any, robot: RobotSpec | None = None) -> ActionChunk:
@@ -96,9 +99,10 @@ def chunk_from_map(data: Any, robot: RobotSpec | None = None) -> ActionChunk:
     """
     if not isinstance(data, dict):
         raise WireError(f"the chunk is {type(data).__name__}; a map is expected")
-    _check_keys("the chunk", data, _CHUNK, optional=(*_CHUNK_OPTIONAL, "notes"))
+    _check_keys("the chunk", data, _CHUNK, optional=(*_CHUNK_OPTIONAL, *_CHUNK_OTHER))
     plain = {name: _plain("the chunk", data, name, kind) for name, kind in _CHUNK_PLAIN.items()}
-    arrays = {name: _array("the chunk", data, name) for name in data if name not in (*_CHUNK_PLAIN, "notes")}
+    arrays = {name: _array("the chunk", data, name) for name in data if name not in (*_CHUNK_PLAIN, *_CHUNK_OTHER)}
+    where = {"hands_in": _plain("the chunk", data, "hands_in", str)} if "hands_in" in data else {}
     notes = data.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise WireError("'notes' of the chunk are no list of sentences")
@@ -107,7 +111,7 @@ def chunk_from_map(data: Any, robot: RobotSpec | None = None) -> ActionChunk:
         raise WireError(f"the chunk has {steps} steps; at most {HORIZON_MAX} are taken")
     # Notes go into reports.
     notes = tuple(printable(note, NOTE_MAX) for note in notes[:NOTES_MAX])
-    chunk = ActionChunk(**plain, **arrays, notes=notes)
+    chunk = ActionChunk(**plain, **arrays, **where, notes=notes)
     chunk.validate(robot=robot)
     return chunk
 

@@ -12,6 +12,7 @@ from wholebody.episode.chunk_seams import SeamMeter
 from wholebody.episode.result import EpisodeResult, Note, Refusal
 from wholebody.episode.tracking_error import TrackingError, start_jump
 from wholebody.execution.chunk_executor import ChunkExecutor
+from wholebody.execution.feet.led import notes
 from wholebody.planning.plan import PlanReport
 from wholebody.robot.plant import Plant
 from wholebody.robot.standing import pelvis_tilt
@@ -35,12 +36,14 @@ class Meters:
         self._stands = supervisor.contacts.at(start).stands
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
-    def offered(self, chunk: ActionChunk, executor: Executor) -> None:
-        """Take note of a chunk that the supervisor gets."""
+    def offered(self, chunk: ActionChunk, executor: Executor, *, walked: bool = False) -> None:
+        """Take note of a chunk that the supervisor has got, and walks with or not."""
         self.result.fps = chunk.fps
         if self._tracking_error.empty:
             self._came[chunk.t_obs] = executor.clock.now()
-        self.result.notes += [Note(executor.clock.now(), text) for text in (*chunk.notes, *self._left_out)]
+        self.result.notes += [
+            Note(executor.clock.now(), text) for text in (*notes(chunk, walked=walked), *self._left_out)
+        ]
 
     def refused(self, answer: StatusReport | None, executor: Executor) -> None:
         """Tell the executor where the supervisor does not follow its chunk."""
@@ -54,7 +57,9 @@ class Meters:
             self._taken_over(supervisor, state.time)
         self._palms = supervisor.palm_reference()
         self._seams.add(self._palms)
-        self._tracking_error.measure(state, self._palms, supervisor.moved_for or supervisor.status.reason)
+        self._tracking_error.measure(
+            state, self._palms, supervisor.moved_for or supervisor.status.reason, supervisor.carried
+        )
 
     def _taken_over(self, supervisor: ChunkExecutor, now: float) -> None:
         """A plan was taken over: what it changes in the chunk."""
@@ -86,7 +91,7 @@ class Meters:
         result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
         result.palms = self._tracking_error.result()
         result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
-        result.margin, result.creep = limits.margin, limits.creep
+        result.margin, result.creep, result.steps_made = limits.margin, limits.creep, limits.steps
         faults = (event for event in result.execution.events if event.code != Reason.STARVED)
         result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
         return result

@@ -10,7 +10,7 @@ from policy.executor.report import ExecutionReport
 from wholebody.episode.chunk_seams import ChunkSeam
 from wholebody.episode.tracking_error import PalmErrors
 from wholebody.sim.fall import Fall
-from wholebody.sim.limit_monitor import LimitExcess
+from wholebody.sim.limit_monitor import LimitExcess, StepMade
 from wholebody.types import Reason
 
 
@@ -50,6 +50,7 @@ class EpisodeResult:
         edge: The centre of pressure at the edge of the soles [m], or None.
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest distance that a sole slid [m].
+        steps_made: Feet that were set down.
         tilt: Largest pelvis tilt [rad].
         steps: How often a foot that was up was set down.
         refusals: Chunks that were refused or never came.
@@ -78,6 +79,7 @@ class EpisodeResult:
     edge: LimitExcess | None = None
     margin: float = float("inf")
     creep: float = 0.0
+    steps_made: list[StepMade] = field(default_factory=list)
     tilt: float = 0.0
     steps: int = 0
     refusals: list[Refusal] = field(default_factory=list)

@@ -83,8 +83,9 @@ def followed(supervisor: ChunkExecutor, now: float) -> Followed:
         now: Time of that step [s].
     """
     chunk, palms, plans = supervisor.chunk, supervisor.palm_reference(), supervisor.handover
+    asked, carried = None if chunk is None else asked_palms(chunk, now, supervisor.spec), supervisor.carried
     return Followed(
-        asked=None if chunk is None else asked_palms(chunk, now, supervisor.spec),
+        asked=asked if asked is None or carried is None else carried @ asked,
         commanded=np.stack([palms["left"], palms["right"]]),
         status=supervisor.status,
         rate=supervisor.rate,
@@ -138,8 +139,9 @@ def run_episode(
             clock.set(max(state.time, clock.now()))
             chunk = executor.poll(seen, partial(commanded_chunk, supervisor))
             if chunk is not None:
-                meters.offered(chunk, executor)
-                meters.refused(supervisor.accept(chunk, state.time), executor)
+                answer = supervisor.accept(chunk, state.time)
+                meters.offered(chunk, executor, walked=supervisor.walks)
+                meters.refused(answer, executor)
         command = supervisor.step(measured, state.time)
         _expect(sensors, supervisor)
         meters.refused(supervisor.take_refusal(), executor)

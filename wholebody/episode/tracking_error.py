@@ -98,13 +98,20 @@ class TrackingError:
         self._next = int(np.searchsorted(self._due, since + 1e-6))
         self._fair = demandable(chunk, report)
 
-    def measure(self, state: RobotState, commanded: Mapping[str, np.ndarray], reason: Reason | None = None) -> None:
+    def measure(
+        self,
+        state: RobotState,
+        commanded: Mapping[str, np.ndarray],
+        reason: Reason | None = None,
+        carried: np.ndarray | None = None,
+    ) -> None:
         """Score the step that has become due since the last state, if one has.
 
         Args:
             state: True state.
             commanded: Palm poses (4, 4) that are commanded in it, by side.
             reason: Why the chunk was not followed as given, if it was not.
+            carried: How its poses have moved with a base that walks, shape (4, 4), if it does.
         """
         now = state, [pin.SE3(commanded[side]) for side in ("left", "right")]
         (before, led_before), self._before = self._before or now, now
@@ -116,6 +123,8 @@ class TrackingError:
         since = (time - before.time) / max(state.time - before.time, 1e-9)
         share = min(max(since, 0.0), 1.0)
         asked = _palms(chunk, k, self._offsets)
+        if carried is not None:
+            asked = [pin.SE3(carried) * T for T in asked]
         measured = _between(self._reached(before), self._reached(state), share)
         led = _between(led_before, now[1], share)
         self._times.append(time)

@@ -16,8 +16,8 @@ from policy.chunk import ActionChunk
 from wholebody.config import ControllerConfig, PlanningConfig
 from wholebody.errors import ConfigError, PlanningError
 from wholebody.estimation.prediction import ROUNDING
+from wholebody.execution.ahead.foreseen import Foreseen
 from wholebody.execution.feet.elsewhere import StandElsewhereError, require_reach
-from wholebody.execution.plan_follower import Foreseen
 from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.plan import ChunkPlan
 from wholebody.reference.surface import Surface, kept_out

@@ -65,6 +65,16 @@ class ChunkExecutor(Protocol):
         """Why a hand is commanded elsewhere than the chunk has it, or None."""
         ...
 
+    @property
+    def walks(self) -> bool:
+        """Whether the base velocity of the newest chunk is followed."""
+        ...
+
+    @property
+    def carried(self) -> np.ndarray | None:
+        """How the poses of the chunk have moved with the base of a walk that it leads, shape (4, 4); None for none."""
+        ...
+
     def reset(self, state: RobotState, now: float | None = None) -> None:
         """Start an episode, now [s], from a measured state of standing."""
         ...

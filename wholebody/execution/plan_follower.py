@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from policy.geometry.se3 import make_transform
@@ -12,6 +10,7 @@ from wholebody.control.base import Controller
 from wholebody.control.reference_packet import COM, PALM, POSTURE, PackedReference, row_length
 from wholebody.control.touch import Touch
 from wholebody.execution.ahead.deviation import Deviation, joint_weights
+from wholebody.execution.ahead.foreseen import Foreseen
 from wholebody.execution.kernels import plan_follower as kernel
 from wholebody.execution.kernels.compiled_follow import compiled_follow
 from wholebody.execution.saturation import Saturation
@@ -26,23 +25,6 @@ SHARE_MIN = 0.05
 """Least share of its speed to which a chunk is stretched; chosen: as good as at rest."""
 ELAPSED_MAX = 1.0
 """Longest time that is followed in one tick [s]; what lies further back is left out; chosen, no trial is on record."""
-
-
-@dataclass(frozen=True)
-class Foreseen:
-    """What will be followed at a time to come, if the robot tracks until then as it does now.
-
-    Attributes:
-        s: Parameter of the plan [s].
-        rate: Its derivative; 0 while there is no plan.
-        body: What the trajectory asks for.
-        hands: What both hands will be commanded to do, rows (2, 40).
-    """
-
-    s: float
-    rate: float
-    body: BodyState
-    hands: HandMotion
 
 
 class PlanFollower:
@@ -286,6 +268,22 @@ class PlanFollower:
             self._body = self._body._replace(edges=self._edges())
             self._count_from(1.0)
             self._clock[0].trust = 1.0
+        self._saturation.begin_anew()
+
+    def carry(self, paths: tuple[HandPath, ...], s: float, last: float) -> None:
+        """Lead the hands along paths from ``s`` on, at their own speed, while a walk carries them; the body stays.
+
+        Args:
+            paths: Of the left and the right hand, beginning with what they do.
+            s: Parameter now [s].
+            last: That of the chunk's last step [s].
+        """
+        left, right = paths
+        settings, clock, rows = self._settings[0], self._clock[0], self._plan.trajectory
+        k = kernel.nearest(settings, self.s, len(rows)) if settings.moving > 0.0 else 0
+        self._plan = kernel.Plan(self._settings, left.flat, right.flat, rows[k : k + 1], NO_PATH, NO_PATH)
+        settings.moving, settings.plan_rate, settings.last_step, settings.leash[:] = 1.0, 1.0, last, 0.0
+        clock.s, clock.rate, clock.change, self._hands_ahead, self._stretched = s, 1.0, 0.0, False, 1.0
         self._saturation.begin_anew()
 
     def ride(self) -> None:

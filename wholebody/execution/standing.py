@@ -14,9 +14,10 @@ from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.config import ControllerConfig
 from wholebody.control.base import Controller
 from wholebody.execution import statuses
+from wholebody.execution.ahead.foreseen import Foreseen
 from wholebody.execution.ending.leaning import words
 from wholebody.execution.ending.way_back import WayBack
-from wholebody.execution.plan_follower import Foreseen, PlanFollower
+from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.states import OFF_PLAN, Event, Machine
 from wholebody.planning.judgement.holding import HOLD_SPEC_ID, staying

@@ -106,7 +106,7 @@ class Supervisor(Commands):
         hands = self._smoother, self.planner.hand_limits, self.touch
         self._ahead = HandsAhead(self._follower, *hands, ready, gated=self._gated)
         self._lowering = Lowering(self.controller, self._reflex, self._planted, self._states)
-        self._stepping = Stepping(self.controller, self.config, *owned, self._reflex)
+        self._stepping = Stepping(self.controller, self.config, *owned, self._reflex, self.planner.hand_limits)
         self._states.on(Event.RESET)
         self._last_state = self.monitor.clock.placed(state)
         self._forget(self.monitor.clock.now)
@@ -134,6 +134,8 @@ class Supervisor(Commands):
         if (fault := statuses.chunk_fault(chunk, self._newest, now, self.spec)) is not None:
             return self._refuse(fault)
         self._newest, self._refusal = chunk, None
+        if self._walks_with(chunk):
+            return self.status
         self._ahead.offer(chunk, self.plan, self._now, waits=self.handover.busy)
         stays = self._reflex.active and self._ahead.streams  # off its plan, whatever a stream says meanwhile
         self._waiting, self._retry = chunk, self._retry if stays else self._now
@@ -265,12 +267,7 @@ class Supervisor(Commands):
             self.handover.cancel()
             self.status = statuses.STANDING_LOST
             return standing.damping_command(self.spec, self.robot, state)
-        stepping = self._stepping
-        if stepping.look(state, now, blind):
-            self._stood()
-        if stepping.active:
-            self._ahead.leave(None)
-            self.plan = None
+        stepping = self._look_at_feet(state, now, blind)
         led = not (blind or self._lowering.active or stepping.coming)
         if not led:
             self.handover.cancel()
@@ -284,7 +281,7 @@ class Supervisor(Commands):
         self._ahead.advance(elapsed)
         self._lowering.look(state)
         self._last_state, self._now = state, max(now, self._now)
-        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind or stepping.active else 1.0)
+        reference = follower.reference(state.q, elapsed, allowed=0.0 if blind or stepping.holds_hands else 1.0)
         if stepping.active:
             reference, self.contacts = stepping.reference(state, elapsed), stepping.contacts
         command, self.last_tick = self.controller.step(state, reference, elapsed)

@@ -156,7 +156,7 @@ class ControlLoop:
         if self._scored and supervisor.plan_report is not None:
             self.errors.follow(supervisor.chunk, supervisor.plan_report)
             if state is not None:
-                self.errors.measure(state, supervisor.palm_reference(), supervisor.status.reason)
+                self.errors.measure(state, supervisor.palm_reference(), supervisor.status.reason, supervisor.carried)
         status = supervisor.status
         statistics.seconds[status.status.value] += self.dt
         if status.reason:

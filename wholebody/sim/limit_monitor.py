@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from math import atan2, hypot
 
 import numpy as np
 
-from wholebody.robot.contact_schedule import ContactSchedule
+from wholebody.robot.contact_schedule import Contacts, ContactSchedule
 from wholebody.robot.plant import Plant
 from wholebody.robot.support_polygon import SupportPolygon, convex_polygon
 
@@ -35,6 +35,30 @@ class LimitExcess:
     bound: float
 
 
+@dataclass
+class StepMade:
+    """A step of the robot.
+
+    Attributes:
+        foot: ``left`` or ``right``.
+        time: When it was set down [s].
+        x, y: Where its sole was by then, world [m].
+        heading: Of the sole [rad].
+        slip: How far it slid until it was lifted again, or the run ended [m].
+        load: Largest load of both soles within `LANDING` of that [N].
+    """
+
+    foot: str
+    time: float
+    x: float
+    y: float
+    heading: float
+    slip: float = 0.0
+    load: float = 0.0
+
+
+LANDING = 0.1
+"""Time after a foot is set down in which its landing presses on the floor [s]; chosen: the peak is there in 30 ms."""
 TOUCHES = 0.005
 """Height above the lowest point of both soles up to which one touches the floor [m]; chosen: a swing is at 5 cm."""
 
@@ -48,6 +72,7 @@ class LimitMonitor:
         positions: Joints past a position limit, by joint [rad].
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest horizontal distance of a sole that stands from where it was when it began to [m].
+        steps: Feet that were set down.
     """
 
     def __init__(self, plant: Plant) -> None:
@@ -61,13 +86,15 @@ class LimitMonitor:
         self._edge: dict[str, LimitExcess] = {}
         self.margin, self.creep = np.inf, 0.0
         self._owner = np.repeat(np.arange(len(spec.feet)), [len(foot.points) for foot in spec.feet])
-        self._soles, self._stands = plant.soles()[:, :2].copy(), (False, False)
-        self._set_down((True, True))
+        self._soles, self._stands = plant.soles()[:, :2].copy(), (True, True)
+        self._support = convex_polygon(plant.contact_points()[:, :2])
+        self.steps: list[StepMade] = []
+        self._last: dict[int, StepMade] = {}  # of each foot that stands where a step has set it down
 
     def look(self, time: float, contacts: ContactSchedule | None = None) -> None:
         """Take in the control period that ended at a time [s], with these contacts; both feet stand without any."""
-        if contacts is not None and (stands := contacts.at(time).stands) != self._stands:
-            self._set_down(stands)
+        if contacts is not None and (now := contacts.at(time)).stands != self._stands:
+            self._set_down(now, time)
         dt, asked, q = self._plant.control_dt, self._plant.torque_asked, self._plant.joint_positions()
         # Something to note is rare: `any` takes a third of the time of looking for it.
         over = asked > self._effort_body
@@ -77,9 +104,13 @@ class LimitMonitor:
         for i in np.flatnonzero(past) if past.any() else ():
             bound = self._low[i] if q[i] < self._low[i] else self._high[i]
             _note(self.positions, self._names[i], time, dt, q[i], bound)
-        slid = (self._plant.soles()[:, :2] - self._soles).tolist()
-        self.creep = max(self.creep, *(hypot(x, y) for (x, y), on in zip(slid, self._stands, strict=True) if on))
+        slid = [hypot(x, y) for x, y in (self._plant.soles()[:, :2] - self._soles).tolist()]
+        self.creep = max(self.creep, *(way for way, on in zip(slid, self._stands, strict=True) if on))
         force, pressure = self._plant.foot_load()
+        for foot, step in self._last.items():
+            step.slip = max(step.slip, slid[foot])
+            if time - step.time <= LANDING:
+                step.load = max(step.load, float(force))
         if force <= 0.0:
             return
         margin = self._support.margin(pressure)
@@ -90,10 +121,18 @@ class LimitMonitor:
         if margin < TIPPING_DISTANCE:
             _note(self._edge, "pressure", time, dt, margin, TIPPING_DISTANCE)
 
-    def _set_down(self, stands: tuple[bool, bool]) -> None:
-        """These feet stand from now on: those that did not before, where they are now."""
-        new = np.array(stands) & ~np.array(self._stands)
-        self._soles[new], self._stands = self._plant.soles()[new, :2], stands
+    def _set_down(self, contacts: Contacts, time: float) -> None:
+        """Feet stand so from a time on [s]: those that did not before, where they are now."""
+        stands, soles, sides = contacts.stands, self._plant.soles(), [foot.side for foot in self._plant.spec.feet]
+        for foot, (before, on) in enumerate(zip(self._stands, stands, strict=True)):
+            if before and not on:
+                self._last.pop(foot, None)
+            if on and not before:
+                self._soles[foot] = soles[foot, :2]
+                heading = atan2(contacts.feet.R[foot, 1, 0], contacts.feet.R[foot, 0, 0])
+                self._last[foot] = StepMade(sides[foot], time, *soles[foot, :2].tolist(), heading)
+                self.steps.append(self._last[foot])
+        self._stands = stands
         on = np.array(stands)[self._owner]
         self._support = convex_polygon(self._plant.contact_points()[on, :2])
 

@@ -14,16 +14,19 @@ class WouldDo:
 
     Attributes:
         kind: ``slower``, ``moved``, ``turned``, ``combined``: these as far as is needed, and numbers
-            brought into their range, ``lighter``, ``softer``, ``start``: begun from its own first row, or ``bound``.
+            brought into their range, ``lighter``, ``softer``, ``start``: begun from its own first row,
+            ``steps`` or ``bound``.
         slower: Factor on its time; 1 is unslowed.
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         lighter: Mass less in the hands, both together [kg].
         force: With which the hand that is named would have to be told to push at most [N].
+        steps: How many to the ``base``, from where the end of the chunk is in reach; 0 of any other kind.
+        base: Midway between the soles x, y [m] and heading [rad] in world; empty of any other kind.
         bound: A bound of the robot, and the value that a plan with all others kept has instead; it need not be the
             least one.
         hand, step, by: Which hand is moved most, at which row of the input, and by what (3,), x forward, y left, z up
             [m].
-        chunk: As changed, feasible; None for a bound, a load and a force. Not part of the JSON.
+        chunk: As changed, feasible; None for a bound, a load, a force and steps. Not part of the JSON.
     """
 
     kind: str
@@ -32,6 +35,8 @@ class WouldDo:
     turned: float = 0.0
     lighter: float = 0.0
     force: float = 0.0
+    steps: int = 0
+    base: tuple[float, ...] = ()
     bound: Margin | None = None
     hand: str = ""
     step: int | None = None

@@ -124,6 +124,8 @@ class FastChecker:
             told = {"placed": placed, "rows": rows}
             explainer = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, **told)
             verdict = explainer.explained(verdict, last / fps)
+            if (episode := getattr(policy, "episode", None)) is not None:
+                verdict = self._with_steps(verdict, episode)
         if not placed and verdict.verdict != "feasible" and any(x.code is Reason.FAR_START for x in verdict.violations):
             elsewhere = self.check(policy, name, duration, odds=False)
             begun = [WouldDo("start")] if elsewhere.verdict == "feasible" else []
@@ -200,8 +202,14 @@ class FastChecker:
             explainer = RunExplainer(
                 self.judge, self.explainer, run, (one,), self._play, whole, placed=placed, at_once=True
             )
-            verdict = explainer.explained(verdict, last / chunk.fps)
+            verdict = self._with_steps(explainer.explained(verdict, last / chunk.fps), chunk)
         return within(verdict, last)
+
+    def _with_steps(self, verdict: Verdict, chunk: ActionChunk) -> Verdict:
+        """A verdict with the steps to where the end of a chunk is in reach, if that would do."""
+        from wholebody.verdict.why.steps import with_steps
+
+        return with_steps(verdict, chunk, self.judge, self.config)
 
     def of_plan(
         self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]

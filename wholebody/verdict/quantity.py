@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+
+from wholebody.sim.limit_monitor import StepMade
 
 FOR_PEOPLE = {
     "m": (1e3, " mm"),
@@ -22,6 +26,8 @@ FOR_PEOPLE = {
 
 AFTER = 1.5
 """Rows from which on an instant is told as after the last one [no unit]; derived: rounding is half a row."""
+NAMED = 4
+"""Steps of a run whose places are named, the last ones [no unit]; chosen: a line."""
 MOVED_MIN, TURNED_MIN = 1e-4, 1e-3
 """Changes below are not worth a word [m, rad]; chosen: rounding."""
 
@@ -67,3 +73,11 @@ def size_text(slower: float, moved: float, turned: float, lighter: float = 0.0, 
     parts += [f"with {lighter:.2f} kg less in the hands"] if lighter else []
     parts += [f"with a hand pushing with {int(force)} N"] if force else []
     return " and ".join(parts) or "with its numbers in their range"
+
+
+def stepped(steps: Sequence[StepMade]) -> str:
+    """Number of steps, at least one, the last places, the largest slip and the heaviest landing."""
+    places = ", ".join(f"{one.foot} ({one.x:.2f}, {one.y:.2f})" for one in steps[-NAMED:])
+    named = f"the last {places}" if len(steps) > NAMED else places
+    slip, load = max(one.slip for one in steps), max(one.load for one in steps)
+    return f"{len(steps)}: {named}; a sole slid {1e3 * slip:.1f} mm at most, a landing pressed with {load:.0f} N"

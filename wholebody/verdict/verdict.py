@@ -16,6 +16,7 @@ from wholebody.episode.approach import approach_steps
 from wholebody.episode.result import EpisodeResult
 from wholebody.episode.timing import Timing, timing
 from wholebody.planning.judgement.limits import Margin
+from wholebody.sim.limit_monitor import StepMade
 from wholebody.types import Reason
 from wholebody.verdict.calibration.odds import Odds
 from wholebody.verdict.causes import Tick, Why, WouldDo
@@ -65,6 +66,7 @@ class Verdict:
         within_20mm: Share of those within 20 mm.
         pressure_margin_m: Least distance of the centre of pressure from the edge of the soles [m].
         creep_m: How far a sole slid [m].
+        steps: Feet that were set down; none where the robot stood, and by the fast check, which takes no step.
         timing: Latency, starvation and seams.
         config: The controller's configuration.
         versions: Versions that the answer depends on.
@@ -110,6 +112,7 @@ class Verdict:
     within_20mm: float = 1.0
     pressure_margin_m: float | None = None
     creep_m: float = 0.0
+    steps: list[StepMade] = field(default_factory=list)
     timing: Timing = field(default_factory=Timing)
     config: dict = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
@@ -194,6 +197,7 @@ def verdict_of(
         within_20mm=float((fair <= WITHIN_20_MM).mean()) if fair.size else 1.0,
         pressure_margin_m=result.margin if isfinite(result.margin) else None,
         creep_m=result.creep,
+        steps=list(result.steps_made),
         timing=timing(result),
         config=config or {},
         versions=dict(_versions()),

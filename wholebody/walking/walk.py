@@ -173,7 +173,7 @@ class Walk:
             self._take_stand(seen)
             first = self._first if self.caught else self._first_foot()
             self.stance = 1 - first
-            self._plan_steps(first, self._left + gait.swing)
+            self._plan_steps(first, gait.swing)  # the base rests while the weight is shifted
             if self.caught:
                 self._steps = [Footstep(first, self.soles[first])]
             rest = self._pieces()[1:]

@@ -6,7 +6,7 @@ from cmath import exp
 
 import numpy as np
 
-from policy.geometry.se3 import make_transform
+from policy.geometry.rotations import matrix_to_quaternion
 from wholebody.control.reference_packet import ReferenceMemory
 from wholebody.reference import HandMotion, rest_row
 from wholebody.walking.guide import Guide
@@ -20,7 +20,7 @@ def about_z(angle: float) -> np.ndarray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def carry(planned: ReferenceMemory, begin: Place, guide: Guide, out: ReferenceMemory) -> None:
+def carry(planned: ReferenceMemory, begin: Place, guide: Guide, out: ReferenceMemory, *, palms: bool = True) -> None:
     """Palms, trunk and posture as they are planned about a base, about where that base is now and with its motion.
 
     Args:
@@ -28,10 +28,14 @@ def carry(planned: ReferenceMemory, begin: Place, guide: Guide, out: ReferenceMe
         begin: The base that it is planned about.
         guide: Where that base is now, and how it moves.
         out: Overwritten.
+        palms: Whether palms are carried, too; otherwise they stay as they are planned in world.
     """
     angle, rate, change = guide.place.heading - begin.heading, guide.velocity.turn, guide.change[1]
     axes, turn, (velocity, acceleration) = exp(1j * angle), about_z(angle), guide.motion()
     for source, row in zip(planned.palms, out.palms, strict=True):
+        if not palms:
+            row[:] = source
+            continue
         x, y, z, vx, vy, vz, wx, wy, wz, ax, ay, az, bx, by, bz = source[9:].tolist()
         arm, v, w = (complex(x, y) - begin.point) * axes, complex(vx, vy) * axes, complex(wx, wy) * axes
         point, fast = guide.place.point + arm, velocity + 1j * rate * arm + v
@@ -51,11 +55,18 @@ def carry(planned: ReferenceMemory, begin: Place, guide: Guide, out: ReferenceMe
 
 
 def hands_carried(rows: np.ndarray, begin: Place, end: Place) -> np.ndarray:
-    """Motions of hands, rows (2, 40), at rest where a base that went from one place to another has taken them."""
-    turn = about_z(end.heading - begin.heading)
-    motion, moved = HandMotion(rows), []
-    for T, fingers in zip(motion.T_world_hand, motion.q_finger, strict=True):
-        seen = begin.seen(complex(*T[:2, 3]))
-        point = end.world(seen)
-        moved.append(rest_row(make_transform(turn @ T[:3, :3], np.array([point.real, point.imag, T[2, 3]])), fingers))
-    return np.stack(moved)
+    """Motions of hands, rows (2, 40), where a base that went from one place to another, and rests, has taken them."""
+    turn, motion = about_z(end.heading - begin.heading), HandMotion(rows.copy())
+    for i, T in enumerate(motion.T_world_hand):
+        point = end.world(begin.seen(complex(*T[:2, 3])))
+        motion.p[i, :2] = point.real, point.imag
+        motion.quat[i] = matrix_to_quaternion(turn @ T[:3, :3], "xyzw")
+    for part in (motion.v, motion.a, motion.w, motion.alpha):
+        part[:] = part @ turn.T
+    return motion.rows
+
+
+def at_rest(rows: np.ndarray) -> np.ndarray:
+    """Motions of hands, rows (2, 40), that stay where these are."""
+    motion = HandMotion(rows)
+    return np.stack([rest_row(T, q) for T, q in zip(motion.T_world_hand, motion.q_finger, strict=True)])

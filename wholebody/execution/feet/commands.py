@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
+import numpy as np
+
+from policy.chunk import ActionChunk
 from wholebody.control.touch import Touch
 from wholebody.execution import standing, statuses
 from wholebody.execution.ahead.hands_ahead import HandsAhead
 from wholebody.execution.ending.lowering import Lowering
 from wholebody.execution.ending.stiff_legs import StiffLegs
+from wholebody.execution.feet import wanted
 from wholebody.execution.feet.stepping import Stepping
 from wholebody.execution.handover import Handover
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.standing import Reflex
 from wholebody.execution.states import State
 from wholebody.robot.contact_schedule import ContactSchedule
-from wholebody.types import Reason, StatusReport
+from wholebody.types import Reason, RobotState, StatusReport
 from wholebody.walking.places import Place, Velocity
 
 
@@ -32,6 +37,7 @@ class Commands(statuses.Following):
     _reflex: Reflex
     _legs: StiffLegs
     _retry: float
+    _gated: bool
 
     @property
     def lowered(self) -> bool:
@@ -82,7 +88,7 @@ class Commands(statuses.Following):
             StateError: Before the first `reset`.
         """
         self._following()
-        return self._walk(self._no_walk() or self._stepping.goal(base))
+        return self._walk(self._no_walk() or wanted.goal(base, self._stepping.base))
 
     def walk(self, velocity: Sequence[float]) -> StatusReport:
         """Walk with a velocity of the base: ahead, to the left [m/s] and about the vertical [rad/s], in its own axes.
@@ -91,7 +97,7 @@ class Commands(statuses.Following):
         is too fast is followed slower, in the same direction. Otherwise as `walk_to`.
         """
         self._following()
-        return self._walk(self._no_walk() or self._stepping.velocity(velocity))
+        return self._walk(self._no_walk() or wanted.velocity(velocity))
 
     def _no_walk(self) -> StatusReport | None:
         """Why no walk can be begun or changed now; None if one can."""
@@ -100,13 +106,27 @@ class Commands(statuses.Following):
             return statuses.refused(Reason.WALK_REFUSED, held)
         return self._stepping.refusal()
 
-    def _walk(self, wanted: Place | Velocity | StatusReport) -> StatusReport:
-        if isinstance(wanted, StatusReport):
-            return wanted
+    @property
+    def walks(self) -> bool:
+        """Whether the base velocity of the newest chunk is followed, now or once it is due."""
+        self._following()
+        return self._stepping.led is not None
+
+    @property
+    def carried(self) -> np.ndarray | None:
+        """How the poses of the chunk have moved with the base of a walk that it leads, shape (4, 4); None for none."""
+        self._following()
+        return self._stepping.carried
+
+    def _walk(self, told: Place | Velocity | StatusReport) -> StatusReport:
+        return told if isinstance(told, StatusReport) else self._go(partial(self._stepping.walk, told))
+
+    def _go(self, walk: Callable[[RobotState, float], StatusReport]) -> StatusReport:
+        """Begin or change a walk; the plan is left for it."""
         stepped = self._stepping.coming
         if not stepped:
             self._ahead.leave(self.plan)
-        report = self._stepping.walk(wanted, self._last_state, self._now)
+        report = walk(self._last_state, self._now)
         if not self._stepping.coming:
             return self.status
         if not stepped:
@@ -115,10 +135,39 @@ class Commands(statuses.Following):
         self.status = report
         return report
 
+    def _walks_with(self, chunk: ActionChunk) -> bool:
+        """Whether a chunk leads the base from now on; others, and what a gate judges, are planned for a stand."""
+        self._stepping.take(chunk, self._last_state, self._now, may=not self._gated)
+        return self._walk_along()
+
+    def _look_at_feet(self, state: RobotState, now: float, blind: bool) -> Stepping:
+        """Notice what a state, now [s], means for a walk; it leads the robot instead of a plan."""
+        if self._stepping.look(state, now, blind):
+            self._stood()
+        if not self._stepping.coming:
+            self._walk_along()
+        if self._stepping.active:
+            self._ahead.leave(None)
+            self.plan = None
+        return self._stepping
+
+    def _walk_along(self) -> bool:
+        """Walk with the newest chunk where it asks for that now; whether it does."""
+        stepping = self._stepping
+        if not stepping.due(self._now) or (self.touch.active and not stepping.active):
+            return False
+        self._go(stepping.go_along)
+        chunk = stepping.led.chunk
+        self.chunk, self.plan_report, self._chunk_end = chunk, stepping.led.report, float(chunk.times[-1])
+        self._waiting = self._refused = None
+        return True
+
     def _stood(self) -> None:
         """Go on from where a walk has come to a stand: a chunk that is not over is planned anew, or hands are held."""
         self.contacts, down = self._planted.contacts, self._stepping.then
         newest = self._newest if self._newest is not None and self._newest.times[-1] > self._now else None
+        if newest is not None:
+            newest = self._newest = self._stepping.stood(newest)
         self._waiting, self._retry = standing.to_hold(newest, self._smoother.motion, self._now), self._now
         if self._newest is not newest:
             self._newest = self.chunk = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import inf
 
@@ -15,32 +14,30 @@ from wholebody.control.controller import WholeBodyController
 from wholebody.control.reference_packet import COM, PackedReference
 from wholebody.errors import ConfigError
 from wholebody.execution import standing, statuses
-from wholebody.execution.feet.carried import hands_carried
+from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
+from wholebody.execution.feet.led import StateLog
+from wholebody.execution.feet.led_walk import LedWalk
 from wholebody.execution.feet.walker import Walker
+from wholebody.execution.feet.wanted import refused
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
 from wholebody.execution.plan_follower import PlanFollower
 from wholebody.execution.planted_feet import PlantedFeet
 from wholebody.execution.standing import Reflex
 from wholebody.execution.states import STEPPING, Event, Machine, State
 from wholebody.planning.trajectory import SampledTrajectory
-from wholebody.reference import ReferenceSmoother
+from wholebody.reference import HandLimits, ReferenceSmoother
 from wholebody.robot.contact_schedule import ContactSchedule
 from wholebody.robot.kernels.pendulum import natural_frequency
-from wholebody.types import Reason, RobotState, StatusReport
+from wholebody.types import RobotState, StatusReport
 from wholebody.walking.footsteps import CLOSED
 from wholebody.walking.gait import Phase
 from wholebody.walking.places import Place, Velocity
 
 STEPS = ("never", "recover", "reach")
 """What `steps` may be."""
-FASTEST = (-0.25, 0.4, 0.15, 0.5)
-"""Speeds back, ahead and aside [m/s] and about the vertical [rad/s] beyond which none is followed; measured: those at
-which `python -m tests.studies.walks speeds` stands."""
 LASTS = 1.0
 """Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
-FURTHEST = 10.0
-"""Distance of a goal up to which the robot walks there [m]; chosen: by then an estimated state has drifted."""
 LOST = 0.005
 """Distance of the capture point beyond the edge of both soles from which a step is taken [m]; chosen: on the edge,
 motions of trunk and arms still bring it back."""
@@ -58,7 +55,7 @@ UPRIGHT = 0.6
 the robot leans or squats, and a walk would have to lift what was planned for that."""
 
 
-class Stepping:
+class Stepping(LedWalk):
     """Decides when a walk leads the robot, and hands over from plan to walk and back.
 
     Args:
@@ -69,12 +66,14 @@ class Stepping:
         planted: Has the stance on its feet.
         states: What the robot follows.
         reflex: Goes to the stance.
+        limits: Of the left and the right hand.
 
     Attributes:
         contacts: Which feet stand where, while a walk leads it.
         status: What a person sees of it then.
         beyond: Ends of a chunk that was out of reach from everywhere, shape (2, 4, 4), or None.
         then: Whether the robot is to be lowered once it stands, or raised; None if neither.
+        led: The chunk whose base velocity is walked, from when it asks for one on; None where there is none.
     """
 
     def __init__(
@@ -86,12 +85,14 @@ class Stepping:
         planted: PlantedFeet,
         states: Machine,
         reflex: Reflex,
+        limits: tuple[HandLimits, ...],
     ) -> None:
         self._controller, self._config = controller, config
         self._follower, self._smoother, self._planted, self._states = follower, smoother, planted, states
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
         self._until, self._trust = -inf, 1.0
+        self._limits, self._log, self.led = limits, StateLog(config.dt), None
         self.beyond: np.ndarray | None = None
         robot, limbs = controller.robot, controller.spec.limbs
         below = np.concatenate([limbs["left_leg"], limbs["right_leg"], limbs["waist"]])
@@ -119,21 +120,10 @@ class Stepping:
     def refusal(self) -> StatusReport | None:
         """Why no walk can be begun or changed now; None if one can."""
         if self._config.steps != "reach":
-            return _refused(f"`steps` is '{self._config.steps}'; with `steps: reach` the robot walks")
+            return refused(f"`steps` is '{self._config.steps}'; with `steps: reach` the robot walks")
         if self.then is not None or self._states.now not in WALKS_FROM:
-            return _refused(f"the robot is {self._states.now.value}: it walks once it stands and holds, or follows")
+            return refused(f"the robot is {self._states.now.value}: it walks once it stands and holds, or follows")
         return None
-
-    def goal(self, base: Sequence[float]) -> Place | StatusReport:
-        """A goal in world: x, y [m] and heading [rad]; or why it is none."""
-        given = np.asarray(base, dtype=float)
-        if given.shape != (3,) or not np.isfinite(given).all():
-            return _refused(f"base is {base}; finite x, y [m] and heading [rad] in world are expected")
-        x, y, heading = given.tolist()
-        goal, here = Place(complex(x, y), heading), self.base
-        if (way := abs(goal.point - here.point)) > FURTHEST:
-            return _refused(f"the base is {way:.1f} m away; the robot walks {FURTHEST:g} m at most")
-        return goal
 
     @property
     def base(self) -> Place:
@@ -143,25 +133,25 @@ class Stepping:
         x, y, heading = base_of(self._planted.feet, self._controller.spec)
         return Place(complex(x, y), heading)
 
-    def velocity(self, velocity: Sequence[float]) -> Velocity | StatusReport:
-        """A velocity ahead, to the left [m/s] and about the vertical [rad/s], within `FASTEST`; or why it is none."""
-        given = np.asarray(velocity, dtype=float)
-        if given.shape != (3,) or not np.isfinite(given).all():
-            return _refused(f"velocity is {velocity}; finite speeds ahead, left [m/s] and turning [rad/s] are expected")
-        x, y, turn = given.tolist()
-        back, ahead, aside, fast = FASTEST
-        share = max(x / ahead, x / back, abs(y) / aside, abs(turn) / fast, 1.0)
-        return Velocity(complex(x, y) / share, turn / share)
-
     def walk(self, wanted: Place | Velocity, state: RobotState, now: float) -> StatusReport:
         """Go to a goal, or follow a velocity, from the present state on, now [s]."""
-        self._wanted = wanted
+        self.led, self._wanted = None, wanted
         self._until = now + LASTS if isinstance(wanted, Velocity) else inf
+        return self._go(state, now)
+
+    def _go(self, state: RobotState, now: float) -> StatusReport:
         if self.active:
             self._tell()
-        elif not self._is_there(wanted) and not self.coming:
-            self._begin(state)
+        elif not self._is_there(self._wanted) and not self.coming:
+            self._begin(state, now)
         return self.status
+
+    def go_along(self, state: RobotState, now: float) -> StatusReport:
+        """Walk as the chunk says, its hands along its own paths, from the present state on, now [s]."""
+        self._wanted, self._until = self.led.velocity(now), inf
+        if self.active:
+            self._lead_hands(now)
+        return self._go(state, now)
 
     def _is_there(self, wanted: Place | Velocity) -> bool:
         if isinstance(wanted, Velocity):
@@ -169,7 +159,7 @@ class Stepping:
         here = self.base
         return abs(wanted.point - here.point) <= CLOSED[0] and abs(here.turn_to(wanted)) <= CLOSED[1]
 
-    def _begin(self, state: RobotState) -> None:
+    def _begin(self, state: RobotState, now: float) -> None:
         """Walk; a robot that leans or squats goes to its stance first."""
         off = np.abs(state.q[7:] - self._planted.stance[7:])[self._below].max()
         if off > UPRIGHT and self._states.now is not State.RISING:
@@ -183,13 +173,21 @@ class Stepping:
         self._states.on(Event.WALK)
         self.status = statuses.WALKING
         self._walker.begin(state)
+        self._log.begin(now, state.q)
         self._follower.ride()
         self._tell()
+        if self.led is not None:
+            self._lead_hands(now)
 
     def _tell(self) -> None:
         """Hand what is wanted to the walk."""
         guide, wanted = self._walker.walk.guide, self._wanted
         guide.follow(wanted) if isinstance(wanted, Velocity) else guide.go_to(wanted)
+        if self.led is not None:
+            x, y, turn = wanted.way.real, wanted.way.imag, wanted.turn
+            speed = "to a stand" if wanted.is_rest else f"({x:.2f}, {y:.2f}) m/s, {turn:.2f} rad/s"
+            self.status = replace(statuses.TRACKING, detail=f"the robot walks as its chunk says: {speed}")
+            return
         aim = "as it is led"
         if isinstance(wanted, Place):
             aim = f"to x {wanted.point.real:.2f} m, y {wanted.point.imag:.2f} m"
@@ -205,12 +203,17 @@ class Stepping:
         """Notice what a state, now [s], means for a walk; whether it has just come to a stand."""
         if self._states.now is State.RISING:
             if self._reflex.has_arrived:
-                self._begin(state)
+                self._begin(state, now)
             return False
         if not blind and self._is_lost():
             self._catch(state)
         if not self.active:
             return False
+        self._log.add(now, state.q)
+        walks = self._states.now is State.WALKING and not blind
+        if walks and self.led is not None and self.led.velocity(now) != self._wanted:
+            self._wanted = self.led.velocity(now)
+            self._tell()
         if (blind or now > self._until) and self._wanted != Velocity():
             self.stop()
         if self._walker.stands:
@@ -272,8 +275,11 @@ class Stepping:
         walker = self._walker
         walker.end()
         self._planted.stand_on(walker.feet(state))
-        rows = hands_carried(self._smoother.motion.rows, walker.base, walker.walk.guide.place)
-        self._hold(state, rows)
+        place = walker.walk.guide.place
+        rows = hands_carried(self._smoother.motion.rows, place if walker.in_world else walker.base, place)
+        self._hold(state, at_rest(rows))
+        if self.led is not None:  # hands that move brake until there is a plan
+            self._smoother.reset(rows)
         self._states.on(Event.SETTLED)
 
     def _here(self, state: RobotState) -> tuple[SampledTrajectory, np.ndarray]:
@@ -307,7 +313,3 @@ def walker_for(controller: Controller, config: ControllerConfig) -> Walker | Non
             setting="steps",
         )
     return Walker(controller)
-
-
-def _refused(detail: str) -> StatusReport:
-    return statuses.refused(Reason.WALK_REFUSED, detail)

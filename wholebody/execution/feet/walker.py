@@ -40,6 +40,7 @@ class Walker:
     Attributes:
         walk: The gait; None before `begin`.
         base: Where its base was at `begin`: what is planned for a stand is planned about that.
+        in_world: Whether palms are planned in world instead, and not carried.
     """
 
     def __init__(self, controller: WholeBodyController, gait: Gait | None = None) -> None:
@@ -56,10 +57,11 @@ class Walker:
         self._memory, self._planned = (ReferenceMemory(np.zeros(row_length(robot.n_joints))) for _ in range(2))
         self.base = Place(0j, 0.0)
         self.walk: Walk | None = None
+        self.in_world = False
 
     def begin(self, state: RobotState, weights: Weights = WALKING) -> None:
         """Stand as measured, palms and trunk where they are; steps are made from the next `reference` on."""
-        self.walk = None
+        self.walk, self.in_world = None, False
         seen = self._look(state)
         self.walk = Walk(seen, self._sole, self.gait)
         self.base = self.walk.guide.place
@@ -74,7 +76,7 @@ class Walker:
             row[:9] = self._data.oMf[frame_id(self._model, body)].rotation.ravel()
         self._planned.posture[:] = 0.0
         self._planned.posture[0] = state.q[7:]
-        self._below = float(self._com[2]) - state.q[2]
+        self._below, self._floor = float(self._com[2]) - state.q[2], min(seen.heights)
         self.controller.robot.update(state.q, state.v)
         self._feet = self.controller.contacts.feet
         self.controller.weigh(weights)
@@ -99,6 +101,11 @@ class Walker:
     def stands(self) -> bool:
         """Whether both feet stand and no step is to be made."""
         return self.walk is not None and self.walk.state is Phase.STAND and not self.walk.wanted
+
+    @property
+    def pelvis_height(self) -> float:
+        """Height of the pelvis over a level floor while steps are made [m]."""
+        return self._floor + self.gait.height - self._below
 
     @property
     def palms(self) -> tuple[np.ndarray, np.ndarray]:
@@ -140,7 +147,7 @@ class Walker:
         memory.height[:] = self._height.x - self._below, self._height.v, self._height.a
         if planned is not None:
             self._planned.row[:] = planned
-        carry(self._planned, self.base, walk.guide, memory)
+        carry(self._planned, self.base, walk.guide, memory, palms=not self.in_world)
         swing = np.zeros((2, PALM)) if walk.swing is not None else None
         if swing is not None:
             self._lead_foot(swing[1 - walk.stance], walk.swing, 1 - walk.stance)

@@ -99,6 +99,8 @@ def change_text(one: WouldDo) -> str:
         return f"with {one.bound.code} of {one.bound.subject} at {value} where the bound is {bound}"
     if one.kind == "start":
         return BEGUN
+    if one.steps:
+        return f"with {one.steps} steps to x {one.base[0]:.2f} m, y {one.base[1]:.2f} m, and `steps: reach`"
     text = size_text(one.slower, one.moved, one.turned, one.lighter, one.force)
     if not one.hand:
         return text

@@ -18,8 +18,8 @@ from wholebody.config import ControllerConfig, RobotConfig
 from wholebody.episode.run import EpisodeConfig, followed, observe, run_episode
 from wholebody.errors import ConfigError
 from wholebody.execution import statuses
-from wholebody.execution.feet import elsewhere
-from wholebody.execution.feet.stepping import FASTEST, LASTS
+from wholebody.execution.feet import elsewhere, wanted
+from wholebody.execution.feet.stepping import LASTS
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.states import State
 from wholebody.execution.supervisor import Supervisor
@@ -118,10 +118,10 @@ def test_a_chunk_that_comes_while_it_walks_is_followed_once_it_stands(supervisor
 
 
 @pytest.mark.parametrize(
-    ("told", "index", "most"), [((3.0, 0.0, 0.0), 0, FASTEST[1]), ((0.0, 3.0, 0.0), 1, FASTEST[2])]
+    ("told", "index", "most"), [((3.0, 0.0, 0.0), 0, wanted.FASTEST[1]), ((0.0, 3.0, 0.0), 1, wanted.FASTEST[2])]
 )
 def test_a_velocity_keeps_its_direction(supervisor, plant, told, index, most):
-    way = supervisor._stepping.velocity(told).way
+    way = wanted.velocity(told).way
     assert (way.real, way.imag)[index] == pytest.approx(most)
     assert (way.real, way.imag)[1 - index] == 0.0
 
@@ -179,7 +179,7 @@ def test_a_velocity_is_scaled_to_what_it_can_do_and_forgotten_after_a_second(sup
         fastest.append(guide.velocity.way.real)
 
     run(supervisor, plant, is_in(supervisor, State.HOLDING), 7.0, look)
-    assert 0.1 < max(fastest) <= FASTEST[1]
+    assert 0.1 < max(fastest) <= wanted.FASTEST[1]
     assert supervisor._stepping._until == -np.inf
     assert plant.state().time > LASTS
     assert supervisor.base[0] > 0.03

@@ -1,0 +1,51 @@
+"""Where a robot is told to go, or how fast, as far as it can; and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wholebody.execution import statuses
+from wholebody.types import Reason, StatusReport
+from wholebody.walking.places import Place, Velocity
+
+FASTEST = (-0.25, 0.4, 0.15, 0.5)
+"""Speeds back, ahead and aside [m/s] and about the vertical [rad/s] beyond which none is followed; measured: those at
+which `python -m tests.studies.walks speeds` stands."""
+FURTHEST = 10.0
+"""Distance of a goal up to which the robot walks there [m]; chosen: by then an estimated state has drifted."""
+
+
+def goal(base: Sequence[float], here: Place) -> Place | StatusReport:
+    """A goal in world: x, y [m] and heading [rad], of a robot that is here; or why it is none."""
+    given = np.asarray(base, dtype=float)
+    if given.shape != (3,) or not np.isfinite(given).all():
+        return refused(f"base is {base}; finite x, y [m] and heading [rad] in world are expected")
+    x, y, heading = given.tolist()
+    place = Place(complex(x, y), heading)
+    if (way := abs(place.point - here.point)) > FURTHEST:
+        return refused(f"the base is {way:.1f} m away; the robot walks {FURTHEST:g} m at most")
+    return place
+
+
+def velocity(told: Sequence[float]) -> Velocity | StatusReport:
+    """A velocity ahead, to the left [m/s] and about the vertical [rad/s], within `FASTEST`; or why it is none."""
+    given = np.asarray(told, dtype=float)
+    if given.shape != (3,) or not np.isfinite(given).all():
+        return refused(f"velocity is {told}; finite speeds ahead, left [m/s] and turning [rad/s] are expected")
+    x, y, turn = given.tolist()
+    share = share_of_fastest(given)
+    return Velocity(complex(x, y) / share, turn / share) if share > 1.0 else Velocity(complex(x, y), turn)
+
+
+def share_of_fastest(velocities: np.ndarray) -> float:
+    """Share of `FASTEST` that the fastest of velocities (..., 3) is."""
+    back, ahead, aside, fast = FASTEST
+    x, y, turn = np.moveaxis(velocities, -1, 0)
+    return float(max(np.max(x) / ahead, np.min(x) / back, np.abs(y).max() / aside, np.abs(turn).max() / fast))
+
+
+def refused(detail: str) -> StatusReport:
+    """No walk is begun or changed."""
+    return statuses.refused(Reason.WALK_REFUSED, detail)
