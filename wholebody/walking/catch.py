@@ -78,5 +78,8 @@ def _tried(
     seen = stance.seen(dcm)
     place = complex(seen.real, seen.imag + ASIDE * beside)
     x = max(low.real - place.real, place.real - high.real, 0.0)
-    y = max(low.imag - place.imag, place.imag - high.imag, 0.0)
-    return Catch(foot, made, x + y, abs(place - stance.seen(swings.point)))
+    # Set down further out than it need be, the other sole is beside the capture point, which is between both then.
+    out = 1.0 if foot == LEFT else -1.0
+    y = max(out * place.imag - made.wide, -out * seen.imag - size.width, 0.0)
+    made_at = complex(min(max(place.real, low.real), high.real), min(max(place.imag, low.imag), high.imag))
+    return Catch(foot, made, x + y, abs(made_at - stance.seen(swings.point)))

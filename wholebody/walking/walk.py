@@ -13,7 +13,7 @@ from wholebody.walking.gait import TABLE, Gait, Phase
 from wholebody.walking.guide import Guide
 from wholebody.walking.places import Place
 from wholebody.walking.pressure import Sole, between, on
-from wholebody.walking.swing import FROZEN, Swing
+from wholebody.walking.swing import EARLY, FROZEN, Swing
 
 COUNT = 4
 """Steps that are planned [no unit]; derived: what comes later changes the capture point now by less than 0.1 mm."""
@@ -32,6 +32,10 @@ LEAST = 0.01
 """Least share of the load of a foot that stands [no unit]; chosen: 5 N a point."""
 TOUCHED = 0.6
 """Share of a swing from which a foot that touches has landed [no unit]; measured: earlier touches are scuffs."""
+FOOT_ACCELERATION, PEAK = 30.0, 5.77
+"""Largest acceleration of a foot that is up, over the floor [m/s^2], above which its landing is not moved, and by which
+a quintic from rest to rest exceeds way over time squared; measured: pushed back by 17 N s it stands so, and falls
+without; definition."""
 SPARE = 0.02
 """Distance of the soles beyond the least one that steps aside leave on their narrow side [m]; chosen: room to move."""
 CAUGHT = 0.8
@@ -177,7 +181,7 @@ class Walk:
             if self.caught:
                 self._steps = [Footstep(first, self.soles[first])]
             rest = self._pieces()[1:]
-            piece = Piece(self._left, 0j, self._middle_of(self.soles[self.stance]))
+            piece = Piece(self._left, 0j, self.soles[self.stance].point)
             self.plan = start_for(seen.dcm, piece, bounded(rest, seen.omega), seen.omega)
         elif state is Phase.LAND:
             self.stance = 1 - self.stance
@@ -216,9 +220,6 @@ class Walk:
         width = max(self.width, gait.narrow + SPARE + aside * gait.step)
         self._steps = footsteps(self.soles, first, guide, width, gait, start=start, most=COUNT, ends=not self.marches)
 
-    def _middle_of(self, sole: Place) -> complex:
-        return sole.point
-
     def _middle(self) -> complex:
         return 0.5 * (self.soles[LEFT].point + self.soles[RIGHT].point)
 
@@ -227,23 +228,23 @@ class Walk:
         gait, left = self.gait, max(self._left, 0.0)
         if self.state not in (Phase.SHIFT, Phase.SWING, Phase.LAND):
             return [Piece(left, self.plan, self._middle())]
-        carry = self._middle_of(self.soles[self.stance])
+        carry = self.soles[self.stance].point
         pieces = [Piece(left, self.plan, carry)]
         if self.state is not Phase.SWING:
             pieces.append(Piece(gait.swing, carry, carry))
         for step in self._steps[:-1]:
-            new = self._middle_of(step.sole)
+            new = step.sole.point
             pieces += [Piece(gait.double, carry, new), Piece(gait.swing, new, new)]
             carry = new
         if self.caught:
-            last = carry + CAUGHT * (self._middle_of(self._steps[-1].sole) - carry)
+            last = carry + CAUGHT * (self._steps[-1].sole.point - carry)
             return [*pieces, Piece(gait.settle, last, last)]
-        end = 0.5 * (carry + self._middle_of(self._steps[-1].sole))
+        end = 0.5 * (carry + self._steps[-1].sole.point)
         return [*pieces, Piece(gait.settle, carry, end)]
 
     def _adjust(self, seen: WalkReadings) -> None:
         """Move the landing to where and when the capture point asks for it."""
-        self.plan = stance = self._middle_of(self.soles[self.stance])
+        self.plan = stance = self.soles[self.stance].point
         if self._left <= FROZEN:
             return
         gait, foot, omega, axes = self.gait, 1 - self.stance, seen.omega, self.soles[self.stance]
@@ -262,7 +263,7 @@ class Walk:
             - turned
             + complex(_beyond(error.real, take * self._sole.length), _beyond(error.imag, take * self._sole.width))
         )
-        low, high = box(foot, gait)
+        low, high = self._within_reach(*box(foot, gait), kept)
         soonest = max(gait.sooner * gait.swing - self._elapsed, way / gait.foot_speed, FROZEN)
         latest = max(gait.later * gait.swing - self._elapsed, soonest)
         step = Step(place, self._left, (landing - share * place) / gone)
@@ -270,6 +271,16 @@ class Walk:
         self._left = best.time if abs(best.time - kept) > 1e-9 else kept
         self._steps[0] = Footstep(foot, Place(axes.world(best.place + turned), nominal.heading))
         self.adjusted = abs(best.place - place)
+
+    def _within_reach(self, low: complex, high: complex, left: float) -> tuple[complex, complex]:
+        """The part of a box of places, in the axes of the stance sole [m], to which a foot that is up still comes.
+
+        It lands after ``left`` [s]: one that is moved further at once takes all of the other sole by its reaction.
+        """
+        way, time = self.swing.way, max(left - EARLY, 0.0)
+        middle = self.soles[self.stance].seen(way.x + 0.5 * way.v * time)
+        span = (1.0 + 1j) * FOOT_ACCELERATION * time * time / PEAK
+        return tuple(_within(middle + by, low, high) for by in (-span, span))
 
     def _follow_plan(self, seen: WalkReadings, dt: float) -> None:
         """Zero-moment point for this tick."""
@@ -300,3 +311,8 @@ class Walk:
 def _beyond(error: float, taken: float) -> float:
     """What of an error is left where so much of it is taken."""
     return max(error - taken, 0.0) + min(error + taken, 0.0)
+
+
+def _within(point: complex, low: complex, high: complex) -> complex:
+    """The point of a box that is nearest to one."""
+    return complex(min(max(point.real, low.real), high.real), min(max(point.imag, low.imag), high.imag))

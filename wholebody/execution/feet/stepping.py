@@ -18,6 +18,7 @@ from wholebody.execution.feet.carried import at_rest, hands_carried
 from wholebody.execution.feet.elsewhere import base_of, ends
 from wholebody.execution.feet.led import StateLog
 from wholebody.execution.feet.led_walk import LedWalk
+from wholebody.execution.feet.loss import Loss
 from wholebody.execution.feet.walker import Walker
 from wholebody.execution.feet.wanted import refused
 from wholebody.execution.kernels.plan_follower import TRUST_MIN
@@ -28,7 +29,6 @@ from wholebody.execution.states import STEPPING, Event, Machine, State
 from wholebody.planning.trajectory import SampledTrajectory
 from wholebody.reference import HandLimits, ReferenceSmoother
 from wholebody.robot.contact_schedule import ContactSchedule
-from wholebody.robot.kernels.pendulum import natural_frequency
 from wholebody.types import RobotState, StatusReport
 from wholebody.walking.footsteps import CLOSED
 from wholebody.walking.gait import Phase
@@ -38,9 +38,6 @@ STEPS = ("never", "recover", "reach")
 """What `steps` may be."""
 LASTS = 1.0
 """Time for which a velocity is followed that is not told again [s]; chosen: who leads the robot may be gone."""
-LOST = 0.005
-"""Distance of the capture point beyond the edge of both soles from which a step is taken [m]; chosen: on the edge,
-motions of trunk and arms still bring it back."""
 TAKEN_UP = 0.5
 """Time in which the hands are held again after a step that caught the robot [s]; measured by the prototype."""
 WALKS_FROM = (State.HOLDING, State.FOLLOWING, State.WALKING, State.RISING)
@@ -91,7 +88,7 @@ class Stepping(LedWalk):
         self._follower, self._smoother, self._planted, self._states = follower, smoother, planted, states
         self._reflex, self._walker = reflex, walker_for(controller, config)
         self._wanted: Place | Velocity = Velocity()
-        self._until, self._trust = -inf, 1.0
+        self._until, self._trust, self._loss = -inf, 1.0, Loss(controller)
         self._limits, self._log, self.led = limits, StateLog(config.dt), None
         self.beyond: np.ndarray | None = None
         robot, limbs = controller.robot, controller.spec.limbs
@@ -205,7 +202,7 @@ class Stepping(LedWalk):
             if self._reflex.has_arrived:
                 self._begin(state, now)
             return False
-        if not blind and self._is_lost():
+        if not blind and self._is_lost(now):
             self._catch(state)
         if not self.active:
             return False
@@ -221,16 +218,15 @@ class Stepping(LedWalk):
             return True
         return False
 
-    def _is_lost(self) -> bool:
-        """Whether both feet stand, and the capture point is where no pressure on their soles brings it back."""
+    def _is_lost(self, now: float) -> bool:
+        """Whether both feet stand, and a step is to catch the robot."""
         if self._walker is None:
             return False
-        now, caught = self._states.now, self._states.now is State.RECOVERING
-        if now not in CAUGHT_FROM and not (caught and self._walker.walk.state in (Phase.RECOVER, Phase.SETTLE)):
+        state, caught = self._states.now, self._states.now is State.RECOVERING
+        if state not in CAUGHT_FROM and not (caught and self._walker.walk.state in (Phase.RECOVER, Phase.SETTLE)):
+            self._loss.forget()
             return False
-        robot = self._controller.robot
-        point = robot.com[:2] + robot.com_velocity[:2] / natural_frequency(float(robot.com[2]))
-        return self._controller.support.margin(point) < -LOST
+        return self._loss.look(None if caught else self._follower.row, now)
 
     def _catch(self, state: RobotState) -> None:
         """Take a step that catches the robot, if there is one; hands give way until it has come to rest."""
@@ -244,6 +240,7 @@ class Stepping(LedWalk):
             self._follower.stand(*self._here(state))
             self._follower.ride()
         self._walker.catch(state, step)
+        self._loss.forget()
         self._wanted, self._until, self._trust = Velocity(), -inf, 0.0
         self.status = statuses.RECOVERING
 
