@@ -122,9 +122,8 @@ def decode(
         notes=notes,
         **decode_touch(spec, actions, anchor),
     )
-    chunk.validate(
-        rotations=False, robot=anchor.robot
-    )  # every pose is a product of rotations that were made orthonormal
+    # Every pose is a product of rotations that were made orthonormal.
+    chunk.validate(rotations=False, robot=anchor.robot)
     return chunk
 
 

@@ -36,14 +36,14 @@ class Meters:
         self._stands = supervisor.contacts.at(start).stands
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
-    def offered(self, chunk: ActionChunk, executor: Executor, *, walked: bool = False) -> None:
-        """Take note of a chunk that the supervisor has got, and walks with or not."""
+    def offered(self, chunk: ActionChunk, executor: Executor, answer: StatusReport, *, walked: bool) -> None:
+        """Take note of a chunk that the supervisor has got and answered, and walks with or not."""
         self.result.fps = chunk.fps
         if self._tracking_error.empty:
             self._came[chunk.t_obs] = executor.clock.now()
-        self.result.notes += [
-            Note(executor.clock.now(), text) for text in (*notes(chunk, walked=walked), *self._left_out)
-        ]
+        texts = (*notes(chunk, walked=walked), *self._left_out)
+        self.result.notes += [Note(executor.clock.now(), text) for text in texts]
+        self.refused(answer, executor)
 
     def refused(self, answer: StatusReport | None, executor: Executor) -> None:
         """Tell the executor where the supervisor does not follow its chunk."""
