@@ -1,0 +1,58 @@
+"""Strategy: a capture point is put somewhere by hand, and followed for a while."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wholebody.control.reference_packet import COM
+from wholebody.execution.feet.loss import AGAIN, LONG, LOST, NEARLY, Loss
+
+EDGE = 0.085
+
+
+@pytest.fixture
+def robot():
+    return SimpleNamespace(com=np.array([0.0, 0.0, 0.66]), com_velocity=np.zeros(3))
+
+
+@pytest.fixture
+def loss(robot):
+    return Loss(SimpleNamespace(robot=robot, support=SimpleNamespace(margin=lambda point: EDGE - abs(point[0]))))
+
+
+def planned(x):
+    row = np.zeros(COM + 9)
+    row[COM] = x
+    return row
+
+
+def test_beyond_the_edge_it_is_lost_at_once(robot, loss):
+    robot.com[0] = EDGE + LOST + 1e-3
+    assert loss.look(planned(EDGE), 0.0)
+
+
+def test_near_the_edge_it_is_lost_after_a_while_unless_that_is_planned(robot, loss):
+    robot.com[0] = EDGE - 0.5 * NEARLY
+    assert not loss.look(planned(0.0), 1.0)
+    assert not loss.look(planned(0.0), 1.0 + 0.9 * LONG)
+    assert loss.look(planned(0.0), 1.01 + LONG)
+    assert not loss.look(planned(EDGE - NEARLY), 2.0)
+    assert not loss.look(planned(EDGE - NEARLY), 3.0)
+
+
+def test_what_has_come_back_begins_anew(robot, loss):
+    robot.com[0] = EDGE - 0.5 * NEARLY
+    loss.look(planned(0.0), 1.0)
+    robot.com[0] = 0.0
+    loss.look(planned(0.0), 1.1)
+    robot.com[0] = EDGE - 0.5 * NEARLY
+    assert not loss.look(planned(0.0), 1.3)
+    loss.forget()
+    assert not loss.look(planned(0.0), 1.6)
+
+
+def test_what_was_caught_just_now_is_caught_again_soon(robot, loss):
+    robot.com[0] = EDGE - 0.5 * NEARLY
+    assert not loss.look(None, 1.0)
+    assert loss.look(None, 1.01 + AGAIN)

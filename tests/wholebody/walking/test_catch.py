@@ -1,0 +1,44 @@
+"""Strategy: which step catches a pendulum, and how far a foot that is up is sent on, at places with known answers."""
+
+import pytest
+
+from wholebody.walking.catch import choose
+from wholebody.walking.footsteps import LEFT, box
+from wholebody.walking.gait import Gait
+from wholebody.walking.places import Place
+from wholebody.walking.pressure import Sole
+from wholebody.walking.swing import EARLY, Swing
+from wholebody.walking.walk import FOOT_ACCELERATION, PEAK, Walk, WalkReadings
+
+SOLE, OMEGA, GAIT = Sole(0.073, 0.019), 3.8, Gait()
+STAND = Place(0.119j, 0.0), Place(-0.119j, 0.0)
+
+
+def test_a_foot_may_be_set_down_further_out_than_it_need_be():
+    """Split after a step back, it leant over the inner edge of its right sole: no step was found, and it fell."""
+    step = choose(-0.318 - 0.153j, OMEGA, (Place(0.11j, 0.0), Place(-0.5 - 0.17j, 0.0)), SOLE, GAIT)
+    assert step is not None
+    assert step.foot == LEFT
+
+
+def test_no_step_catches_what_runs_away_beyond_the_sole_that_would_carry():
+    assert choose(-0.25j, OMEGA, STAND, SOLE, GAIT) is None
+
+
+@pytest.mark.parametrize("way", [0.11, -0.11])
+def test_a_push_ahead_or_back_is_caught(way):
+    step = choose(complex(way), OMEGA, STAND, SOLE, GAIT)
+    assert step is not None
+    assert step.beyond == pytest.approx(0.0, abs=0.04)
+
+
+def test_a_landing_is_moved_no_further_than_the_foot_comes():
+    walk = Walk(WalkReadings(0j, OMEGA, STAND, (0.0, 0.0)), SOLE)
+    walk.stance, walk.swing = 1, Swing.from_rest(STAND[LEFT], 0.0)
+    low, high = box(LEFT, GAIT)
+    assert walk._within_reach(low, high, 2.0) == (low, high)
+    here = STAND[1].seen(STAND[LEFT].point)
+    assert walk._within_reach(low, high, EARLY) == (here, here)
+    left = EARLY + 0.1
+    near, far = walk._within_reach(low, high, left)
+    assert far.real - near.real == pytest.approx(2.0 * FOOT_ACCELERATION * 0.1**2 / PEAK)
