@@ -14,7 +14,6 @@ from wholebody.types import Reason
 from wholebody.verdict.causes import WouldDo
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.violations import Severity
-from wholebody.verdict.why.sentence import with_changes
 
 
 def with_steps(verdict: Verdict, chunk: ActionChunk, judge: ChunkJudge, config: ControllerConfig) -> Verdict:
@@ -37,7 +36,4 @@ def with_steps(verdict: Verdict, chunk: ActionChunk, judge: ChunkJudge, config: 
         return verdict
     if not place.reached or place.steps == 0:
         return verdict
-    would_do = [*verdict.would_do, WouldDo("steps", steps=place.steps, base=place.base)]
-    alone = len(verdict.causes) == 1
-    causes = [with_changes(replace(one, sentence=one.text), would_do) if alone else one for one in verdict.causes]
-    return replace(verdict, would_do=would_do, causes=causes)
+    return replace(verdict, would_do=[*verdict.would_do, WouldDo("steps", steps=place.steps, base=place.base)])

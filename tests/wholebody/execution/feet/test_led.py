@@ -109,7 +109,7 @@ def test_where_no_step_is_taken_the_verdict_says_so(plant):
     never = Supervisor(SPEC, ControllerConfig())
     result, verdict = run(Walks(LAYOUTS["wbc27"], (0.25, 0.0, 0.0), until=9.0), never, plant, 0.7)
     assert verdict.verdict == "feasible_after_repair"
-    assert "some numbers clipped or not followed" in verdict.headline
+    assert verdict.violations[0].code is Reason.CHANGED_NUMBERS
     assert any("is not followed: the feet stay" in note.text for note in result.notes)
     assert verdict.steps == []
 
