@@ -16,6 +16,7 @@ from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.quantity import stepped
 from wholebody.verdict.report import lines, to_json
 from wholebody.verdict.verdict import Verdict
+from wholebody.verdict.why.sentence import change_text
 from wholebody.verdict.why.steps import with_steps
 
 TIMES = np.arange(50) / 25.0
@@ -44,7 +45,7 @@ def test_a_chunk_out_of_reach_would_do_from_where_a_posture_reaches(checker):
     assert one.chunk is None
     place = stand_for(chunk.T_world_lhand[-1], chunk.T_world_rhand[-1], one.base)
     assert (place.reached, place.steps) == (True, 0)
-    assert f"with {one.steps} steps to x {one.base[0]:.2f} m, y {one.base[1]:.2f} m" in lines(verdict)[0]
+    assert change_text(one).startswith(f"with {one.steps} steps to x {one.base[0]:.2f} m, y {one.base[1]:.2f} m")
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
 
 

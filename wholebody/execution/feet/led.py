@@ -84,7 +84,7 @@ class LedChunk:
         return self.chunk.hands_in == "world"
 
     def velocity(self, now: float) -> Velocity:
-        """Of the base at a time [s], as far as it is walked; at rest past the end of the chunk."""
+        """Velocity of the base at a time [s], as far as it is walked; at rest past the end of the chunk."""
         k = max(int((now - self.chunk.t_obs) * self.chunk.fps + 1e-6), 0)
         if k >= len(self.chunk) or not moves(self.chunk.base_velocity[k]):
             return Velocity()
