@@ -27,8 +27,8 @@ SPARE_SHARE = 0.02
 MORE, MORE_TRIES = 1.05, 4
 """Factor on a change that holds by one plan and not as it is played back, and how often it is tried; chosen."""
 ChangeKind = Literal["slower", "moved", "turned", "combined", "lighter"]
-BENT: tuple[ChangeKind, ...] = ("combined", "turned", "moved")
-"""Ways to bend a path, of which the smallest that does is taken."""
+BENT: tuple[ChangeKind, ...] = ("turned", "moved", "combined")
+"""Ways to bend a path, of which the smallest that does is taken, and of equal ones the first."""
 
 Ask = Callable[[ActionChunk, Begin], bool]
 """Whether something is so of a chunk that is begun somewhere."""

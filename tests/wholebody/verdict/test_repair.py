@@ -15,7 +15,7 @@ from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.repair import slowed
 from wholebody.verdict.why.headline import headline
 
-LOAD = 2.3
+LOAD = 2.28
 """Mass in the left hand [kg] that is held if it is turned a little, and not level."""
 
 
@@ -60,7 +60,9 @@ def test_palms_are_turned_alone_where_that_is_a_smaller_change_than_to_move_them
     assert (change.kind, change.slower) == ("turned", 1.0)
     assert change.moved == pytest.approx(0.0, abs=1e-9)
     assert 0.0 < change.turned <= checker.config.verdict.turn_repair
-    assert change.turned < repairer.bent(1.0, "combined").turned
+    other = repairer.bent(1.0, "combined")
+    assert change.turned <= other.turned
+    assert change.moved < other.moved
     assert repairer.lasts(change.chunk)
     # The way to it asks no motor for more than it has, but between the instants that a plan is judged at, 10 ms apart.
     judge = checker.judge
