@@ -121,9 +121,8 @@ class FastChecker:
             from wholebody.verdict.why.of_run import RunExplainer
 
             whole = self._whole(policy, duration, begin, lead)
-            told = {"placed": placed, "rows": rows}
-            explainer = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, **told)
-            verdict = explainer.explained(verdict, last / fps)
+            explain = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, placed=placed, rows=rows)
+            verdict = explain.explained(verdict, last / fps)
             if (episode := getattr(policy, "episode", None)) is not None:
                 verdict = self._with_steps(verdict, episode)
         if not placed and verdict.verdict != "feasible" and any(x.code is Reason.FAR_START for x in verdict.violations):

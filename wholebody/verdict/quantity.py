@@ -55,7 +55,7 @@ def when(time: float | None, row: int | None, fps: float) -> str:
 
 
 def at(time: float | None, row: int | None, fps: float) -> str:
-    """The same with its preposition, behind a space; nothing where there is no time."""
+    """Row and time as `when` says them, with their preposition behind a space; nothing where there is no time."""
     text = when(time, row, fps)
     return text and (f" {text}" if " after " in text else f" at {text}")
 

@@ -257,7 +257,7 @@ def _repaired(verdict: Judged) -> str:
 
 
 def _departure(one: Violation, verdict: Judged) -> str:
-    """In what something that is done is not as given."""
+    """Departure from what is given, of something that is done."""
     if one.kind in OF_A_HAND:
         return _of_hand(one, verdict).replace("allowed", "is as given")
     if one.code is Reason.TOO_FAST_FOR_BALANCE:
