@@ -33,7 +33,6 @@ class Meters:
         self._came: dict[float, float] = {}  # when the chunk of an observation came, until one is followed [s]
         self._chunk: ActionChunk | None = None
         self._palms = supervisor.palm_reference()
-        self._stands = supervisor.contacts.at(start).stands
         self._left_out = _left_out(supervisor.spec, executor.policy.spec)
 
     def offered(self, chunk: ActionChunk, executor: Executor, answer: StatusReport, *, walked: bool) -> None:
@@ -80,9 +79,6 @@ class Meters:
     def after(self, supervisor: ChunkExecutor, plant: Plant, state: RobotState) -> None:
         """Take note of the state that it led to."""
         self._limits.look(state.time, supervisor.contacts)
-        stands = supervisor.contacts.at(state.time).stands
-        self.result.steps += sum(now and not was for now, was in zip(stands, self._stands, strict=True))
-        self._stands = stands
         _count(self.result, supervisor, plant, state)
 
     def finish(self, supervisor: ChunkExecutor) -> EpisodeResult:
@@ -91,7 +87,7 @@ class Meters:
         result.time_factor, result.seams = supervisor.time_factor, self._seams.seams
         result.palms = self._tracking_error.result()
         result.torques, result.positions, result.edge = limits.torques, limits.positions, limits.edge
-        result.margin, result.creep, result.steps_made = limits.margin, limits.creep, limits.steps
+        result.margin, result.creep, result.steps = limits.margin, limits.creep, limits.steps
         faults = (event for event in result.execution.events if event.code != Reason.STARVED)
         result.refusals = [Refusal(event.time, Reason(event.code), event.detail) for event in faults]
         return result

@@ -50,9 +50,8 @@ class EpisodeResult:
         edge: The centre of pressure at the edge of the soles [m], or None.
         margin: Least distance of the centre of pressure from the edge of the soles [m].
         creep: Largest distance that a sole slid [m].
-        steps_made: Feet that were set down.
+        steps: Feet that were set down.
         tilt: Largest pelvis tilt [rad].
-        steps: How often a foot that was up was set down.
         refusals: Chunks that were refused or never came.
         notes: What decoding changed in the chunks or found odd.
         slowdown: Largest planned slow-down factor, and when that chunk came [s].
@@ -79,9 +78,8 @@ class EpisodeResult:
     edge: LimitExcess | None = None
     margin: float = float("inf")
     creep: float = 0.0
-    steps_made: list[StepMade] = field(default_factory=list)
+    steps: list[StepMade] = field(default_factory=list)
     tilt: float = 0.0
-    steps: int = 0
     refusals: list[Refusal] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
     slowdown: float = 1.0

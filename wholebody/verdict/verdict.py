@@ -197,7 +197,7 @@ def verdict_of(
         within_20mm=float((fair <= WITHIN_20_MM).mean()) if fair.size else 1.0,
         pressure_margin_m=result.margin if isfinite(result.margin) else None,
         creep_m=result.creep,
-        steps=list(result.steps_made),
+        steps=list(result.steps),
         timing=timing(result),
         config=config or {},
         versions=dict(_versions()),

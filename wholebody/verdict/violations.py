@@ -289,7 +289,8 @@ def _reasons(result: EpisodeResult, known: set[Reason | PalmCause]) -> Iterator[
         detail = kind.sentence if reason.status is Status.SLOWED else detail
         if reason in (Reason.WALKING, Reason.RECOVERING):
             what, mark, then = detail.partition(";")
-            detail = f"{what} in {result.steps} step{'' if result.steps == 1 else 's'}{mark}{then}"
+            count = len(result.steps)
+            detail = f"{what} in {count} step{'' if count == 1 else 's'}{mark}{then}"
         severity = REASON_SEVERITY[reason.status]
         yield Violation(**_named(kind), severity=severity, subject=detail, time=time, value=seconds, unit="s")
 
