@@ -20,7 +20,7 @@ class WouldDo:
         moved, turned: How far a palm is at most from where it was asked to be [m], [rad].
         lighter: Mass less in the hands, both together [kg].
         force: With which the hand that is named would have to be told to push at most [N].
-        steps: How many to the ``base``, from where the end of the chunk is in reach; 0 of any other kind.
+        steps: How many to the ``base``, from where the chunk is feasible; 0 of any other kind.
         base: Midway between the soles x, y [m] and heading [rad] in world; empty of any other kind.
         bound: A bound of the robot, and the value that a plan with all others kept has instead; it need not be the
             least one.

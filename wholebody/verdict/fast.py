@@ -124,7 +124,7 @@ class FastChecker:
             explain = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, placed=placed, rows=rows)
             verdict = explain.explained(verdict, last / fps)
             if (episode := getattr(policy, "episode", None)) is not None:
-                verdict = self._with_steps(verdict, episode)
+                verdict = self._with_steps(verdict, episode, run.free)
         if not placed and verdict.verdict != "feasible" and any(x.code is Reason.FAR_START for x in verdict.violations):
             elsewhere = self.check(policy, name, duration, odds=False)
             begun = [WouldDo("start")] if elsewhere.verdict == "feasible" else []
@@ -201,14 +201,17 @@ class FastChecker:
             explainer = RunExplainer(
                 self.judge, self.explainer, run, (one,), self._play, whole, placed=placed, at_once=True
             )
-            verdict = self._with_steps(explainer.explained(verdict, last / chunk.fps), chunk)
+            verdict = self._with_steps(explainer.explained(verdict, last / chunk.fps), chunk, free)
         return within(verdict, last)
 
-    def _with_steps(self, verdict: Verdict, chunk: ActionChunk) -> Verdict:
-        """A verdict with the steps to where the end of a chunk is in reach, if that would do."""
+    def _with_steps(self, verdict: Verdict, chunk: ActionChunk, free: tuple[bool, bool]) -> Verdict:
+        """A verdict with the steps to where a chunk is feasible, if that would do."""
         from wholebody.verdict.why.steps import with_steps
 
-        return with_steps(verdict, chunk, self.judge, self.config)
+        def check(moved: ActionChunk) -> Verdict:
+            return self.of_chunk(moved, self.judge.first_pose(moved), verdict.name, free, odds=False)
+
+        return with_steps(verdict, chunk, self.judge, self.config, check)
 
     def of_plan(
         self, chunk: ActionChunk, plan: ChunkPlan, begin: Begin, now: float, free: tuple[bool, bool]

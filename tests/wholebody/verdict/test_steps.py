@@ -1,6 +1,9 @@
-"""Strategy: a chunk that ends out of reach is told from where it is in reach; steps of a run are told and written."""
+"""Strategy: a chunk that is out of reach is told from where it is feasible, which is checked by moving the robot's
+world under it; steps of a run are told and written.
+"""
 
 import json
+from dataclasses import replace
 
 import jsonschema
 import numpy as np
@@ -17,13 +20,22 @@ from wholebody.verdict.quantity import stepped
 from wholebody.verdict.report import lines, to_json
 from wholebody.verdict.verdict import Verdict
 from wholebody.verdict.why.sentence import change_text
-from wholebody.verdict.why.steps import with_steps
+from wholebody.verdict.why.steps import seen_from
 
 TIMES = np.arange(50) / 25.0
 
 
-def far(x, z):
+def reaching(x, z):
+    """Palms that go from here to a place ahead."""
     return to_chunk(scripted_policy("walk_reach", x=x, z=z).script(TIMES + 1.0), "wbc32", 0, 0.0, 25.0, 50)
+
+
+def lifting(x, z):
+    """Palms that go up by 0.1 m at a place ahead."""
+    motion = scripted_policy("walk_reach", x=x, z=z).script(np.full(50, 100.0))
+    up = 0.1 * np.linspace(0.0, 1.0, 50)[:, None] * [0.0, 0.0, 1.0]
+    motion = replace(motion, p_world_lpalm=motion.p_world_lpalm + up, p_world_rpalm=motion.p_world_rpalm + up)
+    return to_chunk(motion, "wbc32", 0, 0.0, 25.0, 50)
 
 
 @pytest.fixture(scope="module")
@@ -36,23 +48,30 @@ def checked(checker, chunk):
     return checker.check(policy, "far", policy.duration, start="stance", odds=False)
 
 
-def test_a_chunk_out_of_reach_would_do_from_where_a_posture_reaches(checker):
-    chunk = far(0.8, 0.8)
-    verdict = with_steps(checked(checker, chunk), chunk, checker.judge, checker.config)
+def stepped_to(checker, chunk):
+    """The verdict on a chunk with the steps that would do."""
+    return checker._with_steps(checked(checker, chunk), chunk, (False, False))
+
+
+def test_a_chunk_out_of_reach_would_do_from_where_it_is_feasible(checker):
+    chunk = lifting(0.8, 0.8)
+    verdict = stepped_to(checker, chunk)
     (one,) = verdict.would_do
     assert one.kind == "steps"
     assert one.steps >= 2
     assert one.chunk is None
     place = stand_for(chunk.T_world_lhand[-1], chunk.T_world_rhand[-1], one.base)
     assert (place.reached, place.steps) == (True, 0)
-    assert change_text(one).startswith(f"with {one.steps} steps to x {one.base[0]:.2f} m, y {one.base[1]:.2f} m")
+    assert change_text(one).startswith(f"begun from x {one.base[0]:.2f} m, y {one.base[1]:.2f} m")
+    assert change_text(one).endswith(f": {one.steps} steps from here")
+    moved = ReplayPolicy(seen_from(one.base, (0.0, 0.0, 0.0), chunk))
+    assert checker.check(moved, "from there", moved.duration, start="first", odds=False).verdict == "feasible"
     jsonschema.validate(json.loads(to_json([verdict])), json.loads(verdict_schema().read_text()))
 
 
-@pytest.mark.parametrize(("x", "z"), [(0.35, 0.9), (0.6, 2.2)])
-def test_nothing_is_said_of_steps_where_none_are_needed_or_none_help(checker, x, z):
-    chunk = far(x, z)
-    verdict = with_steps(checked(checker, chunk), chunk, checker.judge, checker.config)
+@pytest.mark.parametrize("chunk", [reaching(0.35, 0.9), reaching(0.6, 2.2), lifting(0.6, 2.2), reaching(1.2, 0.8)])
+def test_nothing_is_said_of_steps_where_none_are_needed_or_none_help_all_of_it(checker, chunk):
+    verdict = stepped_to(checker, chunk)
     assert not [one for one in verdict.would_do if one.kind == "steps"]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf
+from math import degrees, inf
 
 from wholebody.planning.judgement.chunk_margins import AT_START
 from wholebody.planning.judgement.limits import Limit, Margin
@@ -100,7 +100,9 @@ def change_text(one: WouldDo) -> str:
     if one.kind == "start":
         return BEGUN
     if one.steps:
-        return f"with {one.steps} steps to x {one.base[0]:.2f} m, y {one.base[1]:.2f} m, and `steps: reach`"
+        x, y, heading = one.base
+        turn = f", turned by {degrees(heading):.0f} deg" if abs(heading) >= TURNED_MIN else ""
+        return f"begun from x {x:.2f} m, y {y:.2f} m{turn}: {one.steps} steps from here"
     text = size_text(one.slower, one.moved, one.turned, one.lighter, one.force)
     if not one.hand:
         return text
