@@ -306,7 +306,7 @@ def _first_of_each[T](pairs: Iterable[tuple[str, T]]) -> Iterator[tuple[T, str]]
 
 def _of_input(violation: Violation, result: EpisodeResult) -> Violation:
     """A violation in the time and the rows of the input; what is told of its first chunk is about all of it."""
-    if violation.time is None or (violation.code in OF_THE_WHOLE and violation.time <= result.start):
+    if violation.time is None or (violation.code in OF_THE_WHOLE and violation.time <= result.start + 1e-9):
         return replace(violation, time=None)
     time = violation.time - result.start
     return replace(violation, time=time, step=round(time * result.fps) if result.fps > 0.0 and time >= 0.0 else None)

@@ -129,7 +129,7 @@ def test_what_is_no_source_is_refused(tmp_path, content):
     (tmp_path / "config.json").write_text(content)
     with pytest.raises(PolicyError):
         numbers_of(tmp_path)
-    with pytest.raises(PolicyError, match="no dataset"):
+    with pytest.raises(PolicyError, match="no such file or folder"):
         numbers_of(tmp_path / "nothing")
     np.savez(tmp_path / "x.npz", actions=np.full((2, 3), np.nan))
     with pytest.raises(PolicyError, match="not finite"):

@@ -81,7 +81,7 @@ def test_without_a_schedule_the_estimators_are_as_before():
 
 
 def test_a_foot_that_is_up_by_the_schedule_does_not_slide():
-    creep, margins = {}, {}
+    creep = {}
     for schedule in (None, SCHEDULE):
         plant = MujocoPlant(SPEC)
         plant.reset()
@@ -89,10 +89,24 @@ def test_a_foot_that_is_up_by_the_schedule_does_not_slide():
         for time in np.arange(0.0, 2.0, 0.1):
             put(plant, swung(time))
             monitor.look(time, schedule)
-        creep[schedule is None], margins[schedule is None] = monitor.creep, monitor.margin
+        creep[schedule is None] = monitor.creep
     assert creep[False] < 1e-3 < 0.05 < creep[True]
-    # Of the sole that carries all of it, not of both.
-    assert margins[False] < margins[True]
+
+
+def test_pressure_on_the_inner_edge_of_the_sole_that_carries_alone_has_no_room():
+    margins, roll = [], 0.02
+    for schedule in (None, SCHEDULE):
+        plant = MujocoPlant(SPEC)
+        plant.reset()
+        monitor, q = LimitMonitor(plant), swung(LIFTED + 0.4)
+        q[3:7] = np.sin(0.5 * roll), 0.0, 0.0, np.cos(0.5 * roll)
+        put(plant, q)
+        q[2] -= plant.contact_points()[:, 2].min() + 5e-4
+        put(plant, q)
+        monitor.look(LIFTED + 0.4, schedule)
+        margins.append(monitor.margin)
+    both, alone = margins
+    assert alone < 1e-3 < 0.03 < both
 
 
 def test_one_entry_for_ever_is_as_no_schedule():

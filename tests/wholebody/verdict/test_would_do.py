@@ -68,7 +68,7 @@ def test_a_chunk_with_clipped_numbers_would_do_with_these_in_their_range(column,
     assert verdict.verdict == "feasible_after_repair"
     (one,) = [change for change in verdict.would_do if change.chunk is not None]
     assert one.moved < 1e-3
-    assert "with its numbers in their range" in lines(verdict)[0]
+    assert "would do: its numbers in their range" in lines(verdict)[0]
     assert judge(one.chunk).verdict == "feasible"
     assert judge(encode(spec, one.chunk, STANCE), layout=layout).verdict == "feasible"
 
