@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -34,6 +34,9 @@ LED_SLOWER, LED_SHARES, LED_ROUNDS = (1.0, 1.5, 2.0, 3.0), (0.5, 1.0), 2
 a plan may have another one, nearer by [no unit]; chosen, no trial is on record."""
 HALVINGS = 4
 """Halvings of a slow-down between two of those; derived: to 3 % of it."""
+ROUNDING = 1e-8
+"""How far a wrist is from where it is meant when a file rounds it [m]; derived: numbers of 32 bits within half a metre.
+Searches that end within their budget may come to another plan by that, with palms turned by 2 degrees more."""
 SUSPECTS = 3
 """Chunks that were not followed as given among which the first with a cause is looked for."""
 
@@ -174,7 +177,11 @@ class RunExplainer:
         return None
 
     def _plays(self, suspect: Suspect, chunk: ActionChunk) -> bool:
-        """Whether a changed chunk is feasible as it is played, and at once where the input is judged so."""
+        """Whether a changed chunk is feasible, and stays so when it is rounded, which may lead to other plans."""
+        return all(self._plays_so(suspect, one) for one in (chunk, *rounded(chunk)))
+
+    def _plays_so(self, suspect: Suspect, chunk: ActionChunk) -> bool:
+        """Whether a chunk is feasible as it is played, and at once where the input is judged so."""
         policy, begin = ReplayPolicy(chunk), self._begun(suspect, chunk)
         run = PlanRun(self.judge, self.run.free, at_once=True)
         played, _ = self.play(run, policy, policy.duration, begin, suspect.now - suspect.chunk.t_obs)
@@ -185,3 +192,13 @@ class RunExplainer:
         run = PlanRun(self.judge, self.run.free)
         one, _ = run.follow(chunk, begin, chunk.t_obs)
         return run.verdict((one,)).verdict == "feasible"
+
+
+def rounded(chunk: ActionChunk) -> Iterator[ActionChunk]:
+    """The chunk as files may have it: wrists in numbers of 32 bits, and `ROUNDING` to either side."""
+    T = np.stack([chunk.T_world_lhand, chunk.T_world_rhand])
+    p = T[..., :3, 3].copy()
+    for points in (p.astype(np.float32), p + ROUNDING, p - ROUNDING):
+        T[..., :3, 3] = points
+        left, right = T.copy()
+        yield replace(chunk, T_world_lhand=left, T_world_rhand=right)
