@@ -1,7 +1,8 @@
-"""What all teleoperators of the robot share: they find it in this process and say where both hands are to be."""
+"""What teleoperators of the robot share: they find it in this process, and most say where both hands are to be."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -32,14 +33,11 @@ class Hands:
     fingers: tuple[np.ndarray, np.ndarray]
 
 
-class HandsTeleoperator(Teleoperator):
-    """Drives a connected `wholebody_g1` of the same process; a subclass says where its hands are to be.
+class RobotTeleoperator(Teleoperator):
+    """Drives a connected `wholebody_g1` of the same process.
 
     Args:
         config: Settings.
-
-    Attributes:
-        last: What the hands were told last; at first what they do.
     """
 
     def __init__(self, config: HandsTeleoperatorConfig) -> None:
@@ -85,22 +83,8 @@ class HandsTeleoperator(Teleoperator):
         """Leave."""
         self._there, self._robot = False, None
 
-    def get_action(self) -> dict[str, Any]:
-        """Where wrists and fingers are to be now.
-
-        Raises:
-            ConnectionError: If it was not asked to come, or there is no robot.
-        """
-        robot = self._driven()
-        self.last = self._at(robot.now() - self._began)
-        return self._action(self.last)
-
     def _begin(self, robot: WholebodyG1) -> None:
         """A phase of a recording begins, or the robot is met."""
-
-    def _at(self, time: float) -> Hands:
-        """What hands are to do at a time since the phase began [s]."""
-        raise NotImplementedError
 
     def _driven(self) -> WholebodyG1:
         """The robot, met and in its present phase."""
@@ -115,18 +99,47 @@ class HandsTeleoperator(Teleoperator):
         return robot
 
     def _meet(self, robot: WholebodyG1) -> None:
+        """Take note of a robot that was not driven before."""
+        self._robot, self._phase = robot, None
+
+
+class HandsTeleoperator(RobotTeleoperator):
+    """Drives it by where its hands are to be at a time, which a subclass says.
+
+    Args:
+        config: Settings.
+
+    Attributes:
+        last: What the hands were told last; at first what they do.
+    """
+
+    def get_action(self) -> dict[str, Any]:
+        """Where wrists and fingers are to be now.
+
+        Raises:
+            ConnectionError: If it was not asked to come, or there is no robot.
+        """
+        robot = self._driven()
+        self.last = self._at(robot.now() - self._began)
+        return self._action(self.last)
+
+    @abstractmethod
+    def _at(self, time: float) -> Hands:
+        """What hands are to do at a time since the phase began [s]."""
+
+    def _meet(self, robot: WholebodyG1) -> None:
         """Take note of how the robot stands."""
         import numpy as np
 
         from policy.action_spec.anchor import Anchor
         from policy.geometry.se3 import inverse
 
+        super()._meet(robot)
         seen, numbers = robot.seen.observation, robot.numbers
         anchor = numbers.anchor(seen)
         T_stance_base = inverse(anchor.T_world_stance) @ anchor.T_world_base
         R = np.array([(T_stance_base @ anchor.poses[hand])[:3, :3] for hand in ("lhand", "rhand")])
         self._anchor: Anchor = Anchor.nominal(robot=numbers.spec.robot)
-        self._robot, self._phase = robot, None
         self._rest = self.last = Hands(numbers.palms(seen), R, (seen.q_lhand.copy(), seen.q_rhand.copy()))
 
     def _action(self, hands: Hands) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from lerobot_robot_wholebody.config_teleoperators import SteeringConfig, WholebodyGamepadConfig, WholebodyKeyboardConfig
@@ -28,13 +29,17 @@ class Steering(HandsTeleoperator):
 
     Args:
         config: Settings.
+
+    Attributes:
+        controller: LeRobot's class of what is read, by its name.
     """
 
     config: SteeringConfig
+    controller: str
 
     def _open(self) -> InputController:
         """What is read, not started."""
-        raise NotImplementedError
+        return getattr(import_module("lerobot.teleoperators.gamepad.gamepad_utils"), self.controller)()
 
     def connect(self, calibrate: bool = True) -> None:
         """Begin to read.
@@ -96,13 +101,7 @@ class WholebodyGamepad(Steering):
         config: Settings.
     """
 
-    config_class = WholebodyGamepadConfig
-    name = "wholebody_gamepad"
-
-    def _open(self) -> InputController:
-        from lerobot.teleoperators.gamepad.gamepad_utils import GamepadController
-
-        return GamepadController()
+    config_class, name, controller = WholebodyGamepadConfig, "wholebody_gamepad", "GamepadController"
 
 
 class WholebodyKeyboard(Steering):
@@ -112,10 +111,4 @@ class WholebodyKeyboard(Steering):
         config: Settings.
     """
 
-    config_class = WholebodyKeyboardConfig
-    name = "wholebody_keyboard"
-
-    def _open(self) -> InputController:
-        from lerobot.teleoperators.gamepad.gamepad_utils import KeyboardController
-
-        return KeyboardController()
+    config_class, name, controller = WholebodyKeyboardConfig, "wholebody_keyboard", "KeyboardController"

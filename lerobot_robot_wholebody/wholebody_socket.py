@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from lerobot_robot_wholebody.config_teleoperators import WholebodySocketConfig
-from lerobot_robot_wholebody.hands_teleoperator import HandsTeleoperator
+from lerobot_robot_wholebody.hands_teleoperator import RobotTeleoperator
 
 if TYPE_CHECKING:
     from lerobot_robot_wholebody.target import Accepted
@@ -23,7 +23,7 @@ LINES_MAX = 64
 """Lines that are taken in a step at most; chosen: a program at 1 kHz has half of it, and the step stays short."""
 
 
-class WholebodySocket(HandsTeleoperator):
+class WholebodySocket(RobotTeleoperator):
     """Takes numbers of actions from a program that connects to a socket file, and answers with what is seen.
 
     Each line is a JSON object of some of an action's numbers by name; ``{}`` only looks. Each is answered by a line

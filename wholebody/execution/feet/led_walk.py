@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from policy.action_spec.anchor import Anchor
@@ -22,7 +24,7 @@ from wholebody.types import RobotState, StatusReport
 from wholebody.walking.places import Place, Velocity
 
 
-class LedWalk:
+class LedWalk(ABC):
     """The part of `wholebody.execution.feet.stepping.Stepping` that a chunk with a base velocity leads."""
 
     led: LedChunk | None
@@ -39,13 +41,13 @@ class LedWalk:
     _follower: PlanFollower
     _walker: Walker
 
+    @abstractmethod
     def refusal(self) -> StatusReport | None:
         """Why no walk can be begun or changed now; None if one can."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stop(self) -> None:
         """Come to a stand, within three steps."""
-        raise NotImplementedError
 
     def take(self, chunk: ActionChunk, state: RobotState, now: float, *, may: bool) -> None:
         """Note a chunk that says how the base is to move, or that the newest one does not; ``may``: walk with it.
