@@ -1,6 +1,6 @@
 """Is the chunk that is chosen among sixteen the best of them, in MuJoCo?
 
-    python -m tests.studies.best_of --sets 1000 1200 --out best_of.jsonl [--limit-ms 33] [--both | --plans]
+    python -m tests.studies.best_of --sets 1000 1200 --out best_of.jsonl [--limit-ms 33] [--both | --plans] [--jobs 2]
 
 Sets are those of `tests.support.sampled_chunks`, begun in the stance. A line of JSON a set is added to the file, and
 sets that it has are not done again. All chunks of a set are judged by plans. The chunk that `judge_many` puts first is
@@ -16,9 +16,8 @@ and the processor time. The answer is 1 if that is in less than 95 % of the latt
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from functools import cache
+from functools import cache, partial
 from math import inf
 from pathlib import Path
 from time import process_time
@@ -26,6 +25,7 @@ from time import process_time
 import numpy as np
 
 from policy.recorded.replay import ReplayPolicy
+from tests.support.resumable import side_by_side
 from tests.support.sampled_chunks import sampled_set
 from wholebody import RobotState, judge_many
 from wholebody.episode.run import EpisodeConfig
@@ -60,22 +60,32 @@ def holds_both(plans):
     return {0, 2} <= set(plans)
 
 
+@cache
+def compiled():
+    """Whatever the first call compiles."""
+    judge_many(sampled_set(0))
+
+
 def chosen(number, limit, simulates):
-    """What one set comes to; where it is in truth, None where that was not looked at."""
+    """What one set comes to; where it is in truth, None where that was not looked at.
+
+    Simulated are all sets, those that hold both ("both"), or none ("none").
+    """
+    compiled()
     chunks, begin = sampled_set(number), fast().judge.stance()
     state, began = RobotState(0.0, begin.body.q, begin.body.v), process_time()
     ranking = judge_many(chunks, state, limit_ms=limit)
     seconds, first = process_time() - began, ranking.best
     free = (False, False)
     by_plans = [ORDER.index(fast().of_chunk(one, begin, "", free, odds=False).verdict) for one in chunks]
-    simulated = simulates(by_plans)
+    simulated = {"all": True, "both": holds_both(by_plans), "none": False}[simulates]
     mine = best = ORDER.index(truth(chunks[first.index])) if simulated else None
     for i in sorted(range(len(chunks)), key=by_plans.__getitem__):
         if not simulated or best < mine or by_plans[i] >= mine or i == first.index:
             break
         best = min(best, ORDER.index(truth(chunks[i])))
     return {
-        "set": number, "seconds": seconds, "score": first.score, "by": first.looked_at, "complete": ranking.complete,
+        "case": number, "seconds": seconds, "score": first.score, "by": first.looked_at, "complete": ranking.complete,
         "mine": mine, "best": best, "plans": by_plans, "scores": [one.score for one in ranking.ranked],
         "order": [one.index for one in ranking.ranked],
     }  # fmt: skip
@@ -107,20 +117,14 @@ def main() -> int:
     parser.add_argument("--sets", type=int, nargs=2, default=(1000, 1200), metavar=("FIRST", "END"))
     parser.add_argument("--limit-ms", type=float, default=inf)
     less = parser.add_mutually_exclusive_group()
-    less.add_argument("--both", action="store_true", help="simulate sets alone in which plans call not all alike")
-    less.add_argument("--plans", action="store_true", help="simulate nothing")
+    less.add_argument("--both", dest="simulates", action="store_const", const="both", default="all",
+                      help="simulate sets alone in which plans call not all alike")  # fmt: skip
+    less.add_argument("--plans", dest="simulates", action="store_const", const="none", help="simulate nothing")
+    parser.add_argument("--jobs", type=int, default=1, help="sets at a time, each in a process of its own")
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each set")
     asked = parser.parse_args()
-    lines = list(map(json.loads, asked.out.read_text().splitlines())) if asked.out.exists() else []
-    known = {one["set"] for one in lines}
-    judge_many(sampled_set(0))  # compiles
-    simulates = holds_both if asked.both else (lambda _: not asked.plans)
-    for number in range(*asked.sets):
-        if number not in known:
-            lines.append(chosen(number, asked.limit_ms, simulates))
-            with asked.out.open("a") as file:
-                file.write(json.dumps(lines[-1]) + "\n")
-    return int(not summary(lines))
+    run = partial(chosen, limit=asked.limit_ms, simulates=asked.simulates)
+    return int(not summary(side_by_side(run, range(*asked.sets), asked.out, asked.jobs)))
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
 """Is what is told of chunks that nothing was fitted to true, told of the right place, and does what would do, do?
 
-    python -m tests.studies.strangers --cases 0 200 --out strangers.jsonl [--parts told simulated]
+    python -m tests.studies.strangers --cases 0 200 --out strangers.jsonl [--parts told simulated] [--jobs 2]
 
 Cases are those of `tests.support.stranger_chunks`, each begun in the stance: straight down, beside the body, with an
 end in motion, loaded. A line of JSON a case and part is added to the file, and those that it has are not done again: it
-can be stopped and begun again, parts side by side. ``told`` is the fast check, asked why, each change that would do
+can be stopped and begun again. ``told`` is the fast check, asked why, each change that would do
 judged again by a checker that knows nothing of it after it went through the numbers of its layout; ``simulated`` is
 what becomes of the chunk in MuJoCo.
 
@@ -16,7 +16,6 @@ if there is a wrong "feasible", a place outside, or a change that does not do.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections import Counter
 from functools import cache
@@ -27,6 +26,7 @@ import numpy as np
 
 from policy.action_spec.codec import decode, encode
 from policy.recorded.replay import ReplayPolicy
+from tests.support.resumable import side_by_side
 from tests.support.sent_chunks import STANCE
 from tests.support.stranger_chunks import SPEC, stranger, told_of
 from wholebody.episode.run import EpisodeConfig
@@ -106,7 +106,7 @@ def good(change):
 
 def summary(lines):
     """What all of it comes to, and whether it is as it should be."""
-    by = {part: {one["case"]: one for one in lines if one["part"] == part} for part in PARTS}
+    by = {part: {number: one for one in lines for kind, number in [one["case"]] if kind == part} for part in PARTS}
     both = sorted(by["told"].keys() & by["simulated"].keys())
     pairs = {k: (by["told"][k]["verdict"], by["simulated"][k]["verdict"]) for k in both}
     differ = [k for k in both if pairs[k][0] != pairs[k][1]]
@@ -129,25 +129,24 @@ def summary(lines):
     return not (wrong or outside or failed or far)
 
 
+def line(case):
+    """The line of a part and a number."""
+    part, number = case
+    found = {"case": case} | PARTS[part](number)
+    print(part, number, stranger(number).family, found["verdict"], found["why"] or "", flush=True)
+    return found
+
+
 def main() -> int:
     """Do what is not in the file yet, and say what it comes to."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--cases", type=int, nargs=2, default=(0, 200), metavar=("FIRST", "END"))
     parser.add_argument("--parts", nargs="*", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--jobs", type=int, default=1, help="cases at a time, each in a process of its own")
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each case and part")
     chosen = parser.parse_args()
-    lines = list(map(json.loads, chosen.out.read_text().splitlines())) if chosen.out.exists() else []
-    known = {(one["part"], one["case"]) for one in lines}
-    for number in range(*chosen.cases):
-        for part in chosen.parts:
-            if (part, number) in known:
-                continue
-            line = {"part": part, "case": number} | PARTS[part](number)
-            lines.append(line)
-            with chosen.out.open("a") as file:
-                file.write(json.dumps(line) + "\n")
-            print(part, number, stranger(number).family, line["verdict"], line["why"] or "", flush=True)
-    return int(not summary(lines))
+    cases = [[part, number] for number in range(*chosen.cases) for part in chosen.parts]
+    return int(not summary(side_by_side(line, cases, chosen.out, chosen.jobs)))
 
 
 if __name__ == "__main__":
