@@ -272,6 +272,7 @@ def main() -> None:
     parser.add_argument("--robot", choices=("true", "realistic"), default="true")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 3), help="first, and the one after the last")
     parser.add_argument("--cases", type=int, nargs=2, default=(0, None), help="first, and the one after the last")
+    parser.add_argument("--jobs", type=int, default=1, help="cases at a time, each in a process")
     parser.add_argument("--out", type=Path, help="file with a line a case")
     parser.add_argument("--picture", type=Path, help="of pushes, a PNG")
     options = parser.parse_args()
@@ -281,7 +282,8 @@ def main() -> None:
         for group, detail, run in TABLES[options.table]()
         for seed in range(options.seeds[0], options.seeds[0] + 1 if one else options.seeds[1])
     ]
-    found = finished(listed[slice(*options.cases)], options.out or Path(f"limits_{options.table}.jsonl"))
+    out = options.out or Path(f"limits_{options.table}.jsonl")
+    found = finished(listed[slice(*options.cases)], out, options.jobs)
     print("\n".join(rows(found)))
     if options.picture is not None:
         draw(found, options.picture)

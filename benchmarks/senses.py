@@ -10,9 +10,7 @@ given; cases that it has are not run again. At the end: median and worst of each
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
@@ -28,6 +26,7 @@ from policy.scripted.library import reach, scripted_policy
 from tests.support.faulty_loops import FaultyStates, bent, not_a_number, pitched, zeros
 from tests.support.grounds import Ground
 from tests.support.hostile_chunks import Episode
+from tests.support.resumable import finished
 from wholebody.episode.run import run_episode
 from wholebody.estimation.state_estimator import StateEstimator
 from wholebody.execution.supervisor import Supervisor
@@ -300,23 +299,13 @@ def run_studies(studies: dict[str, Callable[[range], Iterator[Case]]], about: st
     parser.add_argument("study", choices=tuple(studies))
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 20), help="first, and the one after the last")
     parser.add_argument("--only", default="", help="a part of the names of the cases that are wanted")
+    parser.add_argument("--jobs", type=int, default=1, help="cases at a time, each in a process")
     parser.add_argument("--out", type=Path, help="file with a line a case")
     arguments = parser.parse_args()
+    wanted = [case for case in studies[arguments.study](range(*arguments.seeds)) if arguments.only in case[1]]
     out = arguments.out or Path(f"senses_{arguments.study}.jsonl")
-    done = {}
-    if out.exists():
-        done = {(line["group"], line["name"]): line for line in map(json.loads, out.read_text().splitlines())}
-    found = defaultdict(list)
-    for group, name, run in studies[arguments.study](range(*arguments.seeds)):
-        if arguments.only not in name:
-            continue
-        if (group, name) not in done:
-            done[group, name] = {"group": group, "name": name, "numbers": run()}
-            with out.open("a") as file:
-                file.write(json.dumps(done[group, name]) + "\n")
-            print(name, {key: round(value, 3) for key, value in done[group, name]["numbers"].items()}, flush=True)
-        found[group].append(done[group, name]["numbers"])
-    for group, rows in found.items():
+    for group, cases in finished(wanted, out, arguments.jobs).items():
+        rows = list(cases.values())
         falls = int(sum(row["falls"] for row in rows))
         said = [f"{group}: {falls} falls in {len(rows)}"]
         for key in dict.fromkeys(key for row in rows for key in row if key != "falls"):

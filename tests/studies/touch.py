@@ -2,7 +2,7 @@
 
 ``python -m tests.studies.touch touch --cases 40 --seed 0 --out touch.jsonl`` runs the cases of a kind that the file has
 not yet, prints one line each and appends it, then a table of medians and worst. ``--realistic`` takes the realistic
-robot, a seed a case. The kinds:
+robot, a seed a case; ``--jobs 16`` runs so many at a time, each in a process. The kinds:
 
 touch    a hand or both into the table, a wall, the corridor's walls, a board overhead: direction, hands, speed (0.05 to
          0.4 m/s), depth (5 to 200 mm past the touch), place, fingers and phase are drawn
@@ -22,6 +22,7 @@ import json
 import sys
 from collections import defaultdict
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ from policy.scripted.library import scripted_policy, two_hand_lift
 from policy.scripted.policy import ScriptedMotion, ScriptedPolicy
 from policy.scripted.waypoints import Waypoint, waypoint_policy
 from tests.support.felt import BUMP_TIME, SIDES, SPEC, Run, still_force
+from tests.support.resumable import answered
 from wholebody.cli.simulated import SCENE_OF
 
 SCENES = {"down": "table", "ahead": "wall", "side": "corridor", "up": "shelf"}
@@ -258,24 +260,27 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="the first of them")
     parser.add_argument("--seed", type=int, default=0, help="of what is drawn")
     parser.add_argument("--realistic", action="store_true", help="the realistic robot, a seed a case")
+    parser.add_argument("--jobs", type=int, default=1, help="cases at a time, each in a process")
     parser.add_argument("--out", type=Path, help="a line of JSON for each case")
     chosen = parser.parse_args()
     run, usual = KINDS[chosen.kind]
-    done_before, found = {}, []
     key = ("kind", "case", "seed", "realistic")
+    known = {}
     if chosen.out is not None and chosen.out.exists():
         lines = map(json.loads, chosen.out.read_text().splitlines())
-        done_before = {tuple(line[name] for name in key): line for line in lines}
-    for case in range(chosen.first, chosen.first + (chosen.cases or usual)):
-        name = chosen.kind, case, chosen.seed, chosen.realistic
-        known = done_before.get(name)
-        line = known or dict(zip(key, name, strict=True)) | run(case, chosen.seed, case if chosen.realistic else None)
-        found.append(line)
-        if known is None and chosen.out is not None:
+        known = {tuple(line[name] for name in key): line for line in lines}
+    cases = range(chosen.first, chosen.first + (chosen.cases or usual))
+    names = [(chosen.kind, case, chosen.seed, chosen.realistic) for case in cases]
+    missing = [name for name in names if name not in known]
+    calls = [partial(run, case, seed, case if realistic else None) for _, case, seed, realistic in missing]
+    for number, told in answered(calls, chosen.jobs):
+        line = known[missing[number]] = dict(zip(key, missing[number], strict=True)) | told
+        if chosen.out is not None:
             with chosen.out.open("a") as file:
                 file.write(json.dumps(line) + "\n")
-        said = {name: value for name, value in line.items() if name not in (*key, "fell", "family")}
-        print(case, "FELL" if line["fell"] else "stands", line["family"], said, flush=True)
+        said = {name: value for name, value in told.items() if name not in ("fell", "family")}
+        print(line["case"], "FELL" if line["fell"] else "stands", line["family"], said, flush=True)
+    found = [known[name] for name in names]
     print(table(found))
     fell = [line["case"] for line in found if line["fell"]]
     print(f"{chosen.kind}: {len(fell)} of {len(found)} fell: {fell}")

@@ -5,24 +5,38 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
 
-def finished(cases, out):
+def answered(calls, jobs=1):
+    """Number and answer of each call without arguments, as they come; in so many processes, or one by one in this."""
+    if jobs == 1:
+        yield from enumerate(call() for call in calls)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        futures = {pool.submit(call): number for number, call in enumerate(calls)}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def finished(cases, out, jobs=1):
     """Numbers of the cases, by group and name, in their order; what is not in the file yet is run and printed.
 
     Args:
         cases: Group, name, and what gives its numbers.
         out: The file.
+        jobs: Cases at a time, each in a process.
     """
-    known, found = {}, {}
+    known, found, cases = {}, {}, list(cases)
     if out.exists():
         known = {
             (line["group"], line["name"]): line["numbers"] for line in map(json.loads, out.read_text().splitlines())
         }
-    for group, name, run in cases:
-        if (group, name) not in known:
-            known[group, name] = run()
-            with out.open("a") as file:
-                file.write(json.dumps({"group": group, "name": name, "numbers": known[group, name]}) + "\n")
-            print(group, name, {key: round(value, 3) for key, value in known[group, name].items()}, flush=True)
+    missing = [case for case in cases if case[:2] not in known]
+    for number, numbers in answered([run for _, _, run in missing], jobs):
+        group, name, _ = missing[number]
+        known[group, name] = numbers
+        with out.open("a") as file:
+            file.write(json.dumps({"group": group, "name": name, "numbers": numbers}) + "\n")
+        print(group, name, {key: round(value, 3) for key, value in numbers.items()}, flush=True)
+    for group, name, _ in cases:
         found.setdefault(group, {})[name] = known[group, name]
     return found
 
