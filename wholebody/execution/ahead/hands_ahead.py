@@ -97,9 +97,9 @@ class HandsAhead:
     def offer(self, chunk: ActionChunk, plan: ChunkPlan | None, now: float, *, waits: bool) -> None:
         """Take a chunk, now [s], the plan that is followed, if one is, and whether the chunk's own plan has to wait."""
         waits = waits and not self._rejected
+        self.streams, self._said = chunk.t_obs - self._said <= STREAM_GAP, chunk.t_obs
         if not self._gated:
-            self.streams, self._said = chunk.t_obs - self._said <= STREAM_GAP, chunk.t_obs
-        self._stream.add(chunk)
+            self._stream.add(chunk)
         if self.fast and not self._follower.leads:
             self._slow_down()
         fast = self._stream.is_fast(now) or self.fast

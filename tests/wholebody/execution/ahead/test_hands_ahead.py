@@ -165,3 +165,27 @@ def test_where_a_gate_rejected_one_hands_are_led_again_once_another_is_cleared()
     assert first <= 14
     assert back is not None
     assert back >= 24
+
+
+def test_what_a_gate_rejects_stops_hands_that_are_fast():
+    """They come to rest where the plan that was cleared last leads, and are within the leash of it all the way."""
+    cleared, off = [], []
+
+    def gate(request, plan):
+        if len(cleared) == 8:
+            return REJECTED
+        cleared.append(plan)
+        return None
+
+    class Watched(Supervisor):
+        def step(self, state, now=None):
+            command = super().step(state, now)
+            if self.plan is not None:
+                hands = zip(self._smoother.motion.p, self.plan.paths, strict=True)
+                off.append(max(np.linalg.norm(p - path.sample(np.array([self._follower.s])).p[0]) for p, path in hands))
+            return command
+
+    supervisor = Watched(g1(), gate=gate)
+    assert follow(supervisor, MujocoPlant(g1()), "lissajous", 2.2, rests_from=2.0).drift < 2e-3
+    assert supervisor.plan is cleared[-1]
+    assert max(off) < JUDGED_LEASH[0] + 0.005
