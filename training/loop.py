@@ -21,11 +21,11 @@ import numpy as np
 
 ROOT, BIN = Path(__file__).parents[1], Path(sys.executable).parent
 ACT = {
-    "type": "act", "device": "cpu", "push_to_hub": "false", "dim_model": 128, "n_heads": 4, "dim_feedforward": 512,
+    "type": "act", "device": "cpu", "push_to_hub": "false", "dim_model": 128, "n_heads": 4, "dim_feedforward": 256,
     "n_encoder_layers": 3, "n_vae_encoder_layers": 2, "chunk_size": 20, "n_action_steps": 20, "use_vae": "false",
     "dropout": 0.0, "normalization_mapping": json.dumps(dict.fromkeys(("STATE", "ENV", "ACTION"), "MEAN_STD")),
 }  # fmt: skip
-"""Settings of the policy; chosen: 4 MB, and chunks of two thirds of a second, done to their end: people wait before
+"""Settings of the policy; chosen: 2.5 MB, and chunks of two thirds of a second, done to their end: people wait before
 they set off, so a policy that looks again after a sixth of a second says once more to wait, and never sets off.
 Without dropout and latent, since what is shown of the task says which of the ways is meant."""
 
