@@ -21,12 +21,15 @@ def benchmark():
 
 def test_it_prints_a_row_for_each_number_of_steps_and_the_cost_of_one(benchmark, capsys, monkeypatch):
     monkeypatch.setattr(benchmark, "STEPS", (1, 3))
-    benchmark.main(["--tiny", "--device", "cpu", "--dtype", "float32", "--chunks", "1"])
-    first, heading, *rows = capsys.readouterr().out.splitlines()
+    benchmark.main(["--tiny", "--device", "cpu", "--dtype", "float32", "--chunks", "1", "--seconds", "1"])
+    first, heading, *rows, plain, real_time = capsys.readouterr().out.splitlines()
     assert first.endswith("parameters, float32, cpu; built in 0 s")
     assert all(way in heading for way in benchmark.WAYS)
     assert [row.partition("  ")[0] for row in rows] == ["1 denoising steps", "3 denoising steps", "one denoising step"]
-    assert all(float(number) > 0.0 for row in rows[:2] for number in row.split()[-3:])
+    assert all(float(number) > 0.0 for row in rows[:2] for number in row.split()[-4:])
+    for line, way in ((plain, "without"), (real_time, "with")):
+        assert line.startswith(f"{way} real-time chunking: ")
+        assert line.endswith("it stood")
 
 
 def test_without_a_gpu_it_says_so(benchmark, capsys, monkeypatch):
