@@ -11,17 +11,13 @@ import numpy as np
 from lerobot_robot_wholebody.config_wholebody_g1 import TASKS
 from models.places import BUTTON_TRAVEL, ON_TABLE
 from policy.action_spec.anchor import Anchor
+from policy.learned.reach import REACHED, goals_of
 from policy.scripted.contact import press
 from policy.scripted.library import grasp, hand_over
 from policy.scripted.policy import ScriptedPolicy
 from wholebody.live.served.messages import Seen
 
 SIDES = ("left", "right")
-LOW, HIGH = np.array([0.26, 0.10, 0.75]), np.array([0.42, 0.30, 1.15])
-"""Corners of where a goal of the left palm can be, in the stance; the right one's are mirrored [m]; chosen: low ones
-need a lean, all can be reached at once."""
-REACHED = 0.03
-"""Distance of a palm from its goal within which it is reached [m]; as of the trials in `docs/lerobot.md`."""
 TILT = 0.3
 """Angle from upright up to which a crate that was lifted counts [rad]; chosen: what is in it stays."""
 
@@ -88,7 +84,7 @@ class Reach:
 
     def draw(self, rng: np.random.Generator) -> None:
         """Draw other goals from somebody's numbers."""
-        self.goals = rng.uniform(LOW, HIGH, (2, 3)) * np.array([[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]])
+        self.goals = goals_of(rng)
 
     def objects(self, usual: np.ndarray) -> np.ndarray | None:
         """None are its own."""

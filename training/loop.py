@@ -108,6 +108,14 @@ def record(steps: Steps, name: str, task: str, episodes: int, seed: int, how: Re
     return plain
 
 
+def replay(steps: Steps, recorded: Path, tries: int) -> dict[str, object]:
+    """Success of recorded actions from hands that begin elsewhere, and falls."""
+    found = steps.folder / "replay.json"
+    if not found.exists():
+        steps.run("replay", sys.executable, "-m", "training.replay", str(recorded), str(found), tries=tries)
+    return json.loads(found.read_text())
+
+
 def add_shown(steps: Steps, plain: Path) -> Path:
     """Give a dataset a column of what is shown of the task; the folder of the copy."""
     whole = steps.folder / "data"
@@ -196,6 +204,8 @@ def main() -> None:
         alone = record(steps, "expert", given.task, given.tries, given.seed, replace(how, disturb=0.0))
     rows = {"expert": experts(alone, given.task)}
     rows["expert"]["falls"] += int(alone != plain and fell(plain))
+    if given.task == "reach":
+        rows["replay"] = replay(steps, alone, given.tries)
     checkpoint = train(steps, add_shown(steps, plain), given.steps, given.batch, given.seed)
     for gate in (False, True):
         rows["policy, gate" if gate else "policy"] = evaluate(steps, given.task, checkpoint, given.tries, gate)

@@ -48,7 +48,7 @@ POLICY_FLOORS = (
     {"chunk", "kinematics", "placeholder_cameras"},
     {"action_spec"},
     {"base", "suspicion"},
-    {"prefix", "scripted", "dataset"},
+    {"prefix", "scripted", "dataset", "learned"},
     {"recorded", "targets"},
     {"executor"},
     {"remote", "lerobot"},

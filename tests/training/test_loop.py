@@ -24,9 +24,9 @@ def looped(folder):
 def test_a_loop_ends_with_a_table_and_one_that_is_done_is_not_done_again(tmp_path):
     said = looped(tmp_path)
     rows = json.loads((tmp_path / "loop.json").read_text())["rows"]
-    assert rows.keys() == {"expert", "policy", "policy, gate"}
+    assert rows.keys() == {"expert", "replay", "policy", "policy, gate"}
     assert all(row["falls"] == 0 for row in rows.values())
-    assert [rows[name]["episodes"] for name in rows] == [1, 1, 1]
+    assert [rows[name]["episodes"] for name in rows] == [1, 1, 1, 1]
     for name, row in rows.items():
         assert f"| {name} | {row['success']:.0f} %" in said
     config = json.loads((tmp_path / "policy/checkpoints/last/pretrained_model/config.json").read_text())

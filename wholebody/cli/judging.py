@@ -157,6 +157,8 @@ class InputJudge:
             shown = {"cameras": cameras, "progress": progress}
             run = None if self.pages is None else self.pages.run(checker, policy, name, seconds, **shown)
             verdict = run.verdict if run else checker.check(policy, name, seconds, **shown)[0]
+        if told := getattr(policy, "told", ""):
+            complain(f"{name}: {told}")
         verdict = _after(verdict, first)
         if run is None:
             return verdict

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from policy.learned import LEARNED
 from wholebody.cli.console import complain
 from wholebody.config.bounds import require_run
 
@@ -33,6 +34,8 @@ def open_source(
     **options: Any,
 ) -> Policy:
     """Policy of a name: address of a server, ``FOLDER#3`` for an episode of a dataset, checkpoint, file, or script.
+
+    ``learned`` is the policy in the package, ``learned#3`` the same with the goals of another seed.
 
     Cameras of a policy see grey, since the simulation takes no pictures; the policy has a warning that says so.
 
@@ -64,6 +67,10 @@ def open_source(
         from policy.recorded.dataset_replay import open_episode
 
         return open_episode(folder, int(number), assume=assume, read_as=corrections, robot=robot)
+    if name == LEARNED or (folder == LEARNED and number.isdecimal()):
+        from policy.learned.reach import LearnedReach
+
+        return LearnedReach(int(number) if folder else 0, robot)
     if is_checkpoint(name):
         from policy.lerobot.policy import LeRobotPolicy
 
@@ -133,6 +140,8 @@ def length(policy: Policy, duration: float) -> float:
 def expanded(name: str, episodes: str) -> list[str]:
     """A dataset folder as one name an episode, ``FOLDER#3``, one of files as their names; anything else as it is.
 
+    The policy in the package has as many episodes as are asked for: goals of so many seeds.
+
     Args:
         name: What the user named.
         episodes: Episodes such as ``0-3,7``; all if empty.
@@ -140,6 +149,10 @@ def expanded(name: str, episodes: str) -> list[str]:
     Raises:
         DatasetError: If the dataset cannot be read, or the text names no episodes.
     """
+    if name == LEARNED and episodes:
+        from policy.dataset.open import episode_numbers
+
+        return [f"{LEARNED}#{number}" for number in episode_numbers(episodes)]
     if not is_dataset(name):
         return [name] if is_checkpoint(name) else files(name) or [name]
     from policy.dataset.open import episode_numbers, open_dataset
