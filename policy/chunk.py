@@ -8,7 +8,7 @@ import numpy as np
 
 from models import g1
 from models.spec import RobotSpec
-from policy.errors import ChunkError
+from policy.errors import ChunkError, did_you_mean
 from policy.geometry.rotations import rotation_residual
 from policy.reading import FPS_MAX, FPS_MIN
 
@@ -17,6 +17,10 @@ ROTATION_TOLERANCE = 1e-6
 
 MAGNITUDE_MAX = 1e6
 """Largest number of a target that is taken at all [m, rad, m/s]; beyond it no arithmetic is safe."""
+HANDS_IN = ("pelvis", "pelvis_yaw", "torso", "stance", "world", "soles")
+"""Frames in which a layout may have the hands: those of `policy.action_spec.slot.Frame`, and ``soles``."""
+BASE_SPEED_MAX = 10.0
+"""Fastest base that is taken at all [m/s, rad/s]; chosen: people sprint so, and what is faster is in another unit."""
 _POSES = ("T_world_lhand", "T_world_rhand")
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
 _FORCES = {"f_world_lpalm": (3,), "f_world_rpalm": (3,), "force_max": (2,), "stiffness": (2,)}
@@ -117,6 +121,7 @@ class ActionChunk:
         for name, shape in _shapes(robot or g1()).items():
             if name not in _OPTIONAL or getattr(self, name) is not None:
                 self._check_array(name, (steps, *shape))
+        self._check_base()
         for name in ("force_max", "stiffness"):
             value = getattr(self, name)
             if value is not None and not (np.asarray(value) >= 0.0).all():
@@ -147,6 +152,23 @@ class ActionChunk:
                 f"{name} is {value[tuple(index)]} at step {index[0]}; finite numbers up to {MAGNITUDE_MAX:g} are taken"
             )
             raise ChunkError(text, step=index[0], slot=name)
+
+    def _check_base(self) -> None:
+        if self.hands_in not in HANDS_IN:
+            near, given = did_you_mean(self.hands_in, HANDS_IN), str(self.hands_in)[:40]
+            text = f"hands_in is '{given}', and hands are in no such frame; {near}there are: {', '.join(HANDS_IN)}"
+            raise ChunkError(text, slot="hands_in")
+        if self.base_velocity is None:
+            return
+        speed = np.abs(self.base_velocity).max(axis=1)
+        if (fast := speed > BASE_SPEED_MAX).any():
+            step = int(np.argmax(fast))
+            raise ChunkError(
+                f"base_velocity is {speed[step]:g} at step {step}; up to {BASE_SPEED_MAX:g} m/s and rad/s are taken, "
+                "and a robot that walks is slower still: is it in mm/s or degrees/s?",
+                step=step,
+                slot="base_velocity",
+            )
 
     def _check_poses(self) -> None:
         T = np.stack([self.T_world_lhand, self.T_world_rhand])

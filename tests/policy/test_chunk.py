@@ -1,11 +1,14 @@
 """Chunks and observations refuse what cannot be executed, naming the step and the field."""
 
 import dataclasses
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from policy import ActionChunk, Anchor, ChunkError, ObservationError
+from policy.action_spec.slot import Frame
+from policy.chunk import BASE_SPEED_MAX
 from tests.support.policy_cases import observation, wandering_chunk
 
 
@@ -73,6 +76,26 @@ def test_a_repeated_a_late_and_an_old_chunk_are_refused(chunk):
         dataclasses.replace(later, t_obs=chunk.t_obs).validate(after=chunk)
     with pytest.raises(ChunkError, match="before a reset"):
         dataclasses.replace(later, seq=0).validate(after=chunk)
+
+
+@pytest.mark.parametrize("frame", [*get_args(Frame), "soles"])
+def test_hands_are_in_a_frame_that_layouts_have(chunk, frame):
+    dataclasses.replace(chunk, hands_in=frame).validate()
+
+
+def test_an_unknown_frame_is_refused_with_those_there_are(chunk):
+    with pytest.raises(ChunkError, match=r"hands_in is 'wrld'.* did you mean 'world'\? there are: pelvis, ") as refusal:
+        dataclasses.replace(chunk, hands_in="wrld").validate()
+    assert refusal.value.slot == "hands_in"
+
+
+def test_a_base_that_nothing_could_follow_is_refused_and_a_fast_one_is_not(chunk):
+    velocity = np.zeros((6, 3))
+    velocity[4, 2] = 1.0 + BASE_SPEED_MAX
+    with pytest.raises(ChunkError, match=r"base_velocity is 11 at step 4; up to 10 m/s and rad/s .* mm/s") as refusal:
+        dataclasses.replace(chunk, base_velocity=velocity).validate()
+    assert (refusal.value.step, refusal.value.slot) == (4, "base_velocity")
+    dataclasses.replace(chunk, base_velocity=np.full((6, 3), -BASE_SPEED_MAX)).validate()
 
 
 def test_optional_parts_are_listed_only_where_they_are(chunk):
