@@ -50,6 +50,7 @@ _HOME = {
     "Supervisor": "execution.supervisor",
     "ThreadPlanner": "execution.background_planner",
     "Verdict": "verdict.verdict",
+    "WalkedTo": "episode.walk_to",
     "WholeBodyController": "control.controller",
     "WholebodyError": "errors",
     "World": "live.robot_process",
@@ -69,6 +70,7 @@ _HOME = {
     "run_episode": "episode.run",
     "solve": "planning.posture",
     "stand_for": "planning.reachability.standing_place",
+    "walk_to": "episode.walk_to",
     "warm_up": "episode.warm_up",
 }
 """Public name and the module that it is in."""

@@ -15,6 +15,8 @@ from wholebody.episode.run import EpisodeConfig as EpisodeConfig
 from wholebody.episode.run import EpisodeResult as EpisodeResult
 from wholebody.episode.run import observe as observe
 from wholebody.episode.run import run_episode as run_episode
+from wholebody.episode.walk_to import WalkedTo as WalkedTo
+from wholebody.episode.walk_to import walk_to as walk_to
 from wholebody.episode.warm_up import warm_up as warm_up
 from wholebody.errors import ConfigError as ConfigError
 from wholebody.errors import InputError as InputError

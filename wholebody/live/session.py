@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
+from queue import SimpleQueue
 from time import monotonic
 
 import numpy as np
@@ -29,7 +31,7 @@ from wholebody.live.loop import ControlLoop, StaticRobot, palm_error
 from wholebody.live.page_process import PageProcess
 from wholebody.live.person import Person
 from wholebody.live.robot_link import SessionRobot
-from wholebody.types import RobotState
+from wholebody.types import RobotState, StatusReport
 
 WARM_UP = 1.0
 """Time for which the loop first runs on a robot that stands still [s]; chosen: it loads what is compiled."""
@@ -97,6 +99,26 @@ class Session:
             raise
         self.loop = ControlLoop(spec, self.supervisor, self._robot, state, session.task)
         self.missed: list[str] = []
+        self._bases: SimpleQueue[tuple[Sequence[float], Future[StatusReport]]] = SimpleQueue()
+
+    def walk_to(self, base: Sequence[float]) -> Future[StatusReport]:
+        """Walk to a base while `run` runs, told from any thread: x, y [m] and heading [rad] midway between the soles.
+
+        The answer of `Supervisor.walk_to` comes after the next tick: ``walking``, or ``walk_refused`` with the reason.
+        A configuration needs ``steps: reach`` for it.
+        """
+        answer: Future[StatusReport] = Future()
+        self._bases.put((base, answer))
+        return answer
+
+    def _walk(self) -> None:
+        """Tell the supervisor where it is to walk, and whoever asked what it says of that."""
+        while not self._bases.empty():
+            base, answer = self._bases.get()
+            try:
+                answer.set_result(self.supervisor.walk_to(base))
+            except (TypeError, ValueError) as error:
+                answer.set_exception(error)
 
     def _warm_up(self, state: RobotState) -> None:
         """Run the loop once, with everything in it, on a robot that does not move."""
@@ -121,6 +143,7 @@ class Session:
         def going(now: float) -> bool:
             person.asking(session.settle <= now < end)
             person.look(now)
+            self._walk()
             tell(now)
             return now < end + session.hold
 

@@ -2,6 +2,7 @@
 and closed, and what it says at its end is handed on.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from time import monotonic
 
 import numpy as np
@@ -14,7 +15,7 @@ from policy.scripted.library import scripted_policy
 from wholebody.config import ControllerConfig
 from wholebody.live.loop import StaticRobot
 from wholebody.live.session import Session, SessionConfig
-from wholebody.types import RobotState
+from wholebody.types import Reason, RobotState
 
 pytestmark = pytest.mark.alone
 SPEC = g1()
@@ -60,3 +61,17 @@ def test_a_session_runs_the_robot_that_it_is_given(monkeypatch):
     assert len(robot.commands) > 200
     assert all(np.isfinite(command.tau).all() for command in robot.commands)
     assert session.summary()["chunks"]["accepted"] >= 1
+
+
+def test_a_session_is_told_to_walk_from_another_thread(monkeypatch):
+    monkeypatch.setattr("wholebody.live.pacing.keep_time", list)
+    session = Session(ControllerConfig(), Watched(), SessionConfig(duration=0.1, settle=0.1, hold=0.1))
+    with ThreadPoolExecutor(1) as other:
+        told = other.submit(session.walk_to, (0.3, 0.0, 0.0))
+        bad = session.walk_to("here")
+        session.run({"wave": scripted_policy("wave")}, lambda now: None, ExecutorConfig())
+        answer = told.result().result(timeout=0.0)
+    session.close()
+    assert answer.reason is Reason.WALK_REFUSED
+    assert "steps: reach" in answer.detail
+    assert bad.done()
