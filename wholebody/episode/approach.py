@@ -19,14 +19,15 @@ def approach_steps(result: EpisodeResult, bounds: VerdictConfig) -> int:
     """Steps from the first on in which the hands are still on their way to a chunk that began elsewhere.
 
     They are no fault of the plan. A way that takes longer is none: then every step counts, as it does where the first
-    step was where the hands were, and where the chunk came to the hands instead of the hands to the chunk.
+    step was where the hands were, and where the chunk came to the hands instead of the hands to the chunk. A robot that
+    was put as near to the first step as it can stand has no way to go: every step counts.
     """
     palms = result.palms
     # The hands are there once they are both commanded and measured there: a robot follows a little behind its command.
     away = np.maximum(palms.moved, palms.errors)
     turns = np.where(result.orientation_free, 0.0, np.maximum(palms.moved_turns, palms.turns))
     off = ((away > bounds.palm_feasible) | (turns > bounds.turn_feasible)).any(axis=1)
-    if not off.size or off.all():
+    if not off.size or off.all() or result.placed:
         return 0
     first = int(np.argmin(off))
     distance, angle = result.start_jump

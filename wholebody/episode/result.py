@@ -58,6 +58,7 @@ class EpisodeResult:
         start: When the first chunk was asked for [s].
         start_jump: How far the first chunk began from where the hands were: distance [m] and angle [rad].
         start_palms: Where the palm points were then, shape (2, 3), world [m].
+        placed: Whether the robot was put with its hands at the first step, or as near to it as it can stand.
         fps: Steps per second of the chunks [Hz]; 0 before the first.
         seams: Jump of the commanded palms at every chunk.
         execution: What the executor saw.
@@ -87,6 +88,7 @@ class EpisodeResult:
     start: float = 0.0
     start_jump: tuple[float, float] = (0.0, 0.0)
     start_palms: np.ndarray = field(default_factory=lambda: np.zeros((2, 3)))
+    placed: bool = False
     fps: float = 0.0
     seams: list[ChunkSeam] = field(default_factory=list)
     execution: ExecutionReport | None = None

@@ -128,6 +128,13 @@ class ChunkPlanner:
         chosen = chosen or choice.best(self.config, attempt, budget, asked)
         return self._as_followed(chosen, prepared, now, commanded, budget)
 
+    def previewed(self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion) -> ChunkPlan | None:
+        """What `plan` answers, where that is quick, may hold, and a preview decides; else None."""
+        modes, prepared = Modes(self._loaded, self._loaded), self._prepared(chunk)
+        targets = self.targets(prepared, now, commanded, 1.0)
+        chosen = None if prepared.implausible else self._preview(targets, start, modes)
+        return chosen and self._as_followed(chosen, prepared, now, commanded, Budget(self._budget))
+
     def as_given(
         self, chunk: ActionChunk, now: float, start: BodyState, commanded: HandMotion, work: float = inf
     ) -> ChunkPlan | None:

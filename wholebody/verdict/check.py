@@ -153,6 +153,7 @@ class Checker:
         if recording is not None:
             far = far_from_stance(recording.episode, self.plant.spec, result.orientation_free)
             result.notes += [Note(result.start, text) for text in far]
+            result.placed = True
         config = self.supervisor.config
         plans = self.supervisor.handover
         summary = None if self.gate is None or plans is None else self.gate.summary(plans.late)

@@ -121,7 +121,7 @@ class FastChecker:
             from wholebody.verdict.why.of_run import RunExplainer
 
             whole = self._whole(policy, duration, begin, lead)
-            explain = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, placed=placed, rows=rows)
+            explain = RunExplainer(self.judge, self.explainer, run, played, self._play, whole, rows=rows)
             verdict = explain.explained(verdict, last / fps)
             if (episode := getattr(policy, "episode", None)) is not None:
                 verdict = self._with_steps(verdict, episode, run.free)
@@ -183,14 +183,10 @@ class FastChecker:
         free: tuple[bool, bool],
         *,
         notes: tuple[str, ...] = (),
-        placed: bool = True,
         ask_why: bool = False,
         odds: bool = True,
     ) -> Verdict:
-        """Judge a single chunk from where it is begun; notes are told along with its own, ``odds`` where asked for.
-
-        A robot that was ``placed`` with its hands at the first step is so for a changed chunk, too.
-        """
+        """Judge a single chunk from where it is begun; notes are told along with its own, ``odds`` where asked for."""
         run = PlanRun(self.judge, free, odds=odds)
         one, state = run.follow(chunk, begin, chunk.t_obs, notes=notes)
         verdict, last = self._verdict(run, (one,), name), len(chunk) - 1
@@ -198,9 +194,7 @@ class FastChecker:
             from wholebody.verdict.why.of_run import RunExplainer
 
             whole = Suspect(chunk, begin, chunk.t_obs, state.judged.plan)
-            explainer = RunExplainer(
-                self.judge, self.explainer, run, (one,), self._play, whole, placed=placed, at_once=True
-            )
+            explainer = RunExplainer(self.judge, self.explainer, run, (one,), self._play, whole, at_once=True)
             verdict = self._with_steps(explainer.explained(verdict, last / chunk.fps), chunk, free)
         return within(verdict, last)
 

@@ -28,8 +28,7 @@ class Suspect:
     """A chunk that is not followed as given.
 
     Attributes:
-        chunk: As given.
-        begin: Where it is begun, now [s].
+        chunk: As given. begin: Where it is begun, now [s].
         plan: What was planned for it.
     """
 
@@ -47,7 +46,7 @@ class Opening:
         start: When its first chunk was asked for [s]. fps: Its steps per second [Hz].
         jump: How far that begins from where the hands are: distance [m] and angle [rad].
         palms: Where the palm points are then, shape (2, 3), world [m].
-        torque: Room that motors have to hold the robot there; None where a plan leads it, or it is not looked at.
+        torque: Room of motors to hold the robot there; None where a plan leads it. placed: Whether it was put there.
     """
 
     start: float
@@ -55,6 +54,7 @@ class Opening:
     jump: tuple[float, float]
     palms: np.ndarray
     torque: Margin | None
+    placed: bool
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ class PlanRun:
         # A chunk that comes at once begins with its first step, though its plan takes time.
         first = 0 if self.at_once else min(int(np.ceil(found.plan.start * chunk.fps - 1e-6)), len(chunk) - 1)
         jump = np.linalg.norm(at - p[first], axis=1).max(), angle_between(turned, R[first]).max()
-        return Opening(chunk.t_obs, chunk.fps, (float(jump[0]), float(jump[1])), at, torque)
+        return Opening(chunk.t_obs, chunk.fps, (float(jump[0]), float(jump[1])), at, torque, begin.placed)
 
     def own(self, chunk: ActionChunk, opening: Opening) -> ActionChunk:
         """A chunk without what only holds the end of the input: to stop there is the plan's part, and no step's."""
@@ -305,7 +305,7 @@ def _result(played: Sequence[Played], planned: Iterable[Planned], free: tuple[bo
         orientation_free=free, time_factor=spent / travelled if travelled else 1.0,
         refusals=[one.refusal for one in planned if one.refusal is not None],
         notes=[note for one in played for note in one.notes], slowdown=slowdown, slowed_time=slowed_time,
-        start=opening.start, start_jump=opening.jump, start_palms=opening.palms, fps=opening.fps,
+        start=opening.start, start_jump=opening.jump, start_palms=opening.palms, fps=opening.fps, placed=opening.placed,
     )  # fmt: skip
 
 

@@ -309,4 +309,5 @@ def _of_input(violation: Violation, result: EpisodeResult) -> Violation:
     if violation.time is None or (violation.code in OF_THE_WHOLE and violation.time <= result.start + 1e-9):
         return replace(violation, time=None)
     time = violation.time - result.start
+    time = 0.0 if abs(time) < 1e-9 else time
     return replace(violation, time=time, step=round(time * result.fps) if result.fps > 0.0 and time >= 0.0 else None)

@@ -17,6 +17,7 @@ import pytest
 from policy.errors import ChunkError
 from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import wave
+from tests.support.carried import levelled, told
 from tests.support.sent_chunks import STANCE, STEPS, sent
 from wholebody.config import ControllerConfig, LoadConfig
 from wholebody.errors import InputError
@@ -247,3 +248,12 @@ def test_times_of_margins_are_those_since_the_first_step():
     here, later = judge(chunk), judge(replace(chunk, t_obs=7.0))
     assert [one.step for one in later.margins] == [one.step for one in here.margins]
     assert [one.time for one in later.margins] == pytest.approx([one.time for one in here.margins])
+
+
+def test_a_chunk_with_a_load_is_searched_for_once_from_where_that_is_held(monkeypatch):
+    """It was searched for from the first posture, too, and that plan thrown away."""
+    judge, chunk, asked = FastChecker(told(2.15)).judge, levelled(), []
+    plan = judge.planner.plan
+    monkeypatch.setattr(judge.planner, "plan", lambda one, *a, **k: asked.append(one is chunk) or plan(one, *a, **k))
+    assert not judge.judge(chunk, judge.first_pose(chunk)).previewed
+    assert asked == [False, True]

@@ -16,7 +16,7 @@ from wholebody import judge
 from wholebody.episode.result import EpisodeResult, Note
 from wholebody.episode.run import EpisodeConfig
 from wholebody.planning.judgement.limits import Limit, Margin
-from wholebody.types import Reason
+from wholebody.types import PalmCause, Reason
 from wholebody.verdict.audit.outcome import AuditOutcome
 from wholebody.verdict.audit.summary import PAGE, write_summary
 from wholebody.verdict.calibration.odds import Chance, Odds
@@ -249,3 +249,26 @@ def test_a_motion_whose_feet_go_elsewhere_is_the_hands_alone_and_at_best_after_r
     still = np.tile(np.eye(4), (121, 1, 1))
     still[:, 0, 3] = np.linspace(0.0, 0.1, 121)
     assert motion_chunk(Motion(60.0, still, joints)).notes == ()
+
+
+def test_a_jump_is_told_at_the_last_row_before_it():
+    """An acceleration was told at the first of the rows that make it, up to three before a jump."""
+    chunk = sent(to=(0.0, 0.0, 0.0))
+    chunk.T_world_lhand[30:, 2, 3] += 0.1
+    margins = {one.code: one for one in judge(chunk).margins}
+    rates = [margins[code] for code in (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK)]
+    assert all(one.margin < 0.0 for one in rates)
+    assert [one.step for one in rates] == [29, 29, 29]
+
+
+def test_of_a_hand_that_comes_nearly_there_the_first_line_says_once_how_far_off_it_is():
+    """It said so for each reason anew, and had no room for what would do."""
+    off = {"severity": Severity.REPAIR, "subject": "right palm", "time": 0.0, "step": 0, "bound": 0.02, "unit": "m"}
+    found = [
+        Violation(code=Reason.OUT_OF_REACH, value=0.03, **off),
+        Violation(code=Reason.PALM_MOVED, cause=PalmCause.POSITION, value=0.025, **off),
+        Violation(code=Reason.PALM_MISSED, cause=PalmCause.LATE, value=0.03, **off),
+    ]
+    text = replace(verdict("feasible_after_repair"), violations=found).headline
+    assert text.startswith("done, but right hand 30 mm off at row 0 (0.00 s), 20 mm is as given: out of reach")
+    assert text.count("right hand") == 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, replace
+from dataclasses import astuple
 
 import numpy as np
 
@@ -61,14 +61,18 @@ def rates_from(chunk: ActionChunk, motion: HandMotion, limits: tuple[HandLimits,
     for T, v, w in zip(_hands(chunk), motion.v, motion.w, strict=True):
         before = make_transform(rotvec_to_matrix(back * w) @ T[0, :3, :3], T[0, :3, 3] + back * v)
         hands.append(np.concatenate([before, T]))
-    for one in (*_rates(hands, chunk.fps, limits, 0), *_rates(hands, chunk.fps, limits, 1)):
-        step = max(one.step - BEFORE, 0)
-        subject = one.subject + (AT_START if one.step < BEFORE else "")
-        yield replace(one, step=step, time=step / chunk.fps, subject=subject)
+    yield from _rates(hands, chunk.fps, limits, 0, BEFORE)
+    yield from _rates(hands, chunk.fps, limits, 1, BEFORE)
 
 
-def _rates(hands: Sequence[np.ndarray], fps: float, limits: tuple[HandLimits, ...], part: int) -> Iterator[Margin]:
-    """Speed, acceleration and jerk of hands (H, 4, 4), of their positions (part 0) or orientations (1), per axis."""
+def _rates(
+    hands: Sequence[np.ndarray], fps: float, limits: tuple[HandLimits, ...], part: int, before: int = 0
+) -> Iterator[Margin]:
+    """Speed, acceleration and jerk of hands (H, 4, 4), of their positions (part 0) or orientations (1), per axis.
+
+    Each is told at the step in the middle of those that make it: a jump, at the last step before it. So many steps
+    ``before`` the first one are none of the chunk.
+    """
     codes = (
         (Limit.HAND_SPEED, Limit.HAND_ACCELERATION, Limit.HAND_JERK),
         (Limit.TURN_SPEED, Limit.TURN_ACCELERATION, Limit.TURN_JERK),
@@ -84,7 +88,8 @@ def _rates(hands: Sequence[np.ndarray], fps: float, limits: tuple[HandLimits, ..
             bound = DEMAND[order - 1] * astuple((limit.position, limit.orientation)[part])[order - 1]
             k, _ = np.unravel_index(rates.argmax(), rates.shape)
             value = float(rates.max())
-            one = _at(code, name, int(k), fps, value, bound, bound - value, bound)
+            subject, step = name + (AT_START if k < before else ""), max(int(k) + order // 2 - before, 0)
+            one = _at(code, subject, step, fps, value, bound, bound - value, bound)
             worst = one if worst is None or one.margin < worst.margin else worst
         yield worst
 

@@ -7,7 +7,7 @@ are made of those that may be the best, in that order, until one is done as give
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
 from typing import Literal
@@ -209,7 +209,8 @@ class _Many:
             if not self._has_time():
                 return False
             begun = perf_counter()
-            verdict = self._checker.of_chunk(self._chunks[i], self._begin, f"chunk {i}", self._free, odds=False)
+            begin = self._begin if i == 0 else replace(self._begin, placed=False)  # for the first of them
+            verdict = self._checker.of_chunk(self._chunks[i], begin, f"chunk {i}", self._free, odds=False)
             self._step = perf_counter() - begun
             self._known[i] = Ranked(i, score(verdict, self._bounds), "plan", headline(verdict), verdict)
         return True

@@ -78,8 +78,8 @@ def judge(
         if begin is None:
             begin = checker.judge.first_pose(given.chunk)
             notes = far_from_stance(given.chunk, checker.spec, given.free)
-        name, placed = f"chunk {given.chunk.seq}", state is None
-        return checker.of_chunk(given.chunk, begin, name, given.free, notes=notes, placed=placed, ask_why=ask_why)
+        name = f"chunk {given.chunk.seq}"
+        return checker.of_chunk(given.chunk, begin, name, given.free, notes=notes, ask_why=ask_why)
 
 
 def repair(

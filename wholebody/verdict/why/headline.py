@@ -213,18 +213,26 @@ def _of_numbers(verdict: Judged) -> str:
         over = [one for one in members if one.code in OF_NUMBERS] if len(members) == 1 else []
     else:
         over = [one for one in verdict.margins if one.code in OF_NUMBERS and one.margin < 0.0]
+    if not _is_far(verdict):
+        over = [one for one in over if one.code is not Limit.START]
     if not over:
         return ""
     one = max(over, key=lambda x: (slow_down(x), -x.share))
     hand = body(one.subject.removesuffix(AT_START)).replace("palm", "hand")
     if one.code is Limit.START:
-        hint = "" if any(x.kind == "start" for x in verdict.would_do) else " (--start first begins there)"
         value, bound = quantity(one.value, one.unit), quantity(one.bound, one.unit)
-        return f"{hand} is {value} from where row 0 begins, {bound} allowed{hint}"
+        return f"{hand} is {value} from where row 0 begins, {bound} allowed"
     times = one.value / one.bound if slow_down(one) > 1.0 else 0.0
     jumps = " jumps" if any(x.code is Reason.STEPS_JUMP for x in verdict.violations) and times else ""
     said = f"{hand}{jumps} at {due(one.step, verdict.fps)}: {bound_text(one)}"
     return f"{said} ({digits(times, 3)} times)" if times else said
+
+
+def _is_far(verdict: Judged) -> bool:
+    """Whether the way to row 0 is what is wrong: hands are far from later rows where they could not follow, too."""
+    begun_there = any(one.kind == "start" for one in verdict.would_do)
+    far = any(one.code is Reason.FAR_START and one.unit == "m" for one in verdict.violations)
+    return begun_there or (far and verdict.violations[0].code is not Reason.OUT_OF_REACH)
 
 
 def _cause(verdict: Judged) -> str:
@@ -250,7 +258,8 @@ def _repaired(verdict: Judged) -> str:
         worst = [one for one in worst if one.code is not Reason.FINGER_LIMIT]
     if all(one.code is Reason.HANDS_ONLY for one in worst):
         return "the hands do it as given, from where the robot stands"
-    first = {one.code if one.kind not in OF_A_HAND else one.kind: one for one in reversed(worst)}
+    # Of a hand, where it is farthest off and where it is turned most: not for each reason anew.
+    first = {(one.subject, one.unit) if one.kind in OF_A_HAND else one.code: one for one in reversed(worst)}
     parts = dict.fromkeys(_departure(one, verdict) for one in worst if one.came_of is None and one in first.values())
     hands = [part for part in parts if " hand " in part]
     return "done, but " + (", ".join(dict.fromkeys(part for part in (*hands[:1], *parts) if part)) or "not as given")

@@ -56,7 +56,6 @@ class RunExplainer:
         play: Plays an input as that was played.
         whole: All of the input as one chunk, where it is short enough: what would do is a change of all of it. None
             where that is too long: a change is of the one chunk then, begun where that is.
-        placed: Whether the robot was placed with its hands at the first step, and is so for a changed input.
         at_once: Whether the input is that one chunk, planned at once, and is not played window after window.
         rows: Rows of the input a second, where those are not the steps [Hz].
     """
@@ -67,7 +66,6 @@ class RunExplainer:
     played: Sequence[Played]
     play: Play
     whole: Suspect | None
-    placed: bool = True
     at_once: bool = False
     rows: float = 0.0
 
@@ -163,8 +161,7 @@ class RunExplainer:
 
     def _begun(self, suspect: Suspect, changed: ActionChunk) -> Begin:
         """Where a changed chunk is begun: with its own first step where the robot was placed there."""
-        placed = self.placed and self.judge.begins_with(suspect.chunk, suspect.begin)
-        return self.judge.first_pose(changed) if placed else suspect.begin
+        return self.judge.first_pose(changed) if suspect.begin.placed else suspect.begin
 
     def _sound(self, suspect: Suspect, change: Change) -> Change | None:
         """A change, or up to a sixth more of a slow-down, that is feasible as the changed chunk is judged."""
