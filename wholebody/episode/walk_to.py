@@ -74,7 +74,10 @@ def walk_to(base: Sequence[float], supervisor: Supervisor | None = None, plant: 
 
     Raises:
         StateError: For a supervisor that was never reset.
+        TypeError: For one of supervisor and plant without the other.
     """
+    if (supervisor is None) != (plant is None):
+        raise TypeError("walk_to takes a supervisor and the plant that it drives, or neither")
     if supervisor is None or plant is None:
         config = ControllerConfig(steps="reach")
         spec = describe(config.robot)

@@ -52,3 +52,8 @@ def test_a_supervisor_that_does_not_walk_says_what_would_do():
         walk_to((0.1, 0.0, 0.0), stays, plant)
     stays.reset(plant.reset())
     assert "steps: reach" in walk_to((0.1, 0.0, 0.0), stays, plant).status.detail
+
+
+def test_a_supervisor_without_the_plant_that_it_drives_is_not_left_out_silently(supervisor):
+    with pytest.raises(TypeError, match="or neither"):
+        walk_to((0.1, 0.0, 0.0), supervisor)
