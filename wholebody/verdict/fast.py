@@ -108,8 +108,9 @@ class FastChecker:
             InputError: If the duration is negative or longer than six hours.
         """
         require_run("duration", duration)
-        # A robot that stands elsewhere has its first plan when that is computed, and later ones as late.
-        lead = self.config.planning.lead if start == "stance" else 0.0
+        # A robot that stands elsewhere has its first plan when that is computed, and later ones as late: the tick in
+        # which a chunk comes is one of the lead. Of hands on their way a tick makes another plan.
+        lead = max(self.config.planning.lead - self.config.dt, 0.0) if start == "stance" else 0.0
         episode = getattr(policy, "episode", None)
         end, rows = np.inf if episode is None else (len(episode) - 1) / episode.fps, row_rate(policy)
         run = PlanRun(self.judge, policy.spec.orientation_free, at_once=True, end=end, odds=odds)

@@ -19,11 +19,15 @@ from policy.recorded.replay import ReplayPolicy
 from policy.scripted.library import wave
 from tests.support.carried import levelled, told
 from tests.support.sent_chunks import STANCE, STEPS, sent
+from tests.support.stranger_chunks import SPEC, stranger
 from wholebody.config import ControllerConfig, LoadConfig
+from wholebody.episode.run import EpisodeConfig
 from wholebody.errors import InputError
+from wholebody.planning.chunk_planner import ChunkPlanner
 from wholebody.planning.judgement.limits import Limit
 from wholebody.resources import verdict_schema
 from wholebody.types import Reason, RobotState
+from wholebody.verdict.check import Checker
 from wholebody.verdict.fast import FastChecker
 from wholebody.verdict.given.own_numbers import judge
 from wholebody.verdict.plan_run import PlanRun
@@ -257,3 +261,19 @@ def test_a_chunk_with_a_load_is_searched_for_once_from_where_that_is_held(monkey
     monkeypatch.setattr(judge.planner, "plan", lambda one, *a, **k: asked.append(one is chunk) or plan(one, *a, **k))
     assert not judge.judge(chunk, judge.first_pose(chunk)).previewed
     assert asked == [False, True]
+
+
+def test_a_first_plan_takes_over_in_the_tick_in_which_that_of_the_loop_does(monkeypatch):
+    """One tick later it is another plan of hands that are on their way: 6 of 200 answers differed."""
+    asked, plan = [], ChunkPlanner.plan
+
+    def watched(self, chunk, now, *args, **settings):
+        asked.append(now - chunk.t_obs)
+        return plan(self, chunk, now, *args, **settings)
+
+    monkeypatch.setattr(ChunkPlanner, "plan", watched)
+    policy = ReplayPolicy(stranger(5000).chunk, spec=SPEC)
+    assert FastChecker().check(policy, "x", 0.3, start="stance", odds=False).verdict == "feasible"
+    Checker(episode=EpisodeConfig(settle=0.1, hold=0.0)).check(policy, "x", 0.15)
+    assert asked == pytest.approx([asked[0]] * len(asked), abs=1e-9)
+    assert len(asked) >= 2
