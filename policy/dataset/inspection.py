@@ -160,7 +160,7 @@ def _start(names: Sequence[str], q: np.ndarray, measured: Mapping[str, float]) -
     count = sum(distance > START for distance in away.values())
     return [Finding(
         "start", "warning",
-        f"row 0 is up to {away[name]:.2f} rad from the measured pose in q0_joints: a jump, or numbers relative to it "
+        f"row 0 is up to {away[name]:.2f} rad from the measured pose in q0_joints, a jump or numbers relative to it "
         f"({name}; {count} joints by more than {START} rad)",
         "name a layout whose slots have the mode relative_add, if they are differences",
     )]  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from models import g1
+from policy.dataset.inspection import _start
 from policy.recorded.motion_csv import Motion, motion_chunk
 from policy.recorded.replay import ReplayPolicy, open_recording
 from tests.support.outcome_cases import outcome_case
@@ -272,3 +273,11 @@ def test_of_a_hand_that_comes_nearly_there_the_first_line_says_once_how_far_off_
     text = replace(verdict("feasible_after_repair"), violations=found).headline
     assert text.startswith("done, but right hand 30 mm off at row 0 (0.00 s), 20 mm is as given: out of reach")
     assert text.count("right hand") == 1
+
+
+def test_a_first_row_far_from_the_measured_pose_is_told_with_what_it_may_be():
+    """The first line ended before it said so."""
+    (found,) = _start(["waist_yaw_joint"], np.full((9, 1), 0.5), {"waist_yaw_joint": 0.0})
+    note = Violation(code=Reason.CHUNK_NOTE, severity=Severity.NOTE, subject=found.sentence)
+    text = replace(verdict("feasible"), violations=[note]).headline
+    assert text.endswith("from the measured pose in q0_joints, a jump or numbers relative to it")
