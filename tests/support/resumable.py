@@ -2,6 +2,7 @@
 
 import json
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from multiprocessing import get_context
 
 
@@ -53,17 +54,8 @@ def side_by_side(run, cases, out, jobs=1):
     lines = list(map(json.loads, out.read_text().splitlines())) if out.exists() else []
     known = {json.dumps(line["case"]) for line in lines}
     left = [case for case in cases if json.dumps(case) not in known]
-
-    def kept(line):
+    for _, line in answered([partial(run, case) for case in left], jobs):
         lines.append(line)
         with out.open("a") as file:
             file.write(json.dumps(line) + "\n")
-
-    if jobs == 1:
-        for case in left:
-            kept(run(case))
-        return lines
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for one in as_completed([pool.submit(run, case) for case in left]):
-            kept(one.result())
     return lines
